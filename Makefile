@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test lint format clean
+
+PY := .venv/bin/python
+JOBS ?= 2
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: ## install what is missing: ngspice, and the package with its test tools in .venv
+	@sh scripts/setup.sh test dev
+
+demo: ## run the motor and draw what it does
+	@sh scripts/setup.sh
+	@$(PY) figures/demo.py
+
+test: lint ## lint, then run every test, the wheel's included
+	$(PY) -m pytest -n $(JOBS) --dist loadgroup
+
+lint: setup ## check style, format and types
+	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
+	$(PY) -m mypy
+
+format: setup ## put the sources into the project's format
+	$(PY) -m ruff check --fix .
+	$(PY) -m ruff format .
+
+clean: ## remove .venv, build products and caches
+	rm -rf .venv build dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

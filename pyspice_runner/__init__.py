@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A SPICE model of a standing-wave piezomotor, run on ngspice.
+
+    import pyspice_runner as pr
+
+    motor = pr.load_motor("andersen2002")
+    run = pr.simulate(motor, pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0), duration=5e-3)
+    print(run.mean_rotor_speed_rad_s, run.state_fractions)
+
+Names load on first use, so that the import itself is light.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pyspice_runner.analysis.admittance import Admittance, admittance
+    from pyspice_runner.analysis.simulate import simulate
+    from pyspice_runner.analysis.waveforms import Waveforms
+    from pyspice_runner.errors import ParameterError, SimulationError, SpectrumError
+    from pyspice_runner.model.drive import TwoPhaseDrive, TwoToneDrive
+    from pyspice_runner.model.load import available_motors, load_motor
+    from pyspice_runner.model.motor import Motor
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "Admittance": "analysis.admittance",
+    "Motor": "model.motor",
+    "ParameterError": "errors",
+    "SimulationError": "errors",
+    "SpectrumError": "errors",
+    "TwoPhaseDrive": "model.drive",
+    "TwoToneDrive": "model.drive",
+    "Waveforms": "analysis.waveforms",
+    "admittance": "analysis.admittance",
+    "available_motors": "model.load",
+    "load_motor": "model.load",
+    "simulate": "analysis.simulate",
+}
+
+__all__ = [
+    "Admittance",
+    "Motor",
+    "ParameterError",
+    "SimulationError",
+    "SpectrumError",
+    "TwoPhaseDrive",
+    "TwoToneDrive",
+    "Waveforms",
+    "admittance",
+    "available_motors",
+    "load_motor",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'pyspice_runner' has no attribute {name!r}")
+    return getattr(import_module(f"pyspice_runner.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -1,0 +1,353 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+r"""The stator's electrical two-port, from ngspice's AC analysis, and the equivalent circuit of each mode.
+
+.. math::
+    \begin{pmatrix} i_A \\ i_B \end{pmatrix} =
+    \begin{pmatrix} Y_{AA} & Y_{AB} \\ Y_{BA} & Y_{BB} \end{pmatrix}
+    \begin{pmatrix} U_A \\ U_B \end{pmatrix}
+
+Driven as *A* (B shorted) the admittance is Y_AA; as *A+B* (U on both, currents added) Y_AA + Y_AB + Y_BA + Y_BB; as
+*A−B* (U on A, −U on B, currents subtracted) Y_AA − Y_AB − Y_BA + Y_BB. In the preloaded state the contact is linearised
+at its operating point, where the tip sticks.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from math import pi, sqrt
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from pyspice_runner.engine.ngspice import ngspice_version
+from pyspice_runner.engine.pyspice import BatchSimulator
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.parameters import Mode
+from pyspice_runner.netlist.benches import AC_OPTIONS, admittance_bench
+
+if TYPE_CHECKING:
+    import xarray
+
+State = Literal["free", "preloaded"]
+Connection = Literal["A", "B", "A+B", "A-B"]
+COUPLING = {"A": (1.0, 0.0), "B": (0.0, 1.0), "A+B": (1.0, 1.0), "A-B": (1.0, -1.0)}
+
+_ZOOM_POINTS = 1201  # over the zoom below: 100 points a bandwidth, so that a parabola finds an extremum to 1e-6
+_ZOOM_BANDWIDTHS = 6.0  # on each side of a resonance
+_MOST_POINTS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """One mode seen through one connection of the groups.
+
+    Attributes:
+        mode: name of the mode.
+        fs: frequency of greatest conductance, Hz.
+        fp: frequency of greatest resistance, Hz.
+        fm: frequency of greatest |Y|, Hz.
+        fn: frequency of least |Y|, Hz.
+        coupling_factor: k_eff = √(1 − (fs/fp)²).
+        quality_factor: Qm = √(L/C)/R of the motional arm.
+        resistance_ohm: motional resistance R.
+        inductance_h: motional inductance L.
+        capacitance_f: motional capacitance C.
+    """
+
+    mode: str
+    fs: float
+    fp: float
+    fm: float
+    fn: float
+    coupling_factor: float
+    quality_factor: float
+    resistance_ohm: float
+    inductance_h: float
+    capacitance_f: float
+
+
+@dataclass(frozen=True)
+class Admittance:
+    """The two-port over frequency.
+
+    Attributes:
+        frequency_hz: frequencies, shape (points,).
+        matrix_s: admittance matrix in S, shape (points, 2, 2); [.., 0, 1] is the current into A per volt on B.
+        state: ``"free"`` or ``"preloaded"``.
+        normal_force_n: normal force at the operating point, as ngspice found it; 0 when free.
+        resonances: connection → its resonances, by rising frequency, of the modes that the connection drives.
+        ngspice_version: version of ngspice.
+        motor: the motor, JSON-ready.
+    """
+
+    frequency_hz: NDArray[np.float64]
+    matrix_s: NDArray[np.complex128]
+    state: State
+    normal_force_n: float
+    resonances: dict[str, tuple[Resonance, ...]]
+    ngspice_version: str
+    motor: dict[str, Any] = field(repr=False)
+
+    def driven(self, connection: Connection = "A") -> NDArray[np.complex128]:
+        """Return the admittance in S seen when the groups are connected as ``A``, ``B``, ``A+B`` or ``A-B``."""
+        return _connect(self.matrix_s, connection)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return state, operating point and resonances, JSON-ready."""
+        return {
+            "motor": self.motor["name"],
+            "state": self.state,
+            "points": len(self.frequency_hz),
+            "start_hz": float(self.frequency_hz[0]),
+            "stop_hz": float(self.frequency_hz[-1]),
+            "operating_point_normal_force_n": self.normal_force_n,
+            "resonances": {key: [asdict(item) for item in items] for key, items in self.resonances.items()},
+            "ngspice_version": self.ngspice_version,
+        }
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the two-port as a dataset over ``frequency_hz``; the columns are those of the CSV."""
+        import xarray
+
+        variables = {
+            name: ("frequency_hz", values, {"units": "S"})
+            for name, values in self._columns().items()
+            if name != "frequency_hz"
+        }
+        coordinate = ("frequency_hz", self.frequency_hz, {"units": "Hz"})
+        return xarray.Dataset(variables, {"frequency_hz": coordinate}, {"summary": json.dumps(self.to_dict())})
+
+    def save(self, path: str | Path) -> Path:
+        """Write the two-port to a file, by its ending: ``.csv``, ``.nc`` (NetCDF) or ``.json`` (resonances).
+
+        Raises:
+            ParameterError: for another ending or a place that cannot be written.
+        """
+        path = Path(path)
+        if path.suffix not in (".csv", ".nc", ".json"):
+            raise ParameterError(f"Cannot tell a format from {path.name!r}; let it end in .csv, .nc or .json.")
+        try:
+            if path.suffix == ".csv":
+                columns = self._columns()
+                with path.open("w", encoding="utf-8", newline="\n") as file:
+                    table = np.column_stack(list(columns.values()))
+                    np.savetxt(file, table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
+            elif path.suffix == ".nc":
+                self.to_xarray().to_netcdf(path, engine="h5netcdf")
+            else:
+                path.write_text(json.dumps(self.to_dict(), indent=2) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
+        return path
+
+    def _columns(self) -> dict[str, NDArray[np.float64]]:
+        columns = {"frequency_hz": self.frequency_hz}
+        for row, into in enumerate("ab"):
+            for column, driven in enumerate("ab"):
+                entry = self.matrix_s[:, row, column]
+                columns[f"y_{into}{driven}_real_s"] = entry.real
+                columns[f"y_{into}{driven}_imag_s"] = entry.imag
+        return columns
+
+
+def admittance(
+    motor: Motor,
+    *,
+    start: float = 5e3,
+    stop: float = 100e3,
+    points: int = 2000,
+    state: State = "free",
+    timeout: float | None = None,
+) -> Admittance:
+    """Compute the two-port admittance by ngspice's AC analysis, and the equivalent circuit of every mode in range.
+
+    Args:
+        motor: the motor.
+        start: first frequency in Hz.
+        stop: last frequency in Hz.
+        points: number of frequencies, evenly spaced.
+        state: ``"free"`` tip, or ``"preloaded"`` on the rotor.
+        timeout: wall time in s after which ngspice is ended.
+
+    Raises:
+        ParameterError: for a value that is refused.
+        SimulationError: if ngspice fails, or the operating point is not the preload.
+    """
+    if state not in get_args(State):
+        raise ParameterError(f"state = {state!r} is refused; allowed are 'free' and 'preloaded'.")
+    if not 0.0 < start < stop <= 1e9:
+        raise ParameterError(
+            f"start = {start:g} Hz and stop = {stop:g} Hz are refused; allowed are 0 Hz < start < stop ≤ 1e9 Hz."
+        )
+    if not 2 <= points <= _MOST_POINTS:
+        raise ParameterError(f"points = {points} is refused; allowed is a whole number from 2 to {_MOST_POINTS}.")
+    preloaded = state == "preloaded"
+    simulator = BatchSimulator(admittance_bench(motor, preloaded=preloaded), timeout=timeout)
+    simulator.options(**AC_OPTIONS)
+    normal_force = _operating_force(motor, simulator) if preloaded else 0.0
+    frequency, matrix = _sweep(simulator, start, stop, points)
+    resonances = {
+        connection: tuple(
+            _resonance(simulator, mode, centre, damping, connection, (start, stop))
+            for mode, centre, damping in _expected(motor, preloaded)
+            if _drives(connection, mode) and start < centre < stop
+        )
+        for connection in get_args(Connection)
+    }
+    return Admittance(frequency, matrix, state, normal_force, resonances, ngspice_version(), motor.to_dict())
+
+
+def _connect(matrix: NDArray[np.complex128], connection: str) -> NDArray[np.complex128]:
+    drive = np.array(COUPLING[connection])
+    result: NDArray[np.complex128] = np.einsum("i,kij,j->k", drive, matrix, drive)
+    return result
+
+
+def _drives(connection: str, mode: Mode) -> bool:
+    """Whether a connection of the groups drives a mode at all; what cancels but for round-off does not."""
+    shares = np.array(COUPLING[connection]) * (mode.coupling_a_n_per_v, mode.coupling_b_n_per_v)
+    return bool(abs(shares.sum()) > 1e-9 * np.abs(shares).sum())
+
+
+def _operating_force(motor: Motor, simulator: BatchSimulator) -> float:
+    """Return the normal force that ngspice's operating point settles at, once it is the preload."""
+    simulator.operating_point()
+    assert simulator.result is not None
+    found = float(simulator.result.raw.vectors["v(xmotor1.normal)"][0].real)
+    preload = motor.contact.preload_n
+    if abs(found - preload) > 1e-6 * preload:
+        raise SimulationError(
+            f"ngspice's operating point has a normal force of {found:.6g} N instead of the preload of {preload:.6g} N; "
+            "the contact cannot be linearised there."
+        )
+    return found
+
+
+def _sweep(
+    simulator: BatchSimulator, start: float, stop: float, points: int
+) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    simulator.ac(variation="lin", number_of_points=points, start_frequency=start, stop_frequency=stop)
+    assert simulator.result is not None
+    vectors = simulator.result.raw.vectors
+    matrix = np.empty((len(vectors["frequency"]), 2, 2), dtype=complex)
+    for row, into in enumerate("ab"):
+        for column, driven in enumerate("12"):
+            matrix[:, row, column] = -np.asarray(vectors[f"i(v{into}{driven})"], dtype=complex)
+    return np.ascontiguousarray(vectors["frequency"].real), matrix
+
+
+def _expected(motor: Motor, preloaded: bool) -> list[tuple[Mode, float, float]]:
+    """Return every mode with the frequency (Hz) and bandwidth (Hz) to look for it."""
+    if not preloaded:
+        return [(mode, mode.frequency_hz, mode.frequency_hz / mode.quality_factor) for mode in motor.modes]
+    # the lowest resonance of the coupled system is the rotor on the contact's spring; it is not a mode of the stator
+    frequencies = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor)
+    shifted = [min(frequencies, key=lambda f, mode=mode: _distance(f, mode, motor)) for mode in motor.modes]  # type: ignore[misc]
+    return [
+        (mode, float(f), mode.damping_n_s_per_m / mode.mass_kg / (2.0 * pi))
+        for mode, f in zip(motor.modes, shifted, strict=True)
+    ]
+
+
+def _distance(frequency: float, mode: Mode, motor: Motor) -> float:
+    """How far a resonance of the coupled system is from what this mode alone would have under preload."""
+    normal = contact_law.normal_stiffness_at_preload(motor.contact) * mode.tip_y**2
+    tangential = contact_law.tangential_stiffness_at_preload(motor.contact) * mode.tip_x**2
+    alone = sqrt((mode.stiffness_n_per_m + normal + tangential) / mode.mass_kg) / (2.0 * pi)
+    return abs(frequency - alone)
+
+
+def _resonance(
+    simulator: BatchSimulator,
+    mode: Mode,
+    centre: float,
+    bandwidth: float,
+    connection: str,
+    band: tuple[float, float],
+) -> Resonance:
+    """Zoom in on one resonance and read its frequencies and its motional arm."""
+    low = max(centre - _ZOOM_BANDWIDTHS * bandwidth, 0.5 * centre, min(band[0], 0.9 * centre))
+    frequency, matrix = _sweep(simulator, low, centre + _ZOOM_BANDWIDTHS * bandwidth, _ZOOM_POINTS)
+    y = _connect(matrix, connection)
+    z = 1.0 / y
+    fs = _peak(frequency, y.real)
+    # |Z| and Re Z of a weakly coupled mode peak beside fs, on the slope of the clamped capacitance: the slope is taken
+    # away for the resistance, and |Y| is searched for its own local extremes
+    fp = _peak(frequency, z.real)
+    fm, fn = _extremes(frequency, np.abs(y), fs)
+    resistance, inductance, capacitance = _motional_arm(frequency, y, fs, bandwidth)
+    return Resonance(
+        mode=mode.name,
+        fs=fs,
+        fp=fp,
+        fm=fm,
+        fn=fn,
+        coupling_factor=sqrt(max(1.0 - (fs / fp) ** 2, 0.0)),
+        quality_factor=sqrt(inductance / capacitance) / resistance,
+        resistance_ohm=resistance,
+        inductance_h=inductance,
+        capacitance_f=capacitance,
+    )
+
+
+def _peak(frequency: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    """Return the frequency of the greatest value, refined by a parabola through its neighbours."""
+    index = int(np.argmax(values))
+    if index in (0, len(values) - 1):
+        return float(frequency[index])
+    left, middle, right = values[index - 1 : index + 2]
+    shift = 0.5 * (left - right) / (left - 2.0 * middle + right)
+    return float(frequency[index] + shift * (frequency[1] - frequency[0]))
+
+
+def _extremes(frequency: NDArray[np.float64], magnitude: NDArray[np.float64], fs: float) -> tuple[float, float]:
+    """Return fm and fn: the local maximum and minimum of |Y| nearest to fs; NaN where the slope hides them."""
+    inner = slice(1, -1)
+    peaks = np.flatnonzero((magnitude[inner] > magnitude[:-2]) & (magnitude[inner] >= magnitude[2:])) + 1
+    dips = np.flatnonzero((magnitude[inner] < magnitude[:-2]) & (magnitude[inner] <= magnitude[2:])) + 1
+
+    def nearest(found: NDArray[np.intp], sign: float) -> float:
+        if not len(found):
+            return float("nan")
+        index = int(found[np.argmin(np.abs(frequency[found] - fs))])
+        near = slice(index - 1, index + 2)
+        return _peak(frequency[near], sign * magnitude[near])
+
+    return nearest(peaks, 1.0), nearest(dips, -1.0)
+
+
+def _motional_arm(
+    frequency: NDArray[np.float64], y: NDArray[np.complex128], fs: float, bandwidth: float
+) -> tuple[float, float, float]:
+    """Fit R, L, C of one arm in front of a smooth background; the background is solved for linearly."""
+    offset = frequency / fs - 1.0
+    background = np.vander(offset, 4)
+    near = np.exp(-0.5 * ((frequency - fs) / (2.0 * bandwidth)) ** 2)
+
+    def split(parameters: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        centre, quality = fs * (1.0 + parameters[0]), np.exp(parameters[1])
+        ratio = frequency / centre
+        arm = 1.0 / (1.0 + 1j * quality * (ratio - 1.0 / ratio))
+        basis = np.column_stack([arm, background]) * near[:, None]
+        # one real conductance for the arm, complex coefficients for the background
+        stacked = np.block([[basis.real[:, :1], background * near[:, None], np.zeros_like(background)],
+                            [basis.imag[:, :1], np.zeros_like(background), background * near[:, None]]])  # fmt: skip
+        target = np.concatenate([(y * near).real, (y * near).imag])
+        solution, *_ = np.linalg.lstsq(stacked, target, rcond=None)
+        return float(solution[0]), target - stacked @ solution
+
+    def residual(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        return split(parameters)[1] / float(np.abs(y).max())
+
+    start = np.array([0.0, np.log(fs / bandwidth)])
+    found = least_squares(residual, start, x_scale=[bandwidth / fs, 1.0], xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    omega = float(2.0 * pi * fs * (1.0 + found.x[0]))
+    quality = float(np.exp(found.x[1]))
+    resistance = 1.0 / split(found.x)[0]
+    return resistance, quality * resistance / omega, 1.0 / (omega * quality * resistance)

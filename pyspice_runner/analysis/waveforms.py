@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The waveforms of one run, and what is read from them: means, state fractions, energy balance, files."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.errors import ParameterError
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = NDArray[np.float64]
+AVERAGED_PERIODS = 20  # whole drive periods at the end of a run over which means are taken, or as many as there are
+
+COLUMNS: dict[str, tuple[str, str]] = {
+    "time_s": ("s", "time"),
+    "voltage_a_v": ("V", "voltage of group A"),
+    "voltage_b_v": ("V", "voltage of group B"),
+    "current_a_a": ("A", "current into group A"),
+    "current_b_a": ("A", "current into group B"),
+    "tip_x_m": ("m", "tip displacement, tangential"),
+    "tip_y_m": ("m", "tip displacement towards the rotor"),
+    "normal_force_n": ("N", "normal contact force, positive when pressed"),
+    "friction_force_n": ("N", "friction force, positive where it drives the rotor forward"),
+    "contact_displacement_m": ("m", "displacement of the tangential spring"),
+    "contact_state": ("1", "0 separated, 1 stick, 2 slip"),
+    "rotor_speed_rad_s": ("rad/s", "rotor speed"),
+}
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Where the energy of a run went, all in J: supplied = sum of the others + residual.
+
+    Attributes:
+        electrical: delivered by the two sources.
+        dielectric: stored in the clamped capacitances (change) and lost in their loss resistance.
+        kinetic: change of the modes' kinetic energy.
+        elastic: change of the modes' elastic energy.
+        damping: lost in the modes' damping.
+        contact_elastic: change of the Hertz contact's elastic energy.
+        friction: taken up by the tangential contact: slip loss, and what its spring holds.
+        rotor: change of the rotor's kinetic energy.
+        bearing: lost in the bearing.
+        load: work done on the load or on whatever holds the shaft.
+    """
+
+    electrical: float
+    dielectric: float
+    kinetic: float
+    elastic: float
+    damping: float
+    contact_elastic: float
+    friction: float
+    rotor: float
+    bearing: float
+    load: float
+
+    @property
+    def residual(self) -> float:
+        """Supplied minus found, relative to the energy put in (by the sources, and by a shaft that is driven)."""
+        found: float = sum(getattr(self, item.name) for item in fields(self) if item.name != "electrical")
+        put_in = max(self.electrical, 0.0) + max(-self.load, 0.0)
+        missing = self.electrical - found
+        if put_in <= 0.0:
+            return 0.0 if missing == 0.0 else float("inf")
+        return abs(missing) / put_in
+
+
+@dataclass(frozen=True)
+class Waveforms:
+    """One verified run. The arrays share one time axis; it is uniform but for the first few, shorter steps.
+
+    Attributes:
+        energy: the energy balance of the run.
+        drive_period_s: period of the drive, over which means are taken.
+        rotor_radius_m: radius at the contact, which turns friction force into torque.
+        solver_seconds: wall time that ngspice took.
+        ngspice_version: version of ngspice.
+        provenance: motor, drive, run settings and hash of the deck, JSON-ready.
+        deck: the netlist that was run.
+    """
+
+    time_s: Array
+    voltage_a_v: Array
+    voltage_b_v: Array
+    current_a_a: Array
+    current_b_a: Array
+    tip_x_m: Array
+    tip_y_m: Array
+    normal_force_n: Array
+    friction_force_n: Array
+    contact_displacement_m: Array
+    contact_state: Array
+    rotor_speed_rad_s: Array
+    energy: EnergyBalance
+    drive_period_s: float
+    rotor_radius_m: float
+    solver_seconds: float
+    ngspice_version: str
+    provenance: dict[str, Any] = field(repr=False)
+    deck: str = field(repr=False)
+
+    @property
+    def points(self) -> int:
+        """Number of time points."""
+        return len(self.time_s)
+
+    @property
+    def energy_residual(self) -> float:
+        """Relative residual of the energy balance, see :attr:`EnergyBalance.residual`."""
+        return self.energy.residual
+
+    @property
+    def mean_rotor_speed_rad_s(self) -> float:
+        """Rotor speed averaged over the last whole drive periods, rad/s."""
+        return self.mean(self.rotor_speed_rad_s)
+
+    @property
+    def mean_torque_n_m(self) -> float:
+        """Torque of the contact on the rotor, R·F_T, averaged over the last whole drive periods, N·m."""
+        return self.rotor_radius_m * self.mean(self.friction_force_n)
+
+    @property
+    def state_fractions(self) -> dict[str, float]:
+        """Fractions of time separated, stick and slip over the last whole drive periods; they add up to 1."""
+        window = self.window()
+        held = np.diff(self.time_s[window])
+        states = np.rint(self.contact_state[window])[1:]  # a state is reached during the step that ends with it
+        total = held.sum()
+        return {
+            name: float(held[states == code].sum() / total) for code, name in enumerate(("separated", "stick", "slip"))
+        }
+
+    def window(self) -> slice:
+        """Return the points of the last whole drive periods, at most :data:`AVERAGED_PERIODS` of them."""
+        duration = self.time_s[-1]
+        periods = min(AVERAGED_PERIODS, int(duration / self.drive_period_s * (1.0 + 1e-9)))
+        length = periods * self.drive_period_s if periods else duration
+        return slice(max(int(np.searchsorted(self.time_s, duration - length)) - 1, 0), None)
+
+    def mean(self, signal: Array) -> float:
+        """Return the time average of a signal over the last whole drive periods."""
+        window = self.window()
+        time, values = self.time_s[window], signal[window]
+        return float(np.trapezoid(values, time) / (time[-1] - time[0]))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the summary of the run, JSON-ready."""
+        return {
+            "mean_rotor_speed_rad_s": self.mean_rotor_speed_rad_s,
+            "mean_torque_n_m": self.mean_torque_n_m,
+            "state_fractions": self.state_fractions,
+            "energy_residual": self.energy_residual,
+            "energy_j": {item.name: getattr(self.energy, item.name) for item in fields(self.energy)},
+            "points": self.points,
+            "solver_seconds": self.solver_seconds,
+            "ngspice_version": self.ngspice_version,
+            **self.provenance,
+        }
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the waveforms as a labelled dataset over ``time_s``, with units and provenance as attributes."""
+        import xarray
+
+        variables = {
+            name: ("time_s", getattr(self, name), {"units": unit, "long_name": meaning})
+            for name, (unit, meaning) in COLUMNS.items()
+        }
+        time = variables.pop("time_s")
+        return xarray.Dataset(variables, coords={"time_s": time}, attrs={"summary": json.dumps(self.to_dict())})
+
+    def save(self, path: str | Path) -> Path:
+        """Write the run to a file, by its ending: ``.csv`` (waveforms), ``.nc`` (NetCDF) or ``.json`` (summary).
+
+        Raises:
+            ParameterError: for another ending or a place that cannot be written.
+        """
+        path = Path(path)
+        writers = {".csv": self._write_csv, ".nc": self._write_netcdf, ".json": self._write_json}
+        if path.suffix not in writers:
+            raise ParameterError(f"Cannot tell a format from {path.name!r}; let it end in .csv, .nc or .json.")
+        try:
+            writers[path.suffix](path)
+        except OSError as error:
+            raise ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
+        return path
+
+    def _write_csv(self, path: Path) -> None:
+        table = np.column_stack([getattr(self, name) for name in COLUMNS])
+        with path.open("w", encoding="utf-8", newline="\n") as file:
+            np.savetxt(file, table, delimiter=",", header=",".join(COLUMNS), comments="", fmt="%.12g")
+
+    def _write_netcdf(self, path: Path) -> None:
+        self.to_xarray().to_netcdf(path, engine="h5netcdf")
+
+    def _write_json(self, path: Path) -> None:
+        path.write_text(json.dumps(self.to_dict(), indent=2) + "\n", encoding="utf-8")

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The three ways in which this package says no.
+
+Each message is one or two sentences that name the parameter or file, the value, its unit, what is allowed
+and what to do.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class ParameterError(ValueError):
+    """Input that is refused before anything runs: a value, a name or a file."""
+
+
+class SpectrumError(ValueError):
+    """A measured spectrum that cannot be read, or that holds no resonance to identify."""
+
+
+class SimulationError(RuntimeError):
+    """The simulator failed, or what it wrote cannot be trusted.
+
+    Attributes:
+        deck: the netlist that failed, kept for inspection; ``None`` if nothing was run.
+        log: ngspice's own words, unabridged.
+    """
+
+    def __init__(self, message: str, *, deck: Path | None = None, log: str = "") -> None:
+        super().__init__(message)
+        self.deck = deck
+        self.log = log
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Keep deck and log when the error crosses a process boundary."""
+        return _rebuild, (str(self), self.deck, self.log)
+
+
+def _rebuild(message: str, deck: Path | None, log: str) -> SimulationError:
+    return SimulationError(message, deck=deck, log=log)

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+r"""Closed-form laws of the contact between tip and rotor.
+
+Normal contact is Hertz's, with :math:`F_N = K_N \delta^{3/2}`; the tangential contact is the paper's lumped
+spring–slider, whose spring follows Cattaneo and Mindlin's virgin curve:
+
+.. math::
+    K_N = \tfrac43 E^* \sqrt{R^*}, \quad \frac1{E^*} = \frac{1-\nu_1^2}{E_1} + \frac{1-\nu_2^2}{E_2}, \quad
+    K_{t,i} = \left(\frac{4E^*}{3R^*}\right)^{1/3} \frac{3(2-\nu_i)}{16\,G_i}, \quad
+    u_{\lim} = \mu\,(K_{t1}+K_{t2})\,F_N^{2/3}
+
+Sources: Andersen, Helbo and Blanke (2002), eqs. (4), (13)–(18), corrected as ``docs/corrections.md`` shows;
+K. L. Johnson, *Contact Mechanics*, Cambridge 1985, §4.2 and §7.2.
+"""
+
+from __future__ import annotations
+
+from math import cbrt, pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from pyspice_runner.model.parameters import Contact, Mode, Rotor
+
+
+def effective_modulus(
+    youngs_modulus_1_pa: float, poisson_1: float, youngs_modulus_2_pa: float, poisson_2: float
+) -> float:
+    """Plane-strain modulus E* of two bodies in contact, in Pa (Johnson eq. 4.20)."""
+    return 1.0 / ((1.0 - poisson_1**2) / youngs_modulus_1_pa + (1.0 - poisson_2**2) / youngs_modulus_2_pa)
+
+
+def effective_radius(radius_1_m: float, radius_2_m: float) -> float:
+    """Relative radius R* of two spheres in contact, 1/R* = 1/R₁ + 1/R₂, in m."""
+    return radius_1_m * radius_2_m / (radius_1_m + radius_2_m)
+
+
+def normal_stiffness(effective_modulus_pa: float, effective_radius_m: float) -> float:
+    """Hertz constant K_N of F_N = K_N δ^(3/2), in N/m^1.5 (paper eq. 4, corrected)."""
+    return 4.0 / 3.0 * effective_modulus_pa * sqrt(effective_radius_m)
+
+
+def tangential_compliance(
+    youngs_modulus_pa: float, poisson: float, effective_modulus_pa: float, effective_radius_m: float
+) -> float:
+    """Constant K_t,i of one body, in m/N^(2/3): u_i = μ K_t,i F_N^(2/3) at the limit of stick (paper eqs. 13–15)."""
+    shear_modulus_pa = youngs_modulus_pa / (2.0 * (1.0 + poisson))
+    return cbrt(4.0 * effective_modulus_pa / (3.0 * effective_radius_m)) * (
+        3.0 * (2.0 - poisson) / (16.0 * shear_modulus_pa)
+    )
+
+
+def total_compliance(contact: Contact) -> float:
+    """Tangential compliance K_t of tip and rotor together, in m/N^(2/3)."""
+    return contact.tangential_compliance_tip_m_per_n23 + contact.tangential_compliance_rotor_m_per_n23
+
+
+def static_penetration(contact: Contact) -> float:
+    """Penetration δ₀ = (F₀/K_N)^(2/3) under the preload, in m."""
+    return cbrt((contact.preload_n / contact.normal_stiffness_n_per_m15) ** 2)
+
+
+def static_deflection(contact: Contact, modes: tuple[Mode, ...]) -> float:
+    """Bending Δ_C = F₀ Σ Y_n²/k_n of the stator under the preload, at the tip, in m."""
+    return contact.preload_n * sum(mode.tip_y**2 / mode.stiffness_n_per_m for mode in modes)
+
+
+def normal_stiffness_at_preload(contact: Contact) -> float:
+    """Normal contact stiffness k_c = dF_N/dδ = 3F₀/(2δ₀) at the operating point, in N/m."""
+    return 1.5 * contact.preload_n / static_penetration(contact)
+
+
+def tangential_stiffness_at_preload(contact: Contact) -> float:
+    """Tangential stiffness dF_T/du = 3μF₀/(2u_lim) of the sticking contact at the operating point, in N/m."""
+    return 1.5 * cbrt(contact.preload_n) / total_compliance(contact)
+
+
+def resonance_under_preload(contact: Contact, mode: Mode) -> float:
+    """Resonance f_n √(1 + k_c Y_n²/k_n) of a mode whose tip is pressed on a rigid rotor, in Hz.
+
+    Exact for a mode that alone moves the tip towards the rotor and does not tilt it; the paper's *contact resonance*.
+    """
+    stiffness = mode.stiffness_n_per_m + normal_stiffness_at_preload(contact) * mode.tip_y**2
+    return sqrt(stiffness / mode.mass_kg) / (2.0 * pi)
+
+
+def linearised_resonances(contact: Contact, modes: tuple[Mode, ...], rotor: Rotor) -> NDArray[np.float64]:
+    """Undamped resonances in Hz, rising, of modes and rotor coupled by the sticking contact at its operating point.
+
+    One more than there are modes: the rotor swings on the contact's tangential spring.
+    """
+    mass = np.diag([*(mode.mass_kg for mode in modes), rotor.inertia_kg_m2 / rotor.radius_m**2])
+    normal = np.array([*(mode.tip_y for mode in modes), 0.0])
+    tangential = np.array([*(mode.tip_x for mode in modes), -1.0])
+    stiffness = (
+        np.diag([*(mode.stiffness_n_per_m for mode in modes), 0.0])
+        + normal_stiffness_at_preload(contact) * np.outer(normal, normal)
+        + tangential_stiffness_at_preload(contact) * np.outer(tangential, tangential)
+    )
+    squares = eigh(stiffness, mass, eigvals_only=True)
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * pi))

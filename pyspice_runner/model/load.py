@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How a motor is read from a TOML file.
+
+The file states the modes in one of three ways:
+
+* ``[beam]``, ``[[patches]]``, ``[tip]``, ``[damping]``: computed by Rayleigh–Ritz (:mod:`.beam`);
+* ``[[modes]]``: as :class:`~.parameters.Mode`, where ``frequency_hz`` may stand for ``stiffness_n_per_m`` and
+  ``quality_factor`` for ``damping_n_s_per_m``;
+* ``[[arms]]``: Butterworth–Van Dyke values seen at group A with group B shorted (:class:`Arm`).
+
+The contact is stated by its constants, or by the materials of tip and rotor (:class:`Materials`). Each number is
+written plainly, or as ``{ value = …, given | derived | assumed = "why" }``, which records where it comes from.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model import beam as beam_model
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.motor import Motor, Provenance, Structure, assemble, stiffness_for
+from pyspice_runner.model.parameters import Beam, Damping, Mode, Parameters, Patch, Rotor, Tip, quantity
+from pyspice_runner.model.refusal import as_table, build, check_keys, positive, quoted
+
+SETS = Path(__file__).parent / "sets"
+
+
+class Arm(Parameters):
+    """A mode by its electrical values, seen at group A with group B shorted, and one mechanical calibration."""
+
+    name: str = Field(description="name of the mode", min_length=1, max_length=40, pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")
+    resistance_ohm: float = quantity("motional resistance", "Ω", gt=0.0, le=1e12)
+    inductance_h: float = quantity("motional inductance", "H", gt=0.0, le=1e9)
+    capacitance_f: float = quantity("motional capacitance", "F", gt=0.0, le=1.0)
+    coupling_ratio: float = quantity("coupling of group B over that of group A", "1", ge=-1e3, le=1e3)
+    mass_kg: float = quantity("modal mass: the mechanical calibration", "kg", gt=1e-12, le=1e3)
+    tip_x: float = quantity("tangential tip displacement per modal coordinate, X", "1", ge=-1e4, le=1e4)
+    tip_y: float = quantity("tip displacement towards the rotor per modal coordinate, Y", "1", ge=-1e4, le=1e4)
+
+    def to_mode(self) -> Mode:
+        """Return the mechanical arm: θ_A² = m/L, k = θ_A²/C, c = θ_A² R."""
+        coupling_squared = self.mass_kg / self.inductance_h
+        return Mode(
+            name=self.name,
+            mass_kg=self.mass_kg,
+            damping_n_s_per_m=coupling_squared * self.resistance_ohm,
+            stiffness_n_per_m=coupling_squared / self.capacitance_f,
+            coupling_a_n_per_v=sqrt(coupling_squared),
+            coupling_b_n_per_v=self.coupling_ratio * sqrt(coupling_squared),
+            tip_x=self.tip_x,
+            tip_y=self.tip_y,
+        )
+
+
+class Materials(Parameters):
+    """A contact by what touches: from these follow K_N and K_t (paper eqs. 4 and 13–15)."""
+
+    tip_radius_m: float = quantity("radius of the tip's cap", "m", gt=1e-6, le=10.0)
+    tip_youngs_modulus_pa: float = quantity("Young's modulus of the tip", "Pa", ge=1e8, le=2e12)
+    tip_poisson: float = quantity("Poisson's ratio of the tip", "1", ge=0.0, lt=0.5)
+    rotor_youngs_modulus_pa: float = quantity("Young's modulus of the rotor", "Pa", ge=1e8, le=2e12)
+    rotor_poisson: float = quantity("Poisson's ratio of the rotor", "1", ge=0.0, lt=0.5)
+
+    def constants(self, rotor_radius_m: float) -> dict[str, float]:
+        """Return K_N, K_t1 and K_t2 under the names of :class:`Contact`."""
+        modulus = contact_law.effective_modulus(
+            self.tip_youngs_modulus_pa, self.tip_poisson, self.rotor_youngs_modulus_pa, self.rotor_poisson
+        )
+        radius = contact_law.effective_radius(self.tip_radius_m, rotor_radius_m)
+        return {
+            "normal_stiffness_n_per_m15": contact_law.normal_stiffness(modulus, radius),
+            "tangential_compliance_tip_m_per_n23": contact_law.tangential_compliance(
+                self.tip_youngs_modulus_pa, self.tip_poisson, modulus, radius
+            ),
+            "tangential_compliance_rotor_m_per_n23": contact_law.tangential_compliance(
+                self.rotor_youngs_modulus_pa, self.rotor_poisson, modulus, radius
+            ),
+        }
+
+
+def available_motors() -> tuple[str, ...]:
+    """Return the names of the parameter sets that come with the package."""
+    return tuple(sorted(path.stem for path in SETS.glob("*.toml")))
+
+
+def load_motor(source: str | Path) -> Motor:
+    """Read a motor.
+
+    Args:
+        source: name of a parameter set (:func:`available_motors`) or path of a TOML file.
+
+    Raises:
+        ParameterError: for an unknown name, an unreadable file, a misspelt or missing entry, or a refused value.
+    """
+    path = _find(source)
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise ParameterError(f"{path.name} is not valid TOML: {error}. Mend that line.") from error
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise ParameterError(f"Cannot read {path}: {reason}. Give a readable TOML file.") from error
+    return _from_document(document, path.name)
+
+
+def _find(source: str | Path) -> Path:
+    path = Path(source)
+    if isinstance(source, str) and path.suffix != ".toml" and len(path.parts) == 1:
+        if source in available_motors():
+            return SETS / f"{source}.toml"
+        close = difflib.get_close_matches(source, available_motors(), n=1)
+        hint = f"Did you mean {close[0]!r}?" if close else "Give one of these or the path of a TOML file."
+        raise ParameterError(
+            f"There is no parameter set {quoted(source)}; there are {', '.join(available_motors())}. {hint}"
+        )
+    if not path.is_file():
+        raise ParameterError(
+            f"There is no file {quoted(str(source))}. Give the path of a TOML file or the name of a set."
+        )
+    return path
+
+
+_SECTIONS = (
+    "name",
+    "description",
+    "beam",
+    "ceramic",
+    "patches",
+    "tip",
+    "damping",
+    "modes",
+    "arms",
+    "piezo",
+    "contact",
+    "rotor",
+)
+_WAYS = ("beam", "modes", "arms")
+_KINDS = ("given", "derived", "assumed")
+
+
+def _from_document(document: dict[str, Any], where: str) -> Motor:
+    check_keys(document, _SECTIONS, where, "")
+    ways = [way for way in _WAYS if way in document]
+    if len(ways) != 1:
+        found = " and ".join(f"[{way}]" for way in ways) or "none of them"
+        raise ParameterError(
+            f"{where} must state its modes by exactly one of [beam], [[modes]] or [[arms]]; it has {found}."
+        )
+    for key in ("name", "contact", "rotor", "piezo"):
+        if key not in document:
+            raise ParameterError(
+                f"{where} has no entry {key!r}; a motor needs name, piezo, contact, rotor and its modes."
+            )
+    provenance: dict[str, Provenance] = {}
+    plain = {key: _strip(value, key, provenance, where) for key, value in document.items() if key != "description"}
+
+    rotor = build(Rotor, plain["rotor"], "rotor", where)
+    structure, modes, capacitances = _resolve_modes(plain, ways[0], where)
+    piezo = dict(as_table(plain["piezo"], "piezo", where))
+    if capacitances is not None:
+        given = [key for key in capacitances if key in piezo]
+        if given:
+            raise ParameterError(
+                f"{where}: piezo.{given[0]} follows from [[patches]]; leave it out or state the modes directly."
+            )
+        piezo.update(capacitances)
+    contact = _resolve_contact(plain["contact"], rotor, where)
+    parts = {
+        "name": plain["name"],
+        "modes": modes,
+        "piezo": piezo,
+        "contact": contact,
+        "rotor": plain["rotor"],
+    }
+    return assemble(parts, structure, provenance, where=where)
+
+
+def _resolve_modes(
+    plain: dict[str, Any], way: str, where: str
+) -> tuple[Structure | None, list[dict[str, Any]], dict[str, float] | None]:
+    if way == "beam":
+        structure, modes = _from_beam(plain, where)
+        capacitance_a, capacitance_b = beam_model.clamped_capacitances(structure.beam, structure.patches)
+        return structure, modes, {"capacitance_a_f": capacitance_a, "capacitance_b_f": capacitance_b}
+    for key in ("ceramic", "patches", "tip"):
+        if key in plain:
+            raise ParameterError(f"{where}: [{key}] belongs to a [beam]; with [[{way}]] leave it out.")
+    entries = plain[way]
+    if not isinstance(entries, list) or not entries:
+        raise ParameterError(f"{where}: {way} must be one or more tables [[{way}]].")
+    damping = build(Damping, plain["damping"], "damping", where) if "damping" in plain else None
+    modes = []
+    for index, entry in enumerate(entries):
+        if way == "arms":
+            modes.append(build(Arm, entry, f"arms.{index}", where).to_mode().model_dump())
+        else:
+            modes.append(_complete_mode(as_table(entry, f"modes.{index}", where), damping, f"modes.{index}", where))
+    return None, modes, None
+
+
+def _from_beam(plain: dict[str, Any], where: str) -> tuple[Structure, list[dict[str, Any]]]:
+    for key in ("patches", "tip", "damping"):
+        if key not in plain:
+            raise ParameterError(f"{where} has a [beam] but no {key!r}; a beam needs patches, tip and damping.")
+    ceramic = as_table(plain.get("ceramic", {}), "ceramic", where)
+    if not isinstance(plain["patches"], list):
+        raise ParameterError(f"{where}: patches must be one or more tables [[patches]].")
+    structure = Structure(
+        beam=build(Beam, plain["beam"], "beam", where),
+        patches=tuple(
+            build(Patch, {**ceramic, **as_table(patch, f"patches.{index}", where)}, f"patches.{index}", where)
+            for index, patch in enumerate(plain["patches"])
+        ),
+        tip=build(Tip, plain["tip"], "tip", where),
+        damping=build(Damping, plain["damping"], "damping", where),
+    )
+    modes = beam_model.resonator_modes(structure.beam, structure.patches, structure.tip, structure.damping)
+    return structure, [mode.model_dump() for mode in modes]
+
+
+def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, where: str) -> dict[str, Any]:
+    """Replace a mode's frequency and quality factor by stiffness and damping."""
+    entry = dict(entry)
+    for alias, field in (("frequency_hz", "stiffness_n_per_m"), ("quality_factor", "damping_n_s_per_m")):
+        if alias in entry and field in entry:
+            raise ParameterError(f"{where}: {path} states both {alias} and {field}; state one.")
+        if alias in entry:
+            positive(entry[alias], f"{path}.{alias}", where)
+    if "mass_kg" in entry:
+        positive(entry["mass_kg"], f"{path}.mass_kg", where)
+        if "frequency_hz" in entry:
+            entry["stiffness_n_per_m"] = stiffness_for(entry, entry.pop("frequency_hz"))
+        if "stiffness_n_per_m" in entry:
+            positive(entry["stiffness_n_per_m"], f"{path}.stiffness_n_per_m", where)
+            if "quality_factor" in entry:
+                entry["damping_n_s_per_m"] = sqrt(entry["stiffness_n_per_m"] * entry["mass_kg"]) / entry.pop(
+                    "quality_factor"
+                )
+            elif "damping_n_s_per_m" not in entry and damping is not None:
+                entry["damping_n_s_per_m"] = damping.modal(entry["mass_kg"], entry["stiffness_n_per_m"])
+    return entry
+
+
+def _resolve_contact(entry: Any, rotor: Rotor, where: str) -> dict[str, Any]:
+    contact = dict(as_table(entry, "contact", where))
+    if "materials" in contact:
+        constants = build(Materials, contact.pop("materials"), "contact.materials", where).constants(rotor.radius_m)
+        both = [key for key in constants if key in contact]
+        if both:
+            raise ParameterError(f"{where}: contact.{both[0]} follows from [contact.materials]; leave out one of them.")
+        contact.update(constants)
+    return contact
+
+
+def _strip(value: Any, path: str, provenance: dict[str, Provenance], where: str) -> Any:
+    """Take the provenance out of a value, a table or an array of tables."""
+    if isinstance(value, list):
+        return [_strip(item, f"{path}.{index}", provenance, where) for index, item in enumerate(value)]
+    if not isinstance(value, dict):
+        provenance[path] = Provenance("stated", "")
+        return value
+    if "value" not in value:
+        return {key: _strip(item, f"{path}.{key}", provenance, where) for key, item in value.items()}
+    kinds = [kind for kind in _KINDS if kind in value]
+    if len(kinds) != 1 or len(value) != 2 or not isinstance(value[kinds[0]], str):
+        raise ParameterError(
+            f'{where}: {path} must read {{ value = …, given | derived | assumed = "why" }}, one of the three.'
+        )
+    provenance[path] = Provenance(kinds[0], value[kinds[0]])
+    return value["value"]

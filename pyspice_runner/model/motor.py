@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a motor is: modes, electrical groups, contact and rotor; what the circuit needs and nothing else."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi
+from typing import Any, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.parameters import Beam, Contact, Damping, Mode, Parameters, Patch, Piezo, Rotor, Tip
+from pyspice_runner.model.refusal import build, positive, quoted, refusal
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a value comes from: given (in the paper), derived, assumed, set (by the user) or just stated."""
+
+    kind: str
+    note: str
+
+
+class Structure(Parameters):
+    """The stator that modes are computed from; kept beside them for figures of the mode shapes."""
+
+    beam: Beam
+    patches: tuple[Patch, ...]
+    tip: Tip
+    damping: Damping
+
+
+class Motor(Parameters):
+    """A standing-wave piezomotor: modes, electrical groups, contact and rotor.
+
+    ``structure`` and ``provenance`` tell where the rest comes from; no simulation reads them.
+    """
+
+    name: str = Field(
+        description="name of the motor", min_length=1, max_length=60, pattern=r"^[A-Za-z0-9][A-Za-z0-9_. -]*$"
+    )
+    modes: tuple[Mode, ...] = Field(description="the bending modes, by rising frequency", min_length=1, max_length=20)
+    piezo: Piezo
+    contact: Contact
+    rotor: Rotor
+    structure: Structure | None = Field(default=None, exclude=True)
+    provenance: dict[str, Provenance] = Field(default_factory=dict, exclude=True)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        names = [mode.name for mode in self.modes]
+        if len(set(names)) != len(names):
+            raise ValueError(f"two modes share a name in {names}; give each its own")
+        for mode in self.modes:
+            if mode.quality_factor <= 0.5:
+                raise ValueError(
+                    f"mode {mode.name} does not ring: quality factor {mode.quality_factor:.3g}; "
+                    "it must exceed 0.5, so lower damping_n_s_per_m"
+                )
+        seat = contact_law.static_penetration(self.contact) + contact_law.static_deflection(self.contact, self.modes)
+        if seat > 0.1 * self.rotor.radius_m:
+            raise ValueError(
+                f"contact.preload_n = {self.contact.preload_n:g} N presses the tip {seat:.3g} m into the rotor; "
+                f"at most a tenth of rotor.radius_m = {self.rotor.radius_m:g} m is allowed, so lower the preload"
+            )
+        return self
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the motor as JSON-ready SI values (the shape of ``piezomotor show --json``)."""
+        document = self.model_dump()
+        document["modes"] = [
+            {"name": mode.name, "frequency_hz": mode.frequency_hz, **mode.model_dump(exclude={"name"})}
+            for mode in self.modes
+        ]
+        return document
+
+    def updated(self, changes: Mapping[str, Any]) -> Motor:
+        """Return a motor with some values changed.
+
+        Args:
+            changes: dotted path → value, SI, as in :meth:`to_dict`. A mode is named or numbered from 0:
+                ``modes.0.frequency_hz``. A new ``frequency_hz`` changes the stiffness at the same mass and damping.
+
+        Raises:
+            ParameterError: for a path that does not exist or a value that is refused.
+        """
+        document = self.model_dump()
+        document["modes"] = [mode.model_dump() for mode in self.modes]
+        provenance = dict(self.provenance)
+        for path, value in changes.items():
+            _set_path(document, path, value)
+            provenance[path] = Provenance("set", "by the user")
+        changed_modes = any(path.startswith("modes.") for path in changes)
+        for mode in document["modes"]:
+            if "frequency_hz" in mode:
+                mode["stiffness_n_per_m"] = stiffness_for(mode, mode.pop("frequency_hz"))
+        return assemble(document, None if changed_modes else self.structure, provenance, where=f"motor {self.name}")
+
+
+def assemble(
+    parts: Mapping[str, Any], structure: Structure | None, provenance: dict[str, Provenance], *, where: str
+) -> Motor:
+    """Build a motor from plain tables, its modes sorted by frequency; ``where`` names their origin in messages."""
+    modes = tuple(build(Mode, mode, f"modes.{index}", where) for index, mode in enumerate(parts["modes"]))
+    try:
+        return Motor(
+            name=parts["name"],
+            modes=tuple(sorted(modes, key=lambda mode: mode.frequency_hz)),
+            piezo=build(Piezo, parts["piezo"], "piezo", where),
+            contact=build(Contact, parts["contact"], "contact", where),
+            rotor=build(Rotor, parts["rotor"], "rotor", where),
+            structure=structure,
+            provenance=provenance,
+        )
+    except ValidationError as error:
+        raise refusal(error, Motor, "", where) from error
+
+
+def stiffness_for(mode: Mapping[str, Any], frequency_hz: Any) -> float:
+    """Return the stiffness in N/m that gives a mode of this mass the frequency."""
+    frequency = positive(frequency_hz, "frequency_hz", f"mode {mode.get('name', '')}".strip())
+    return float(mode["mass_kg"] * (2.0 * pi * frequency) ** 2)
+
+
+def _set_path(document: dict[str, Any], path: str, value: Any) -> None:
+    section, _, rest = path.partition(".")
+    if section == "modes":
+        which, _, key = rest.partition(".")
+        names = [mode["name"] for mode in document["modes"]]
+        index = names.index(which) if which in names else int(which) if which.isdecimal() else -1
+        if not 0 <= index < len(names):
+            raise ParameterError(
+                f"There is no mode {quoted(which)} in {quoted(path)}; there are {', '.join(names)}, numbered from 0."
+            )
+        allowed: tuple[str, ...] = (*Mode.model_fields, "frequency_hz")
+        target = document["modes"][index]
+    elif section in ("piezo", "contact", "rotor"):
+        key, target = rest, document[section]
+        allowed = tuple(target)
+    else:
+        section, key, target, allowed = "", path, document, ("name",)
+    if key not in allowed:
+        close = difflib.get_close_matches(key, allowed, n=1)
+        hint = (
+            f"Did you mean {close[0]!r}?"
+            if close
+            else "Paths are those of `piezomotor show --json`, such as contact.preload_n."
+        )
+        raise ParameterError(f"There is no parameter {quoted(path)}. {hint}")
+    target[key] = value

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The parameters of a motor: name, unit, range and meaning, each stated once.
+
+Every class is a frozen pydantic model; :func:`quantity` gives a field its unit, so that error messages, the
+parameter table of the documentation and the command line all read the same declaration. Names end in their
+unit (SI throughout). Where a value comes from is not said here but beside the value, in the parameter set.
+"""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+# Ranges are those of motors that fit on a desk, from MEMS to a few kilograms: wide enough for any device that
+# the theory fits, narrow enough to catch a value given in mm, kHz or GPa.
+
+
+def quantity(description: str, unit: str, **limits: Any) -> Any:
+    """Declare a physical quantity: its meaning, its unit and (``gt``, ``ge``, ``lt``, ``le``) its range."""
+    return Field(description=description, json_schema_extra={"unit": unit}, allow_inf_nan=False, **limits)
+
+
+class Parameters(BaseModel):
+    """Base of all parameter classes: immutable, strict about unknown names."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, use_attribute_docstrings=False)
+
+
+class Beam(Parameters):
+    """The bare elastic beam, simply supported at both ends, uniform and rectangular."""
+
+    length_m: float = quantity("distance between the two supports", "m", gt=1e-4, le=1.0)
+    width_m: float = quantity("width, across the bending plane", "m", gt=1e-5, le=0.5)
+    thickness_m: float = quantity("height in the bending plane", "m", gt=1e-5, le=0.5)
+    youngs_modulus_pa: float = quantity("Young's modulus", "Pa", ge=1e8, le=2e12)
+    density_kg_m3: float = quantity("density", "kg/m³", ge=100.0, le=3e4)
+
+
+class Patch(Parameters):
+    """One piezoceramic patch, or a pair of them on opposite faces, wired to one electrical group.
+
+    On both faces the two are poled so that one voltage stretches the upper and shortens the lower.
+    """
+
+    group: Literal["A", "B"] = Field(description="electrical group that the electrodes are wired to")
+    faces: Literal["both", "top", "bottom"] = Field(description="faces of the beam that carry the ceramic")
+    start_m: float = quantity("left end, from the left support", "m", ge=0.0, le=1.0)
+    end_m: float = quantity("right end, from the left support", "m", gt=0.0, le=1.0)
+    width_m: float = quantity("width", "m", gt=1e-5, le=0.5)
+    thickness_m: float = quantity("total thickness on each face, all layers together", "m", gt=1e-6, le=0.1)
+    layers: Annotated[int, Field(description="active layers on each face, electrically in parallel", ge=1, le=500)]
+    youngs_modulus_pa: float = quantity("Young's modulus at constant field, 1/s₁₁ᴱ", "Pa", ge=1e8, le=1e12)
+    density_kg_m3: float = quantity("density", "kg/m³", ge=100.0, le=3e4)
+    piezoelectric_constant_m_per_v: float = quantity(
+        "transverse charge constant d₃₁, usually negative", "m/V", ge=-5e-9, le=5e-9
+    )
+    permittivity_f_m: float = quantity("permittivity at constant stress, ε₃₃ᵀ", "F/m", ge=8.8e-12, le=1e-6)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.end_m <= self.start_m:
+            raise ValueError(f"end_m = {self.end_m:g} m must lie to the right of start_m = {self.start_m:g} m")
+        coupling_squared = self.piezoelectric_constant_m_per_v**2 * self.youngs_modulus_pa / self.permittivity_f_m
+        if coupling_squared >= 1.0:
+            raise ValueError(
+                f"piezoelectric_constant_m_per_v = {self.piezoelectric_constant_m_per_v:g} m/V gives a coupling "
+                f"k₃₁² = {coupling_squared:.3g}; a ceramic stays below 1"
+            )
+        return self
+
+
+class Tip(Parameters):
+    """The rigid tip that touches the rotor; it stands on the beam and follows its deflection and slope."""
+
+    position_m: float = quantity("foot of the tip, from the left support", "m", ge=0.0, le=1.0)
+    length_m: float = quantity("from the beam's neutral axis to the contact point", "m", ge=0.0, le=0.5)
+    mass_kg: float = quantity("mass", "kg", ge=0.0, le=1.0)
+    rotary_inertia_kg_m2: float = quantity("moment of inertia about the foot's neutral axis", "kg·m²", ge=0.0, le=1e-2)
+
+
+class Damping(Parameters):
+    """Rayleigh damping, C = α M + β K (paper eq. 19)."""
+
+    alpha_per_s: float = quantity("mass-proportional coefficient α", "1/s", ge=0.0, le=1e7)
+    beta_s: float = quantity("stiffness-proportional coefficient β", "s", ge=0.0, le=1e-2)
+
+    def modal(self, mass_kg: float, stiffness_n_per_m: float) -> float:
+        """Return the modal damping c = α m + β k in N·s/m."""
+        return self.alpha_per_s * mass_kg + self.beta_s * stiffness_n_per_m
+
+
+class Mode(Parameters):
+    """One bending mode: the motional arm of the Butterworth–Van Dyke circuit and its couplings.
+
+    m r̈ + c ṙ + k r = θ_A U_A + θ_B U_B + X F_x + Y F_y, with r the modal coordinate (m).
+    """
+
+    name: str = Field(description="name of the mode", min_length=1, max_length=40, pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")
+    mass_kg: float = quantity("modal mass m, the arm's inductance", "kg", gt=1e-12, le=1e3)
+    damping_n_s_per_m: float = quantity("modal damping c, the arm's resistance", "N·s/m", gt=0.0, le=1e9)
+    stiffness_n_per_m: float = quantity("modal stiffness k, one over the arm's capacitance", "N/m", gt=1e-3, le=1e15)
+    coupling_a_n_per_v: float = quantity("force per volt of group A, θ_A", "N/V", ge=-1e4, le=1e4)
+    coupling_b_n_per_v: float = quantity("force per volt of group B, θ_B", "N/V", ge=-1e4, le=1e4)
+    tip_x: float = quantity("tangential tip displacement per modal coordinate, X", "1", ge=-1e4, le=1e4)
+    tip_y: float = quantity("tip displacement towards the rotor per modal coordinate, Y", "1", ge=-1e4, le=1e4)
+
+    @property
+    def frequency_hz(self) -> float:
+        """Undamped natural frequency √(k/m)/2π in Hz."""
+        return sqrt(self.stiffness_n_per_m / self.mass_kg) / (2.0 * pi)
+
+    @property
+    def quality_factor(self) -> float:
+        """Mechanical quality factor √(k m)/c."""
+        return sqrt(self.stiffness_n_per_m * self.mass_kg) / self.damping_n_s_per_m
+
+
+class Piezo(Parameters):
+    """The electrical side of both groups with the beam held still."""
+
+    capacitance_a_f: float = quantity("clamped capacitance of group A", "F", gt=1e-15, le=1e-3)
+    capacitance_b_f: float = quantity("clamped capacitance of group B", "F", gt=1e-15, le=1e-3)
+    loss_tangent: float = quantity("dielectric loss tangent at the reference frequency", "1", ge=0.0, le=0.5)
+    loss_reference_hz: float = quantity("frequency at which the loss tangent holds", "Hz", ge=1.0, le=1e8)
+
+
+class Contact(Parameters):
+    """Hertz normal contact with a spring–slider along the tangent (paper eqs. 13–18, corrected)."""
+
+    normal_stiffness_n_per_m15: float = quantity("K_N of F_N = K_N δ^(3/2)", "N/m^1.5", ge=1e3, le=1e15)
+    tangential_compliance_tip_m_per_n23: float = quantity(
+        "K_t1 of u₁ = μ K_t1 F_N^(2/3) at the limit of stick, tip side", "m/N^(2/3)", ge=0.0, le=1e-2
+    )
+    tangential_compliance_rotor_m_per_n23: float = quantity(
+        "K_t2, the same on the rotor's side", "m/N^(2/3)", ge=0.0, le=1e-2
+    )
+    friction: float = quantity("coefficient of friction μ", "1", gt=0.0, le=5.0)
+    preload_n: float = quantity("static normal force F₀", "N", gt=0.0, le=1e5)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.tangential_compliance_tip_m_per_n23 + self.tangential_compliance_rotor_m_per_n23 <= 0.0:
+            raise ValueError(
+                "tangential_compliance_tip_m_per_n23 and tangential_compliance_rotor_m_per_n23 are both 0 m/N^(2/3); "
+                "at least one side of the contact must yield"
+            )
+        return self
+
+
+class Rotor(Parameters):
+    """The rotor: a rigid disc on a bearing, its centre fixed."""
+
+    radius_m: float = quantity("radius R at the contact", "m", ge=1e-4, le=10.0)
+    inertia_kg_m2: float = quantity("moment of inertia J", "kg·m²", gt=1e-13, le=1e3)
+    bearing_damping_n_m_s: float = quantity("viscous bearing coefficient C_R", "N·m·s", ge=0.0, le=1e3)

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The motor as a PySpice subcircuit: modes, groups, contact and rotor put together.
+
+``.subckt piezomotor a b com shaft`` is the face of the model; see ``behavioral/CONVENTIONS.md`` for nodes and units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, pi, sin
+
+from PySpice.Spice.Netlist import Netlist, SubCircuit
+
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.parameters import Mode
+from pyspice_runner.netlist.library import read_library
+
+SUBCIRCUIT = "piezomotor"
+_PARTS = ("piezomotor_mode", "piezomotor_group", "piezomotor_contact", "piezomotor_rotor")
+_SMALLEST_LOSS = 1e-9  # stands for none: a resistor of zero ohm is not allowed in SPICE
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """What a run with a uniform step adapts in the netlist; an exported motor has none of it.
+
+    The trapezoidal rule with step h shows a resonance ω at (2/h) atan(ω h/2). With m′ = m cos²(ωh/2) and
+    k′ = (4m/h²) sin²(ωh/2) the discretised mode resonates at ω exactly. The slider's time constant becomes h/2: then
+    the rule's two half steps cancel, and the slider follows its limit without ringing.
+
+    Attributes:
+        step: time step h in s.
+        exact_resonance: whether to adapt the modes.
+    """
+
+    step: float
+    exact_resonance: bool = True
+
+    def mode(self, mode: Mode) -> tuple[float, float]:
+        """Return the mass (kg) and stiffness (N/m) to write for a mode."""
+        if not self.exact_resonance:
+            return mode.mass_kg, mode.stiffness_n_per_m
+        half_angle = pi * mode.frequency_hz * self.step
+        return mode.mass_kg * cos(half_angle) ** 2, 4.0 * mode.mass_kg / self.step**2 * sin(half_angle) ** 2
+
+    @property
+    def slider_time(self) -> float:
+        """Time constant of the pull that holds the slider, in s."""
+        return self.step / 2.0
+
+
+class MotorSubCircuit(SubCircuit):
+    """``.subckt piezomotor a b com shaft`` of one motor.
+
+    Args:
+        motor: the motor.
+        contact: whether the tip touches the rotor; a free tip leaves the rotor on its bearing alone.
+        discretisation: adaptation to a run's time step, if any.
+        name: name of the subcircuit.
+    """
+
+    def __init__(
+        self,
+        motor: Motor,
+        *,
+        contact: bool = True,
+        discretisation: Discretisation | None = None,
+        name: str = SUBCIRCUIT,
+    ) -> None:
+        super().__init__(name, "a", "b", "com", "shaft")
+        preload = motor.contact.preload_n if contact else 0.0
+        adapted = [
+            discretisation.mode(mode) if discretisation else (mode.mass_kg, mode.stiffness_n_per_m)
+            for mode in motor.modes
+        ]
+        loss = max(motor.piezo.loss_tangent, _SMALLEST_LOSS)
+        for group, capacitance in (("a", motor.piezo.capacitance_a_f), ("b", motor.piezo.capacitance_b_f)):
+            _instance(
+                self, f"group_{group}", "piezomotor_group", (group, "com"),
+                capacitance=capacitance, loss=loss, reference=motor.piezo.loss_reference_hz,
+            )  # fmt: skip
+        for index, (mode, (mass, stiffness)) in enumerate(zip(motor.modes, adapted, strict=True), start=1):
+            _instance(
+                self, f"mode{index}", "piezomotor_mode", ("a", "b", "com", "fx", "fy", "x", "y", "vx", "vy"),
+                mass=mass, damping=mode.damping_n_s_per_m, stiffness=stiffness,
+                coupling_a=mode.coupling_a_n_per_v, coupling_b=mode.coupling_b_n_per_v,
+                tip_x=mode.tip_x, tip_y=mode.tip_y, preload=preload,
+            )  # fmt: skip
+        for node in ("x", "y", "vx", "vy"):
+            self.R(f"sum_{node}", node, self.gnd, 1)
+        if contact:
+            deflection = preload * sum(
+                mode.tip_y**2 / stiffness for mode, (_, stiffness) in zip(motor.modes, adapted, strict=True)
+            )
+            numerics = {"slider_time": discretisation.slider_time} if discretisation else {}
+            _instance(
+                self, "contact", "piezomotor_contact",
+                ("x", "y", "vx", "vy", "fx", "fy", "shaft", "normal", "friction", "slider", "state"),
+                normal_stiffness=motor.contact.normal_stiffness_n_per_m15,
+                compliance=contact_law.total_compliance(motor.contact), mu=motor.contact.friction,
+                radius=motor.rotor.radius_m, preload=preload, deflection=1e6 * deflection, **numerics,
+            )  # fmt: skip
+        else:
+            self.R("free_fx", "fx", self.gnd, 1)
+            self.R("free_fy", "fy", self.gnd, 1)
+        _instance(
+            self, "rotor", "piezomotor_rotor", ("shaft",),
+            inertia=motor.rotor.inertia_kg_m2, bearing=motor.rotor.bearing_damping_n_m_s,
+        )  # fmt: skip
+
+
+def parts_text(contact: bool = True) -> str:
+    """Return the text of the subcircuits that a motor is put together from."""
+    parts = _PARTS if contact else tuple(part for part in _PARTS if part != "piezomotor_contact")
+    return "\n".join(read_library(part).subcircuit for part in parts)
+
+
+def add_motor(
+    circuit: Netlist,
+    motor: Motor,
+    nodes: Sequence[str | int],
+    *,
+    instance: str = "motor",
+    contact: bool = True,
+    discretisation: Discretisation | None = None,
+) -> None:
+    """Put a motor into a PySpice circuit; definitions are written once, however often it is called.
+
+    Args:
+        circuit: the circuit to add to.
+        motor: the motor.
+        nodes: the four nodes for the pins a, b, com, shaft.
+        instance: name of the instance (``X`` + this).
+        contact: as in :class:`MotorSubCircuit`.
+        discretisation: as in :class:`MotorSubCircuit`.
+    """
+    if SUBCIRCUIT not in [subcircuit.name for subcircuit in circuit.subcircuits]:
+        circuit.raw_spice += parts_text(contact) + "\n"
+        circuit.subcircuit(MotorSubCircuit(motor, contact=contact, discretisation=discretisation))
+    circuit.X(instance, SUBCIRCUIT, *nodes)
+
+
+def motor_library(motor: Motor) -> str:
+    """Return a self-contained library of one motor: header, parts and ``.subckt piezomotor a b com shaft``."""
+    subcircuit = str(MotorSubCircuit(motor)).strip()
+    lines = [
+        "* SPDX-License-Identifier: GPL-3.0-or-later",
+        f"* {SUBCIRCUIT}: standing-wave piezomotor {motor.name}, with Hertz contact, stick-slip friction and rotor",
+        "*",
+        "*     a o---.---------------------------------.",
+        "*           |  stator: clamped capacitance    |       1 V = 1 rad/s",
+        f"*     b o---|  and {len(motor.modes)} motional arms, tip, contact |---o shaft",
+        "*           |  and rotor                      |       1 A = 1 N.m",
+        "*   com o---'---------------------------------'",
+        "*",
+        "* PIN  a      inout  V      electrical pin of group A",
+        "* PIN  b      inout  V      electrical pin of group B",
+        "* PIN  com    inout  V      common electrical pin",
+        "* PIN  shaft  inout  rad/s  rotor speed; a current fed into the pin is a driving torque",
+        "*",
+        *(
+            f"* MODE {mode.name}: {mode.frequency_hz:.6g} Hz, Q {mode.quality_factor:.4g}, "
+            f"coupling A {mode.coupling_a_n_per_v:.4g} N/V, B {mode.coupling_b_n_per_v:.4g} N/V"
+            for mode in motor.modes
+        ),
+        f"* PRELOAD {motor.contact.preload_n:g} N, friction {motor.contact.friction:g}; with uic it starts at rest",
+        "* NODES inside, to plot: x y slider (um), vx vy (m/s), normal friction (N), state (0 open, 1 stick, 2 slip)",
+        "*",
+        '* SOURCE Andersen, Helbo, Blanke, "Modelling and Experiments of a Standing Wave Piezomotor", 2002, corrected',
+        "* OMITS  temperature, wear, piezoelectric hysteresis, partial slip, motion of the rotor's centre",
+        "* TESTED WITH ngspice 39",
+        "*",
+        "* USE",
+        f"*   Va a 0 SIN(0 50 {max(mode.frequency_hz for mode in motor.modes):.6g})",
+        f"*   Vb b 0 SIN(0 50 {max(mode.frequency_hz for mode in motor.modes):.6g} 0 0 90)",
+        f"*   Xmotor a b 0 shaft {SUBCIRCUIT}",
+        "*   .tran 100n 500u 0 100n uic",
+        "*   .measure tran speed_rad_s FIND v(shaft) AT=499u",
+        "* END USE",
+        "*",
+        parts_text(),
+        subcircuit,
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _instance(parent: SubCircuit, instance: str, part: str, nodes: Sequence[str], **values: float) -> None:
+    parent.X(instance, part, *nodes, **read_library(part).check(**values))

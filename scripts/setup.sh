@@ -1,0 +1,169 @@
+#!/bin/sh
+# SPDX-License-Identifier: GPL-3.0-or-later
+#
+# Installs what is missing and nothing else: ngspice, Python's venv module, this package (editable) in .venv.
+#
+#   scripts/setup.sh            what `make demo` needs
+#   scripts/setup.sh test dev   the same with these extras of pyproject.toml
+#
+# PYTHON=/path/to/python3 chooses the interpreter that .venv is made with. When nothing is missing, this
+# returns at once, without pip or network.
+
+set -eu
+cd -P "$(dirname "$0")/.."
+
+venv=.venv
+python=$venv/bin/python
+
+say() { printf 'setup: %s\n' "$*"; }
+die() { # LINE…
+    printf 'setup: %s\n' "$1" >&2
+    shift
+    [ $# -eq 0 ] || printf '%s\n' "$@" >&2
+    exit 1
+}
+have() { command -v "$1" >/dev/null 2>&1; }
+
+# --- system packages ---
+
+lists_are_fresh=no
+
+apt_install() { # PACKAGE…: by apt-get, as root or through sudo
+    if [ "$(id -u)" -eq 0 ]; then
+        as_root=
+    elif have sudo; then
+        as_root=sudo
+    else
+        die "$* is missing, and there is neither root nor sudo here. As root, run this, then try again:" \
+            "  apt-get update && apt-get install -y $*"
+    fi
+    say "installing $* with apt-get"
+    if [ $lists_are_fresh = no ]; then
+        # one broken third-party list must not stop this; if the lists are unusable, the install says so
+        $as_root apt-get update -q || say "apt-get update failed; going on with the package lists at hand"
+        lists_are_fresh=yes
+    fi
+    $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends "$@" ||
+        die "apt-get could not install $*; see its message above." \
+            "  On Ubuntu it may help to switch 'universe' on: sudo add-apt-repository universe"
+}
+
+ngspice_command() { # prints how ngspice is installed on a system that has no apt-get
+    case $(uname -s) in
+        MINGW* | MSYS*) echo "pacman -S mingw-w64-ucrt-x86_64-ngspice" ;;
+        Darwin) echo "brew install ngspice" ;;
+        *)
+            if have dnf; then
+                echo "sudo dnf install ngspice"
+            elif have pacman; then
+                echo "sudo pacman -S ngspice"
+            elif have zypper; then
+                echo "sudo zypper install ngspice"
+            elif have apk; then
+                echo "sudo apk add ngspice"
+            elif have brew; then
+                echo "brew install ngspice"
+            fi
+            ;;
+    esac
+}
+
+need_ngspice() {
+    if ! have ngspice; then
+        if have apt-get; then
+            apt_install ngspice
+        else
+            command=$(ngspice_command)
+            [ -n "$command" ] ||
+                die "ngspice is missing. Install it, then try again: https://ngspice.sourceforge.io"
+            die "ngspice is missing. Run this, then try again:" "  $command"
+        fi
+    fi
+    ngspice --version </dev/null >/dev/null 2>&1 || die "ngspice is installed, but 'ngspice --version' fails."
+}
+
+# --- Python ---
+
+new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; }
+version_of() { "$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null; }
+
+find_python() { # sets $base
+    if [ -n "${PYTHON:-}" ]; then
+        set -- "$PYTHON"
+    else
+        set -- python3 python3.13 python3.12 python3.11
+    fi
+    for candidate; do
+        if new_enough "$candidate"; then
+            base=$candidate
+            return
+        fi
+    done
+    return 1
+}
+
+need_python() { # sets $base: Python 3.11 or newer that can make a virtual environment
+    if ! have python3 && [ -z "${PYTHON:-}" ] && ! find_python && have apt-get; then
+        apt_install python3 python3-venv
+    fi
+    find_python || no_python
+    if ! "$base" -c 'import ensurepip, venv' >/dev/null 2>&1; then
+        package=python$(version_of "$base")-venv
+        have apt-get || die "$base lacks the modules ensurepip and venv. Install them, then try again."
+        apt_install "$package"
+        "$base" -c 'import ensurepip, venv' >/dev/null 2>&1 ||
+            die "$base still lacks ensurepip or venv. Choose another Python with PYTHON=/path/to/python3."
+    fi
+}
+
+no_python() {
+    found=$(version_of "${PYTHON:-python3}") || found=none
+    # shellcheck source=/dev/null
+    release=$(. /etc/os-release 2>/dev/null && echo "${ID:-} ${VERSION_ID:-}") || release=
+    case $release in
+        "ubuntu 20.04" | "ubuntu 22.04")
+            die "Python 3.11 or newer is needed; found: $found. Run this, then try again:" \
+                "  sudo apt-get install -y software-properties-common &&" \
+                "  sudo add-apt-repository -y ppa:deadsnakes/ppa &&" \
+                "  sudo apt-get install -y python3.11 python3.11-venv"
+            ;;
+        *)
+            die "Python 3.11 or newer is needed; found: $found. Install one, then try again." \
+                "  PYTHON=/path/to/python3.11 chooses one that is not on PATH."
+            ;;
+    esac
+}
+
+# --- the package ---
+
+# What the stamp holds: when any of it changes (dependencies, place of the tree), pip runs again.
+fingerprint() { printf '%s\n%s\n' "$(cksum <pyproject.toml)" "$PWD"; }
+
+need_package() { # EXTRA…
+    extras=$(echo "$*" | tr ' ' ',')
+    stamp=$venv/.stamp-${extras:-run}
+    wanted=$(fingerprint)
+    if new_enough $python; then
+        for done in "$stamp" "$venv/.stamp-test,dev"; do # the full set serves every purpose
+            if [ -f "$done" ] && [ "$(cat "$done")" = "$wanted" ]; then
+                return
+            fi
+        done
+    fi
+    need_python
+    if ! new_enough $python || ! $python -m pip --version >/dev/null 2>&1 || moved; then
+        say "making $venv with Python $(version_of "$base")"
+        "$base" -m venv --clear $venv
+    fi
+    rm -f $venv/.stamp-*
+    say "installing the package and its dependencies in $venv (a minute or two, once)"
+    $python -m pip install -q --disable-pip-version-check -e ".${extras:+[$extras]}"
+    printf '%s\n' "$wanted" >"$stamp"
+}
+
+moved() { # was the tree moved since .venv was made? Its scripts would point to the old place
+    [ ! -f $venv/bin/activate ] || ! grep -qF "$PWD/$venv" $venv/bin/activate
+}
+
+need_ngspice
+need_package "$@"

@@ -1,0 +1,506 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Event-driven integration of the standing-wave piezomotor, written from the physics alone.
+
+It shares no code with the package that it judges: what the two have in common is the law, not a line.
+
+The law
+    m_n r_n'' + c_n r_n' + k_n r_n = θ_An U_A + θ_Bn U_B + X_n F_x + Y_n F_y
+    x = Σ X_n r_n,  y = Σ Y_n r_n,  h = R − δ_0 − Δ_C − y,  D = √(x² + h²),  δ = R − D
+    F_N = K_N δ^{3/2},  e_x = x/D,  e_y = h/D,  v_rel = x' e_y + y' e_x − Ω R
+    F_x = F_N e_x − F_T e_y,  F_y = −F_N e_y − F_T e_x,  J Ω' + C_R Ω = R F_T − τ_load
+    u_lim = μ K_t F_N^{2/3} = κ δ  with  κ = μ K_t K_N^{2/3}
+    F_T = sign(u) μ F_N [1 − (1 − |u|/u_lim)^{3/2}]
+
+Four states, each with smooth equations of its own:
+    separated   δ ≤ 0:  F_N = F_T = u = 0
+    stick       u' = v_rel, |u| ≤ u_lim
+    slip+/−     u = s u_lim, for as long as s v_rel > u_lim' = κ δ'
+
+Between two events the classical Runge–Kutta method runs with a fixed step. A step that ends beyond an event
+is thrown away; the event's time is found by bisection on the length of the step, every trial being a
+Runge–Kutta step from the same start, so that no step reaches across an event. What is left of the step is
+then done in the new state. The passage of u through 0, where F_T has a jump in its curvature, splits a step
+too, uncounted.
+
+At the touch u and u_lim are both zero: the slider follows (stick) if |v_rel| ≤ κ δ', otherwise it slips.
+"""
+
+# mypy: allow-untyped-defs
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import ceil, floor
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tone:
+    """amplitude_v · sin(2π frequency_hz t + phase_rad), on from t = 0."""
+
+    amplitude_v: float
+    frequency_hz: float
+    phase_rad: float = 0.0
+
+
+@dataclass(frozen=True)
+class ReferenceRun:
+    """Samples at k · output_step (SI units) and integrals of the run."""
+
+    time_s: Array
+    voltage_a_v: Array
+    voltage_b_v: Array
+    tip_x_m: Array
+    tip_y_m: Array
+    normal_force_n: Array
+    friction_force_n: Array
+    contact_displacement_m: Array
+    contact_state: NDArray[np.int64]
+    """0 separated, 1 stick, 2 slip"""
+    rotor_speed_rad_s: Array
+    modal_displacement_m: Array
+    """(modes, times)"""
+    modal_velocity_m_s: Array
+    state_fractions: dict[str, float]
+    """separated, stick, slip: shares of the time from statistics_from to the end, from the event times"""
+    slip_energy_j: float
+    """∫ F_T (v_rel − u') dt over the whole run: what the slipping contact turned into heat, never negative"""
+    input_mechanical_energy_j: float
+    """∫ Σ (θ_A U_A + θ_B U_B) r' dt over the whole run"""
+    energies_j: dict[str, float]
+    """The balance of the run: input = kinetic + elastic + damping + contact_elastic + tangential + shaft.
+    The stored energies are end minus start, tangential = ∫ F_T v_rel dt (slip and what the tangential spring
+    takes), shaft = ∫ R F_T Ω dt, which a free rotor divides into rotor_kinetic + bearing + load."""
+    events: int
+    """changes of state"""
+
+
+SEPARATED, STICK, SLIP_UP, SLIP_DOWN = 0, 1, 2, 3
+_TOUCH, _UPPER, _LOWER, _REVERSAL, _FOLD = 0, 1, 2, 3, 4  # what ends a step
+_QUADRATURES = ("input", "damping", "tangential", "slip", "bearing", "load", "shaft")
+_BISECTION_S = 1e-16
+_EVENTS_A_STEP = 40
+_DONE, _CHATTER, _NOT_FINITE = 0, 1, 2
+
+# Rows of the matrix of modes, places in the vector of scalars.
+_M, _C, _K, _TA, _TB, _X, _Y = range(7)
+_R, _GAP, _KN, _KAPPA, _MU, _J, _CR, _TAU, _FREE_SHAFT, _CONTACT = range(10)
+# The state: r_1 … r_n, r_1' … r_n', u, Ω, then the quadratures.
+
+
+@njit(nogil=True)
+def _voltage(tones, t):
+    value = 0.0
+    for i in range(tones.shape[0]):
+        value += tones[i, 0] * np.sin(2.0 * np.pi * tones[i, 1] * t + tones[i, 2])
+    return value
+
+
+@njit(nogil=True)
+def _contact(z, modes, p):
+    """δ, δ', v_rel, e_x, e_y"""
+    n = modes.shape[1]
+    x = y = vx = vy = 0.0
+    for i in range(n):
+        x += modes[_X, i] * z[i]
+        y += modes[_Y, i] * z[i]
+        vx += modes[_X, i] * z[n + i]
+        vy += modes[_Y, i] * z[n + i]
+    approach = p[_GAP] + y  # R − h, so that δ = R − D loses no digits
+    h = p[_R] - approach
+    d = np.sqrt(x * x + h * h)
+    delta = (2.0 * p[_R] * approach - approach * approach - x * x) / (p[_R] + d)
+    ex = x / d
+    ey = h / d
+    return delta, ey * vy - ex * vx, vx * ey + vy * ex - p[_R] * z[2 * n + 1], ex, ey
+
+
+@njit(nogil=True)
+def _rates(z, ua, ub, state, modes, p, dz):
+    n = modes.shape[1]
+    delta, ddelta, vrel, ex, ey = _contact(z, modes, p)
+    speed = z[2 * n + 1]
+    fn = ft = slip = 0.0
+    dz[2 * n] = 0.0
+    if state != SEPARATED:
+        if delta > 0.0:
+            fn = p[_KN] * delta * np.sqrt(delta)
+        if state == STICK:
+            u = z[2 * n]
+            dz[2 * n] = vrel
+            limit = p[_KAPPA] * delta
+            if limit > 0.0:
+                rest = max(1.0 - abs(u) / limit, 0.0)
+                ft = p[_MU] * fn * (1.0 - rest * np.sqrt(rest))
+                if u < 0.0:
+                    ft = -ft
+        else:
+            s = 1.0 if state == SLIP_UP else -1.0
+            ft = s * p[_MU] * fn
+            slip = ft * (vrel - s * p[_KAPPA] * ddelta)
+    fx = fn * ex - ft * ey
+    fy = -fn * ey - ft * ex
+    power_in = power_lost = 0.0
+    for i in range(n):
+        v = z[n + i]
+        drive = modes[_TA, i] * ua + modes[_TB, i] * ub
+        resist = modes[_C, i] * v
+        dz[i] = v
+        force = drive - resist - modes[_K, i] * z[i] + modes[_X, i] * fx + modes[_Y, i] * fy
+        dz[n + i] = force / modes[_M, i]
+        power_in += drive * v
+        power_lost += resist * v
+    torque = p[_R] * ft
+    dz[2 * n + 1] = p[_FREE_SHAFT] * (torque - p[_CR] * speed - p[_TAU]) / p[_J]
+    q = 2 * n + 2
+    dz[q] = power_in
+    dz[q + 1] = power_lost
+    dz[q + 2] = ft * vrel
+    dz[q + 3] = slip
+    dz[q + 4] = p[_CR] * speed * speed
+    dz[q + 5] = p[_TAU] * speed
+    dz[q + 6] = torque * speed
+
+
+@njit(nogil=True)
+def _advance(z, t, h, state, tones_a, tones_b, modes, p, work, end):
+    """One step of the classical Runge–Kutta method, from z to end."""
+    size = z.shape[0]
+    k1, k2, k3, k4, trial = work[0], work[1], work[2], work[3], work[4]
+    ua = _voltage(tones_a, t + 0.5 * h)
+    ub = _voltage(tones_b, t + 0.5 * h)
+    _rates(z, _voltage(tones_a, t), _voltage(tones_b, t), state, modes, p, k1)
+    for i in range(size):
+        trial[i] = z[i] + 0.5 * h * k1[i]
+    _rates(trial, ua, ub, state, modes, p, k2)
+    for i in range(size):
+        trial[i] = z[i] + 0.5 * h * k2[i]
+    _rates(trial, ua, ub, state, modes, p, k3)
+    for i in range(size):
+        trial[i] = z[i] + h * k3[i]
+    _rates(trial, _voltage(tones_a, t + h), _voltage(tones_b, t + h), state, modes, p, k4)
+    for i in range(size):
+        end[i] = z[i] + h * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) / 6.0
+
+
+@njit(nogil=True)
+def _gauge(z, kind, state, modes, p):
+    """What is positive until the event of this kind happens, and its rate (0 where it is not asked for)."""
+    delta, ddelta, vrel, _, _ = _contact(z, modes, p)
+    u = z[2 * modes.shape[1]]
+    if kind == _TOUCH:
+        return (-delta, -ddelta) if state == SEPARATED else (delta, ddelta)
+    if kind == _UPPER:
+        return p[_KAPPA] * delta - u, p[_KAPPA] * ddelta - vrel
+    if kind == _LOWER:
+        return p[_KAPPA] * delta + u, p[_KAPPA] * ddelta + vrel
+    if kind == _REVERSAL:
+        return (vrel if state == SLIP_UP else -vrel) - p[_KAPPA] * ddelta, 0.0
+    return u, vrel  # _FOLD; its sign is the caller's
+
+
+@njit(nogil=True)
+def _bisect(low, high, sign, by_rate, kind, z, t, state, tones_a, tones_b, modes, p, work, end):
+    """The length of step at which sign · gauge (or its rate) turns from ≥ 0 to < 0: the side beyond."""
+    while high - low > _BISECTION_S:
+        middle = 0.5 * (low + high)
+        if middle <= low or middle >= high:
+            break
+        _advance(z, t, middle, state, tones_a, tones_b, modes, p, work, end)
+        value, rate = _gauge(end, kind, state, modes, p)
+        if sign * (rate if by_rate else value) < 0.0:
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+@njit(nogil=True)
+def _first(kind, z, end, t, h, state, tones_a, tones_b, modes, p, work, scratch):
+    """When, in the step from z to end, an event of this kind happens first; 2h if it does not."""
+    never = 2.0 * h
+    g0, rate0 = _gauge(z, kind, state, modes, p)
+    g1, rate1 = _gauge(end, kind, state, modes, p)
+    u = z[2 * modes.shape[1]]
+    if kind == _FOLD:
+        delta, _, _, _, _ = _contact(end, modes, p)
+        if g0 * g1 < 0.0 and abs(g1) > 1e-6 * p[_KAPPA] * delta:
+            sign = 1.0 if g0 > 0.0 else -1.0
+            return _bisect(0.0, h, sign, False, kind, z, t, state, tones_a, tones_b, modes, p, work, scratch)
+        return never
+    pinned = (kind in (_UPPER, _LOWER)) and g0 <= 8.0 * 2.3e-16 * abs(u)
+    if pinned:  # the step starts on the limit: it has just begun to stick, and leaves the limit as t²
+        if g1 >= 0.0 or rate1 >= 0.0:
+            return never
+        top = _bisect(0.0, h, 1.0, True, kind, z, t, state, tones_a, tones_b, modes, p, work, scratch)
+        _advance(z, t, top, state, tones_a, tones_b, modes, p, work, scratch)
+        if _gauge(scratch, kind, state, modes, p)[0] <= 0.0:
+            return top
+        return _bisect(top, h, 1.0, False, kind, z, t, state, tones_a, tones_b, modes, p, work, scratch)
+    if g1 < 0.0:
+        return _bisect(0.0, h, 1.0, False, kind, z, t, state, tones_a, tones_b, modes, p, work, scratch)
+    if rate0 < 0.0 and rate1 > 0.0:  # a dip inside the step; where the two tangents meet bounds its depth
+        meet = (g1 - rate1 * h - g0) / (rate0 - rate1)
+        if g0 + rate0 * meet < 0.0:
+            low = _bisect(0.0, h, -1.0, True, kind, z, t, state, tones_a, tones_b, modes, p, work, scratch)
+            _advance(z, t, low, state, tones_a, tones_b, modes, p, work, scratch)
+            if _gauge(scratch, kind, state, modes, p)[0] >= 0.0:
+                return never
+            return _bisect(0.0, low, 1.0, False, kind, z, t, state, tones_a, tones_b, modes, p, work, scratch)
+    return never
+
+
+@njit(nogil=True)
+def _next_state(z, kind, state, modes, p):
+    """The state after an event, with u put where that state has it."""
+    n = modes.shape[1]
+    delta, ddelta, vrel, _, _ = _contact(z, modes, p)
+    limit = p[_KAPPA] * delta
+    growth = p[_KAPPA] * ddelta
+    if delta <= 0.0:
+        z[2 * n] = 0.0
+        return SEPARATED
+    if state == SEPARATED:
+        z[2 * n] = 0.0
+        if vrel > growth:
+            return SLIP_UP
+        if vrel < -growth:
+            return SLIP_DOWN
+        return STICK
+    if kind == _FOLD:
+        return STICK
+    up = kind == _UPPER or (kind == _REVERSAL and state == SLIP_UP)
+    s = 1.0 if up else -1.0
+    z[2 * n] = s * limit
+    if kind != _REVERSAL and s * vrel > growth:
+        return SLIP_UP if up else SLIP_DOWN
+    return STICK
+
+
+@njit(nogil=True)
+def _next_event(z, end, t, h, state, tones_a, tones_b, modes, p, work, scratch):
+    """The first event in the step from z to end, and when; −1 if there is none."""
+    kind, when = -1, 2.0 * h
+    for candidate in (_TOUCH, _UPPER, _LOWER, _REVERSAL, _FOLD):
+        if state == STICK:
+            asked = candidate in (_UPPER, _LOWER, _FOLD)
+        else:
+            asked = candidate == _TOUCH or (candidate == _REVERSAL and state != SEPARATED)
+        if asked:
+            first = _first(candidate, z, end, t, h, state, tones_a, tones_b, modes, p, work, scratch)
+            if first < when:
+                kind, when = candidate, first
+    return kind, when
+
+
+@njit(nogil=True)
+def _one_step(z, begin, stop, state, tones_a, tones_b, modes, p, start, spent, work, end, scratch):
+    """From begin to stop, through all events: the state there, the number of changes, how it ended."""
+    length, done, changes = stop - begin, 0.0, 0
+    for _ in range(_EVENTS_A_STEP):
+        if done >= length:
+            return state, changes, _DONE
+        t, h, kind = begin + done, length - done, -1
+        _advance(z, t, h, state, tones_a, tones_b, modes, p, work, end)
+        if p[_CONTACT] > 0.0:
+            kind, when = _next_event(z, end, t, h, state, tones_a, tones_b, modes, p, work, scratch)
+            if kind >= 0:
+                h = when
+                _advance(z, t, h, state, tones_a, tones_b, modes, p, work, end)
+        z[:] = end
+        spent[min(state, 2)] += max(0.0, t + h - max(t, start))
+        if kind >= 0:
+            done += h
+            following = _next_state(z, kind, state, modes, p)
+            if following != state:
+                changes += 1
+            state = following
+        else:
+            done = length
+            if state == STICK:  # rounding, where it has just begun to stick
+                u = 2 * modes.shape[1]
+                limit = p[_KAPPA] * max(_contact(z, modes, p)[0], 0.0)
+                z[u] = min(max(z[u], -limit), limit)
+    return state, changes, _DONE if done >= length else _CHATTER
+
+
+@njit(nogil=True)
+def _run(z, state, tones_a, tones_b, modes, p, output_step, substeps, duration, start, samples, states, spent):
+    """Integrates to the end; fills the samples, the states there and the time spent in each from start on.
+
+    Returns how it ended, when, and the number of changes of state.
+    """
+    work = np.zeros((5, z.shape[0]))
+    end, scratch = np.zeros(z.shape[0]), np.zeros(z.shape[0])
+    events = 0
+    count = samples.shape[0]
+    samples[0] = z
+    states[0] = state
+    for k in range(count):  # the last pass is what is left of the duration after the last sample
+        for j in range(substeps):
+            begin = (k + j / substeps) * output_step
+            stop = (k + (j + 1) / substeps) * output_step
+            if k + 1 == count:
+                stop = min(stop, duration)
+            state, changes, ending = _one_step(
+                z, begin, stop, state, tones_a, tones_b, modes, p, start, spent, work, end, scratch
+            )
+            events += changes
+            if not np.isfinite(z[0]):
+                ending = _NOT_FINITE
+            if ending != _DONE:
+                return ending, stop, events
+        if k + 1 < count:
+            samples[k + 1] = z
+            states[k + 1] = state
+    return _DONE, duration, events
+
+
+def _tones(tones: Sequence[Tone]) -> Array:
+    rows = [(tone.amplitude_v, tone.frequency_hz, tone.phase_rad) for tone in tones]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def _waveform(tones: Sequence[Tone], time: Array) -> Array:
+    total = np.zeros_like(time)
+    for tone in tones:
+        total += tone.amplitude_v * np.sin(2.0 * np.pi * tone.frequency_hz * time + tone.phase_rad)
+    return total
+
+
+def integrate(
+    motor: Mapping[str, Any],
+    tones_a: Sequence[Tone],
+    tones_b: Sequence[Tone],
+    *,
+    duration: float,
+    output_step: float,
+    step: float = 2e-8,
+    contact: bool = True,
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    perturbation_m: float = 0.0,
+    statistics_from: float = 0.0,
+) -> ReferenceRun:
+    """Integrate a motor (the mapping that ``piezomotor show MOTOR --json`` prints) from preloaded rest.
+
+    The step is the largest that divides output_step and is not above ``step``. With ``contact=False`` the tip
+    is free and starts from r = 0. ``speed`` holds the shaft; without it the rotor starts from rest against
+    ``load_torque``. ``perturbation_m`` shifts the start of r_1: two runs that differ in it alone show chaos.
+    """
+    if not (duration > 0.0 and output_step > 0.0 and step > 0.0 and 0.0 <= statistics_from < duration):
+        raise ValueError("duration, output_step and step must be > 0, and 0 <= statistics_from < duration")
+    columns = (
+        "mass_kg",
+        "damping_n_s_per_m",
+        "stiffness_n_per_m",
+        "coupling_a_n_per_v",
+        "coupling_b_n_per_v",
+        "tip_x",
+        "tip_y",
+    )
+    modes = np.array([[float(mode[column]) for mode in motor["modes"]] for column in columns])
+    law, rotor = motor["contact"], motor["rotor"]
+    friction, preload = float(law["friction"]), float(law["preload_n"])
+    hertz, radius = float(law["normal_stiffness_n_per_m15"]), float(rotor["radius_m"])
+    compliance = float(law["tangential_compliance_tip_m_per_n23"]) + float(law["tangential_compliance_rotor_m_per_n23"])
+    if not (friction > 0.0 and preload >= 0.0 and hertz > 0.0 and compliance > 0.0 and radius > 0.0):
+        raise ValueError("friction, stiffness, compliance and radius must be > 0, the preload >= 0")
+    kappa = friction * compliance * hertz ** (2.0 / 3.0)
+    approach = (preload / hertz) ** (2.0 / 3.0)
+    bending = preload * float(np.sum(modes[_Y] ** 2 / modes[_K]))
+    scalars = np.zeros(10)
+    scalars[[_R, _GAP, _KN, _KAPPA, _MU]] = radius, approach + bending, hertz, kappa, friction
+    scalars[[_J, _CR, _TAU]] = rotor["inertia_kg_m2"], rotor["bearing_damping_n_m_s"], load_torque
+    scalars[[_FREE_SHAFT, _CONTACT]] = speed is None, contact
+
+    n = modes.shape[1]
+    start = np.zeros(2 * n + 2 + len(_QUADRATURES))
+    if contact:
+        start[:n] = -modes[_Y] * preload / modes[_K]
+    start[0] += perturbation_m
+    start[2 * n + 1] = 0.0 if speed is None else speed
+
+    def indentation(r: Array) -> Array:
+        x, s = modes[_X] @ r, approach + bending + modes[_Y] @ r
+        distance = np.hypot(x, radius - s)
+        return np.asarray((2.0 * radius * s - s * s - x * x) / (radius + distance))
+
+    first = STICK if contact and float(indentation(start[:n])) > 0.0 else SEPARATED
+    count = floor(duration / output_step * (1.0 + 1e-12)) + 1
+    substeps = max(1, ceil(output_step / step * (1.0 - 1e-9)))
+    samples = np.zeros((count, start.size))
+    states = np.zeros(count, dtype=np.int64)
+    spent = np.zeros(3)
+    final = start.copy()
+    ending, when, events = _run(
+        final,
+        first,
+        _tones(tones_a),
+        _tones(tones_b),
+        modes,
+        scalars,
+        float(output_step),
+        substeps,
+        float(duration),
+        float(statistics_from),
+        samples,
+        states,
+        spent,
+    )
+    if ending == _CHATTER:
+        raise RuntimeError(
+            f"the contact changes its state more than {_EVENTS_A_STEP} times within a step of "
+            f"{output_step / substeps:.3g} s at t = {when:.9g} s: chatter, not physics"
+        )
+    if ending == _NOT_FINITE:
+        raise RuntimeError(f"the motion is no longer finite at t = {when:.9g} s: take a smaller step")
+
+    time: Array = np.arange(count, dtype=np.float64) * np.float64(output_step)
+    r, v = samples[:, :n].T.copy(), samples[:, n : 2 * n].T.copy()
+    limit = kappa * np.maximum(indentation(r), 0.0)
+    normal = np.where(states == SEPARATED, 0.0, hertz * (limit / kappa) ** 1.5)
+    u = np.where(states == STICK, samples[:, 2 * n], np.where(states == SLIP_UP, limit, -limit))
+    u[states == SEPARATED] = 0.0
+    ratio = np.minimum(np.abs(u) / np.where(limit > 0.0, limit, 1.0), 1.0)
+
+    def stored(z: Array) -> tuple[float, float, float, float]:
+        depth = max(float(indentation(z[:n])), 0.0) if contact else 0.0
+        return (
+            0.5 * float(modes[_M] @ z[n : 2 * n] ** 2),
+            0.5 * float(modes[_K] @ z[:n] ** 2),
+            0.4 * hertz * depth**2.5,
+            0.5 * float(scalars[_J]) * float(z[2 * n + 1]) ** 2,
+        )
+
+    energies = {name: float(final[2 * n + 2 + i]) for i, name in enumerate(_QUADRATURES)}
+    for name, before, after in zip(
+        ("kinetic", "elastic", "contact_elastic", "rotor_kinetic"), stored(start), stored(final), strict=True
+    ):
+        energies[name] = after - before
+    window = duration - statistics_from
+    return ReferenceRun(
+        time_s=time,
+        voltage_a_v=_waveform(tones_a, time),
+        voltage_b_v=_waveform(tones_b, time),
+        tip_x_m=modes[_X] @ r,
+        tip_y_m=modes[_Y] @ r,
+        normal_force_n=normal,
+        friction_force_n=np.sign(u) * friction * normal * (1.0 - (1.0 - ratio) ** 1.5),
+        contact_displacement_m=u,
+        contact_state=np.minimum(states, 2),
+        rotor_speed_rad_s=samples[:, 2 * n + 1].copy(),
+        modal_displacement_m=r,
+        modal_velocity_m_s=v,
+        state_fractions=dict(zip(("separated", "stick", "slip"), (spent / window).tolist(), strict=True)),
+        slip_energy_j=energies["slip"],
+        input_mechanical_energy_j=energies["input"],
+        energies_j=energies,
+        events=int(events),
+    )

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The wheel holds all that a user needs: installed in an empty environment, it runs in an empty directory."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+# one group, so that parallel workers do not build and install it twice
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("wheel")]
+
+
+def run(*command: str | Path, cwd: Path) -> str:
+    """Run a command with nothing of this test's Python in its environment; its standard output."""
+    env = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON") and k != "VIRTUAL_ENV"}
+    done = subprocess.run(
+        [str(part) for part in command],
+        cwd=cwd,
+        env=env,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    if done.returncode:
+        pytest.fail(f"{command} exited {done.returncode}\n{done.stdout}\n{done.stderr}", pytrace=False)
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the wheel out of the sdist, as a packager does, so that the sdist is shown to be complete too."""
+    dist = tmp_path_factory.mktemp("dist")
+    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", dist, ROOT, cwd=dist)
+    (built,) = dist.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def bin_dir(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The commands of a new environment that holds the wheel and its dependencies, and nothing else."""
+    place = tmp_path_factory.mktemp("installed")
+    venv.create(place, with_pip=False, symlinks=True)
+    pip = (sys.executable, "-m", "pip", "--python", place / "bin" / "python", "--disable-pip-version-check")
+    run(*pip, "install", "--quiet", "--no-compile", wheel, cwd=place)
+    return place / "bin"
+
+
+def test_carries_the_libraries_the_decks_and_the_licence(wheel: Path) -> None:
+    names = set(zipfile.ZipFile(wheel).namelist())
+    wanted = {
+        f"pyspice_runner/_data/{file.relative_to(ROOT).as_posix()}"
+        for pattern in ("behavioral/**/*.lib", "netlists/**/*.cir")
+        for file in ROOT.glob(pattern)
+    }
+    assert {Path(name).suffix for name in wanted} == {".lib", ".cir"}
+    assert wanted <= names
+    assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
+
+
+def test_carries_nothing_but_the_package(wheel: Path) -> None:
+    names = zipfile.ZipFile(wheel).namelist()
+    assert not [name for name in names if not re.match(r"pyspice_runner(/|-[^/]*\.dist-info/)", name)]
+
+
+def test_command_runs_in_an_empty_directory(bin_dir: Path, tmp_path: Path) -> None:
+    motor = json.loads(run(bin_dir / "piezomotor", "show", "andersen2002", "--json", cwd=tmp_path))
+    assert motor["name"] == "andersen2002"
+    assert motor["modes"]
+
+
+def test_deck_runs_in_an_empty_directory(bin_dir: Path, tmp_path: Path) -> None:
+    ask = "from pyspice_runner.netlist.library import data_path; print(data_path('netlists'))"
+    netlists = Path(run(bin_dir / "python", "-c", ask, cwd=tmp_path).strip())
+    assert netlists.is_relative_to(bin_dir.parent), f"{netlists} is not in the installed package"
+    deck = min(netlists.rglob("*.cir"))
+    log = run("ngspice", "-b", deck, cwd=tmp_path)
+    assert not re.search(r"^\s*(error|fatal|warning)\b", log, re.IGNORECASE | re.MULTILINE), log
