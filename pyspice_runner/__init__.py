@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.simulate import simulate
     from pyspice_runner.analysis.waveforms import Waveforms
     from pyspice_runner.errors import ParameterError, SimulationError, SpectrumError
+    from pyspice_runner.model.beam import resonator_modes
     from pyspice_runner.model.drive import TwoPhaseDrive, TwoToneDrive
     from pyspice_runner.model.load import available_motors, load_motor
     from pyspice_runner.model.motor import Motor
@@ -38,6 +39,7 @@ _HOMES = {
     "admittance": "analysis.admittance",
     "available_motors": "model.load",
     "load_motor": "model.load",
+    "resonator_modes": "model.beam",
     "simulate": "analysis.simulate",
 }
 
@@ -53,6 +55,7 @@ __all__ = [
     "admittance",
     "available_motors",
     "load_motor",
+    "resonator_modes",
     "simulate",
 ]
 

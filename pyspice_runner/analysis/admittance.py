@@ -51,8 +51,8 @@ class Resonance:
         mode: name of the mode.
         fs: frequency of greatest conductance, Hz.
         fp: frequency of greatest resistance, Hz.
-        fm: frequency of greatest |Y|, Hz.
-        fn: frequency of least |Y|, Hz.
+        fm: frequency of greatest |Y|, Hz; ``None`` where the clamped capacitance hides it.
+        fn: frequency of least |Y|, Hz; ``None`` likewise.
         coupling_factor: k_eff = √(1 − (fs/fp)²).
         quality_factor: Qm = √(L/C)/R of the motional arm.
         resistance_ohm: motional resistance R.
@@ -63,8 +63,8 @@ class Resonance:
     mode: str
     fs: float
     fp: float
-    fm: float
-    fn: float
+    fm: float | None
+    fn: float | None
     coupling_factor: float
     quality_factor: float
     resistance_ohm: float
@@ -306,15 +306,17 @@ def _peak(frequency: NDArray[np.float64], values: NDArray[np.float64]) -> float:
     return float(frequency[index] + shift * (frequency[1] - frequency[0]))
 
 
-def _extremes(frequency: NDArray[np.float64], magnitude: NDArray[np.float64], fs: float) -> tuple[float, float]:
-    """Return fm and fn: the local maximum and minimum of |Y| nearest to fs; NaN where the slope hides them."""
+def _extremes(
+    frequency: NDArray[np.float64], magnitude: NDArray[np.float64], fs: float
+) -> tuple[float | None, float | None]:
+    """Return fm and fn: the local maximum and minimum of |Y| nearest to fs; ``None`` where the slope hides them."""
     inner = slice(1, -1)
     peaks = np.flatnonzero((magnitude[inner] > magnitude[:-2]) & (magnitude[inner] >= magnitude[2:])) + 1
     dips = np.flatnonzero((magnitude[inner] < magnitude[:-2]) & (magnitude[inner] <= magnitude[2:])) + 1
 
-    def nearest(found: NDArray[np.intp], sign: float) -> float:
+    def nearest(found: NDArray[np.intp], sign: float) -> float | None:
         if not len(found):
-            return float("nan")
+            return None
         index = int(found[np.argmin(np.abs(frequency[found] - fs))])
         near = slice(index - 1, index + 2)
         return _peak(frequency[near], sign * magnitude[near])
