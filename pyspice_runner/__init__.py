@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from pyspice_runner.model.drive import TwoPhaseDrive, TwoToneDrive
     from pyspice_runner.model.load import available_motors, load_motor
     from pyspice_runner.model.motor import Motor
+    from pyspice_runner.netlist.motor import motor_library
+    from pyspice_runner.plots import plot_mode_shapes, plot_motors
 
 __version__ = "0.1.0"
 
@@ -39,6 +41,9 @@ _HOMES = {
     "admittance": "analysis.admittance",
     "available_motors": "model.load",
     "load_motor": "model.load",
+    "motor_library": "netlist.motor",
+    "plot_mode_shapes": "plots",
+    "plot_motors": "plots",
     "resonator_modes": "model.beam",
     "simulate": "analysis.simulate",
 }
@@ -55,6 +60,9 @@ __all__ = [
     "admittance",
     "available_motors",
     "load_motor",
+    "motor_library",
+    "plot_mode_shapes",
+    "plot_motors",
     "resonator_modes",
     "simulate",
 ]

@@ -146,6 +146,12 @@ class Admittance:
             raise ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
         return path
 
+    def plot(self, path: str | Path) -> Path:
+        """Draw |Y|, phase and the G–B circle for A+B and A−B."""
+        from pyspice_runner.plots import plot_admittance
+
+        return plot_admittance(self, path)
+
     def _columns(self) -> dict[str, NDArray[np.float64]]:
         columns = {"frequency_hz": self.frequency_hz}
         for row, into in enumerate("ab"):
@@ -185,8 +191,8 @@ def admittance(
         raise ParameterError(
             f"start = {start:g} Hz and stop = {stop:g} Hz are refused; allowed are 0 Hz < start < stop ≤ 1e9 Hz."
         )
-    if not 2 <= points <= _MOST_POINTS:
-        raise ParameterError(f"points = {points} is refused; allowed is a whole number from 2 to {_MOST_POINTS}.")
+    if not 3 <= points <= _MOST_POINTS:  # of two, ngspice gives but the first
+        raise ParameterError(f"points = {points} is refused; allowed is a whole number from 3 to {_MOST_POINTS}.")
     preloaded = state == "preloaded"
     simulator = BatchSimulator(admittance_bench(motor, preloaded=preloaded), timeout=timeout)
     simulator.options(**AC_OPTIONS)
@@ -194,8 +200,8 @@ def admittance(
     frequency, matrix = _sweep(simulator, start, stop, points)
     resonances = {
         connection: tuple(
-            _resonance(simulator, mode, centre, damping, connection, (start, stop))
-            for mode, centre, damping in _expected(motor, preloaded)
+            _resonance(simulator, motor, mode, centre, bandwidth, connection)
+            for mode, centre, bandwidth in _expected(motor, preloaded)
             if _drives(connection, mode) and start < centre < stop
         )
         for connection in get_args(Connection)
@@ -264,36 +270,37 @@ def _distance(frequency: float, mode: Mode, motor: Motor) -> float:
 
 
 def _resonance(
-    simulator: BatchSimulator,
-    mode: Mode,
-    centre: float,
-    bandwidth: float,
-    connection: str,
-    band: tuple[float, float],
+    simulator: BatchSimulator, motor: Motor, mode: Mode, centre: float, bandwidth: float, connection: str
 ) -> Resonance:
-    """Zoom in on one resonance and read its frequencies and its motional arm."""
-    low = max(centre - _ZOOM_BANDWIDTHS * bandwidth, 0.5 * centre, min(band[0], 0.9 * centre))
-    frequency, matrix = _sweep(simulator, low, centre + _ZOOM_BANDWIDTHS * bandwidth, _ZOOM_POINTS)
-    y = _connect(matrix, connection)
-    z = 1.0 / y
+    """Zoom in on one resonance and its antiresonance, and read their frequencies and the motional arm."""
+    frequency, y = _zoom(simulator, centre, bandwidth, connection)
     fs = _peak(frequency, y.real)
-    # |Z| and Re Z of a weakly coupled mode peak beside fs, on the slope of the clamped capacitance: the slope is taken
-    # away for the resistance, and |Y| is searched for its own local extremes
-    fp = _peak(frequency, z.real)
-    fm, fn = _extremes(frequency, np.abs(y), fs)
     resistance, inductance, capacitance = _motional_arm(frequency, y, fs, bandwidth)
+    weight_a, weight_b = COUPLING[connection]
+    clamped = weight_a**2 * motor.piezo.capacitance_a_f + weight_b**2 * motor.piezo.capacitance_b_f
+    frequency_anti, y_anti = _zoom(simulator, fs * sqrt(1.0 + capacitance / clamped), bandwidth, connection)
+    fp = _peak(frequency_anti, (1.0 / y_anti).real)
     return Resonance(
         mode=mode.name,
         fs=fs,
         fp=fp,
-        fm=fm,
-        fn=fn,
+        fm=_local_peak(frequency, np.abs(y), fs),
+        fn=_local_peak(frequency_anti, -np.abs(y_anti), fp),
         coupling_factor=sqrt(max(1.0 - (fs / fp) ** 2, 0.0)),
         quality_factor=sqrt(inductance / capacitance) / resistance,
         resistance_ohm=resistance,
         inductance_h=inductance,
         capacitance_f=capacitance,
     )
+
+
+def _zoom(
+    simulator: BatchSimulator, centre: float, bandwidth: float, connection: str
+) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Return frequency and admittance some bandwidths around a frequency."""
+    low = max(centre - _ZOOM_BANDWIDTHS * bandwidth, 0.5 * centre)
+    frequency, matrix = _sweep(simulator, low, centre + _ZOOM_BANDWIDTHS * bandwidth, _ZOOM_POINTS)
+    return frequency, _connect(matrix, connection)
 
 
 def _peak(frequency: NDArray[np.float64], values: NDArray[np.float64]) -> float:
@@ -306,22 +313,15 @@ def _peak(frequency: NDArray[np.float64], values: NDArray[np.float64]) -> float:
     return float(frequency[index] + shift * (frequency[1] - frequency[0]))
 
 
-def _extremes(
-    frequency: NDArray[np.float64], magnitude: NDArray[np.float64], fs: float
-) -> tuple[float | None, float | None]:
-    """Return fm and fn: the local maximum and minimum of |Y| nearest to fs; ``None`` where the slope hides them."""
+def _local_peak(frequency: NDArray[np.float64], values: NDArray[np.float64], expected: float) -> float | None:
+    """Return the frequency of the local maximum nearest to the one expected; ``None`` where a slope hides it."""
     inner = slice(1, -1)
-    peaks = np.flatnonzero((magnitude[inner] > magnitude[:-2]) & (magnitude[inner] >= magnitude[2:])) + 1
-    dips = np.flatnonzero((magnitude[inner] < magnitude[:-2]) & (magnitude[inner] <= magnitude[2:])) + 1
-
-    def nearest(found: NDArray[np.intp], sign: float) -> float | None:
-        if not len(found):
-            return None
-        index = int(found[np.argmin(np.abs(frequency[found] - fs))])
-        near = slice(index - 1, index + 2)
-        return _peak(frequency[near], sign * magnitude[near])
-
-    return nearest(peaks, 1.0), nearest(dips, -1.0)
+    peaks = np.flatnonzero((values[inner] > values[:-2]) & (values[inner] >= values[2:])) + 1
+    if not len(peaks):
+        return None
+    index = int(peaks[np.argmin(np.abs(frequency[peaks] - expected))])
+    near = slice(index - 1, index + 2)
+    return _peak(frequency[near], values[near])
 
 
 def _motional_arm(

@@ -74,7 +74,7 @@ def simulate(
     waves = _columns(motor, drive, samples, contact is not None, speed, discretisation)
     provenance: dict[str, Any] = {
         "motor": motor.to_dict(),
-        "drive": {"kind": type(drive).__name__, **drive.model_dump()},
+        "drive": {"kind": type(drive).__name__, "label": drive.label, **drive.model_dump()},
         "run": {
             "duration_s": duration,
             "contact": contact,

@@ -132,11 +132,17 @@ class Waveforms:
     def state_fractions(self) -> dict[str, float]:
         """Fractions of time separated, stick and slip over the last whole drive periods; they add up to 1."""
         window = self.window()
-        held = np.diff(self.time_s[window])
-        states = np.rint(self.contact_state[window])[1:]  # a state is reached during the step that ends with it
-        total = held.sum()
+        steps = np.diff(self.time_s[window])
+        states = np.rint(self.contact_state[window])
+        before, after = states[:-1], states[1:]
+        # A change happens in mid-step on average. The end of a slip, though, shows half a step late: the slider's
+        # excess over its limit, by which slip is told, follows the relative velocity in the middle of the step.
+        late = (before == 2) & (after == 1)
+        held_before = steps * np.where(late, 0.0, 0.5)
+        held_after = steps - held_before
         return {
-            name: float(held[states == code].sum() / total) for code, name in enumerate(("separated", "stick", "slip"))
+            name: float((held_before[before == code].sum() + held_after[after == code].sum()) / steps.sum())
+            for code, name in enumerate(("separated", "stick", "slip"))
         }
 
     def window(self) -> slice:
@@ -178,15 +184,20 @@ class Waveforms:
         return xarray.Dataset(variables, coords={"time_s": time}, attrs={"summary": json.dumps(self.to_dict())})
 
     def save(self, path: str | Path) -> Path:
-        """Write the run to a file, by its ending: ``.csv`` (waveforms), ``.nc`` (NetCDF) or ``.json`` (summary).
+        """Write the run to a file, by its ending: ``.csv``, ``.nc`` (waveforms), ``.json`` (summary), ``.cir`` (deck).
 
         Raises:
             ParameterError: for another ending or a place that cannot be written.
         """
         path = Path(path)
-        writers = {".csv": self._write_csv, ".nc": self._write_netcdf, ".json": self._write_json}
+        writers = {
+            ".csv": self._write_csv,
+            ".nc": self._write_netcdf,
+            ".json": self._write_json,
+            ".cir": self._write_deck,
+        }
         if path.suffix not in writers:
-            raise ParameterError(f"Cannot tell a format from {path.name!r}; let it end in .csv, .nc or .json.")
+            raise ParameterError(f"Cannot tell a format from {path.name!r}; let it end in .csv, .nc, .json or .cir.")
         try:
             writers[path.suffix](path)
         except OSError as error:
@@ -200,6 +211,15 @@ class Waveforms:
 
     def _write_netcdf(self, path: Path) -> None:
         self.to_xarray().to_netcdf(path, engine="h5netcdf")
+
+    def plot(self, path: str | Path) -> Path:
+        """Draw the run: rotor speed, path of the tip coloured by contact state, forces, currents."""
+        from pyspice_runner.plots import plot_waveforms
+
+        return plot_waveforms(self, path)
+
+    def _write_deck(self, path: Path) -> None:
+        path.write_text(self.deck, encoding="utf-8")
 
     def _write_json(self, path: Path) -> None:
         path.write_text(json.dumps(self.to_dict(), indent=2) + "\n", encoding="utf-8")

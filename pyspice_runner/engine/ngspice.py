@@ -3,7 +3,8 @@
 
 Each run is a process ``ngspice -b -n -r`` of its own in a folder of its own, so that concurrent runs do not meet and
 no user's start-up file is read. ngspice's exit status and the presence of a raw file do not mean success; a run counts
-only if the status is 0, the log is clean, every vector asked for is there and finite, and the analysis reached its end.
+only if the netlist has none of the faults that ngspice passes over in silence (:mod:`.silent`), the status is 0, the
+log is clean, every vector asked for is there and finite, and the analysis reached its end.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import contextlib
 import os
 import re
 import shutil
+import signal
 import subprocess
 import tempfile
 import time
@@ -19,21 +21,34 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
 from pyspice_runner.engine.rawfile import RawFile, RawFileError, read_rawfile
+from pyspice_runner.engine.silent import silent_fault
 from pyspice_runner.errors import SimulationError
 
 OLDEST_VERSION = 36  # behavioural sources and subcircuit parameters as the libraries use them
+_VERSION_TIMEOUT = 20.0  # s; ngspice answers within some 5 ms
+_LONGEST_LOG = 1 << 24  # bytes; a run that ends well writes about 1 kB
 _INSTALL_HINT = "Install it: `sudo apt-get install ngspice` (Debian, Ubuntu), `brew install ngspice` (macOS)."
 
 # Words by which ngspice 36 to 44 tells that something is amiss, on standard output or standard error alike.
 _TROUBLE = re.compile(
-    r"error|warning|singular|unknown|unrecogni[sz]ed|undefined|can't|cannot|could not|fail|abort|too small|"
-    r"no such|not found|no convergence|ignored|out of memory|iteration limit",
+    r"error|warning|singular|unknown|unrecogni[sz]ed|undefined|can't|cannot|could not|fail|abort|"
+    r"too (?:small|few|many)|no such|not found|no convergence|ignored|out of memory|iteration limit|interrupted|"
+    r"no \.measure possible",
     re.I,
 )
+# Lines of every run. They name the netlist's title and nodes, which may hold any of the words above.
+_CHATTER = re.compile(
+    r"Circuit: |Note: |Doing analysis at|binary raw file|No\. of Data|Using transient initial|"
+    r"Initial Transient Solution|Node +Voltage|Reference value|or no active circuit available|-+ *-*$|"
+    r"\S+ +-?(?:\d[\d.]*(?:e[-+]\d+)?|nan|inf)$|Total (?:analysis|elapsed)|Total DRAM|DRAM currently|.* program size =|"
+    r"Shared ngspice pages|Text \(code\) pages|Stack =|Library pages|ngspice-\d+ done"
+)
+_STEPPING = re.compile(r"(Trying gmin =|Supplies reduced to) *\S+ *")  # what came of it stands on the same line
 
 
 @dataclass(frozen=True)
@@ -78,8 +93,9 @@ def _version_of(executable: str) -> str:
         answer = subprocess.run(
             [executable, "--version"],
             capture_output=True,
-            text=True,
-            timeout=20,
+            encoding="utf-8",
+            errors="replace",
+            timeout=_VERSION_TIMEOUT,
             stdin=subprocess.DEVNULL,
             check=False,
         )
@@ -94,14 +110,21 @@ def _version_of(executable: str) -> str:
 
 
 def run_deck(
-    deck: str, *, vectors: Sequence[str], stop_time: float | None = None, timeout: float | None = None
+    deck: str,
+    *,
+    vectors: Sequence[str],
+    stop_time: float | None = None,
+    stop_frequency: float | None = None,
+    timeout: float | None = None,
 ) -> Result:
     """Run a netlist and return its vectors, or raise.
 
     Args:
         deck: the complete netlist, with ``.save`` and one analysis.
-        vectors: names that must be present in the result, all finite.
+        vectors: names that must be present in the result, all finite; as ``.save`` takes them, such as ``v(out)``,
+            ``out``, ``i(v1)``, ``@r1[i]``.
         stop_time: for a transient, the time in s that it must reach.
+        stop_frequency: for an AC analysis, the frequency in Hz that it must reach.
         timeout: wall time in s after which the run is ended.
 
     Raises:
@@ -111,20 +134,26 @@ def run_deck(
     ngspice_version()
     try:
         folder = Path(tempfile.mkdtemp(prefix="piezomotor-"))
-        deck_path = folder / "deck.cir"
-        deck_path.write_text(deck, encoding="utf-8")
     except OSError as error:
-        raise SimulationError(
-            f"Cannot write the netlist to {tempfile.gettempdir()}: {error.strerror}. Free some space or set TMPDIR."
-        ) from error
+        raise SimulationError(f"Cannot write the netlist: {error.strerror}. Free some space or set TMPDIR.") from error
+    deck_path = folder / "deck.cir"
     keep = False
     try:
+        deck_path.write_text(deck, encoding="utf-8")
+        fault = silent_fault(deck)
+        if fault:
+            raise _Unsound(fault, "")
         status, log, seconds = _execute(executable, folder, deck_path, timeout)
-        raw = _verified(folder / "out.raw", status, log, vectors, stop_time)
+        raw = _verified(folder / "out.raw", status, log, vectors)
+        _check_end(raw, "time", stop_time, "s", log)
+        _check_end(raw, "frequency", stop_frequency, "Hz", log)
     except _Unsound as error:
         keep = True
-        (folder / "out.raw").unlink(missing_ok=True)
+        for scrap in ("out.raw", "log"):
+            (folder / scrap).unlink(missing_ok=True)
         raise SimulationError(f"{error} The netlist is kept as {deck_path}.", deck=deck_path, log=error.log) from None
+    except OSError as error:
+        raise SimulationError(f"Cannot write to {folder}: {error.strerror}. Free some space or set TMPDIR.") from error
     finally:
         if not keep:
             shutil.rmtree(folder, ignore_errors=True)
@@ -145,53 +174,81 @@ def _execute(executable: str, folder: Path, deck: Path, timeout: float | None) -
     environment["LC_ALL"] = "C"
     started = time.perf_counter()
     with (folder / "log").open("w+b") as log_file:
-        process = subprocess.Popen(
-            [executable, "-b", "-n", "-r", "out.raw", deck.name],
-            cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=log_file, stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )  # fmt: skip
+        try:
+            process = subprocess.Popen(
+                [executable, "-b", "-n", "-r", "out.raw", deck.name],
+                cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=log_file, stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )  # fmt: skip
+        except OSError as error:
+            raise _Unsound(f"{executable} does not run: {error.strerror}.", "") from None
         try:
             status = process.wait(timeout=timeout)
         except subprocess.TimeoutExpired:
             raise _Unsound(f"ngspice did not finish within {timeout:g} s and was stopped.", _read(log_file)) from None
         finally:
-            with contextlib.suppress(ProcessLookupError):
-                process.kill()
-            process.wait()
+            if process.returncode is None:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)  # its session is its own, see above
+                process.wait()
         return status, _read(log_file), time.perf_counter() - started
 
 
-def _read(log_file: object) -> str:
-    log_file.seek(0)  # type: ignore[attr-defined]
-    text: bytes = log_file.read(1 << 20)  # type: ignore[attr-defined]
+def _read(log_file: IO[bytes]) -> str:
+    log_file.seek(0)
+    text = log_file.read(_LONGEST_LOG + 1)
+    if len(text) > _LONGEST_LOG:
+        raise _Unsound(f"ngspice wrote a log of more than {_LONGEST_LOG >> 20} MiB, too long to be checked.", "")
     return text.decode("utf-8", errors="replace")
 
 
-def _verified(path: Path, status: int, log: str, vectors: Sequence[str], stop_time: float | None) -> RawFile:
-    words = _own_words(log)
+def _verified(path: Path, status: int, log: str, vectors: Sequence[str]) -> RawFile:
     if status != 0:
-        how = f"was killed by signal {-status}" if status < 0 else f"ended with status {status}"
-        raise _Unsound(f"ngspice {how}{words}.", log)
-    if words:
-        raise _Unsound(f"ngspice finished but complained{words}.", log)
+        how = f"ended with status {status}"
+        if status < 0:
+            how = f"was killed by signal {-status} ({signal.strsignal(-status)})"
+        raise _Unsound(f"ngspice {how}{_quoted(_spoken(log))}.", log)
+    complaint = _complaint(log)
+    if complaint:
+        raise _Unsound(f"ngspice finished but complained{_quoted(complaint)}.", log)
     try:
         raw = read_rawfile(path)
     except RawFileError as error:
         raise _Unsound(f"ngspice gave no usable result: {error}.", log) from None
-    missing = [name for name in vectors if name.lower() not in raw.vectors]
-    if missing:
-        raise _Unsound(f"ngspice left out the vector {missing[0]}.", log)
     for name in vectors:
-        if not np.all(np.isfinite(raw.vectors[name.lower()])):
+        values = raw.find(name)
+        if values is None:
+            raise _Unsound(f"ngspice left out the vector {name}; check that the netlist has it.", log)
+        if not np.all(np.isfinite(values)):
             raise _Unsound(f"ngspice gave values of {name} that are not finite.", log)
-    if stop_time is not None:
-        reached = float(raw.vectors["time"][-1].real)
-        if reached < stop_time * (1.0 - 1e-9):
-            raise _Unsound(f"ngspice stopped at {reached:g} s, before the end at {stop_time:g} s.", log)
     return raw
 
 
-def _own_words(log: str) -> str:
-    """Return the first lines of complaint in a log, ready to be put behind a sentence."""
-    lines = [line.strip() for line in log.splitlines() if _TROUBLE.search(line)]
-    return f': "{" / ".join(lines[:3])}"' if lines else ""
+def _check_end(raw: RawFile, abscissa: str, stop: float | None, unit: str, log: str) -> None:
+    """Refuse an analysis that ended before the time or frequency asked for."""
+    if stop is None:
+        return
+    if abscissa not in raw.vectors:
+        raise _Unsound(f"ngspice gave no {abscissa}; its result is {raw.plot!r}.", log)
+    reached = float(raw.vectors[abscissa][-1].real)
+    if not reached >= stop * (1.0 - 1e-9):
+        raise _Unsound(f"ngspice stopped at {reached:g} {unit}, before the end at {stop:g} {unit}.", log)
+
+
+def _spoken(log: str) -> list[str]:
+    """Return the lines of a log without those that every run has."""
+    lines = [_STEPPING.sub("", line.strip()) for line in log.splitlines()]
+    return [line for line in lines if line and not _CHATTER.match(line)]
+
+
+def _complaint(log: str) -> list[str]:
+    """Return the lines of a log from the first complaint on, none if it is clean."""
+    lines = _spoken(log)
+    first = next((index for index, line in enumerate(lines) if _TROUBLE.search(line)), len(lines))
+    return lines[first:]
+
+
+def _quoted(lines: Sequence[str]) -> str:
+    """Return the first few lines, ready to be put behind a sentence."""
+    few = [line[:200] for line in list(dict.fromkeys(lines))[:3]]
+    return f': "{" / ".join(few)}"' if few else ""

@@ -9,24 +9,29 @@ from __future__ import annotations
 
 from typing import Any
 
-from PySpice.Probe.WaveForm import AcAnalysis, OperatingPoint, TransientAnalysis, WaveForm
+from PySpice.Probe.WaveForm import AcAnalysis, DcAnalysis, OperatingPoint, TransientAnalysis, WaveForm
 from PySpice.Spice.Netlist import Circuit
 from PySpice.Spice.Simulation import CircuitSimulator
 
 from pyspice_runner.engine.ngspice import Result, run_deck
+from pyspice_runner.errors import ParameterError
+
+_ANALYSES = ("operating_point", "dc", "ac", "transient")
 
 
 class BatchSimulator(CircuitSimulator):
     """A PySpice simulator that runs ``ngspice -b`` in a process of its own and verifies what comes back.
 
-    ``operating_point``, ``ac`` and ``transient`` take PySpice's arguments and return PySpice's analyses; the verified
-    vectors are in :attr:`result`. The deck that would run is ``str(simulator)``.
+    ``operating_point``, ``dc``, ``ac`` and ``transient`` take PySpice's arguments and return PySpice's analyses; the
+    verified vectors are in :attr:`result`. The deck that would run is ``str(simulator)``.
 
     Args:
         circuit: a PySpice circuit.
         timeout: wall time in s after which a run is ended.
+        **kwargs: PySpice's ``temperature`` and ``nominal_temperature``.
 
     Raises:
+        ParameterError: by another analysis.
         SimulationError: by every analysis that fails or cannot be trusted.
     """
 
@@ -34,20 +39,26 @@ class BatchSimulator(CircuitSimulator):
 
     def __init__(self, circuit: Circuit, *, timeout: float | None = None, **kwargs: Any) -> None:
         super().__init__(circuit, **kwargs)
-        for name in (
-            "TEMP",
-            "TNOM",
-        ):  # no element here depends on them, and PySpice writes them with a degree sign
-            if name not in kwargs:
-                self._options.pop(name, None)
+        for keyword, option in (("temperature", "TEMP"), ("nominal_temperature", "TNOM")):
+            if keyword not in kwargs:  # both are then ngspice's 27 degrees, and the deck stays short
+                self._options.pop(option)
         self._timeout = timeout
-        self._saved_nodes = _InOrder()
+        self._saved_nodes: list[str] = []  # PySpice's own is a set, which Python orders anew in every process
         self.result: Result | None = None
 
     def save(self, *names: Any) -> None:
         """Add vectors to the ``.save`` line, in the order given."""
         for name in names:
-            self._saved_nodes.extend([name] if isinstance(name, str) else name)
+            for item in [name] if isinstance(name, str) else name:
+                if str(item) not in self._saved_nodes:
+                    self._saved_nodes.append(str(item))
+
+    def __str__(self) -> str:
+        saved = list(self._saved_nodes)
+        try:
+            return str(super().__str__())
+        finally:
+            self._saved_nodes = saved  # PySpice takes "all" out of it while it writes
 
     def prepare(self, analysis: str, **arguments: Any) -> BatchSimulator:
         """Add an analysis (``"transient"``, ``"ac"``, ``"operating_point"``) for ``str(simulator)``; nothing runs."""
@@ -55,43 +66,59 @@ class BatchSimulator(CircuitSimulator):
         return self
 
     def _run(self, analysis_method: str, *args: Any, **kwargs: Any) -> Any:
+        self.result = None
+        if analysis_method not in _ANALYSES:
+            raise ParameterError(f"BatchSimulator does not run {analysis_method}; it runs {', '.join(_ANALYSES)}.")
         super()._run(analysis_method, *args, **kwargs)
         deck = str(self)
-        stop_time = None
-        if analysis_method == "transient":
-            stop_time = float(next(iter(self.analysis_iter())).end_time)
+        parameters = next(iter(self.analysis_iter()))
         self.reset_analysis()
-        asked = [str(name) for name in self._saved_nodes if name != "all"]
-        self.result = run_deck(deck, vectors=asked, stop_time=stop_time, timeout=self._timeout)
+        self.result = run_deck(
+            deck,
+            vectors=[name for name in self._saved_nodes if name != "all"],
+            stop_time=float(parameters.end_time) if analysis_method == "transient" else None,
+            stop_frequency=_last_frequency(parameters) if analysis_method == "ac" else None,
+            timeout=self._timeout,
+        )
         return self._analysis(analysis_method, self.result)
 
     def _analysis(self, method: str, result: Result) -> Any:
         vectors = dict(result.raw.vectors)
-        abscissa = {"transient": "time", "ac": "frequency"}.get(method)
-        axis = vectors.pop(abscissa).real if abscissa else None
-        waves = {name: _waveform(_plain(name), values) for name, values in vectors.items()}
-        common: dict[str, Any] = {
-            "simulation": self,
-            "nodes": [wave for name, wave in waves.items() if name.startswith("v(")],
-            "branches": [wave for name, wave in waves.items() if name.startswith("i(")],
-            "internal_parameters": [wave for name, wave in waves.items() if name.startswith("@")],
-        }
+        axis = None
+        if method != "operating_point":
+            name = next(iter(vectors))
+            axis = _waveform({"transient": "time", "ac": "frequency"}.get(method, "sweep"), vectors.pop(name).real)
+        common: dict[str, Any] = {"simulation": self, "nodes": [], "branches": [], "internal_parameters": []}
+        for name, values in vectors.items():
+            common[_kind(name)].append(_waveform(_plain(name), values, axis))
         if method == "transient":
-            return TransientAnalysis(time=_waveform("time", axis), **common)
+            return TransientAnalysis(time=axis, **common)
         if method == "ac":
-            return AcAnalysis(frequency=_waveform("frequency", axis), **common)
+            return AcAnalysis(frequency=axis, **common)
+        if method == "dc":
+            return DcAnalysis(sweep=axis, **common)
         return OperatingPoint(**common)
 
 
-class _InOrder(list[str]):
-    """A list that PySpice takes for its set of saved names: it asks for truth, iteration and removal."""
+def _last_frequency(parameters: Any) -> float:
+    """Return the frequency in Hz that a sweep must reach: its end, or for a logarithmic one a step before it."""
+    base = {"dec": 10.0, "oct": 2.0}.get(str(parameters.variation).lower(), 1.0)
+    step: float = base ** (1.0 / int(parameters.number_of_points))
+    return float(parameters.stop_frequency) / step
 
 
-def _waveform(name: str, values: Any) -> WaveForm:
+def _waveform(name: str, values: Any, abscissa: Any = None) -> WaveForm:
     """Return PySpice's waveform, complex where the values are (its own ``from_array`` casts to real)."""
-    waveform = WaveForm(name, None, values.shape, dtype=values.dtype)
+    waveform = WaveForm(name, None, values.shape, dtype=values.dtype, abscissa=abscissa)
     waveform[...] = values
     return waveform
+
+
+def _kind(name: str) -> str:
+    """Return under which heading PySpice looks for a vector."""
+    if "@" in name:
+        return "internal_parameters"
+    return "branches" if name.startswith("i(") else "nodes"
 
 
 def _plain(name: str) -> str:

@@ -51,6 +51,11 @@ class Drive(Parameters):
         raise NotImplementedError
 
     @property
+    def label(self) -> str:
+        """What a figure's caption says of the drive."""
+        raise NotImplementedError
+
+    @property
     def frequencies(self) -> tuple[float, ...]:
         """Frequencies present, in Hz."""
         return tuple(sorted({tone.frequency for tone in (*self.tones_a, *self.tones_b)}))
@@ -81,6 +86,11 @@ class TwoPhaseDrive(Drive):
     phase_deg: float = quantity("phase φ of group B ahead of group A", "°", default=90.0, ge=-360.0, le=360.0)
 
     @property
+    def label(self) -> str:
+        """Amplitude, frequency and phase."""
+        return f"{self.voltage:g} V at {self.frequency / 1e3:g} kHz, {self.phase_deg:g}° apart"
+
+    @property
     def tones_a(self) -> tuple[Tone, ...]:
         """The sine of group A."""
         return (Tone(self.voltage, self.frequency, 0.0),)
@@ -103,6 +113,12 @@ class TwoToneDrive(Drive):
     voltage_2: float = quantity("amplitude U₂ of the opposed tone", "V", ge=0.0, le=1e5)
     frequency_2: float = quantity("frequency f₂ of the opposed tone", "Hz", ge=1.0, le=1e8)
     phase_deg: float = quantity("phase φ of the opposed tone", "°", default=0.0, ge=-360.0, le=360.0)
+
+    @property
+    def label(self) -> str:
+        """Amplitude and frequency of both tones, and the phase."""
+        common = f"{self.voltage_1:g} V at {self.frequency_1 / 1e3:g} kHz"
+        return f"{common} ± {self.voltage_2:g} V at {self.frequency_2 / 1e3:g} kHz, {self.phase_deg:g}°"
 
     @property
     def tones_a(self) -> tuple[Tone, ...]:

@@ -19,7 +19,7 @@ from pyspice_runner.netlist.library import read_library
 
 SUBCIRCUIT = "piezomotor"
 _PARTS = ("piezomotor_mode", "piezomotor_group", "piezomotor_contact", "piezomotor_rotor")
-_SMALLEST_LOSS = 1e-9  # stands for none: a resistor of zero ohm is not allowed in SPICE
+_SMALLEST_LOSS = 3e-8  # stands for none: SPICE allows no resistor of zero ohm, and a tiny one costs digits
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ def motor_library(motor: Motor) -> str:
         "*",
         "*     a o---.---------------------------------.",
         "*           |  stator: clamped capacitance    |       1 V = 1 rad/s",
-        f"*     b o---|  and {len(motor.modes)} motional arms, tip, contact |---o shaft",
+        f"*     b o---|  {len(motor.modes):2d} motional arms, tip, contact |---o shaft",
         "*           |  and rotor                      |       1 A = 1 N.m",
         "*   com o---'---------------------------------'",
         "*",

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Run the paper's motor in ngspice, draw every figure and say what the motor did (`make demo`)."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import admittance
+import figure_5
+import patch_position
+import spin_up
+from rich.console import Console
+from style import main
+
+PARTS = {
+    "admittance.png": ("Its resonances, free and pressed on the rotor", admittance.draw),
+    "figure_5.png": ("The path of its tip (figure 5 of the paper)", figure_5.draw),
+    "spin_up.png": ("The rotor spins up", spin_up.draw),
+    "patch_position.png": ("Another place for the patches", patch_position.draw),
+}
+
+
+def draw(folder: Path) -> list[str]:
+    """Draw all figures, progress on stderr; return the story."""
+    progress = Console(stderr=True)
+    story = []
+    began = time.perf_counter()
+    for number, (picture, (title, part)) in enumerate(PARTS.items(), start=1):
+        with progress.status(f"[{number}/{len(PARTS)}] {title} …"):
+            found = part(folder)
+        progress.print(f"[green]✓[/] {title} [dim]({time.perf_counter() - began:.0f} s)[/]")
+        story += [f"{title}:", *(f"  · {line}" for line in found), f"  → {_near(folder / picture)}", ""]
+    return ["", *story[:-1]]
+
+
+def _near(path: Path) -> Path:
+    """Return a path the short way, where it lies below the working directory."""
+    here = Path.cwd()
+    return path.resolve().relative_to(here) if path.resolve().is_relative_to(here) else path
+
+
+if __name__ == "__main__":
+    main(draw, __doc__)

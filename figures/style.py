@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What all figures share: colours, sizes, the caption with the parameters, and the command line."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import textwrap
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+
+import pyspice_runner as pr
+
+HERE = Path(__file__).resolve().parent
+WIDTH = 7.5  # inches: a page's text width
+
+# Okabe and Ito's palette, which people with any colour vision can tell apart
+BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
+BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#999999"
+STATES = {"separated": GREEN, "stick": BLUE, "slip": VERMILLION}  # by their number: 0, 1, 2
+
+mpl.use("Agg")
+mpl.rcParams.update(
+    {
+        "font.size": 8.5,
+        "axes.titlesize": 9,
+        "axes.titlelocation": "left",
+        "axes.labelsize": 8.5,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.grid": True,
+        "grid.color": "#E4E4E4",
+        "grid.linewidth": 0.6,
+        "axes.axisbelow": True,
+        "legend.fontsize": 8,
+        "legend.frameon": False,
+        "lines.linewidth": 1.4,
+        "figure.constrained_layout.h_pad": 0.06,
+        "figure.constrained_layout.w_pad": 0.06,
+        "savefig.dpi": 150,
+    }
+)
+
+
+def canvas(rows: int, columns: int, height: float, **options: Any) -> tuple[Figure, Any]:
+    """Return a figure of page width and its axes."""
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, **options)
+
+
+def state_path(axes: Axes, x: np.ndarray, y: np.ndarray, state: np.ndarray, width: float = 1.8) -> None:
+    """Draw a path in the colours of the contact's state, with a ring wherever the tip touches down."""
+    points = np.column_stack([x, y])
+    number = np.rint(state).astype(int)
+    colours = [list(STATES.values())[n] for n in number[1:]]  # a state is reached by the step that ends with it
+    axes.add_collection(
+        LineCollection(
+            np.stack([points[:-1], points[1:]], axis=1), colors=colours, linewidths=width, capstyle="round", zorder=3
+        )
+    )
+    landed = np.flatnonzero((number[:-1] == 0) & (number[1:] > 0)) + 1
+    axes.plot(x[landed], y[landed], "o", ms=4.5, mfc="white", mec=BLACK, mew=0.9, zorder=4)
+    axes.autoscale_view()
+
+
+def state_handles() -> list[Line2D]:
+    """Return what a legend needs to explain :func:`state_path`."""
+    lines = [Line2D([], [], color=colour, lw=2.2, label=name) for name, colour in STATES.items()]
+    return [
+        *lines,
+        Line2D([], [], marker="o", ls="", ms=4.5, mfc="white", mec=BLACK, mew=0.9, label="touch-down (impact)"),
+    ]
+
+
+def recent(run: pr.Waveforms, periods: float) -> slice:
+    """Return the points of the last periods of the drive."""
+    start = run.time_s[-1] - periods * run.drive_period_s
+    return slice(int(np.searchsorted(run.time_s, start)), None)
+
+
+def write(figure: Figure, path: Path, title: str, caption: str, legend: Sequence[Line2D] = ()) -> None:
+    """Put title, legend and caption around a figure's axes and write it.
+
+    Raises:
+        pyspice_runner.ParameterError: if the place cannot be written.
+    """
+    height = figure.get_figheight()
+    lines = textwrap.wrap(" ".join(caption.split()), 128)
+    top = 1.0 - (0.62 if legend else 0.36) / height
+    bottom = (0.14 + 0.135 * len(lines)) / height
+    layout = figure.get_layout_engine()
+    assert isinstance(layout, ConstrainedLayoutEngine)
+    layout.set(rect=(0.0, bottom, 1.0, top - bottom))
+    left = 0.1 / WIDTH
+    figure.text(left, 1.0 - 0.1 / height, title, va="top", fontsize=11, fontweight="bold")
+    figure.text(left, 0.08 / height, "\n".join(lines), va="bottom", fontsize=7, color="#444444", linespacing=1.35)
+    if legend:
+        place = {"loc": "upper left", "bbox_to_anchor": (0.0, 1.0 - 0.33 / height)}
+        figure.legend(handles=legend, ncols=len(legend), columnspacing=1.4, **place).set_in_layout(False)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, metadata={"Software": None})
+    except OSError as error:
+        raise pr.ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
+
+
+def main(work: Callable[[Path], list[str]], what: str | None) -> None:
+    """Run a script: ``--output DIR`` says where the pictures go, the findings go to the terminal."""
+    parser = argparse.ArgumentParser(description=(what or "").partition("\n")[0])
+    parser.add_argument("--output", type=Path, default=HERE, metavar="DIR", help="where pictures go (%(default)s)")
+    try:
+        for line in work(parser.parse_args().output):
+            print(line)
+    except (pr.ParameterError, pr.SimulationError) as error:
+        print(f"{Path(sys.argv[0]).name}: {error}", file=sys.stderr)
+        sys.exit(2 if isinstance(error, pr.ParameterError) else 3)

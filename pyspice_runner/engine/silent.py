@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Faults of a netlist that ngspice passes over in silence: status 0, a clean log, and a result that is not meant.
+
+Measured with ngspice 39: an unknown name in ``.options``, an unknown parameter on the line of a subcircuit's instance,
+and an AC analysis without an AC source, which gives zeros. They are looked for before ngspice runs.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+
+# Names that ngspice 36 to 44 know: those of its analyses, then those that its front end reads from ``.options``.
+_OPTIONS = frozenset(
+    re.findall(
+        r"\w+",
+        """
+        absdv abstol accept acct autopartial badmos3 bypass chgtol convabsstep convlimit convstep copynodesets cptime
+        cshunt defad defas defl defm defw epsmin gmin gminfactor gminsteps gshunt indverbosity itl1 itl2 itl3 itl4 itl5
+        itl6 keepopinfo klu klu_memgrow_factor limpts limtim list lteabstol ltereltol ltetrtol lvlcod lvltim maxevtiter
+        maxopalter maxord method minbreak newtrunc node nodedamping nomod noopac noopalter noopiter nopage numdgt
+        oldlimit opts pivrel pivtol ramptime reldv reltol rshunt sparse srcsteps temp tnom trtol trytocompact vntol xmu
+
+        adms autostop brief enable_noisy_r interp maxwarns no_auto_gnd noacct noinit noprint noref norefvalue
+        num_threads rndseed rseries savecurrents savecurrents_bd savecurrents_bg savecurrents_bs savecurrents_bv
+        savecurrents_mos1 scale scalm seed seedinfo sim_method strict_errorhandling units warn wnflag
+        """,
+    )
+)
+
+
+def silent_fault(deck: str) -> str | None:
+    """Say what ngspice would pass over in silence in this netlist, as one sentence; ``None`` if nothing is found."""
+    lines = _statements(deck)
+    return _unknown_option(lines) or _unknown_parameter(lines) or _missing_ac_source(lines)
+
+
+def _statements(deck: str) -> list[str]:
+    """Return the lines that ngspice reads: title, comments and control section left out, continuations joined.
+
+    All is in lower case, and what stands in braces or quotes is replaced by 0.
+    """
+    joined: list[str] = []
+    for raw in deck.split("\n")[1:]:
+        line = re.split(r";|\s\$\s|//", raw.lower(), maxsplit=1)[0].strip()
+        if line.startswith("+") and joined:
+            joined[-1] += " " + line[1:]
+        elif line and not line.startswith("*"):
+            joined.append(line)
+    statements, control = [], False
+    for line in joined:
+        if line.startswith(".control"):
+            control = True
+        elif line.startswith(".endc"):
+            control = False
+        elif not control:
+            statements.append(re.sub(r"\s*=\s*", "=", _without_expressions(line)))
+    return statements
+
+
+def _without_expressions(line: str) -> str:
+    previous = ""
+    while previous != line:
+        previous, line = line, re.sub(r"\{[^{}]*\}|'[^']*'|\"[^\"]*\"", "0", line)
+    return line
+
+
+def _names(words: list[str]) -> list[str]:
+    """Return the names of ``name=value`` among words."""
+    return [word.partition("=")[0] for word in words if "=" in word]
+
+
+def _unknown_option(lines: list[str]) -> str | None:
+    for line in lines:
+        keyword, *words = re.split(r"[\s,]+", line)
+        if keyword not in (".option", ".options", ".opt"):
+            continue
+        for word in filter(None, words):
+            name = word.partition("=")[0]
+            if name not in _OPTIONS:
+                close = difflib.get_close_matches(name, _OPTIONS, n=1)
+                hint = f"; did you mean {close[0]}?" if close else "."
+                return f"ngspice has no option {name} and would pass over it in silence{hint}"
+    return None
+
+
+def _unknown_parameter(lines: list[str]) -> str | None:
+    known: dict[str, set[str]] = {}
+    for line in lines:
+        if line.startswith(".subckt"):
+            words = line.split()
+            known.setdefault(words[1] if len(words) > 1 else "", set()).update(_names(words))
+    for line in lines:
+        if not line.startswith("x"):
+            continue
+        words = line.split()
+        plain = [word for word in words if "=" not in word and word != "params:"]
+        subcircuit = plain[-1]
+        for name in _names(words):
+            if subcircuit in known and name not in known[subcircuit] | {"m"}:  # m multiplies any instance
+                has = ", ".join(sorted(known[subcircuit])) or "none"
+                return (
+                    f"Subcircuit {subcircuit} has no parameter {name}, and ngspice would pass over it in silence "
+                    f"on the line of {words[0]}; it has {has}."
+                )
+    return None
+
+
+def _missing_ac_source(lines: list[str]) -> str | None:
+    if not any(line.split()[0] == ".ac" for line in lines):
+        return None
+    if any(line.startswith((".inc", ".lib")) for line in lines):
+        return None  # a source may be in there
+    if any(line[0] in "vi" and "ac" in re.split(r"[\s=(]+", line) for line in lines):
+        return None
+    return "The netlist asks for an AC analysis, but no source has an AC value, so that all results would be zero."

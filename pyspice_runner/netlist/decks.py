@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The decks of ``netlists/``: complete circuits that run by ``ngspice -b FILE``, without Python.
+
+``python -m pyspice_runner.netlist.decks`` writes them anew; a test proves that the ones checked in are fresh. They hold
+the motor's own parameters, not those adapted to a time step, so that the step may be changed by hand.
+"""
+
+from __future__ import annotations
+
+import sys
+import textwrap
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from PySpice.Spice.Netlist import Circuit
+from PySpice.Spice.Simulation import CircuitSimulation
+
+from pyspice_runner.model.contact import resonance_under_preload
+from pyspice_runner.model.drive import Drive, TwoPhaseDrive, TwoToneDrive
+from pyspice_runner.model.load import load_motor
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.netlist.benches import (
+    AC_OPTIONS,
+    TRANSIENT_OPTIONS,
+    admittance_bench,
+    plate_voltages,
+    transient_bench,
+)
+from pyspice_runner.netlist.library import data_path
+
+MOTOR = "andersen2002"
+_STEP = 100e-9  # s: twice the default slider_time of the contact, 180 points a period at 55 kHz
+_TAIL_PERIODS = 20  # at the end of a run, over which it is measured
+
+
+def deck_texts() -> dict[str, str]:
+    """Return file name → text of every deck."""
+    motor = load_motor(MOTOR)
+    return {f"{name}.cir": write(motor) for name, write in _DECKS.items()}
+
+
+def write_decks(folder: Path) -> list[Path]:
+    """Write every deck into a folder and return the files."""
+    paths = []
+    for name, text in deck_texts().items():
+        path = folder / name
+        path.write_text(text, encoding="utf-8", newline="\n")
+        paths.append(path)
+    return paths
+
+
+def _admittance(motor: Motor, *, preloaded: bool) -> str:
+    state = "pressed on the rotor, the contact linearised where it rests" if preloaded else "its tip free"
+    circuit = admittance_bench(motor, preloaded=preloaded, title=f"{motor.name}: admittance, {state}")
+    for node, (source, copy) in {"y_aa": ("Va", 1), "y_ba": ("Vb", 1), "y_ab": ("Va", 2), "y_bb": ("Vb", 2)}.items():
+        circuit.CurrentControlledVoltageSource(node, node, circuit.gnd, f"{source}{copy}", -1)
+    circuit.raw_spice += "\n".join(
+        [
+            "* both groups together (A+B) and against each other (A-B)",
+            "Bsum y_sum 0 V=V(y_aa)+V(y_ab)+V(y_ba)+V(y_bb)",
+            "Bdifference y_difference 0 V=V(y_aa)-V(y_ab)-V(y_ba)+V(y_bb)\n",
+        ]
+    )
+    measures = {
+        "conductance_bending_1_s": "MAX v(y_sum) FROM=10k TO=25k",  # of a complex vector ngspice takes the real part
+        "conductance_bending_2_s": "MAX v(y_difference) FROM=45k TO=60k",
+    }
+    simulation = _simulation(circuit, AC_OPTIONS, "ac", measures)
+    simulation.ac(variation="lin", number_of_points=9501, start_frequency=5e3, stop_frequency=100e3)
+    return _finish(
+        simulation,
+        f"""The electrical two-port of the stator, {state}. The voltages of y_aa, y_ab, y_ba and
+        y_bb are the admittances in S; y_sum is both groups driven alike, y_difference both driven against each other.
+        Prints the greatest conductance of each mode, at its series resonance.""",
+    )
+
+
+def _transient(
+    motor: Motor, drive: Drive, what: str, *, contact: bool = True, duration: float, load_torque: float = 0.0
+) -> str:
+    circuit = transient_bench(
+        motor,
+        drive,
+        contact=contact,
+        load_torque=load_torque,
+        title=f"{motor.name}: {what.split('.')[0]}",
+    )
+    tail = f"FROM={duration - _TAIL_PERIODS * drive.period:.9g} TO={duration:g}"
+    measures = {"tip_x_peak_to_peak_um": f"PP v(xmotor.x) {tail}", "tip_y_peak_to_peak_um": f"PP v(xmotor.y) {tail}"}
+    if contact:
+        measures |= {
+            "normal_force_least_n": f"MIN v(xmotor.normal) {tail}",
+            "normal_force_greatest_n": f"MAX v(xmotor.normal) {tail}",
+            "friction_force_mean_n": f"AVG v(xmotor.friction) {tail}",
+            "rotor_speed_mean_rad_s": f"AVG v(shaft) {tail}",
+        }
+    simulation = _simulation(circuit, TRANSIENT_OPTIONS, "tran", measures)
+    charged = {node: value for node, value in plate_voltages(drive).items() if value}
+    if charged:
+        simulation.initial_condition(**charged)
+    simulation.transient(step_time=_STEP, end_time=duration, max_time=_STEP, use_initial_condition=True)
+    return _finish(
+        simulation,
+        f"""{what} To plot, inside ngspice: v(xmotor.x), v(xmotor.y), v(xmotor.slider) in um, v(xmotor.normal),
+        v(xmotor.friction) in N, v(xmotor.state) 0 separated 1 stick 2 slip, v(shaft) in rad/s.""",
+    )
+
+
+def _ellipse(motor: Motor) -> str:
+    return _transient(
+        motor,
+        TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0),
+        "Ellipse. Two phases at the second resonance, eq. (1): the tip writes a flat ellipse and turns the rotor.",
+        duration=3e-3,
+    )
+
+
+def _figure_eight(motor: Motor) -> str:
+    return _transient(
+        motor,
+        TwoToneDrive(voltage_1=50.0, frequency_1=25e3, voltage_2=50.0, frequency_2=50e3, phase_deg=0.0),
+        "Figure eight. A common tone and its octave, opposed, eq. (2): the tip writes an eight.",
+        duration=3e-3,
+    )
+
+
+def _first_resonance(motor: Motor) -> str:
+    return _transient(
+        motor,
+        TwoPhaseDrive(voltage=30.0, frequency=resonance_under_preload(motor.contact, motor.modes[0]), phase_deg=0.0),
+        "First resonance. Both groups in phase at the first resonance under preload: the tip hammers on the rotor.",
+        duration=3e-3,
+    )
+
+
+def _spin_up(motor: Motor) -> str:
+    return _transient(
+        motor,
+        TwoPhaseDrive(voltage=100.0, frequency=51.7e3, phase_deg=90.0),
+        "Spin-up. The rotor starts from rest against a load torque of 20 uN.m.",
+        duration=20e-3,
+        load_torque=20e-6,
+    )
+
+
+_DECKS: dict[str, Callable[[Motor], str]] = {
+    "free_admittance": lambda motor: _admittance(motor, preloaded=False),
+    "preloaded_admittance": lambda motor: _admittance(motor, preloaded=True),
+    "ellipse": _ellipse,
+    "figure_eight": _figure_eight,
+    "first_resonance": _first_resonance,
+    "spin_up": _spin_up,
+}
+
+
+def _simulation(
+    circuit: Circuit, options: Mapping[str, str], analysis: str, measures: Mapping[str, str]
+) -> CircuitSimulation:
+    simulation = CircuitSimulation(circuit)
+    for name in ("TEMP", "TNOM"):  # nothing here depends on them
+        simulation._options.pop(name)
+    simulation.options(**options)
+    for name, what in measures.items():
+        simulation.measure(analysis, name, what)
+    return simulation
+
+
+def _finish(simulation: CircuitSimulation, description: str) -> str:
+    """Return the deck with its header between title and circuit."""
+    simulation.SIMULATOR = "ngspice"
+    title, _, body = str(simulation).partition("\n")
+    header = [
+        "SPDX-License-Identifier: GPL-3.0-or-later",
+        "",
+        *textwrap.wrap(" ".join(description.split()), 110),
+        "",
+        "Run: ngspice -b THIS_FILE. Written by python -m pyspice_runner.netlist.decks; do not edit, copy.",
+        "Units and nodes are explained in behavioral/CONVENTIONS.md.",
+        "",
+    ]
+    return "\n".join([title, *(f"* {line}".rstrip() for line in header), body.rstrip(), ""])
+
+
+if __name__ == "__main__":
+    for written in write_decks(data_path("netlists")):
+        sys.stdout.write(f"{written}\n")

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures of results. matplotlib loads here and nowhere else; files are written without a display."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from pyspice_runner.errors import ParameterError
+
+if TYPE_CHECKING:
+    from pyspice_runner.analysis.admittance import Admittance
+    from pyspice_runner.analysis.waveforms import Waveforms
+    from pyspice_runner.model.motor import Motor
+
+# Okabe and Ito's palette, told apart by colour-blind readers
+BLUE, ORANGE, GREEN, VERMILION, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#7F7F7F"
+STATE_COLOURS = {0: GREY, 1: BLUE, 2: VERMILION}
+STATE_NAMES = {0: "separated", 1: "stick", 2: "slip"}
+
+
+def plot_waveforms(run: Waveforms, path: str | Path) -> Path:
+    """Draw a run: rotor speed, and over its last drive periods the tip's path, the forces and the currents."""
+    figure, axes = _figure(2, 2)
+    speed, trajectory, forces, electrical = axes.flat
+    milliseconds = 1e3 * run.time_s
+    speed.plot(milliseconds, run.rotor_speed_rad_s, color=BLUE)
+    speed.set(xlabel="time in ms", ylabel="rotor speed in rad/s", title="Rotor")
+
+    last = run.time_s >= run.time_s[-1] - 3.0 * run.drive_period_s
+    microseconds = 1e6 * (run.time_s[last] - run.time_s[last][0])
+    points = np.column_stack([1e6 * run.tip_x_m[last], 1e6 * run.tip_y_m[last]])
+    states = np.rint(run.contact_state[last]).astype(int)
+    segments = np.stack([points[:-1], points[1:]], axis=1)
+    colours = [STATE_COLOURS[state] for state in states[1:]]
+    trajectory.add_collection(LineCollection(list(segments), colors=colours, linewidths=2))
+    trajectory.autoscale()
+    for state in sorted(set(states)):
+        trajectory.plot([], [], color=STATE_COLOURS[state], label=STATE_NAMES[state])
+    trajectory.set(xlabel="tip x in µm", ylabel="tip y in µm", title="Path of the tip, last 3 drive periods")
+    trajectory.legend()
+
+    forces.plot(microseconds, run.normal_force_n[last], color=BLUE, label="normal")
+    forces.plot(microseconds, run.friction_force_n[last], color=VERMILION, linestyle="--", label="friction")
+    forces.set(xlabel="time in µs", ylabel="force in N", title="Contact forces")
+    forces.legend()
+
+    electrical.plot(microseconds, 1e3 * run.current_a_a[last], color=BLUE, label="group A")
+    electrical.plot(microseconds, 1e3 * run.current_b_a[last], color=ORANGE, linestyle="--", label="group B")
+    electrical.set(xlabel="time in µs", ylabel="current in mA", title="Currents")
+    electrical.legend()
+    motor = run.provenance["motor"]
+    made_by = f"{motor['name']}, {motor['contact']['preload_n']:g} N preload"
+    figure.suptitle(f"{made_by}: {run.provenance['drive']['label']}", fontsize=10)
+    return _save(figure, path)
+
+
+def plot_admittance(result: Admittance, path: str | Path) -> Path:
+    """Draw |Y|, phase and the G–B circle for A+B and A−B."""
+    figure, axes = _figure(1, 3, width=13.0, height=4.2)
+    magnitude, phase, circle = axes.flat
+    kilohertz = 1e-3 * result.frequency_hz
+    for connection, colour, style in (("A+B", BLUE, "-"), ("A-B", VERMILION, "--")):
+        y = result.driven(connection)  # type: ignore[arg-type]
+        magnitude.semilogy(kilohertz, 1e3 * np.abs(y), style, color=colour, label=connection)
+        phase.plot(kilohertz, np.degrees(np.angle(y)), style, color=colour)
+        circle.plot(1e3 * y.real, 1e3 * y.imag, style, color=colour)
+    magnitude.set(xlabel="frequency in kHz", ylabel="|Y| in mS", title="Admittance")
+    phase.set(xlabel="frequency in kHz", ylabel="phase in degrees", title="Phase")
+    circle.set(xlabel="conductance G in mS", ylabel="susceptance B in mS", title="G–B circle")
+    magnitude.legend()
+    figure.suptitle(f"{result.motor['name']}, {result.state}", fontsize=10)
+    return _save(figure, path)
+
+
+def plot_mode_shapes(motor: Motor, path: str | Path) -> Path:
+    """Draw the mode shapes on the beam, with patches and tip.
+
+    Raises:
+        ParameterError: for a motor that was not given by its beam.
+    """
+    if motor.structure is None:
+        raise ParameterError(f"Motor {motor.name} is given by its modes, not by a beam; there are no shapes to draw.")
+    from pyspice_runner.model.beam import solve_resonator
+
+    structure = motor.structure
+    resonator = solve_resonator(structure.beam, structure.patches, structure.tip, count=len(motor.modes))
+    x = np.linspace(0.0, structure.beam.length_m, 401)
+    figure, axes = _figure(1, 1, width=7.0, height=4.0)
+    (axis,) = axes.flat
+    colours, styles = (BLUE, VERMILION, GREEN, ORANGE), ("-", "--", "-.", ":")
+    for index, (mode, shape) in enumerate(zip(motor.modes, resonator.deflection(x).T, strict=True)):
+        label = f"{mode.name}, {mode.frequency_hz / 1e3:.4g} kHz"
+        axis.plot(1e3 * x, shape, styles[index % 4], color=colours[index % 4], label=label)
+    for patch in structure.patches:
+        axis.axvspan(1e3 * patch.start_m, 1e3 * patch.end_m, color=GREY, alpha=0.15)
+        axis.text(0.5e3 * (patch.start_m + patch.end_m), -1.15, f"group {patch.group}", ha="center", color="0.3")
+    axis.axvline(1e3 * structure.tip.position_m, color="0.3", linewidth=1, linestyle=":")
+    axis.set(xlabel="position along the beam in mm", ylabel="deflection (largest = 1)", ylim=(-1.3, 1.3))
+    axis.set_title(f"{motor.name}: bending modes (dotted: tip)")
+    axis.legend()
+    return _save(figure, path)
+
+
+def plot_motors(motors: Sequence[Motor], path: str | Path) -> Path:
+    """Draw the mode frequencies of several motors side by side."""
+    figure, axes = _figure(1, 1, width=7.0, height=1.6 + 0.5 * len(motors))
+    (axis,) = axes.flat
+    for row, motor in enumerate(motors):
+        axis.plot([mode.frequency_hz / 1e3 for mode in motor.modes], [row] * len(motor.modes), "o", color=BLUE)
+    axis.set_yticks(range(len(motors)), [motor.name for motor in motors])
+    axis.set(xlabel="frequency in kHz", title="Modes of the parameter sets", ylim=(-0.7, len(motors) - 0.3))
+    return _save(figure, path)
+
+
+def _figure(rows: int, columns: int, *, width: float = 10.0, height: float = 7.0) -> tuple[Figure, Any]:
+    with matplotlib.rc_context({"font.size": 9}):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(rows, columns, squeeze=False)
+    for axis in axes.flat:
+        axis.grid(True, alpha=0.3)
+    return figure, axes
+
+
+def _save(figure: Figure, path: str | Path) -> Path:
+    path = Path(path)
+    if path.suffix not in (".png", ".svg", ".pdf"):
+        raise ParameterError(f"Cannot tell a picture format from {path.name!r}; let it end in .png, .svg or .pdf.")
+    try:
+        figure.savefig(path, dpi=150)
+    except OSError as error:
+        raise ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
+    return path
