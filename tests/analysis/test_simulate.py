@@ -169,5 +169,5 @@ def test_an_unwritable_place_is_said_in_one_sentence(run: pr.Waveforms, tmp_path
 
 
 def test_a_timeout_ends_the_run(motor: pr.Motor) -> None:
-    with pytest.raises(pr.SimulationError, match="did not finish within 0.2 s"):
+    with pytest.raises(pr.SimulationError, match=r"did not finish within 0\.2 s"):
         pr.simulate(motor, DRIVE, duration=1.0, timeout=0.2)

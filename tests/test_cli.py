@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command as a user types it: results, files, exit statuses, and what it says when it refuses."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.cli import _engineering, run
+
+SHORT = ["simulate", "andersen2002", "--duration", "2e-4"]
+
+
+def command(*words: str, cwd: Path | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-W", "error", "-m", "pyspice_runner", *words],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": str(Path(pr.__file__).parents[1]), **environment},
+        timeout=120,
+        check=False,
+    )
+
+
+def sentences(text: str) -> int:
+    """Count sentences; a dot inside a number, a name or an ending does not end one."""
+    return len(re.findall(r"[.?!](?=\s|$)", text.strip()))
+
+
+def test_show_prints_the_json_that_others_rely_on() -> None:
+    done = command("show", "andersen2002", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    motor = json.loads(done.stdout)
+    assert set(motor) == {"name", "modes", "piezo", "contact", "rotor"}
+    assert set(motor["modes"][0]) == {
+        "name",
+        "frequency_hz",
+        "mass_kg",
+        "damping_n_s_per_m",
+        "stiffness_n_per_m",
+        "coupling_a_n_per_v",
+        "coupling_b_n_per_v",
+        "tip_x",
+        "tip_y",
+    }
+    assert {"capacitance_a_f", "capacitance_b_f", "loss_tangent"} <= set(motor["piezo"])
+    assert set(motor["contact"]) == {
+        "normal_stiffness_n_per_m15",
+        "tangential_compliance_tip_m_per_n23",
+        "tangential_compliance_rotor_m_per_n23",
+        "friction",
+        "preload_n",
+    }
+    assert set(motor["rotor"]) == {"radius_m", "inertia_kg_m2", "bearing_damping_n_m_s"}
+    assert [mode["frequency_hz"] for mode in motor["modes"]] == pytest.approx([13.5e3, 51.7e3], rel=1e-3)
+
+
+def test_simulate_prints_one_json_object_and_writes_what_is_asked(tmp_path: Path) -> None:
+    done = command(*SHORT, "--json", "--output", "run.csv", "--plot", "run.png", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    summary = json.loads(done.stdout)
+    assert {"mean_rotor_speed_rad_s", "mean_torque_n_m", "state_fractions", "energy_residual"} <= set(summary)
+    assert (tmp_path / "run.csv").read_text(encoding="utf-8").startswith("time_s,")
+    assert (tmp_path / "run.png").stat().st_size > 20_000
+
+
+def test_settings_reach_the_run(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--drive", "two-tone", "--frequency-1", "20e3", "--frequency-2", "40e3", "--set", "contact.preload_n=8"]
+    assert run([*SHORT, *words, "--speed", "1.5", "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["drive"]["frequency_2"] == 40e3
+    assert summary["motor"]["contact"]["preload_n"] == 8.0
+    assert summary["mean_rotor_speed_rad_s"] == pytest.approx(1.5)
+
+
+def test_every_command_speaks_both_ways(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words, ending in (
+        (["motors"], "csv"),
+        (["show", "andersen2002"], "csv"),
+        (["admittance", "andersen2002", "--points", "20"], "nc"),
+        (["export", "andersen2002"], "lib"),
+        (SHORT, "cir"),
+    ):
+        output, plot = tmp_path / f"{words[0]}.{ending}", tmp_path / f"{words[0]}.png"
+        assert run([*words, "--json", "--output", str(output), "--plot", str(plot)]) == 0
+        assert isinstance(json.loads(capsys.readouterr().out), dict)
+        assert output.stat().st_size > 0
+        assert plot.stat().st_size > 5_000
+        assert run(words) == 0
+        assert "andersen2002" in capsys.readouterr().out
+
+
+def test_the_deck_that_simulate_writes_runs_by_itself(tmp_path: Path) -> None:
+    assert run([*SHORT, "--output", str(tmp_path / "run.cir")]) == 0
+    done = subprocess.run(
+        ["ngspice", "-b", "-r", "out.raw", "run.cir"], cwd=tmp_path, capture_output=True, timeout=60, check=False
+    )
+    assert done.returncode == 0
+    assert (tmp_path / "out.raw").stat().st_size > 10_000
+
+
+def test_alone_it_says_what_to_try_first() -> None:
+    done = command()
+    assert "Try first" in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["simulate", "andersen2003"], "Did you mean 'andersen2002'?"),
+        (["simulate", "nowhere.toml"], "no file 'nowhere.toml'"),
+        (["simulate", "andersen2002", "--voltage", "1e9"], "voltage = 1e+09 V is refused"),
+        (["simulate", "andersen2002", "--duration", "nan"], "duration = nan s is refused"),
+        (["simulate", "andersen2002", "--set", "contact.preload_n=-1"], "contact.preload_n = -1 N is refused"),
+        (["simulate", "andersen2002", "--set", "contact.preload=1"], "Did you mean"),
+        (["simulate", "andersen2002", "--set", "friction"], "not PATH=VALUE"),
+        (["simulate", "andersen2002", "--set", "contact.friction=rough"], "'rough' is not a number"),
+        (["simulate", "andersen2002", "--drive", "two-tone"], "needs --frequency-1 and --frequency-2"),
+        (["simulate", "andersen2002", "--output", "run.doc"], "let it end in .csv"),
+        (["simulate", "andersen2002", "--output", "no/such/run.csv"], "a folder that does not exist"),
+        (["simulate", "andersen2002", "--plot", "run.bmp"], "let it end in .png"),
+        (["admittance", "andersen2002", "--start", "0"], "start = 0 Hz"),
+        (["simulate", "andersen2002", "--voltage", "much"], "--voltage"),
+        (["simulate", "andersen2002", "--volt", "5"], "--volt"),
+        (["fly"], "fly"),
+        (["show"], "MOTOR"),
+    ],
+)
+def test_refused_input_ends_with_2_and_a_sentence_or_two(words: list[str], says: str, tmp_path: Path) -> None:
+    done = command(*words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    assert says in re.sub(r"[\s│]+", " ", done.stderr)
+    if done.stderr.startswith("piezomotor: "):  # the others are typer's own, with its usage line
+        assert 1 <= sentences(done.stderr) <= 2
+
+
+def test_a_toml_with_a_typo_is_refused_by_name(tmp_path: Path) -> None:
+    from pyspice_runner.model.load import SETS
+
+    text = (SETS / "andersen2002.toml").read_text(encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(text.replace("preload_n", "prelaod_n"), encoding="utf-8")
+    done = command("show", "mine.toml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.strip().replace("\n", " ") == (
+        "piezomotor: mine.toml: there is no 'contact.prelaod_n'. Did you mean 'preload_n'?"
+    )
+
+
+def test_a_missing_ngspice_ends_with_3_and_how_to_install_it(tmp_path: Path) -> None:
+    done = command(*SHORT, PATH=str(tmp_path))
+    assert done.returncode == 3
+    assert "Traceback" not in done.stderr
+    assert "ngspice is not on the PATH" in done.stderr
+    assert "apt-get install ngspice" in done.stderr
+
+
+def test_a_simulator_that_fails_ends_with_3() -> None:
+    done = command("simulate", "andersen2002", "--duration", "1", "--timeout", "0.3")
+    assert done.returncode == 3
+    assert "did not finish within 0.3 s" in done.stderr
+
+
+def test_an_unwritable_output_is_refused_before_the_run(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").mkdir()
+    done = command("simulate", "andersen2002", "--duration", "1", "--output", "run.csv", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "it is a folder" in done.stderr
+
+
+def test_a_reader_that_leaves_is_no_failure() -> None:
+    shell = f"{sys.executable} -m pyspice_runner export andersen2002 | head -n 1"
+    environment = {**os.environ, "PYTHONPATH": str(Path(pr.__file__).parents[1])}
+    done = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {shell}"],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [(3522.6, "Ω", "3.523 kΩ"), (5.9e-11, "F", "59 pF"), (0.12, "H", "120 mH"), (0.0, "H", "0 H"), (7.0, "Hz", "7 Hz")],
+)
+def test_values_are_written_with_a_prefix(value: float, unit: str, text: str) -> None:
+    assert _engineering(value, unit).replace("\N{NO-BREAK SPACE}", " ") == text
