@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Write ``docs/accuracy.md``: the SPICE model against the independent integrator. Run as ``python -m docs.accuracy``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.analysis.test_reference import (
+    GAIN_POINT,
+    GAIN_STEPS,
+    POINTS,
+    gain,
+    ours,
+    reference,
+    speed_error,
+    state_error,
+    trajectory_error,
+)
+
+PAGE = Path(__file__).with_name("accuracy.md")
+
+
+def page() -> str:
+    """Return the page, freshly measured."""
+    lines = [
+        "<!-- Written by `python -m docs.accuracy`; a test holds the numbers against a new measurement. -->",
+        "# Accuracy",
+        "",
+        "`simulate` with its default step (128 points a period of the fastest motion) against the independent, event-driven",
+        "integrator of `tests/reference`, which is converged to 1e-8 and shares no code with the package. 4 ms from rest under",
+        "preload; the motor is `andersen2002` but for the last row. Trajectory: RMS distance of the tip from the reference's,",
+        "over the RMS of the tip's motion. States: largest deviation of a state's share of time, in percentage points. Speed:",
+        "deviation of the mean rotor speed over the last whole periods, of the peak speed. Energy: residual of the balance over",
+        "the energy put in. Required are 0.5 %, 1, 1 % and 0.1 %.",
+        "",
+        "| operating point | drive, preload | trajectory % | states | speed % | energy | separated / stick / slip |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for name, point in POINTS.items():
+        run = ours(name)
+        shares = " / ".join(f"{100 * share:.1f}" for share in reference(name).state_fractions.values())
+        lines.append(
+            f"| {name} | {point.drive.label}; {point.preload:g} N | {100 * trajectory_error(name, run):.3f} "
+            f"| {100 * state_error(name, run):.2f} | {100 * speed_error(name, run):.3f} "
+            f"| {run.energy_residual:.0e} | {shares} |"
+        )
+    lines += [
+        "",
+        "None of these motions is chaotic: two reference runs whose starts lie 1 pm apart stay within 1 nm.",
+        "",
+        "## What the discretisation gains",
+        "",
+        "The trapezoidal rule shows a resonance ω at (2/h) atan(ωh/2). `simulate` writes the modes' mass and stiffness so that",
+        f"it resonates at ω all the same ([physics](physics.md)). Trajectory error at “{GAIN_POINT}”, by step:",
+        "",
+        "| step µs | plain % | exact at resonance % | gain |",
+        "|---|---|---|---|",
+    ]
+    for step in GAIN_STEPS:
+        plain, exact = gain(step)
+        lines.append(f"| {1e6 * step:g} | {100 * plain:.3f} | {100 * exact:.4f} | {plain / exact:.0f} |")
+    lines += [
+        "",
+        "Both are of second order: halving the step quarters the error. The adapted values cost nothing; they belong to a run",
+        "with a uniform step, never to an exported library.",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8", newline="\n")
