@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.cli import _engineering, run
+from pyspice_runner.cli import run
+from pyspice_runner.commands.common import engineering
 
 SHORT = ["simulate", "andersen2002", "--duration", "2e-4"]
 
@@ -196,4 +197,4 @@ def test_a_reader_that_leaves_is_no_failure() -> None:
     [(3522.6, "Ω", "3.523 kΩ"), (5.9e-11, "F", "59 pF"), (0.12, "H", "120 mH"), (0.0, "H", "0 H"), (7.0, "Hz", "7 Hz")],
 )
 def test_values_are_written_with_a_prefix(value: float, unit: str, text: str) -> None:
-    assert _engineering(value, unit).replace("\N{NO-BREAK SPACE}", " ") == text
+    assert engineering(value, unit).replace("\N{NO-BREAK SPACE}", " ") == text

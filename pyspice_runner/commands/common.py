@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the commands share: their common options, and how they load, refuse, write and print."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from math import floor, log10
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+import pyspice_runner as pr
+
+MotorArgument = Annotated[str, typer.Argument(metavar="MOTOR", help="A parameter set, or the path of a TOML file.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+OutputOption = Annotated[Path | None, typer.Option("--output", help="Write the result to a file, by its ending.")]
+PlotOption = Annotated[Path | None, typer.Option("--plot", help="Draw the result: a .png, .svg or .pdf file.")]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="PATH=VALUE", help="Change a parameter, as contact.preload_n=8. Repeatable."),
+]
+TimeoutOption = Annotated[float | None, typer.Option(help="End ngspice after this many seconds.")]
+
+
+def load_changed(motor: str, changes: list[str] | None) -> pr.Motor:
+    """Return the motor with the values of ``--set`` in place."""
+    loaded = pr.load_motor(motor)
+    if not changes:
+        return loaded
+    values: dict[str, Any] = {}
+    for change in changes:
+        path, equals, text = change.partition("=")
+        if not equals:
+            raise pr.ParameterError(f"--set {change!r} is not PATH=VALUE; write it as contact.preload_n=8.")
+        try:
+            values[path.strip()] = float(text)
+        except ValueError:
+            raise pr.ParameterError(f"--set {path}: {text!r} is not a number. Give one, in SI units.") from None
+    return loaded.updated(values)
+
+
+def check_targets(output: Path | None, endings: tuple[str, ...], plot: Path | None) -> None:
+    """Refuse a place that cannot be written before any work is done."""
+    for path, allowed in ((output, endings), (plot, (".png", ".svg", ".pdf"))):
+        if path is None:
+            continue
+        if path.suffix not in allowed:
+            raise pr.ParameterError(f"Cannot tell a format from {path.name!r}; let it end in {', '.join(allowed)}.")
+        if path.is_dir() or not path.absolute().parent.is_dir():
+            what = "is a folder" if path.is_dir() else "is in a folder that does not exist"
+            raise pr.ParameterError(f"Cannot write {path}: it {what}. Choose another place.")
+        if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
+            raise pr.ParameterError(f"Cannot write {path}: permission denied. Choose another place.")
+
+
+def guarded(path: Path, write: Callable[[], object]) -> None:
+    """Write a file; say in a sentence why it cannot be written."""
+    try:
+        write()
+    except OSError as error:
+        raise pr.ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
+
+
+def write_table(path: Path, document: Mapping[str, Any], rows: list[list[str]]) -> None:
+    """Write a result as ``.json``, or its rows as ``.csv``."""
+    text = (
+        json.dumps(document, indent=2, allow_nan=False)
+        if path.suffix == ".json"
+        else "\n".join(",".join(row) for row in rows)
+    )
+    guarded(path, lambda: path.write_text(text + "\n", encoding="utf-8"))
+
+
+def show_result(document: Mapping[str, Any], table: Table, as_json: bool) -> None:
+    """Print a result: the JSON object alone, or a table for the eye."""
+    if as_json:
+        sys.stdout.write(json.dumps(document, allow_nan=False) + "\n")
+    else:
+        Console().print(table)
+    sys.stdout.flush()
+
+
+def leaves(document: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield dotted path and value of every leaf."""
+    items = document.items() if isinstance(document, dict) else enumerate(document)
+    for key, value in items:
+        path = f"{prefix}.{key}" if prefix else str(key)
+        if isinstance(value, dict | list):
+            yield from leaves(value, path)
+        else:
+            yield path, value
+
+
+def engineering(value: float, unit: str) -> str:
+    """Write a value with four digits and the prefix of its unit."""
+    exponent = 0 if value == 0.0 else min(max(floor(log10(abs(value)) / 3), -5), 3)
+    return f"{value / 1000.0**exponent:.4g}\N{NO-BREAK SPACE}{'fpnµm kMG'[exponent + 5].strip()}{unit}"
+
+
+@contextmanager
+def busy(what: str) -> Iterator[None]:
+    """Show on a terminal that something runs."""
+    console = Console(stderr=True)
+    if console.is_terminal:
+        with console.status(f"{what} …"):
+            yield
+    else:
+        yield
