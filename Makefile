@@ -13,7 +13,7 @@ setup: ## install what is missing: ngspice, and the package with its test tools 
 
 demo: ## run the motor and draw what it does
 	@sh scripts/setup.sh
-	@$(PY) figures/demo.py
+	@$(PY) figures/demo.py --output demo
 
 test: lint ## lint, then run every test, the wheel's included
 	$(PY) -m pytest -n $(JOBS) --dist loadgroup

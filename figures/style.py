@@ -22,11 +22,13 @@ import pyspice_runner as pr
 
 HERE = Path(__file__).resolve().parent
 WIDTH = 7.5  # inches: a page's text width
+CAPTION_COLUMNS = 128
 
 # Okabe and Ito's palette, which people with any colour vision can tell apart
-BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
-BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#999999"
-STATES = {"separated": GREEN, "stick": BLUE, "slip": VERMILLION}  # by their number: 0, 1, 2
+BLACK, ORANGE, GREEN, BLUE = "#000000", "#E69F00", "#009E73", "#0072B2"
+VERMILLION, PURPLE, GREY = "#D55E00", "#CC79A7", "#999999"
+STATES = {"separated": GREEN, "stick": BLUE, "slip": VERMILLION}  # in the order of their numbers 0, 1, 2
+TOUCH_DOWN = {"marker": "o", "ls": "", "ms": 4.5, "mfc": "white", "mec": BLACK, "mew": 0.9}
 
 mpl.use("Agg")
 mpl.rcParams.update(
@@ -52,7 +54,7 @@ mpl.rcParams.update(
 
 
 def canvas(rows: int, columns: int, height: float, **options: Any) -> tuple[Figure, Any]:
-    """Return a figure of page width and its axes."""
+    """Return a figure of page width, ``height`` in inches, and its axes."""
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
     return figure, figure.subplots(rows, columns, **options)
 
@@ -62,29 +64,40 @@ def state_path(axes: Axes, x: np.ndarray, y: np.ndarray, state: np.ndarray, widt
     points = np.column_stack([x, y])
     number = np.rint(state).astype(int)
     colours = [list(STATES.values())[n] for n in number[1:]]  # a state is reached by the step that ends with it
-    axes.add_collection(
-        LineCollection(
-            np.stack([points[:-1], points[1:]], axis=1), colors=colours, linewidths=width, capstyle="round", zorder=3
-        )
-    )
+    pieces = np.stack([points[:-1], points[1:]], axis=1)
+    axes.add_collection(LineCollection(pieces, colors=colours, linewidths=width, capstyle="round", zorder=3))
     landed = np.flatnonzero((number[:-1] == 0) & (number[1:] > 0)) + 1
-    axes.plot(x[landed], y[landed], "o", ms=4.5, mfc="white", mec=BLACK, mew=0.9, zorder=4)
+    axes.plot(x[landed], y[landed], **TOUCH_DOWN, zorder=4)
     axes.autoscale_view()
 
 
 def state_handles() -> list[Line2D]:
     """Return what a legend needs to explain :func:`state_path`."""
     lines = [Line2D([], [], color=colour, lw=2.2, label=name) for name, colour in STATES.items()]
-    return [
-        *lines,
-        Line2D([], [], marker="o", ls="", ms=4.5, mfc="white", mec=BLACK, mew=0.9, label="touch-down (impact)"),
-    ]
+    return [*lines, Line2D([], [], **TOUCH_DOWN, label="touch-down (impact)")]
 
 
 def recent(run: pr.Waveforms, periods: float) -> slice:
     """Return the points of the last periods of the drive."""
     start = run.time_s[-1] - periods * run.drive_period_s
     return slice(int(np.searchsorted(run.time_s, start)), None)
+
+
+def motor_words(motor: pr.Motor) -> str:
+    """Return a caption's first sentence: the motor and its contact."""
+    contact = motor.contact
+    return f"Motor {motor.name}, preload {contact.preload_n:g} N, friction {contact.friction:g}."
+
+
+def drive_words(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> str:
+    """Return a drive as a caption states it."""
+    phase = f"φ = {drive.phase_deg:g}°".replace("-", "−").replace(" ", "\N{NO-BREAK SPACE}")
+    if isinstance(drive, pr.TwoPhaseDrive):
+        return f"eq.\N{NO-BREAK SPACE}(1), {drive.voltage:g} V, {drive.frequency / 1e3:.4g} kHz, {phase}"
+    return (
+        f"eq.\N{NO-BREAK SPACE}(2), {drive.voltage_1:g} V at {drive.frequency_1 / 1e3:.4g} kHz and "
+        f"{drive.voltage_2:g} V at {drive.frequency_2 / 1e3:.4g} kHz, {phase}"
+    )
 
 
 def write(figure: Figure, path: Path, title: str, caption: str, legend: Sequence[Line2D] = ()) -> None:
@@ -94,7 +107,7 @@ def write(figure: Figure, path: Path, title: str, caption: str, legend: Sequence
         pyspice_runner.ParameterError: if the place cannot be written.
     """
     height = figure.get_figheight()
-    lines = textwrap.wrap(" ".join(caption.split()), 128)
+    lines = textwrap.wrap(caption, CAPTION_COLUMNS)
     top = 1.0 - (0.62 if legend else 0.36) / height
     bottom = (0.14 + 0.135 * len(lines)) / height
     layout = figure.get_layout_engine()
@@ -114,12 +127,14 @@ def write(figure: Figure, path: Path, title: str, caption: str, legend: Sequence
 
 
 def main(work: Callable[[Path], list[str]], what: str | None) -> None:
-    """Run a script: ``--output DIR`` says where the pictures go, the findings go to the terminal."""
+    """Run a script: ``--output DIR`` says where pictures go; what was found goes to the terminal."""
     parser = argparse.ArgumentParser(description=(what or "").partition("\n")[0])
     parser.add_argument("--output", type=Path, default=HERE, metavar="DIR", help="where pictures go (%(default)s)")
+    folder = parser.parse_args().output
     try:
-        for line in work(parser.parse_args().output):
-            print(line)
+        print("\n".join(work(folder)))
     except (pr.ParameterError, pr.SimulationError) as error:
         print(f"{Path(sys.argv[0]).name}: {error}", file=sys.stderr)
         sys.exit(2 if isinstance(error, pr.ParameterError) else 3)
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -171,7 +171,8 @@ class _Unsound(Exception):
 def _execute(executable: str, folder: Path, deck: Path, timeout: float | None) -> tuple[int, str, float]:
     """Run ngspice to its end; an interrupt or a timeout ends the child first."""
     environment = {key: value for key, value in os.environ.items() if not key.startswith(("SPICE", "NGSPICE", "LC_"))}
-    environment["LC_ALL"] = "C"
+    # without a HOME ngspice 39 crashes, and the user's own must not be read
+    environment |= {"LC_ALL": "C", "HOME": str(folder)}
     started = time.perf_counter()
     with (folder / "log").open("w+b") as log_file:
         try:

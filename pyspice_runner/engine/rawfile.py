@@ -59,7 +59,9 @@ def read_rawfile(path: Path) -> RawFile:
     if marker < 0:
         raise RawFileError("the raw file has no binary part")
     header = head[:marker].decode("utf-8", errors="replace")
-    plot, flags, variables, length = (_field(header, key) for key in ("Plotname", "Flags", "No. Variables", "No. Points"))
+    plot, flags, variables, length = (
+        _field(header, key) for key in ("Plotname", "Flags", "No. Variables", "No. Points")
+    )
     try:
         count, points = int(variables), int(length)
         rows = header.split("\nVariables:\n", 1)[1].split("\n")

@@ -99,7 +99,7 @@ class Mode(Parameters):
 
     name: str = Field(description="name of the mode", min_length=1, max_length=40, pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")
     mass_kg: float = quantity("modal mass m, the arm's inductance", "kg", gt=1e-12, le=1e3)
-    damping_n_s_per_m: float = quantity("modal damping c, the arm's resistance", "N·s/m", gt=0.0, le=1e9)
+    damping_n_s_per_m: float = quantity("modal damping c, the arm's resistance", "N·s/m", ge=1e-12, le=1e9)
     stiffness_n_per_m: float = quantity("modal stiffness k, one over the arm's capacitance", "N/m", gt=1e-3, le=1e15)
     coupling_a_n_per_v: float = quantity("force per volt of group A, θ_A", "N/V", ge=-1e4, le=1e4)
     coupling_b_n_per_v: float = quantity("force per volt of group B, θ_B", "N/V", ge=-1e4, le=1e4)
@@ -136,15 +136,16 @@ class Contact(Parameters):
     tangential_compliance_rotor_m_per_n23: float = quantity(
         "K_t2, the same on the rotor's side", "m/N^(2/3)", ge=0.0, le=1e-2
     )
-    friction: float = quantity("coefficient of friction μ", "1", gt=0.0, le=5.0)
-    preload_n: float = quantity("static normal force F₀", "N", gt=0.0, le=1e5)
+    friction: float = quantity("coefficient of friction μ", "1", ge=1e-6, le=5.0)
+    preload_n: float = quantity("static normal force F₀", "N", ge=1e-6, le=1e5)
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if self.tangential_compliance_tip_m_per_n23 + self.tangential_compliance_rotor_m_per_n23 <= 0.0:
+        total = self.tangential_compliance_tip_m_per_n23 + self.tangential_compliance_rotor_m_per_n23
+        if not 1e-12 <= total <= 1e-2:
             raise ValueError(
-                "tangential_compliance_tip_m_per_n23 and tangential_compliance_rotor_m_per_n23 are both 0 m/N^(2/3); "
-                "at least one side of the contact must yield"
+                "tangential_compliance_tip_m_per_n23 and tangential_compliance_rotor_m_per_n23 add up to "
+                f"{total:g} m/N^(2/3); allowed is a sum ≥ 1e-12 and ≤ 0.01 m/N^(2/3)"
             )
         return self
 

@@ -13,7 +13,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.motor import Discretisation, add_motor
 
 # Newton's iteration is closed to a part in 10⁶, so that its error stays far below that of the time step. Nodes carry
-# V, N, µm, m/s and rad/s of order one; a picovolt and a nanoampere stand for nothing. The step is uniform: trtol takes
+# V, N, µm, m/s and rad/s of order one; a nanovolt and a nanoampere stand for nothing. The step is uniform: trtol takes
 # the truncation-error control, which would shorten steps, out of play.
 TRANSIENT_OPTIONS = {"reltol": "1e-6", "vntol": "1e-9", "abstol": "1e-9", "trtol": "1e9", "method": "trap"}
 # ngspice ends a sweep within reltol of a frequency step: much smaller, and round-off may drop the last frequency.

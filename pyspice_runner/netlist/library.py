@@ -79,9 +79,10 @@ class Library:
                 raise ParameterError(f"Subcircuit {self.name} has no parameter {name!r}; it has {', '.join(known)}.")
             parameter = known[name]
             if not parameter.least <= value <= parameter.greatest:
+                unit = "" if parameter.unit == "1" else f" {parameter.unit}"
                 raise ParameterError(
-                    f"Subcircuit {self.name}: {name} = {value:g} {parameter.unit} is refused; "
-                    f"allowed is {parameter.least:g} to {parameter.greatest:g} {parameter.unit}."
+                    f"Subcircuit {self.name}: {name} = {value:g}{unit} is refused; "
+                    f"allowed is {parameter.least:g} to {parameter.greatest:g}{unit}."
                 )
         return values
 
@@ -122,10 +123,8 @@ def parse_library(name: str, text: str) -> Library:
     """
     pins = tuple(Pin(*match) for match in re.findall(r"^\* PIN +(\S+) +(\S+) +(\S+) +(.+)$", text, re.M))
     parameters = tuple(
-        LibraryParameter(key, unit, number(default), number(least), number(greatest), meaning)
-        for key, unit, default, least, greatest, meaning in re.findall(
-            r"^\* PAR +(\S+) +(\S+) +(\S+) +(\S+) +(\S+) +(.+)$", text, re.M
-        )
+        _parameter(name, *match)
+        for match in re.findall(r"^\* PAR +(\S+) +(\S+) +(\S+) +(\S+) +(\S+) +(.+)$", text, re.M)
     )
     title = re.search(rf"^\* {re.escape(name)}: (.+)$", text, re.M)
     subcircuit = re.search(rf"^\.subckt {re.escape(name)} (.+?)$.*?^\.ends {re.escape(name)}$", text, re.M | re.S)
@@ -141,12 +140,14 @@ def parse_library(name: str, text: str) -> Library:
     assert usage is not None
     words = subcircuit.group(1).split()
     declared = [word for word in words if "=" not in word]
-    defaults = {key: number(value) for key, value in (word.split("=") for word in words if "=" in word)}
+    defaults = [
+        (key, _number_in(name, key, value)) for key, _, value in (word.partition("=") for word in words if "=" in word)
+    ]
     if declared != [pin.name for pin in pins]:
         raise ParameterError(
             f"behavioral/{name}.lib: the PIN lines and the pins of .subckt differ; make them the same."
         )
-    if defaults != {parameter.name: parameter.default for parameter in parameters}:
+    if defaults != [(parameter.name, parameter.default) for parameter in parameters]:
         raise ParameterError(
             f"behavioral/{name}.lib: the PAR lines and the parameters of .subckt differ; make them the same."
         )
@@ -164,9 +165,29 @@ def parse_library(name: str, text: str) -> Library:
     )
 
 
+def _parameter(
+    library: str, key: str, unit: str, default: str, least: str, greatest: str, meaning: str
+) -> LibraryParameter:
+    value, low, high = (_number_in(library, key, text) for text in (default, least, greatest))
+    if not low <= value <= high:
+        raise ParameterError(f"behavioral/{library}.lib: the default of {key} lies outside its range; mend its PAR.")
+    return LibraryParameter(key, unit, value, low, high, meaning)
+
+
+def _number_in(library: str, key: str, text: str) -> float:
+    try:
+        return number(text)
+    except ParameterError as error:
+        raise ParameterError(f"behavioral/{library}.lib, parameter {key}: {error}") from None
+
+
 def number(text: str) -> float:
-    """Read a SPICE number with its suffix (``50n``, ``1meg``)."""
-    match = re.fullmatch(r"([-+]?[0-9.]+(?:e[-+]?\d+)?)(t|g|meg|k|m|u|n|p|f)?", text.lower())
+    """Read a SPICE number with its suffix (``50n``, ``1meg``).
+
+    Raises:
+        ParameterError: for any other text.
+    """
+    match = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)(t|g|meg|k|m|u|n|p|f)?", text.lower(), re.A)
     if not match:
         raise ParameterError(f"{text!r} is not a SPICE number.")
     return float(match.group(1)) * _SUFFIXES.get(match.group(2) or "", 1.0)

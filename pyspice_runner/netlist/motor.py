@@ -12,6 +12,7 @@ from math import cos, pi, sin
 
 from PySpice.Spice.Netlist import Netlist, SubCircuit
 
+from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
@@ -126,7 +127,7 @@ def add_motor(
     contact: bool = True,
     discretisation: Discretisation | None = None,
 ) -> None:
-    """Put a motor into a PySpice circuit; definitions are written once, however often it is called.
+    """Put a motor into a PySpice circuit; its definitions are written once, however many copies there are.
 
     Args:
         circuit: the circuit to add to.
@@ -135,10 +136,20 @@ def add_motor(
         instance: name of the instance (``X`` + this).
         contact: as in :class:`MotorSubCircuit`.
         discretisation: as in :class:`MotorSubCircuit`.
+
+    Raises:
+        ParameterError: if the circuit already has a different motor.
     """
-    if SUBCIRCUIT not in [subcircuit.name for subcircuit in circuit.subcircuits]:
+    definition = MotorSubCircuit(motor, contact=contact, discretisation=discretisation)
+    present = [str(subcircuit) for subcircuit in circuit.subcircuits if subcircuit.name == SUBCIRCUIT]
+    if not present:
         circuit.raw_spice += parts_text(contact) + "\n"
-        circuit.subcircuit(MotorSubCircuit(motor, contact=contact, discretisation=discretisation))
+        circuit.subcircuit(definition)
+    elif present[0] != str(definition):
+        raise ParameterError(
+            f"The circuit already has a different {SUBCIRCUIT}; {motor.name} as {instance!r} is refused. "
+            "Copies in one circuit must have the same values."
+        )
     circuit.X(instance, SUBCIRCUIT, *nodes)
 
 
@@ -187,4 +198,6 @@ def motor_library(motor: Motor) -> str:
 
 
 def _instance(parent: SubCircuit, instance: str, part: str, nodes: Sequence[str], **values: float) -> None:
-    parent.X(instance, part, *nodes, **read_library(part).check(**values))
+    # ten digits: the last ones of an eigenvalue depend on the machine's linear algebra, and a deck must not
+    rounded = {name: float(f"{value:.10g}") for name, value in values.items()}
+    parent.X(instance, part, *nodes, **read_library(part).check(**rounded))

@@ -336,7 +336,7 @@ def test_failure_without_a_word(fake: Callable[..., Path]) -> None:
 
 
 def test_only_the_first_lines_of_a_long_complaint_are_quoted(fake: Callable[..., Path]) -> None:
-    fake("i=0; while [ $i -lt 2000 ]; do echo \"warning $i, the same\"; i=$((i+1)); done")
+    fake('i=0; while [ $i -lt 2000 ]; do echo "warning $i, the same"; i=$((i+1)); done')
     error = fails(GOOD)
     assert message(error).endswith('complained: "warning 0, the same / warning 1, the same / warning 2, the same".')
     assert "warning 1999" in error.log
@@ -419,8 +419,7 @@ def test_concurrent_runs_do_not_meet(scratch: Path) -> None:
         try:
             return run_deck(netlist, vectors=["v(a)"], stop_time=10e-6)
         except SimulationError as error:
-            assert error.deck is not None
-            return error.deck.read_text()
+            return error.deck.read_text() if error.deck else ""
 
     with ThreadPoolExecutor(8) as pool:
         results = list(pool.map(run, range(1, 41)))
@@ -462,8 +461,8 @@ def test_environment_of_a_user_is_kept_out(fake: Callable[..., Path], monkeypatc
         monkeypatch.setenv(name, "1")
     assert run_deck(GOOD, vectors=["v(out)"], stop_time=1e-3).raw.points > 100
     fake("env; echo error")
-    names = dict(line.split("=", 1) for line in fails(GOOD).log.splitlines() if "=" in line)
-    assert {key: value for key, value in names.items() if key.startswith(("LC_", "SPICE", "NGSPICE"))} == {"LC_ALL": "C"}
+    seen = [line for line in fails(GOOD).log.splitlines() if line.startswith(("LC_", "SPICE", "NGSPICE"))]
+    assert seen == ["LC_ALL=C"]
 
 
 def test_missing_ngspice_is_one_clear_message(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -493,11 +492,11 @@ def test_unsuitable_ngspice(version: str, sentence: str, fake: Callable[..., Pat
 def test_ngspice_that_does_not_run(fake: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
     path = fake("exit 0")
     path.write_text("#!/nowhere/sh\n")
-    with pytest.raises(SimulationError, match="does not run: .* Install it:"):
+    with pytest.raises(SimulationError, match=r"does not run: .* Install it:"):
         run_deck(GOOD, vectors=[])
     monkeypatch.setattr(ngspice, "_VERSION_TIMEOUT", 0.2)
     path.write_text("#!/bin/sh\nexec sleep 300\n")
-    with pytest.raises(SimulationError, match="does not run: .*timed out"):
+    with pytest.raises(SimulationError, match=r"does not run: .*timed out"):
         run_deck(GOOD, vectors=[])
 
 
@@ -505,9 +504,7 @@ def test_vanished_temporary_directory(monkeypatch: pytest.MonkeyPatch, tmp_path:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
     with pytest.raises(SimulationError) as caught:
         run_deck(GOOD, vectors=[])
-    assert str(caught.value) == (
-        "Cannot write the netlist: No such file or directory. Free some space or set TMPDIR."
-    )
+    assert str(caught.value) == "Cannot write the netlist: No such file or directory. Free some space or set TMPDIR."
 
 
 def test_no_temporary_directory_at_all(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""docs/parameters.md is what docs/generate.py writes today, and leaves no parameter out."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.model import parameters
+from pyspice_runner.model.load import Arm, Materials
+from pyspice_runner.model.parameters import Parameters
+
+DOCS = Path(__file__).parents[2] / "docs"
+KINDS = [kind for kind in vars(parameters).values() if isinstance(kind, type) and issubclass(kind, Parameters)]
+
+
+@pytest.fixture(scope="module")
+def pages() -> dict[str, str]:
+    written: dict[str, str] = runpy.run_path(str(DOCS / "generate.py"))["pages"]()
+    return written
+
+
+def test_pages_are_fresh(pages: dict[str, str]) -> None:
+    for name, text in pages.items():
+        stale = (DOCS / name).read_text(encoding="utf-8") != text
+        assert not stale, f"docs/{name} is stale: run `python docs/generate.py` and commit it with the change"
+
+
+@pytest.mark.parametrize("kind", [*KINDS, Arm, Materials], ids=lambda kind: kind.__name__)
+def test_every_parameter_has_a_line(kind: type[Parameters], pages: dict[str, str]) -> None:
+    lines = pages["parameters.md"].splitlines()
+    for name, field in kind.model_fields.items():
+        assert any(f".{name}` |" in line and f"| {field.description} |" in line for line in lines), name
+
+
+def test_every_value_of_the_set_has_an_origin(pages: dict[str, str]) -> None:
+    motor = pr.load_motor("andersen2002")
+    for path, origin in motor.provenance.items():
+        if origin.note:
+            assert origin.kind in ("given", "derived", "assumed")
+            assert any(f"{origin.kind}: {origin.note}" in row for row in pages["parameters.md"].splitlines()), path
+        else:
+            assert path == "name" or path.endswith((".group", ".faces")), f"{path} has no origin"

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every figure is drawn by its script, from public names only."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+FIGURES = Path(__file__).resolve().parents[2] / "figures"
+SCRIPTS = sorted(path for path in FIGURES.glob("*.py") if path.stem not in ("style", "demo"))
+
+
+def run_script(name: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run a script as a user does, with the package that is under test."""
+    return subprocess.run(
+        [sys.executable, FIGURES / name, *arguments],
+        env=os.environ | {"PYTHONPATH": str(FIGURES.parent)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
+def test_every_script_has_its_picture_beside_it() -> None:
+    assert [path.stem for path in SCRIPTS] == ["admittance", "figure_5", "patch_position", "spin_up"]
+    assert sorted(FIGURES.glob("*.png")) == [path.with_suffix(".png") for path in SCRIPTS]
+
+
+@pytest.mark.slow
+def test_the_demo_draws_every_figure_and_says_what_the_motor_did(tmp_path: Path) -> None:
+    done = run_script("demo.py", "--output", tmp_path / "pictures")
+    assert done.returncode == 0, done.stderr
+    pictures = sorted((tmp_path / "pictures").iterdir())
+    assert [path.name for path in pictures] == [f"{script.stem}.png" for script in SCRIPTS]
+    for picture in pictures:
+        pixels = matplotlib.image.imread(picture)[..., :3]
+        assert pixels.shape[0] > 800
+        assert pixels.shape[1] > 1000
+        drawn = (pixels < 0.99).any(axis=2)
+        assert 0.02 < drawn.mean() < 0.5  # neither blank nor a smear
+        assert not drawn[[0, -1]].any()  # nothing is cut off at an edge
+        assert not drawn[:, [0, -1]].any()
+        assert len(np.unique((pixels[drawn] * 7).astype(int), axis=0)) > 10  # in colours
+        assert str(picture) in done.stdout
+    for word in ("stick", "slip", "separated", "rings", "rad/s", "energy"):
+        assert word in done.stdout
+    assert "✓" in done.stderr  # progress does not mix with the story
+    assert "✓" not in done.stdout
+
+
+def test_a_single_script_runs_by_itself(tmp_path: Path) -> None:
+    done = run_script("patch_position.py", "--output", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["patch_position.png"]
+
+
+def test_a_place_that_cannot_be_written_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    done = run_script("patch_position.py", "--output", file)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("patch_position.py: Cannot write ")
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("path", sorted(FIGURES.glob("*.py")), ids=lambda path: path.name)
+def test_figures_use_public_names_only(path: Path) -> None:
+    import pyspice_runner
+
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            assert not (node.module or "").startswith("pyspice_runner")
+        elif isinstance(node, ast.Import):
+            ours = [name for name in node.names if name.name.startswith("pyspice_runner")]
+            assert all(name.name == "pyspice_runner" and name.asname == "pr" for name in ours)
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "pr":
+            assert node.attr in pyspice_runner.__all__

@@ -1,0 +1,347 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every library of ``behavioral/``: header, ``.subckt`` line, example and Python model hold together."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Callable
+from math import e, inf, nan, pi
+from pathlib import Path
+
+import pytest
+
+from pyspice_runner.engine.ngspice import find_ngspice
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.parameters import Contact, Mode, Parameters, Piezo, Rotor
+from pyspice_runner.netlist.library import data_path, library_names, number, parse_library, read_library
+from tests.netlist.batch import measured
+
+LIBRARIES = library_names()
+
+
+def code(text: str) -> list[str]:
+    """The lines that a simulator reads."""
+    return [line for line in text.splitlines() if line.strip() and not line.startswith("*")]
+
+
+# --- headers -------------------------------------------------------------------------------------------------
+
+
+def test_the_parts_of_a_motor_are_there() -> None:
+    assert set(LIBRARIES) >= {f"piezomotor_{part}" for part in ("contact", "group", "mode", "rotor")}
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_header_and_subcircuit_agree(name: str) -> None:
+    library = read_library(name)
+    line = next(line for line in code(library.text) if line.startswith(".subckt"))
+    words = line.split()[1:]
+    assert words[0] == name
+    assert [word for word in words[1:] if "=" not in word] == [pin.name for pin in library.pins]
+    declared = dict(word.split("=") for word in words[1:] if "=" in word)
+    assert list(declared) == [parameter.name for parameter in library.parameters]
+    for parameter in library.parameters:
+        assert number(declared[parameter.name]) == parameter.default
+        assert parameter.least <= parameter.default <= parameter.greatest
+    assert library.check(**{parameter.name: parameter.default for parameter in library.parameters})
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_header_says_what_a_reader_needs(name: str) -> None:
+    library = read_library(name)
+    assert library.text.startswith("* SPDX-License-Identifier: GPL-3.0-or-later\n")
+    for fact in (library.title, library.source, library.omits, library.tested_with, library.usage):
+        assert fact.strip()
+    for pin in library.pins:
+        assert pin.direction in ("in", "out", "inout")
+        assert pin.meaning
+    units = [item.unit for item in (*library.pins, *library.parameters)]
+    # the unit of a node or parameter in the netlist: SI, or um where the conventions say so; 1 for a pure number
+    allowed = "V um m/s N rad/s 1 kg N.s/m N/m N/V F Hz N/m^1.5 m/N^(2/3) m s kg.m2 N.m.s"
+    assert set(units) <= set(allowed.split())
+    for parameter in library.parameters:
+        assert parameter.meaning
+        assert not re.fullmatch("dc|ac|temp|sin|pulse|m", parameter.name)  # ngspice reads these otherwise
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_one_self_contained_subcircuit_in_the_common_dialect(name: str) -> None:
+    library = read_library(name)
+    lines = code(library.text)
+    assert lines[0].startswith(f".subckt {name} ")
+    assert lines[-1] == f".ends {name}"
+    assert "\n".join(lines) == "\n".join(code(library.subcircuit))
+    assert sum(line.startswith(".subckt") for line in lines) == 1
+    text = "\n".join(lines).lower()
+    for taboo in (r"\^", r"\bpwr\w*\b", r"\bpow\b", r"\bm=", r"\.inc", r"\.lib", r"\.global", r"\bagauss\b", r"\?"):
+        assert not re.search(taboo, text), taboo
+    assert text.isascii()
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_expressions_read_nothing_but_the_own_parameters(name: str) -> None:
+    library = read_library(name)
+    known = {parameter.name for parameter in library.parameters}
+    used: set[str] = set()
+    for line in code(library.subcircuit)[1:]:
+        definition = re.match(r"\.param (\w+)=", line)
+        for expression in re.findall(r"\{([^}]*)\}", line):
+            names = set(re.findall(r"(?<![\w.])[a-z_]\w*", expression))
+            assert names <= known, line
+            used |= names
+        if definition:
+            known.add(definition.group(1))
+    assert used == known, "a parameter that nothing reads"
+
+
+# --- the model's ranges --------------------------------------------------------------------------------------
+
+SAME = {  # library parameter: the model's field; both refuse the same values
+    ("piezomotor_mode", "mass"): (Mode, "mass_kg"),
+    ("piezomotor_mode", "damping"): (Mode, "damping_n_s_per_m"),
+    ("piezomotor_mode", "stiffness"): (Mode, "stiffness_n_per_m"),
+    ("piezomotor_mode", "coupling_a"): (Mode, "coupling_a_n_per_v"),
+    ("piezomotor_mode", "coupling_b"): (Mode, "coupling_b_n_per_v"),
+    ("piezomotor_mode", "tip_x"): (Mode, "tip_x"),
+    ("piezomotor_mode", "tip_y"): (Mode, "tip_y"),
+    ("piezomotor_group", "capacitance"): (Piezo, "capacitance_a_f"),
+    ("piezomotor_group", "reference"): (Piezo, "loss_reference_hz"),
+    ("piezomotor_contact", "normal_stiffness"): (Contact, "normal_stiffness_n_per_m15"),
+    ("piezomotor_contact", "mu"): (Contact, "friction"),
+    ("piezomotor_contact", "preload"): (Contact, "preload_n"),
+    ("piezomotor_contact", "radius"): (Rotor, "radius_m"),
+    ("piezomotor_rotor", "inertia"): (Rotor, "inertia_kg_m2"),
+    ("piezomotor_rotor", "bearing"): (Rotor, "bearing_damping_n_m_s"),
+}
+OWN = {  # what the model states otherwise: zero loss is written as 1e-9, two compliances as their sum
+    ("piezomotor_mode", "preload"),
+    ("piezomotor_group", "loss"),
+    ("piezomotor_contact", "compliance"),
+    ("piezomotor_contact", "deflection"),
+    ("piezomotor_contact", "slider_time"),
+}
+
+
+def test_every_parameter_is_accounted_for() -> None:
+    parts = ("contact", "group", "mode", "rotor")
+    parameters = {(f"piezomotor_{p}", q.name) for p in parts for q in read_library(f"piezomotor_{p}").parameters}
+    assert parameters == SAME.keys() | OWN
+
+
+@pytest.mark.parametrize(("library", "parameter"), SAME)
+def test_ranges_and_units_are_those_of_the_model(library: str, parameter: str) -> None:
+    kind, field = SAME[library, parameter]
+    declared = next(item for item in read_library(library).parameters if item.name == parameter)
+    schema = kind.model_json_schema()["properties"][field]
+    assert declared.least == schema.get("minimum", schema.get("exclusiveMinimum"))
+    assert declared.greatest == schema["maximum"]
+    assert unit_in_ascii(kind, field) == declared.unit
+
+
+def unit_in_ascii(kind: type[Parameters], field: str) -> str:
+    unit = str(kind.model_fields[field].json_schema_extra["unit"])  # type: ignore[index, call-overload]
+    return unit.replace("·", ".").replace("²", "2")
+
+
+def test_compliance_is_that_of_both_sides_of_the_contact() -> None:
+    declared = next(item for item in read_library("piezomotor_contact").parameters if item.name == "compliance")
+    common = {"normal_stiffness_n_per_m15": 1e9, "friction": 0.3, "preload_n": 1.0}
+    for tip, rotor, accepted in (
+        (declared.least, 0.0, True),
+        (0.0, declared.greatest, True),
+        (0.4 * declared.least, 0.5 * declared.least, False),
+        (0.5 * declared.greatest, 0.6 * declared.greatest, False),
+        (0.0, 0.0, False),
+    ):
+        sides = {"tangential_compliance_tip_m_per_n23": tip, "tangential_compliance_rotor_m_per_n23": rotor}
+        if accepted:
+            Contact.model_validate(common | sides)
+        else:
+            with pytest.raises(ValueError, match=r"allowed is a sum ≥ 1e-12 and ≤ 0\.01 m/N\^\(2/3\)"):
+                Contact.model_validate(common | sides)
+
+
+# --- the examples --------------------------------------------------------------------------------------------
+
+EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
+    # θ U / c at resonance; 3 Hz between the points of a 240 Hz wide peak: at most (1.5/119)² = 1.6e-4 below it
+    "piezomotor_mode": {"peak_velocity_m_s": (0.12 / 15.0, 2e-4)},
+    # slides: μ F₀; tip and rotor do not approach, so that the normal force is the preload to rounding
+    "piezomotor_contact": {"friction_end_n": (0.25 * 4.0, 1e-6), "state_end": (2.0, 1e-9)},
+    # ωC tan δ / (1 + tan² δ): a capacitance in series with a resistance
+    "piezomotor_group": {"conductance_s": (2 * pi * 50e3 * 2.2e-9 * 0.02 / (1 + 0.02**2), 1e-6)},
+    # Ω = τ/C_R (1 − 1/e) after one J/C_R; trapezoidal rule with 2000 steps a time constant: below 1e-6
+    "piezomotor_rotor": {"speed_after_one_time_constant": (1e-3 / 1e-4 * (1 - 1 / e), 1e-5)},
+}
+
+
+def test_every_example_has_an_expected_result() -> None:
+    assert EXPECTED.keys() == set(LIBRARIES)
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_example_gives_the_number_of_the_closed_form(name: str, tmp_path: Path) -> None:
+    library = read_library(name)
+    found = measured(f"example of {name}\n{library.text}\n{library.usage}.end\n", tmp_path)
+    assert found.keys() == EXPECTED[name].keys()
+    for key, (value, tolerance) in EXPECTED[name].items():
+        assert found[key] == pytest.approx(value, rel=tolerance), key
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_example_runs_with_the_file_included(name: str, tmp_path: Path) -> None:
+    """As an engineer would use it, from a directory of their own."""
+    path = data_path("behavioral") / f"{name}.lib"
+    deck = tmp_path / "deck.cir"
+    deck.write_text(f"example\n.include {path}\n{read_library(name).usage}.end\n")
+    done = subprocess.run(
+        [find_ngspice(), "-b", "deck.cir"], cwd=tmp_path, capture_output=True, text=True, stdin=subprocess.DEVNULL,
+        timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0
+    assert not re.search("error|warning", done.stdout + done.stderr, re.IGNORECASE)
+
+
+def test_contact_example_sticks_before_it_slips(tmp_path: Path) -> None:
+    """u = v t until u_lim = μ K_t F^(2/3): at half of that time the contact sticks with F_T of the virgin curve."""
+    library = read_library("piezomotor_contact")
+    limit = 0.25 * 3.3e-7 * 4.0 ** (2.0 / 3.0)
+    half = 0.5 * limit / 0.01
+    usage = (
+        library.usage
+        + f".measure tran friction_n FIND v(friction) AT={half}\n.measure tran state FIND v(state) AT={half}\n"
+    )
+    found = measured(f"half\n{library.text}\n{usage}.end\n", tmp_path)
+    assert found["state"] == pytest.approx(1.0)
+    # steps of 0.1 us of 10.4 us, linear in between: (0.01)²/8 · curvature
+    assert found["friction_n"] == pytest.approx(0.25 * 4.0 * (1.0 - 0.5**1.5), rel=1e-3)
+
+
+# --- reading and checking ------------------------------------------------------------------------------------
+
+SMALL = """* SPDX-License-Identifier: GPL-3.0-or-later
+* small: a resistor
+* PIN  a   inout  V    one end
+* PIN  b   inout  V    the other end
+* PAR  r   ohm    1k   1  1meg  resistance
+* PAR  tc  1      0   -1  1     temperature coefficient
+* SOURCE Ohm's law
+* OMITS  noise
+* TESTED WITH ngspice 39
+* USE
+*   V1 x 0 1
+*   X1 x 0 small r=5
+* END USE
+.subckt small a b r=1k tc=0
+R1 a b {r} tc1={tc}
+.ends small
+"""
+
+
+def test_small_library_is_read() -> None:
+    library = parse_library("small", SMALL)
+    assert [(pin.name, pin.direction, pin.unit, pin.meaning) for pin in library.pins] == [
+        ("a", "inout", "V", "one end"),
+        ("b", "inout", "V", "the other end"),
+    ]
+    resistance = library.parameters[0]
+    assert (resistance.default, resistance.least, resistance.greatest) == (1e3, 1.0, 1e6)
+    assert library.title == "a resistor"
+    assert library.usage == "V1 x 0 1\nX1 x 0 small r=5\n"
+    assert library.subcircuit.splitlines()[0] == ".subckt small a b r=1k tc=0"
+
+
+def without(start: str) -> Callable[[str], str]:
+    return lambda text: "".join(line for line in text.splitlines(keepends=True) if not line.startswith(start))
+
+
+def swap(old: str, new: str) -> Callable[[str], str]:
+    return lambda text: text.replace(old, new, 1)
+
+
+PINS = ": the PIN lines and the pins of .subckt differ; make them the same."
+PARS = ": the PAR lines and the parameters of .subckt differ; make them the same."
+
+
+@pytest.mark.parametrize(
+    ("damage", "sentence"),
+    [
+        (without("* small:"), " lacks title"),
+        (without("* SOURCE"), " lacks SOURCE"),
+        (without("* OMITS"), " lacks OMITS"),
+        (without("* TESTED"), " lacks TESTED WITH"),
+        (without("* END USE"), " lacks USE"),
+        (without(".ends"), " lacks .subckt"),
+        (swap(".subckt small", ".subckt large"), " lacks .subckt"),
+        (without("* PIN  a"), PINS),
+        (swap("small a b", "small b a"), PINS),
+        (swap("* PIN  b   inout  V    the other end", "* PIN b"), PINS),
+        (without("* PAR  tc"), PARS),
+        (swap("r=1k tc=0", "tc=0 r=1k"), PARS),
+        (swap("r=1k", "r=2k"), PARS),
+        (swap("* PAR  r", "* PAR  r   ohm    1k   1  1meg  twice\n* PAR  r"), PARS),
+        (swap("1k   1  1meg", "1k   2k  1meg"), ": the default of r lies outside its range; mend its PAR."),
+        (swap("1k   1  1meg", "much 1  1meg"), ", parameter r: 'much' is not a SPICE number."),
+        (swap("r=1k", "r={q}"), ", parameter r: '{q}' is not a SPICE number."),
+    ],
+)  # fmt: skip
+def test_malformed_library_is_refused(damage: Callable[[str], str], sentence: str) -> None:
+    damaged = damage(SMALL)
+    assert damaged != SMALL
+    with pytest.raises(ParameterError) as caught:
+        parse_library("small", damaged)
+    conventions = "; see behavioral/CONVENTIONS.md." if "lacks" in sentence else ""
+    assert str(caught.value) == f"behavioral/small.lib{sentence}{conventions}"
+
+
+def test_unknown_library_is_refused() -> None:
+    with pytest.raises(ParameterError) as caught:
+        read_library("piezomotor_gear")
+    assert str(caught.value) == (
+        f"There is no library 'piezomotor_gear' in behavioral/; there are {', '.join(LIBRARIES)}."
+    )
+
+
+def test_data_path_finds_both_folders_and_nothing_else() -> None:
+    assert (data_path("behavioral") / "piezomotor_mode.lib").is_file()
+    assert data_path("netlists").is_dir()
+    with pytest.raises(ParameterError, match=r"The folder nonsense is missing beside the package; install"):
+        data_path("nonsense")
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"R": 5.0}, "Subcircuit small has no parameter 'R'; it has r, tc."),
+        ({"r": 0.5}, "Subcircuit small: r = 0.5 ohm is refused; allowed is 1 to 1e+06 ohm."),
+        ({"r": nan}, "Subcircuit small: r = nan ohm is refused; allowed is 1 to 1e+06 ohm."),
+        ({"r": inf}, "Subcircuit small: r = inf ohm is refused; allowed is 1 to 1e+06 ohm."),
+        ({"tc": 2.0}, "Subcircuit small: tc = 2 is refused; allowed is -1 to 1."),
+    ],
+)
+def test_instance_is_held_against_the_header(values: dict[str, float], sentence: str) -> None:
+    library = parse_library("small", SMALL)
+    with pytest.raises(ParameterError) as caught:
+        library.check(**values)
+    assert str(caught.value) == sentence
+    assert library.check(r=1e6, tc=-1.0) == {"r": 1e6, "tc": -1.0}
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1", 1.0), ("-2.5", -2.5), ("+.5", 0.5), ("3.", 3.0), ("1e-12", 1e-12), ("1E6", 1e6), ("2e3k", 2e6),
+        ("50n", 50e-9), ("1meg", 1e6), ("1MEG", 1e6), ("1m", 1e-3), ("1M", 1e-3), ("1g", 1e9), ("3t", 3e12),
+        ("4k", 4e3), ("5u", 5e-6), ("6p", 6e-12), ("7f", 7e-15),
+    ],
+)  # fmt: skip
+def test_spice_number(text: str, value: float) -> None:
+    assert number(text) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize("text", ["", ".", "1.2.3", "k", "1x", "1 k", "nan", "inf", "{r}", "1e", "--1", "１"])
+def test_text_that_is_no_spice_number_is_refused(text: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        number(text)
+    assert str(caught.value) == f"{text!r} is not a SPICE number."

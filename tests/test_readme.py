@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the README shows is run: its commands, its Python and its SPICE, from an empty directory."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pyspice_runner.cli import run
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMANDS = sorted(set(re.findall(r"(?:^    |`)(piezomotor [^`\n]+)", README, re.M)))
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_command(words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments = shlex.split(words)[1:]
+    assert run(arguments) == 0
+    for option in ("--output", "--plot"):
+        if option in arguments:
+            assert (tmp_path / arguments[arguments.index(option) + 1]).stat().st_size > 0
+
+
+def test_python(tmp_path: Path) -> None:
+    (snippet,) = re.findall(r"^```python\n(.*?)^```", README, re.M | re.S)
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", snippet],
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(ROOT), "PATH": "/usr/local/bin:/usr/bin:/bin"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "stick" in done.stdout
+
+
+def test_spice(tmp_path: Path) -> None:
+    (circuit,) = re.findall(r"^(    Va a 0.*?uic)$", README, re.M | re.S)
+    assert run(["export", "andersen2002", "--output", str(tmp_path / "motor.lib")]) == 0
+    measure = ".measure tran speed FIND v(shaft) AT=4.9m"
+    (tmp_path / "deck.cir").write_text(f"* from the README\n{circuit}\n{measure}\n.end\n", encoding="utf-8")
+    done = subprocess.run(
+        ["ngspice", "-b", "deck.cir"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert float(re.findall(r"^speed *= +(\S+)", done.stdout, re.M)[0]) > 0.1
+
+
+def test_deck_without_python() -> None:
+    for deck in re.findall(r"ngspice -b (\S+\.cir)", README):
+        assert (ROOT / deck).is_file()
+
+
+def test_links_lead_somewhere() -> None:
+    for page in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").glob("*.md")]:
+        for target in re.findall(r"\]\((?!https?://)([^)#]+)\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists(), f"{page.name}: {target}"
