@@ -76,7 +76,7 @@ class EnergyBalance:
 
 @dataclass(frozen=True)
 class Waveforms:
-    """One verified run. The arrays share one time axis; it is uniform but for the first few, shorter steps.
+    """One verified run. The arrays share one time axis; it is uniform but for the first few steps and the last, which are shorter.
 
     Attributes:
         energy: the energy balance of the run.

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from pyspice_runner.model.parameters import Parameters, quantity
-from pyspice_runner.model.refusal import refusal
+from pyspice_runner.model.refusal import check_keys, refusal
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,7 @@ class Drive(Parameters):
     )
 
     def __init__(self, **values: Any) -> None:
+        check_keys(values, tuple(type(self).model_fields), type(self).__name__, "")
         try:
             super().__init__(**values)
         except ValidationError as error:

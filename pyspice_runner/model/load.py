@@ -20,14 +20,14 @@ from math import sqrt
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field
+from pydantic import ValidationError
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import beam as beam_model
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor, Provenance, Structure, assemble, stiffness_for
-from pyspice_runner.model.parameters import Beam, Damping, Mode, Parameters, Patch, Rotor, Tip, quantity
-from pyspice_runner.model.refusal import as_table, build, check_keys, positive, quoted
+from pyspice_runner.model.parameters import Beam, Damping, Mode, Parameters, Patch, Rotor, Tip, label, quantity
+from pyspice_runner.model.refusal import allowed_range, as_table, build, check_keys, limited, positive, quoted
 
 SETS = Path(__file__).parent / "sets"
 
@@ -35,7 +35,7 @@ SETS = Path(__file__).parent / "sets"
 class Arm(Parameters):
     """A mode by its electrical values, seen at group A with group B shorted, and one mechanical calibration."""
 
-    name: str = Field(description="name of the mode", min_length=1, max_length=40, pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")
+    name: str = label("name of the mode")
     resistance_ohm: float = quantity("motional resistance", "Ω", gt=0.0, le=1e12)
     inductance_h: float = quantity("motional inductance", "H", gt=0.0, le=1e9)
     capacitance_f: float = quantity("motional capacitance", "F", gt=0.0, le=1.0)
@@ -104,6 +104,8 @@ def load_motor(source: str | Path) -> Motor:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:
         raise ParameterError(f"{path.name} is not valid TOML: {error}. Mend that line.") from error
+    except RecursionError:
+        raise ParameterError(f"{path.name} nests its values too deeply. Write them as a motor's TOML does.") from None
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise ParameterError(f"Cannot read {path}: {reason}. Give a readable TOML file.") from error
@@ -120,7 +122,11 @@ def _find(source: str | Path) -> Path:
         raise ParameterError(
             f"There is no parameter set {quoted(source)}; there are {', '.join(available_motors())}. {hint}"
         )
-    if not path.is_file():
+    try:
+        found = path.is_file()
+    except OSError:  # such as a name that is too long
+        found = False
+    if not found:
         raise ParameterError(
             f"There is no file {quoted(str(source))}. Give the path of a TOML file or the name of a set."
         )
@@ -199,7 +205,7 @@ def _resolve_modes(
     modes = []
     for index, entry in enumerate(entries):
         if way == "arms":
-            modes.append(build(Arm, entry, f"arms.{index}", where).to_mode().model_dump())
+            modes.append(_mode_of_arm(build(Arm, entry, f"arms.{index}", where), f"arms.{index}", where))
         else:
             modes.append(_complete_mode(as_table(entry, f"modes.{index}", where), damping, f"modes.{index}", where))
     return None, modes, None
@@ -221,30 +227,50 @@ def _from_beam(plain: dict[str, Any], where: str) -> tuple[Structure, list[dict[
         tip=build(Tip, plain["tip"], "tip", where),
         damping=build(Damping, plain["damping"], "damping", where),
     )
-    modes = beam_model.resonator_modes(structure.beam, structure.patches, structure.tip, structure.damping)
+    try:
+        modes = beam_model.resonator_modes(structure.beam, structure.patches, structure.tip, structure.damping)
+    except ParameterError as error:
+        raise ParameterError(f"{where}: {error}") from error
     return structure, [mode.model_dump() for mode in modes]
 
 
+def _mode_of_arm(arm: Arm, path: str, where: str) -> dict[str, Any]:
+    try:
+        return arm.to_mode().model_dump()
+    except ValidationError as error:
+        name = str(error.errors()[0]["loc"][-1])
+        raise ParameterError(
+            f"{where}: the values of {path} and its mass_kg = {arm.mass_kg:g} kg give a mode with "
+            f"{name} = {quoted(error.errors()[0]['input'])}; allowed is {allowed_range(Mode, name)}."
+        ) from error
+
+
 def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, where: str) -> dict[str, Any]:
-    """Replace a mode's frequency and quality factor by stiffness and damping."""
-    entry = dict(entry)
+    """Replace a mode's frequency and quality factor by stiffness and damping; what is missing, :func:`build` tells."""
+    check_keys(entry, (*Mode.model_fields, "frequency_hz", "quality_factor"), where, path)
     for alias, field in (("frequency_hz", "stiffness_n_per_m"), ("quality_factor", "damping_n_s_per_m")):
         if alias in entry and field in entry:
             raise ParameterError(f"{where}: {path} states both {alias} and {field}; state one.")
-        if alias in entry:
-            positive(entry[alias], f"{path}.{alias}", where)
-    if "mass_kg" in entry:
-        positive(entry["mass_kg"], f"{path}.mass_kg", where)
-        if "frequency_hz" in entry:
-            entry["stiffness_n_per_m"] = stiffness_for(entry, entry.pop("frequency_hz"))
-        if "stiffness_n_per_m" in entry:
-            positive(entry["stiffness_n_per_m"], f"{path}.stiffness_n_per_m", where)
-            if "quality_factor" in entry:
-                entry["damping_n_s_per_m"] = sqrt(entry["stiffness_n_per_m"] * entry["mass_kg"]) / entry.pop(
-                    "quality_factor"
-                )
-            elif "damping_n_s_per_m" not in entry and damping is not None:
-                entry["damping_n_s_per_m"] = damping.modal(entry["mass_kg"], entry["stiffness_n_per_m"])
+    if "mass_kg" not in entry:
+        raise ParameterError(f"{where}: {path}.mass_kg is missing (modal mass m, in kg). State it.")
+    entry = dict(entry)
+    mass = limited(Mode, "mass_kg", entry["mass_kg"], f"{path}.mass_kg", where)
+    if "frequency_hz" in entry:
+        entry["stiffness_n_per_m"] = stiffness_for(mass, entry.pop("frequency_hz"), f"{path}.frequency_hz", where)
+    if "stiffness_n_per_m" not in entry:
+        raise ParameterError(f"{where}: {path} has no frequency. State frequency_hz or stiffness_n_per_m.")
+    stiffness = limited(Mode, "stiffness_n_per_m", entry["stiffness_n_per_m"], f"{path}.stiffness_n_per_m", where)
+    if "quality_factor" in entry:
+        quality = positive(entry.pop("quality_factor"), f"{path}.quality_factor", where)
+        if quality <= 0.5:
+            raise ParameterError(f"{where}: {path}.quality_factor = {quality:g} is refused; allowed is a number > 0.5.")
+        entry["damping_n_s_per_m"] = sqrt(stiffness * mass) / quality
+    elif "damping_n_s_per_m" not in entry:
+        if damping is None:
+            raise ParameterError(
+                f"{where}: {path} has no damping. State quality_factor or damping_n_s_per_m, or [damping] for all."
+            )
+        entry["damping_n_s_per_m"] = damping.modal(mass, stiffness)
     return entry
 
 
@@ -266,10 +292,10 @@ def _strip(value: Any, path: str, provenance: dict[str, Provenance], where: str)
     if not isinstance(value, dict):
         provenance[path] = Provenance("stated", "")
         return value
-    if "value" not in value:
+    if "value" not in value and not any(kind in value for kind in _KINDS):
         return {key: _strip(item, f"{path}.{key}", provenance, where) for key, item in value.items()}
     kinds = [kind for kind in _KINDS if kind in value]
-    if len(kinds) != 1 or len(value) != 2 or not isinstance(value[kinds[0]], str):
+    if "value" not in value or len(kinds) != 1 or len(value) != 2 or not isinstance(value[kinds[0]], str):
         raise ParameterError(
             f'{where}: {path} must read {{ value = …, given | derived | assumed = "why" }}, one of the three.'
         )

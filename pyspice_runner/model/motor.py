@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.parameters import Beam, Contact, Damping, Mode, Parameters, Patch, Piezo, Rotor, Tip
-from pyspice_runner.model.refusal import build, positive, quoted, refusal
+from pyspice_runner.model.refusal import allowed_range, build, limited, positive, quoted, refusal
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,11 @@ class Motor(Parameters):
     """
 
     name: str = Field(
-        description="name of the motor", min_length=1, max_length=60, pattern=r"^[A-Za-z0-9][A-Za-z0-9_. -]*$"
+        description="name of the motor",
+        min_length=1,
+        max_length=60,
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_. -]*$",
+        json_schema_extra={"made_of": "letters, digits, spaces, dots, - and _, the first a letter or digit"},
     )
     modes: tuple[Mode, ...] = Field(description="the bending modes, by rising frequency", min_length=1, max_length=20)
     piezo: Piezo
@@ -59,7 +63,7 @@ class Motor(Parameters):
             if mode.quality_factor <= 0.5:
                 raise ValueError(
                     f"mode {mode.name} does not ring: quality factor {mode.quality_factor:.3g}; "
-                    "it must exceed 0.5, so lower damping_n_s_per_m"
+                    "it must exceed 0.5, so lower its damping"
                 )
         seat = contact_law.static_penetration(self.contact) + contact_law.static_deflection(self.contact, self.modes)
         if seat > 0.1 * self.rotor.radius_m:
@@ -90,15 +94,23 @@ class Motor(Parameters):
         """
         document = self.model_dump()
         document["modes"] = [mode.model_dump() for mode in self.modes]
+        where = f"motor {self.name}"
         provenance = dict(self.provenance)
-        for path, value in changes.items():
-            _set_path(document, path, value)
+        changed: set[str] = set()
+        for given, value in changes.items():
+            path = _set_path(document, str(given), value)
+            if path in changed:
+                raise ParameterError(f"{where}: {path} is changed twice; give one value.")
+            changed.add(path)
             provenance[path] = Provenance("set", "by the user")
-        changed_modes = any(path.startswith("modes.") for path in changes)
-        for mode in document["modes"]:
+        for index, mode in enumerate(document["modes"]):
             if "frequency_hz" in mode:
-                mode["stiffness_n_per_m"] = stiffness_for(mode, mode.pop("frequency_hz"))
-        return assemble(document, None if changed_modes else self.structure, provenance, where=f"motor {self.name}")
+                path = f"modes.{index}.frequency_hz"
+                if f"modes.{index}.stiffness_n_per_m" in changed:
+                    raise ParameterError(f"{where}: {path} and the stiffness are both changed; give one of them.")
+                mode["stiffness_n_per_m"] = stiffness_for(mode["mass_kg"], mode.pop("frequency_hz"), path, where)
+        changed_modes = any(path.startswith("modes.") for path in changed)
+        return assemble(document, None if changed_modes else self.structure, provenance, where=where)
 
 
 def assemble(
@@ -106,27 +118,44 @@ def assemble(
 ) -> Motor:
     """Build a motor from plain tables, its modes sorted by frequency; ``where`` names their origin in messages."""
     modes = tuple(build(Mode, mode, f"modes.{index}", where) for index, mode in enumerate(parts["modes"]))
+    order = sorted(range(len(modes)), key=lambda index: modes[index].frequency_hz)
+    moved = {f"modes.{old}": f"modes.{new}" for new, old in enumerate(order)}
     try:
         return Motor(
             name=parts["name"],
-            modes=tuple(sorted(modes, key=lambda mode: mode.frequency_hz)),
+            modes=tuple(modes[index] for index in order),
             piezo=build(Piezo, parts["piezo"], "piezo", where),
             contact=build(Contact, parts["contact"], "contact", where),
             rotor=build(Rotor, parts["rotor"], "rotor", where),
             structure=structure,
-            provenance=provenance,
+            provenance={_moved(path, moved): origin for path, origin in provenance.items()},
         )
     except ValidationError as error:
         raise refusal(error, Motor, "", where) from error
 
 
-def stiffness_for(mode: Mapping[str, Any], frequency_hz: Any) -> float:
-    """Return the stiffness in N/m that gives a mode of this mass the frequency."""
-    frequency = positive(frequency_hz, "frequency_hz", f"mode {mode.get('name', '')}".strip())
-    return float(mode["mass_kg"] * (2.0 * pi * frequency) ** 2)
+def _moved(path: str, moved: Mapping[str, str]) -> str:
+    """Return the path of a value once the modes are sorted."""
+    head, _, key = path.rpartition(".")
+    return f"{moved.get(head, head)}.{key}" if head else path
 
 
-def _set_path(document: dict[str, Any], path: str, value: Any) -> None:
+def stiffness_for(mass_kg: Any, frequency_hz: Any, path: str, where: str) -> float:
+    """Return the stiffness in N/m that gives a mode of this mass the frequency that stands at ``path``."""
+    mass = limited(Mode, "mass_kg", mass_kg, path.replace("frequency_hz", "mass_kg"), where)
+    frequency = positive(frequency_hz, path, where, "Hz")
+    stiffness = mass * (2.0 * pi * frequency) ** 2
+    limits = Mode.model_json_schema()["properties"]["stiffness_n_per_m"]
+    if not limits["exclusiveMinimum"] < stiffness <= limits["maximum"]:
+        raise ParameterError(
+            f"{where}: {path} = {frequency:g} Hz is refused; with a mass of {mass:g} kg it takes a stiffness of "
+            f"{stiffness:.3g} N/m, and allowed is {allowed_range(Mode, 'stiffness_n_per_m')}."
+        )
+    return stiffness
+
+
+def _set_path(document: dict[str, Any], path: str, value: Any) -> str:
+    """Put a value into a motor's document and return its path, a mode numbered rather than named."""
     section, _, rest = path.partition(".")
     if section == "modes":
         which, _, key = rest.partition(".")
@@ -136,19 +165,21 @@ def _set_path(document: dict[str, Any], path: str, value: Any) -> None:
             raise ParameterError(
                 f"There is no mode {quoted(which)} in {quoted(path)}; there are {', '.join(names)}, numbered from 0."
             )
+        prefix = f"modes.{index}."
         allowed: tuple[str, ...] = (*Mode.model_fields, "frequency_hz")
         target = document["modes"][index]
     elif section in ("piezo", "contact", "rotor"):
-        key, target = rest, document[section]
+        prefix, key, target = f"{section}.", rest, document[section]
         allowed = tuple(target)
     else:
-        section, key, target, allowed = "", path, document, ("name",)
+        prefix, key, target, allowed = "", path, document, ("name",)
     if key not in allowed:
         close = difflib.get_close_matches(key, allowed, n=1)
         hint = (
-            f"Did you mean {close[0]!r}?"
+            f"Did you mean {prefix + close[0]!r}?"
             if close
             else "Paths are those of `piezomotor show --json`, such as contact.preload_n."
         )
         raise ParameterError(f"There is no parameter {quoted(path)}. {hint}")
     target[key] = value
+    return prefix + key

@@ -22,6 +22,13 @@ def quantity(description: str, unit: str, **limits: Any) -> Any:
     return Field(description=description, json_schema_extra={"unit": unit}, allow_inf_nan=False, **limits)
 
 
+def label(description: str) -> Any:
+    """Declare a name that can stand in a dotted path."""
+    made_of: dict[str, Any] = {"made_of": "letters, digits, - and _, the first a letter"}
+    pattern = r"^[A-Za-z][A-Za-z0-9_-]*$"
+    return Field(description=description, min_length=1, max_length=40, pattern=pattern, json_schema_extra=made_of)
+
+
 class Parameters(BaseModel):
     """Base of all parameter classes: immutable, strict about unknown names."""
 
@@ -97,7 +104,7 @@ class Mode(Parameters):
     m r̈ + c ṙ + k r = θ_A U_A + θ_B U_B + X F_x + Y F_y, with r the modal coordinate (m).
     """
 
-    name: str = Field(description="name of the mode", min_length=1, max_length=40, pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")
+    name: str = label("name of the mode")
     mass_kg: float = quantity("modal mass m, the arm's inductance", "kg", gt=1e-12, le=1e3)
     damping_n_s_per_m: float = quantity("modal damping c, the arm's resistance", "N·s/m", ge=1e-12, le=1e9)
     stiffness_n_per_m: float = quantity("modal stiffness k, one over the arm's capacitance", "N/m", gt=1e-3, le=1e15)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
+from datetime import date
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
@@ -45,11 +46,27 @@ def refusal(error: ValidationError, kind: type[Parameters], path: str, where: st
         return ParameterError(f"{prefix}{first['ctx']['error']}.")
     field = kind.model_fields.get(name)
     if first["type"] == "missing":
-        meaning = f" ({field.description}{_unit(field)})" if field else ""
+        unit = f", in{_unit(field)}" if _unit(field) else ""
+        meaning = f" ({field.description}{unit})" if field else ""
         return ParameterError(f"{where}: {full} is missing{meaning}. State it.")
-    value = quoted(first["input"])
-    allowed = allowed_range(kind, name) if field else first["msg"]
-    return ParameterError(f"{where}: {full} = {value}{_unit(field)} is refused; allowed is {allowed}.")
+    return _refused(first["input"], full, where, allowed_range(kind, name) if field else first["msg"], _unit(field))
+
+
+def limited(kind: type[Parameters], name: str, value: Any, path: str, where: str) -> float:
+    """Return the value if the field of that name takes it.
+
+    Raises:
+        ParameterError: otherwise.
+    """
+    schema = kind.model_json_schema()["properties"][name]
+    inside = (
+        _is_number(value)
+        and schema.get("exclusiveMinimum", float("-inf")) < value < schema.get("exclusiveMaximum", float("inf"))
+        and schema.get("minimum", float("-inf")) <= value <= schema.get("maximum", float("inf"))
+    )
+    if not inside:
+        raise _refused(value, path, where, allowed_range(kind, name), _unit(kind.model_fields[name]))
+    return float(value)
 
 
 def allowed_range(kind: type[Parameters], name: str) -> str:
@@ -58,7 +75,9 @@ def allowed_range(kind: type[Parameters], name: str) -> str:
     if "enum" in schema:
         return "one of " + ", ".join(schema["enum"])
     if schema.get("type") == "string":
-        return f"a text of at most {schema.get('maxLength', 1000)} letters, digits, - and _, the first a letter"
+        return f"a text of at most {schema.get('maxLength', 1000)} {schema.get('made_of', 'characters')}"
+    if schema.get("type") == "array":
+        return f"{schema['minItems']} to {schema['maxItems']} entries"
     low = f"≥ {schema['minimum']:g}" if "minimum" in schema else f"> {schema.get('exclusiveMinimum', float('-inf')):g}"
     high = f"≤ {schema['maximum']:g}" if "maximum" in schema else f"< {schema.get('exclusiveMaximum', float('inf')):g}"
     noun = "a whole number" if schema.get("type") == "integer" else "a number"
@@ -93,14 +112,26 @@ def as_table(value: Any, path: str, where: str) -> dict[str, Any]:
     return value
 
 
-def positive(value: Any, path: str, where: str) -> float:
-    """Return the value if it is a finite number above zero."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < 1e18:
-        raise ParameterError(f"{where}: {path} = {quoted(value)} is refused; allowed is a number > 0.")
+def positive(value: Any, path: str, where: str, unit: str = "") -> float:
+    """Return the value if it is a number above zero, and not so large that one would have to fear an overflow."""
+    unit = f" {unit}" if unit else ""
+    if not (_is_number(value) and 0.0 < value < 1e18):
+        raise _refused(value, path, where, f"a number > 0 and < 1e+18{unit}", unit)
     return float(value)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _refused(value: Any, path: str, where: str, allowed: str, unit: str) -> ParameterError:
+    shown = f"{len(value)} entries" if isinstance(value, tuple) else quoted(value)
+    return ParameterError(
+        f"{where}: {path} = {shown}{unit if _is_number(value) else ''} is refused; allowed is {allowed}."
+    )
 
 
 def quoted(value: Any) -> str:
     """Return a value as it was written, made short and printable."""
-    text = repr(value) if isinstance(value, str) else f"{value:g}" if isinstance(value, float) else repr(value)
+    text = f"{value:g}" if isinstance(value, float) else str(value) if isinstance(value, date) else repr(value)
     return text if len(text) <= 60 else text[:57] + "…"

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The contact laws against Johnson's book, against their own derivatives and against small systems solved by hand."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pyspice_runner.model import contact as law
+from pyspice_runner.model.load import Materials
+from pyspice_runner.model.parameters import Contact, Rotor
+from tests.motors import mode, motor
+
+# two different bodies: a glass lens on a bronze cylinder
+E1, NU1, R1 = 72e9, 0.17, 0.031
+E2, NU2, R2 = 105e9, 0.35, 0.044
+
+
+def test_steel_ball_on_a_steel_plate() -> None:
+    """A worked example: ball of 20 mm, 100 N; E = 210 GPa, ν = 0.3 (Johnson §4.2: a, δ and p₀ of a sphere on a plane)."""
+    modulus = law.effective_modulus(210e9, 0.3, 210e9, 0.3)
+    assert modulus == pytest.approx(115.38e9, rel=1e-4)
+    radius = law.effective_radius(0.010, 1e12)
+    assert radius == pytest.approx(0.010)
+    contact_radius = (3.0 * 100.0 * 0.010 / (4.0 * 115.38e9)) ** (1.0 / 3.0)
+    assert contact_radius == pytest.approx(0.1866e-3, rel=1e-3)
+    contact = Contact(
+        normal_stiffness_n_per_m15=law.normal_stiffness(modulus, radius),
+        tangential_compliance_tip_m_per_n23=law.tangential_compliance(210e9, 0.3, modulus, radius),
+        tangential_compliance_rotor_m_per_n23=law.tangential_compliance(210e9, 0.3, modulus, radius),
+        friction=0.2,
+        preload_n=100.0,
+    )
+    assert law.static_penetration(contact) == pytest.approx(contact_radius**2 / 0.010, rel=1e-4)
+    assert law.static_penetration(contact) == pytest.approx(3.48e-6, rel=2e-3)
+    assert law.normal_stiffness_at_preload(contact) == pytest.approx(2.0 * modulus * contact_radius, rel=1e-4)
+    # Mindlin: initial tangential stiffness 8 a / Σ(2 − ν)/G, and its ratio 2(1 − ν)/(2 − ν) to the normal one
+    shear = 210e9 / 2.6
+    tangential = 8.0 * contact_radius / (2.0 * 1.7 / shear)
+    assert law.tangential_stiffness_at_preload(contact) == pytest.approx(tangential, rel=1e-4)
+    ratio = law.tangential_stiffness_at_preload(contact) / law.normal_stiffness_at_preload(contact)
+    assert ratio == pytest.approx(2.0 * (1.0 - 0.3) / (2.0 - 0.3), rel=1e-12)
+
+
+@settings(max_examples=50, deadline=None)
+@given(force=st.floats(1e-3, 1e4), friction=st.floats(0.01, 1.0))
+def test_limit_of_stick_is_mindlins(force: float, friction: float) -> None:
+    """u_lim = 3 μ F/(16 a) Σ(2 − ν_i)/G_i (Johnson eq. 7.42 at Q = μP), with a of Hertz."""
+    modulus, radius = law.effective_modulus(E1, NU1, E2, NU2), law.effective_radius(R1, R2)
+    contact_radius = (3.0 * force * radius / (4.0 * modulus)) ** (1.0 / 3.0)
+    g1, g2 = E1 / (2.0 * (1.0 + NU1)), E2 / (2.0 * (1.0 + NU2))
+    johnson = 3.0 * friction * force / (16.0 * contact_radius) * ((2.0 - NU1) / g1 + (2.0 - NU2) / g2)
+    compliance = sum(law.tangential_compliance(e, nu, modulus, radius) for e, nu in ((E1, NU1), (E2, NU2)))
+    assert friction * compliance * force ** (2.0 / 3.0) == pytest.approx(johnson, rel=1e-12)
+
+
+def test_the_softer_body_decides() -> None:
+    assert law.effective_modulus(1e9, 0.4, 1e15, 0.2) == pytest.approx(1e9 / (1.0 - 0.16), rel=1e-5)
+    assert law.effective_modulus(E1, NU1, E2, NU2) == law.effective_modulus(E2, NU2, E1, NU1)
+    assert law.effective_radius(0.02, 0.02) == pytest.approx(0.01)
+
+
+def test_materials_give_the_constants_of_both_bodies() -> None:
+    materials = Materials(
+        tip_radius_m=R1, tip_youngs_modulus_pa=E1, tip_poisson=NU1, rotor_youngs_modulus_pa=E2, rotor_poisson=NU2
+    )
+    constants = materials.constants(R2)
+    modulus, radius = law.effective_modulus(E1, NU1, E2, NU2), law.effective_radius(R1, R2)
+    assert constants == {
+        "normal_stiffness_n_per_m15": pytest.approx(4.0 / 3.0 * modulus * sqrt(radius)),
+        "tangential_compliance_tip_m_per_n23": law.tangential_compliance(E1, NU1, modulus, radius),
+        "tangential_compliance_rotor_m_per_n23": law.tangential_compliance(E2, NU2, modulus, radius),
+    }
+
+
+@settings(max_examples=30, deadline=None)
+@given(preload=st.floats(0.01, 1e3), hertz=st.floats(1e7, 1e12), compliance=st.floats(1e-9, 1e-5))
+def test_stiffnesses_are_the_derivatives_of_the_laws(preload: float, hertz: float, compliance: float) -> None:
+    contact = Contact(
+        normal_stiffness_n_per_m15=hertz,
+        tangential_compliance_tip_m_per_n23=0.3 * compliance,
+        tangential_compliance_rotor_m_per_n23=0.7 * compliance,
+        friction=0.25,
+        preload_n=preload,
+    )
+    assert law.total_compliance(contact) == pytest.approx(compliance)
+    delta = law.static_penetration(contact)
+    assert hertz * delta**1.5 == pytest.approx(preload, rel=1e-12)
+    step = 1e-5 * delta
+    slope = hertz * ((delta + step) ** 1.5 - (delta - step) ** 1.5) / (2.0 * step)
+    assert law.normal_stiffness_at_preload(contact) == pytest.approx(slope, rel=1e-8)
+    limit = 0.25 * compliance * preload ** (2.0 / 3.0)
+    little = 1e-4 * limit
+    friction_force = 0.25 * preload * (1.0 - (1.0 - little / limit) ** 1.5)
+    # secant of F_T = μF (1 − (1 − u/u_lim)^(3/2)): below the tangent by u/(4 u_lim)
+    assert law.tangential_stiffness_at_preload(contact) == pytest.approx(friction_force / little, rel=1e-4)
+
+
+def test_static_deflection_is_that_of_all_springs() -> None:
+    subject = motor()
+    expected = 8.0 * sum(m.tip_y**2 / m.stiffness_n_per_m for m in subject.modes)
+    assert law.static_deflection(subject.contact, subject.modes) == pytest.approx(expected, rel=1e-14)
+    assert law.static_deflection(subject.contact, (mode("m", 2e4, 0.003, 50.0, tip_x=1.0),)) == 0.0
+
+
+def test_pressed_mode_on_a_rigid_rotor() -> None:
+    """A mode that alone moves towards the rotor is stiffened by k_c Y²."""
+    contact = motor().contact
+    vertical = mode("m", 31e3, 0.0042, 70.0, tip_y=0.7)
+    spring = 1.5 * contact.preload_n / law.static_penetration(contact)
+    expected = sqrt((vertical.stiffness_n_per_m + 0.49 * spring) / 0.0042) / (2.0 * pi)
+    assert law.resonance_under_preload(contact, vertical) == pytest.approx(expected, rel=1e-12)
+    found = law.linearised_resonances(contact, (vertical,), motor().rotor)
+    # the rotor is not driven by a vertical motion: it turns freely, but for its own contact spring
+    rotor_alone = sqrt(law.tangential_stiffness_at_preload(contact) * 0.013**2 / 3e-6) / (2.0 * pi)
+    np.testing.assert_allclose(found, sorted([rotor_alone, expected]), rtol=1e-9)
+
+
+def test_tangential_mode_and_rotor_are_a_two_mass_system() -> None:
+    """m ẍ + k x + κ(x − z) = 0, M z̈ + κ(z − x) = 0: the roots of the biquadratic."""
+    contact, rotor = motor().contact, Rotor(radius_m=0.02, inertia_kg_m2=4e-7, bearing_damping_n_m_s=0.0)
+    sideways = mode("m", 45e3, 0.0027, 90.0, tip_x=1.0)
+    m, k, kappa = 0.0027, sideways.stiffness_n_per_m, law.tangential_stiffness_at_preload(contact)
+    heavy = 4e-7 / 0.02**2
+    b, c = (k + kappa) / m + kappa / heavy, k * kappa / (m * heavy)
+    squares = [(b - sqrt(b * b - 4.0 * c)) / 2.0, (b + sqrt(b * b - 4.0 * c)) / 2.0]
+    found = law.linearised_resonances(contact, (sideways,), rotor)
+    np.testing.assert_allclose(found, np.sqrt(squares) / (2.0 * pi), rtol=1e-9)
+
+
+def test_there_is_one_resonance_more_than_modes_in_rising_order() -> None:
+    subject = motor()
+    found = law.linearised_resonances(subject.contact, subject.modes, subject.rotor)
+    assert len(found) == 4
+    assert np.all(np.diff(found) > 0.0)
+    # springs are added, no mass is: the free stator's resonances lie below the upper three (Rayleigh)
+    assert all(f >= m.frequency_hz for f, m in zip(found[1:], subject.modes, strict=True))

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The drives of the paper's eqs. (1) and (2): their tones, their period and what they refuse."""
+
+from __future__ import annotations
+
+from math import pi, radians, sin
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.drive import Drive, Tone, TwoPhaseDrive, TwoToneDrive
+from tests.model.toml_text import reads_well
+
+Array = NDArray[np.float64]
+
+
+def wave(tones: tuple[Tone, ...], time: Array) -> Array:
+    return np.sum([t.amplitude * np.sin(2 * pi * t.frequency * time + t.phase) for t in tones], axis=0)
+
+
+def test_two_phases_are_equation_1() -> None:
+    drive = TwoPhaseDrive(voltage=37.0, frequency=48e3, phase_deg=-70.0)
+    time = np.linspace(0.0, 1e-4, 501)
+    np.testing.assert_allclose(wave(drive.tones_a, time), 37.0 * np.sin(2 * pi * 48e3 * time), atol=1e-9)
+    np.testing.assert_allclose(
+        wave(drive.tones_b, time), 37.0 * np.sin(2 * pi * 48e3 * time - radians(70.0)), atol=1e-9
+    )
+    assert TwoPhaseDrive(voltage=1.0, frequency=1e3).phase_deg == 90.0
+    assert drive.frequencies == (48e3,)
+    assert drive.period == 1.0 / 48e3
+
+
+def test_two_tones_are_equation_2() -> None:
+    drive = TwoToneDrive(voltage_1=20.0, frequency_1=13e3, voltage_2=9.0, frequency_2=26e3, phase_deg=25.0)
+    time = np.linspace(0.0, 2e-4, 501)
+    common = 20.0 * np.sin(2 * pi * 13e3 * time)
+    opposed = 9.0 * np.sin(2 * pi * 26e3 * time + radians(25.0))
+    np.testing.assert_allclose(wave(drive.tones_a, time), common + opposed, atol=1e-9)
+    np.testing.assert_allclose(wave(drive.tones_b, time), common - opposed, atol=1e-9)
+    assert drive.frequencies == (13e3, 26e3)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "period"),
+    [
+        (13.5e3, 27e3, 1 / 13.5e3),
+        (27e3, 13.5e3, 1 / 13.5e3),
+        (20e3, 30e3, 1 / 10e3),
+        (30e3, 20e3, 1 / 10e3),
+        (21e3, 49e3, 1 / 7e3),
+        (51.7e3, 51.7e3, 1 / 51.7e3),
+        (1e4 / 3, 1e4 / 7, 1 / (1e4 / 21)),
+    ],
+)
+def test_period_is_that_of_both_tones_together(first: float, second: float, period: float) -> None:
+    drive = TwoToneDrive(voltage_1=3.0, frequency_1=first, voltage_2=2.0, frequency_2=second, phase_deg=10.0)
+    assert drive.period == pytest.approx(period, rel=1e-12)
+    time = np.linspace(0.0, 1e-4, 101)
+    for tones in (drive.tones_a, drive.tones_b):
+        np.testing.assert_allclose(wave(tones, time + drive.period), wave(tones, time), atol=1e-8)
+
+
+def test_tones_without_a_short_common_period_give_that_of_the_lower() -> None:
+    drive = TwoToneDrive(voltage_1=3.0, frequency_1=20e3, voltage_2=2.0, frequency_2=20e3 * 2**0.5)
+    assert drive.period == 1.0 / 20e3
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    voltage=st.floats(0.0, 1e5),
+    frequency=st.floats(1.0, 1e8),
+    phase=st.floats(-360.0, 360.0),
+    start=st.floats(0.0, 1.0),
+)
+def test_first_voltages_are_those_at_the_first_moment(
+    voltage: float, frequency: float, phase: float, start: float
+) -> None:
+    drive = TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase, soft_start=start)
+    a, b = drive.initial_voltages()
+    assert a == 0.0
+    assert b == (0.0 if start else pytest.approx(voltage * sin(radians(phase)), abs=1e-9 * voltage))
+    both = TwoToneDrive(
+        voltage_1=voltage,
+        frequency_1=frequency,
+        voltage_2=2.0,
+        frequency_2=frequency,
+        phase_deg=phase,
+        soft_start=start,
+    )
+    plus, minus = both.initial_voltages()
+    assert plus == -minus
+    assert plus == (0.0 if start else pytest.approx(2.0 * sin(radians(phase))))
+
+
+def test_drive_cannot_be_changed() -> None:
+    drive = TwoPhaseDrive(voltage=1.0, frequency=1e3)
+    with pytest.raises(ValueError, match="frozen"):
+        drive.voltage = 2.0
+
+
+def test_drive_of_no_kind_has_no_tones() -> None:
+    for name in ("tones_a", "tones_b", "label"):
+        with pytest.raises(NotImplementedError):
+            getattr(Drive(), name)
+
+
+GOOD: dict[type[Drive], dict[str, Any]] = {
+    TwoPhaseDrive: {"voltage": 1.0, "frequency": 1e3, "phase_deg": 90.0, "soft_start": 0.0},
+    TwoToneDrive: {
+        "voltage_1": 1.0, "frequency_1": 1e3, "voltage_2": 1.0, "frequency_2": 2e3, "phase_deg": 0.0, "soft_start": 0.0,
+    },
+}  # fmt: skip
+LIMITS = {
+    "voltage": ("V", "≥ 0 and ≤ 100000 V"),
+    "frequency": ("Hz", "≥ 1 and ≤ 1e+08 Hz"),
+    "phase_deg": ("°", "≥ -360 and ≤ 360 °"),
+    "soft_start": ("s", "≥ 0 and ≤ 100 s"),
+}
+
+
+@pytest.mark.parametrize("kind", GOOD)
+@pytest.mark.parametrize("wrong", [-1e9, 1e12, float("nan"), float("inf"), "5", True, None, [1.0]])
+def test_wrong_value_is_refused_with_its_range(kind: type[Drive], wrong: Any) -> None:
+    for name in GOOD[kind]:
+        unit, allowed = LIMITS[name.rstrip("_12")]
+        with pytest.raises(ParameterError) as caught:
+            kind(**{**GOOD[kind], name: wrong})
+        shown = f"{wrong:g} {unit}" if isinstance(wrong, float) else repr(wrong)
+        assert str(caught.value) == f"{kind.__name__}: {name} = {shown} is refused; allowed is a number {allowed}."
+        assert reads_well(str(caught.value))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"voltage": 1.0}, "TwoPhaseDrive: frequency is missing (frequency f, in Hz). State it."),
+        ({"voltage": 1.0, "frequency": 1e3, "phase": 3.0}, "TwoPhaseDrive: there is no 'phase'. Did you mean 'phase_deg'?"),
+        ({"volume": 11}, "TwoPhaseDrive: there is no 'volume'. Did you mean 'voltage'?"),
+        (
+            {"x": 1},
+            "TwoPhaseDrive: there is no 'x'. Known are soft_start, voltage, frequency, phase_deg.",
+        ),
+    ],
+)  # fmt: skip
+def test_missing_or_misspelt_argument_is_named(arguments: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        TwoPhaseDrive(**arguments)
+    assert str(caught.value) == sentence

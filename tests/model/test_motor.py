@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a motor is as data: its JSON shape, its changes by dotted paths, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from math import pi
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.load import load_motor
+from pyspice_runner.model.motor import Motor, Provenance
+from tests.model.toml_text import reads_well
+from tests.motors import mode, motor
+
+SHAPE = {  # design.md §5 of the project; users' scripts read it
+    "modes": {
+        "name", "frequency_hz", "mass_kg", "damping_n_s_per_m", "stiffness_n_per_m", "coupling_a_n_per_v",
+        "coupling_b_n_per_v", "tip_x", "tip_y",
+    },
+    "piezo": {"capacitance_a_f", "capacitance_b_f", "loss_tangent", "loss_reference_hz"},
+    "contact": {
+        "normal_stiffness_n_per_m15", "tangential_compliance_tip_m_per_n23", "tangential_compliance_rotor_m_per_n23",
+        "friction", "preload_n",
+    },
+    "rotor": {"radius_m", "inertia_kg_m2", "bearing_damping_n_m_s"},
+}  # fmt: skip
+
+
+def leaves(document: dict[str, Any]) -> dict[str, float]:
+    """Dotted path → value of every number; ``frequency_hz`` is left out where the stiffness says the same."""
+    found = {f"{part}.{key}": value for part in ("piezo", "contact", "rotor") for key, value in document[part].items()}
+    for index, item in enumerate(document["modes"]):
+        found |= {f"modes.{index}.{key}": v for key, v in item.items() if key not in ("name", "frequency_hz")}
+    return found
+
+
+# --- shape ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("subject", [load_motor("andersen2002"), motor()], ids=lambda m: m.name)
+def test_document_has_the_agreed_shape(subject: Motor) -> None:
+    document = json.loads(json.dumps(subject.to_dict(), allow_nan=False))
+    assert set(document) == {"name", *SHAPE}
+    for part in ("piezo", "contact", "rotor"):
+        assert set(document[part]) == SHAPE[part]
+    for item, given_mode in zip(document["modes"], subject.modes, strict=True):
+        assert set(item) == SHAPE["modes"]
+        assert item["frequency_hz"] == given_mode.frequency_hz
+    frequencies = [item["frequency_hz"] for item in document["modes"]]
+    assert frequencies == sorted(frequencies)
+
+
+def test_motor_is_frozen_hashable_by_value_and_survives_a_pickle() -> None:
+    subject = motor()
+    with pytest.raises(ValidationError, match="frozen"):
+        subject.name = "other"
+    with pytest.raises(ValidationError, match="frozen"):
+        subject.contact.preload_n = 1.0
+    assert pickle.loads(pickle.dumps(subject)) == subject == motor()
+
+
+def test_frequency_and_quality_are_those_of_an_oscillator() -> None:
+    item = mode("m", 33e3, 0.002, 123.0)
+    assert item.frequency_hz == pytest.approx(33e3, rel=1e-14)
+    assert item.quality_factor == pytest.approx(123.0, rel=1e-14)
+    assert item.stiffness_n_per_m == pytest.approx(0.002 * (2 * pi * 33e3) ** 2)
+
+
+# --- changes -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", leaves(motor().to_dict()))
+def test_every_number_can_be_changed_by_its_path_and_nothing_else_moves(path: str) -> None:
+    before = motor()
+    value = leaves(before.to_dict())[path]
+    changed = before.updated({path: 1.01 * value})
+    after = leaves(changed.to_dict())
+    assert after.pop(path) == 1.01 * value
+    expected = leaves(before.to_dict())
+    expected.pop(path)
+    assert after == expected
+    assert before == motor()
+    assert changed.provenance[path] == Provenance("set", "by the user")
+    assert changed.updated({path: value}).to_dict() == before.to_dict()
+
+
+@pytest.mark.parametrize("which", ["1", "pull"])
+def test_a_mode_is_named_or_numbered(which: str) -> None:
+    changed = motor().updated({f"modes.{which}.tip_x": 3.5})
+    assert [item.tip_x for item in changed.modes] == [0.1, 3.5, -0.6]
+    assert changed.provenance["modes.1.tip_x"].kind == "set"
+
+
+def test_new_frequency_keeps_mass_and_damping() -> None:
+    before = motor()
+    changed = before.updated({"modes.push.frequency_hz": 25e3, "modes.push.mass_kg": 0.005, "name": "lighter"})
+    item = changed.modes[0]
+    assert changed.name == "lighter"
+    assert item.mass_kg == 0.005
+    assert item.frequency_hz == pytest.approx(25e3, rel=1e-14)
+    assert item.damping_n_s_per_m == before.modes[0].damping_n_s_per_m
+
+
+def test_modes_stay_sorted_and_their_provenance_moves_along() -> None:
+    changed = motor().updated({"modes.0.frequency_hz": 50e3})
+    assert [item.name for item in changed.modes] == ["pull", "push", "turn"]
+    assert changed.provenance == {"modes.1.frequency_hz": Provenance("set", "by the user")}
+    again = changed.updated({"modes.push.tip_y": 0.8})
+    assert set(again.provenance) == {"modes.1.frequency_hz", "modes.1.tip_y"}
+
+
+def test_structure_is_forgotten_when_a_mode_no_longer_follows_from_it() -> None:
+    paper = load_motor("andersen2002")
+    assert paper.structure is not None
+    assert paper.updated({"contact.preload_n": 3.0}).structure == paper.structure
+    assert paper.updated({"modes.0.damping_n_s_per_m": 10.0}).structure is None
+
+
+def test_no_change_is_no_change() -> None:
+    assert motor().updated({}) == motor()
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_any_allowed_changes_come_back_in_the_document(data: st.DataObject) -> None:
+    before = motor()
+    values = leaves(before.to_dict())
+    paths = data.draw(st.lists(st.sampled_from(sorted(values)), unique=True, max_size=8))
+    changes = {path: values[path] * data.draw(st.floats(0.7, 1.3)) for path in paths}
+    after = before.updated(changes)
+    order = [[item.name for item in before.modes].index(item.name) for item in after.modes]
+    for path, value in leaves(after.to_dict()).items():
+        head, number, *key = path.split(".")
+        was = f"modes.{order[int(number)]}.{key[0]}" if head == "modes" else path
+        assert value == changes.get(was, values[was])
+    copy = motor().updated(leaves(before.to_dict()))
+    assert copy == before.model_copy(update={"provenance": copy.provenance})
+
+
+# --- refusals ------------------------------------------------------------------------------------------------
+
+PATHS = "Paths are those of `piezomotor show --json`, such as contact.preload_n."
+MODES = "there are push, pull, turn, numbered from 0."
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"contact.preload": 5.0}, "There is no parameter 'contact.preload'. Did you mean 'contact.preload_n'?"),
+        ({"modes.0.frequency": 5.0}, "There is no parameter 'modes.0.frequency'. Did you mean 'modes.0.frequency_hz'?"),
+        ({"modes.turn.tipx": 5.0}, "There is no parameter 'modes.turn.tipx'. Did you mean 'modes.2.tip_x'?"),
+        ({"contact": {}}, f"There is no parameter 'contact'. {PATHS}"),
+        ({"contact.preload_n.x": 1.0}, "There is no parameter 'contact.preload_n.x'. Did you mean 'contact.preload_n'?"),
+        ({"": 1.0}, f"There is no parameter ''. {PATHS}"),
+        ({"structure.beam.length_m": 1.0}, f"There is no parameter 'structure.beam.length_m'. {PATHS}"),
+        ({"provenance": {}}, f"There is no parameter 'provenance'. {PATHS}"),
+        ({5: 1.0}, f"There is no parameter '5'. {PATHS}"),
+        ({"modes.0": {}}, f"There is no parameter 'modes.0'. {PATHS}"),
+        ({"modes": []}, f"There is no mode '' in 'modes'; {MODES}"),
+        ({"modes.3.mass_kg": 1.0}, f"There is no mode '3' in 'modes.3.mass_kg'; {MODES}"),
+        ({"modes.-1.mass_kg": 1.0}, f"There is no mode '-1' in 'modes.-1.mass_kg'; {MODES}"),
+        ({"modes.².mass_kg": 1.0}, f"There is no mode '²' in 'modes.².mass_kg'; {MODES}"),
+        ({"modes.1.name": "push"}, "motor off the defaults: two modes share a name in ['push', 'push', 'turn']; give each its own."),
+        (
+            {"modes.0.tip_x": 1.0, "modes.push.tip_x": 2.0},
+            "motor off the defaults: modes.0.tip_x is changed twice; give one value.",
+        ),
+        (
+            {"modes.0.frequency_hz": 2e4, "modes.push.stiffness_n_per_m": 1e7},
+            "motor off the defaults: modes.0.frequency_hz and the stiffness are both changed; give one of them.",
+        ),
+        (
+            {"modes.0.frequency_hz": 0.0},
+            "motor off the defaults: modes.0.frequency_hz = 0 Hz is refused; allowed is a number > 0 and < 1e+18 Hz.",
+        ),
+        (
+            {"modes.0.frequency_hz": 1e12},
+            "motor off the defaults: modes.0.frequency_hz = 1e+12 Hz is refused; with a mass of 0.004 kg it takes a "
+            "stiffness of 1.58e+23 N/m, and allowed is a number > 0.001 and ≤ 1e+15 N/m.",
+        ),
+        (
+            {"modes.0.frequency_hz": 2e4, "modes.0.mass_kg": "light"},
+            "motor off the defaults: modes.0.mass_kg = 'light' is refused; allowed is a number > 1e-12 and ≤ 1000 kg.",
+        ),
+        (
+            {"modes.1.damping_n_s_per_m": 1e8},
+            "motor off the defaults: mode pull does not ring: quality factor 7.73e-06; it must exceed 0.5, so lower its damping.",
+        ),
+        (
+            {"contact.preload_n": 9e4},
+            "motor off the defaults: contact.preload_n = 90000 N presses the tip 0.00183 m into the rotor; at most a tenth of "
+            "rotor.radius_m = 0.013 m is allowed, so lower the preload.",
+        ),
+        (
+            {"name": "a/b"},
+            "motor off the defaults: name = 'a/b' is refused; allowed is a text of at most 60 letters, digits, spaces, "
+            "dots, - and _, the first a letter or digit.",
+        ),
+        (
+            {"modes.0.name": "1st"},
+            "motor off the defaults: modes.0.name = '1st' is refused; allowed is a text of at most 40 letters, digits, "
+            "- and _, the first a letter.",
+        ),
+    ],
+)  # fmt: skip
+def test_refused_change_is_explained(changes: dict[Any, Any], sentence: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        motor().updated(changes)
+    assert str(caught.value) == sentence
+    assert reads_well(sentence)
+
+
+@pytest.mark.parametrize("path", leaves(motor().to_dict()))
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -1e30, 10**400, "1.0", True, None, [1.0], {}])
+def test_wrong_value_names_path_value_unit_and_range(path: str, wrong: Any) -> None:
+    with pytest.raises(ParameterError) as caught:
+        motor().updated({path: wrong})
+    sentence = str(caught.value)
+    assert reads_well(sentence)
+    assert sentence.startswith(f"motor off the defaults: {path} = ")
+    assert " is refused; allowed is a number " in sentence
+    unit = UNITS[path.rpartition(".")[2]]
+    assert sentence.endswith(f" {unit}." if unit else ".")
+    if isinstance(wrong, float):
+        assert f" = {wrong:g}{f' {unit}' if unit else ''} is refused" in sentence
+
+
+UNITS = {
+    "capacitance_a_f": "F", "capacitance_b_f": "F", "loss_tangent": "", "loss_reference_hz": "Hz",
+    "normal_stiffness_n_per_m15": "N/m^1.5", "tangential_compliance_tip_m_per_n23": "m/N^(2/3)",
+    "tangential_compliance_rotor_m_per_n23": "m/N^(2/3)", "friction": "", "preload_n": "N", "radius_m": "m",
+    "inertia_kg_m2": "kg·m²", "bearing_damping_n_m_s": "N·m·s", "mass_kg": "kg", "damping_n_s_per_m": "N·s/m",
+    "stiffness_n_per_m": "N/m", "coupling_a_n_per_v": "N/V", "coupling_b_n_per_v": "N/V", "tip_x": "", "tip_y": "",
+}  # fmt: skip
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    changes=st.dictionaries(
+        st.one_of(
+            st.text(max_size=20),
+            st.sampled_from([*leaves(motor().to_dict()), "name", "modes.0.name", "modes.1.frequency_hz"]),
+        ),
+        st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=10), st.lists(st.floats())),
+        max_size=4,
+    )
+)
+def test_any_change_gives_a_motor_or_one_clear_refusal(changes: dict[str, Any]) -> None:
+    try:
+        motor().updated(changes)
+    except ParameterError as error:
+        assert reads_well(str(error)), str(error)
