@@ -14,6 +14,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.files import save_by_ending
 
 if TYPE_CHECKING:
     from pyspice_runner.analysis.admittance import Admittance
@@ -131,11 +132,4 @@ def _figure(rows: int, columns: int, *, width: float = 10.0, height: float = 7.0
 
 
 def _save(figure: Figure, path: str | Path) -> Path:
-    path = Path(path)
-    if path.suffix not in (".png", ".svg", ".pdf"):
-        raise ParameterError(f"Cannot tell a picture format from {path.name!r}; let it end in .png, .svg or .pdf.")
-    try:
-        figure.savefig(path, dpi=150)
-    except OSError as error:
-        raise ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
-    return path
+    return save_by_ending(path, dict.fromkeys((".png", ".svg", ".pdf"), lambda file: figure.savefig(file, dpi=150)))

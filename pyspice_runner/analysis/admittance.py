@@ -26,6 +26,7 @@ from scipy.optimize import least_squares
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.files import save_by_ending, write_csv, write_json
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
@@ -129,22 +130,14 @@ class Admittance:
         Raises:
             ParameterError: for another ending or a place that cannot be written.
         """
-        path = Path(path)
-        if path.suffix not in (".csv", ".nc", ".json"):
-            raise ParameterError(f"Cannot tell a format from {path.name!r}; let it end in .csv, .nc or .json.")
-        try:
-            if path.suffix == ".csv":
-                columns = self._columns()
-                with path.open("w", encoding="utf-8", newline="\n") as file:
-                    table = np.column_stack(list(columns.values()))
-                    np.savetxt(file, table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
-            elif path.suffix == ".nc":
-                self.to_xarray().to_netcdf(path, engine="h5netcdf")
-            else:
-                path.write_text(json.dumps(self.to_dict(), indent=2) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
-        return path
+        return save_by_ending(
+            path,
+            {
+                ".csv": lambda file: write_csv(file, self._columns()),
+                ".nc": lambda file: self.to_xarray().to_netcdf(file, engine="h5netcdf"),
+                ".json": lambda file: write_json(file, self.to_dict()),
+            },
+        )
 
     def plot(self, path: str | Path) -> Path:
         """Draw |Y|, phase and the G–B circle for A+B and A−B."""

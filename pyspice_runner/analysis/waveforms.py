@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.files import save_by_ending, write_csv, write_json
 
 if TYPE_CHECKING:
     import xarray
@@ -76,7 +76,7 @@ class EnergyBalance:
 
 @dataclass(frozen=True)
 class Waveforms:
-    """One verified run. The arrays share one time axis; it is uniform but for the first few steps and the last, which are shorter.
+    """One verified run. The arrays share one time axis, uniform but for the first few steps and the last, shorter ones.
 
     Attributes:
         energy: the energy balance of the run.
@@ -189,37 +189,18 @@ class Waveforms:
         Raises:
             ParameterError: for another ending or a place that cannot be written.
         """
-        path = Path(path)
-        writers = {
-            ".csv": self._write_csv,
-            ".nc": self._write_netcdf,
-            ".json": self._write_json,
-            ".cir": self._write_deck,
-        }
-        if path.suffix not in writers:
-            raise ParameterError(f"Cannot tell a format from {path.name!r}; let it end in .csv, .nc, .json or .cir.")
-        try:
-            writers[path.suffix](path)
-        except OSError as error:
-            raise ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
-        return path
-
-    def _write_csv(self, path: Path) -> None:
-        table = np.column_stack([getattr(self, name) for name in COLUMNS])
-        with path.open("w", encoding="utf-8", newline="\n") as file:
-            np.savetxt(file, table, delimiter=",", header=",".join(COLUMNS), comments="", fmt="%.12g")
-
-    def _write_netcdf(self, path: Path) -> None:
-        self.to_xarray().to_netcdf(path, engine="h5netcdf")
+        return save_by_ending(
+            path,
+            {
+                ".csv": lambda file: write_csv(file, {name: getattr(self, name) for name in COLUMNS}),
+                ".nc": lambda file: self.to_xarray().to_netcdf(file, engine="h5netcdf"),
+                ".json": lambda file: write_json(file, self.to_dict()),
+                ".cir": lambda file: file.write_text(self.deck, encoding="utf-8"),
+            },
+        )
 
     def plot(self, path: str | Path) -> Path:
         """Draw the run: rotor speed, path of the tip coloured by contact state, forces, currents."""
         from pyspice_runner.plots import plot_waveforms
 
         return plot_waveforms(self, path)
-
-    def _write_deck(self, path: Path) -> None:
-        path.write_text(self.deck, encoding="utf-8")
-
-    def _write_json(self, path: Path) -> None:
-        path.write_text(json.dumps(self.to_dict(), indent=2) + "\n", encoding="utf-8")
