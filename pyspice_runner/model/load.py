@@ -15,6 +15,7 @@ written plainly, or as ``{ value = …, given | derived | assumed = "why" }``, w
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
 from math import sqrt
 from pathlib import Path
@@ -27,7 +28,7 @@ from pyspice_runner.model import beam as beam_model
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor, Provenance, Structure, assemble, stiffness_for
 from pyspice_runner.model.parameters import Beam, Damping, Mode, Parameters, Patch, Rotor, Tip, label, quantity
-from pyspice_runner.model.refusal import allowed_range, as_table, build, check_keys, limited, positive, quoted
+from pyspice_runner.model.refusal import allowed_range, as_table, build, check_keys, limited, positive, quoted, unit_of
 
 SETS = Path(__file__).parent / "sets"
 
@@ -238,10 +239,10 @@ def _mode_of_arm(arm: Arm, path: str, where: str) -> dict[str, Any]:
     try:
         return arm.to_mode().model_dump()
     except ValidationError as error:
-        name = str(error.errors()[0]["loc"][-1])
+        name, value = str(error.errors()[0]["loc"][-1]), quoted(error.errors()[0]["input"])
         raise ParameterError(
             f"{where}: the values of {path} and its mass_kg = {arm.mass_kg:g} kg give a mode with "
-            f"{name} = {quoted(error.errors()[0]['input'])}; allowed is {allowed_range(Mode, name)}."
+            f"{name} = {value} {unit_of(Mode, name)}; allowed is {allowed_range(Mode, name)}."
         ) from error
 
 
@@ -296,8 +297,9 @@ def _strip(value: Any, path: str, provenance: dict[str, Provenance], where: str)
         return {key: _strip(item, f"{path}.{key}", provenance, where) for key, item in value.items()}
     kinds = [kind for kind in _KINDS if kind in value]
     if "value" not in value or len(kinds) != 1 or len(value) != 2 or not isinstance(value[kinds[0]], str):
+        shown = path if path.isascii() and re.fullmatch(r"[\w.-]+", path) else quoted(path)
         raise ParameterError(
-            f'{where}: {path} must read {{ value = …, given | derived | assumed = "why" }}, one of the three.'
+            f'{where}: {shown} must read {{ value = …, given | derived | assumed = "why" }}, one of the three.'
         )
     provenance[path] = Provenance(kinds[0], value[kinds[0]])
     return value["value"]

@@ -21,7 +21,7 @@ E2, NU2, R2 = 105e9, 0.35, 0.044
 
 
 def test_steel_ball_on_a_steel_plate() -> None:
-    """A worked example: ball of 20 mm, 100 N; E = 210 GPa, ν = 0.3 (Johnson §4.2: a, δ and p₀ of a sphere on a plane)."""
+    """A ball of 20 mm under 100 N; E = 210 GPa, ν = 0.3 (Johnson §4.2: a and δ of a sphere on a plane)."""
     modulus = law.effective_modulus(210e9, 0.3, 210e9, 0.3)
     assert modulus == pytest.approx(115.38e9, rel=1e-4)
     radius = law.effective_radius(0.010, 1e12)

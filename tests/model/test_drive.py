@@ -139,14 +139,17 @@ def test_wrong_value_is_refused_with_its_range(kind: type[Drive], wrong: Any) ->
     ("arguments", "sentence"),
     [
         ({"voltage": 1.0}, "TwoPhaseDrive: frequency is missing (frequency f, in Hz). State it."),
-        ({"voltage": 1.0, "frequency": 1e3, "phase": 3.0}, "TwoPhaseDrive: there is no 'phase'. Did you mean 'phase_deg'?"),
+        (
+            {"voltage": 1.0, "frequency": 1e3, "phase": 3},
+            "TwoPhaseDrive: there is no 'phase'. Did you mean 'phase_deg'?",
+        ),
         ({"volume": 11}, "TwoPhaseDrive: there is no 'volume'. Did you mean 'voltage'?"),
         (
             {"x": 1},
             "TwoPhaseDrive: there is no 'x'. Known are soft_start, voltage, frequency, phase_deg.",
         ),
     ],
-)  # fmt: skip
+)
 def test_missing_or_misspelt_argument_is_named(arguments: dict[str, Any], sentence: str) -> None:
     with pytest.raises(ParameterError) as caught:
         TwoPhaseDrive(**arguments)

@@ -222,7 +222,10 @@ def test_electrical_values_of_a_mode_bring_the_mode_back(load: Callable[[Documen
         )
     document = {key: value for key, value in MODES.items() if key != "modes"}
     for found, item in zip(load(document | {"arms": modes}).modes, (MODE, SIDE), strict=True):
-        assert found.model_dump() == pytest.approx(item, rel=1e-12)
+        assert found.name == item["name"]
+        for key in ("mass_kg", "stiffness_n_per_m", "damping_n_s_per_m", "coupling_a_n_per_v", "coupling_b_n_per_v"):
+            assert getattr(found, key) == pytest.approx(item[key], rel=1e-12)
+        assert (found.tip_x, found.tip_y) == (item["tip_x"], item["tip_y"])
 
 
 def test_contact_by_materials_has_hertz_and_mindlins_constants(load: Callable[[Document], Motor]) -> None:
@@ -300,14 +303,17 @@ def test_every_set_that_comes_along_loads() -> None:
         assert load_motor(name) == load_motor(SETS / f"{name}.toml") == load_motor(str(SETS / f"{name}.toml"))
 
 
-SETS_TEXT = ", ".join(available_motors())
+SETS_TEXT = f"there are {', '.join(available_motors())}"
 
 
 @pytest.mark.parametrize(
     ("source", "sentence"),
     [
-        ("andersen2020", f"There is no parameter set 'andersen2020'; there are {SETS_TEXT}. Did you mean 'andersen2002'?"),
-        ("zeppelin", f"There is no parameter set 'zeppelin'; there are {SETS_TEXT}. Give one of these or the path of a TOML file."),
+        ("andersen2020", f"There is no parameter set 'andersen2020'; {SETS_TEXT}. Did you mean 'andersen2002'?"),
+        (
+            "zeppelin",
+            f"There is no parameter set 'zeppelin'; {SETS_TEXT}. Give one of these or the path of a TOML file.",
+        ),
         ("", "There is no file ''. Give the path of a TOML file or the name of a set."),
         (".", "There is no file '.'. Give the path of a TOML file or the name of a set."),
         ("nothing.toml", "There is no file 'nothing.toml'. Give the path of a TOML file or the name of a set."),
@@ -316,7 +322,7 @@ SETS_TEXT = ", ".join(available_motors())
         ("x" * 300 + ".toml", f"There is no file '{'x' * 56}…. Give the path of a TOML file or the name of a set."),
         ("\0.toml", "There is no file '\\x00.toml'. Give the path of a TOML file or the name of a set."),
     ],
-)  # fmt: skip
+)
 def test_unknown_source_is_refused(source: str | Path, sentence: str) -> None:
     with pytest.raises(ParameterError) as caught:
         load_motor(source)
@@ -325,21 +331,24 @@ def test_unknown_source_is_refused(source: str | Path, sentence: str) -> None:
 
 
 def test_directory_is_no_file(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="There is no file '.*' *Give the path|There is no file"):
+    with pytest.raises(ParameterError, match=r"There is no file .*\. Give the path of a TOML file"):
         load_motor(tmp_path)
+
+
+TOML = "mine.toml is not valid TOML:"
 
 
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
         (b"\xff\xfe\x00", "Cannot read {path}: it is not UTF-8 text. Give a readable TOML file."),
-        (b"name = 'x'\nfriction = = 3\n", "mine.toml is not valid TOML: Invalid value (at line 2, column 12). Mend that line."),
-        (b"[a\n", "mine.toml is not valid TOML: Expected ']' at the end of a table declaration (at line 1, column 3). Mend that line."),
-        (b"a = 1\na = 2\n", "mine.toml is not valid TOML: Cannot overwrite a value (at line 2, column 6). Mend that line."),
+        (b"name = 'x'\nmass = = 3\n", f"{TOML} Invalid value (at line 2, column 8). Mend that line."),
+        (b"[a\n", f"{TOML} Expected ']' at the end of a table declaration (at line 1, column 3). Mend that line."),
+        (b"a = 1\na = 2\n", f"{TOML} Cannot overwrite a value (at line 2, column 6). Mend that line."),
         (b"a = " + b"[" * 5000, "mine.toml nests its values too deeply. Write them as a motor's TOML does."),
         (b"", "mine.toml must state its modes by exactly one of [beam], [[modes]] or [[arms]]; it has none of them."),
     ],
-)  # fmt: skip
+)
 def test_unreadable_file_is_refused(content: bytes, sentence: str, tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_bytes(content)
@@ -402,15 +411,24 @@ MISTAKES: list[tuple[Document, str]] = [
     (changed(MODES, "modes", {}), "modes must be one or more tables [[modes]]."),
     (changed(MODES, "modes", []), "modes must be one or more tables [[modes]]."),
     (changed(MODES, "modes.0", 5.0), "modes.0 must be a table [modes.0], not 5."),
-    (changed(MODES, "modes", [MODE | {"name": f"m{i}"} for i in range(21)]), "modes = 21 entries is refused; allowed is 1 to 20 entries."),
+    (
+        changed(MODES, "modes", [MODE | {"name": f"m{i}"} for i in range(21)]),
+        "modes = 21 entries is refused; allowed is 1 to 20 entries.",
+    ),
     (changed(MODES, "contact", 5), "contact must be a table [contact], not 5."),
-    (changed(MODES, "contact", [CONTACT]), "contact must be a table [contact], not [{'normal_stiffness_n_per_m15': 3000000000.0, 'tangential_co…."),
+    (
+        changed(MODES, "contact", [CONTACT]),
+        "contact must be a table [contact], not [{'normal_stiffness_n_per_m15': 3000000000.0, 'tangential….",
+    ),
     (changed(MODES, "tip", {}), "[tip] belongs to a [beam]; with [[modes]] leave it out."),
     (changed(ARMS, "ceramic", {}), "[ceramic] belongs to a [beam]; with [[arms]] leave it out."),
     (changed(BEAM, "tip", ...), " has a [beam] but no 'tip'; a beam needs patches, tip and damping."),
     (changed(BEAM, "patches", {}), "patches must be one or more tables [[patches]]."),
     (changed(BEAM, "patches.1.group", "C"), "patches.1.group = 'C' is refused; allowed is one of A, B."),
-    (changed(BEAM, "patches.1.layers", 1.5), "patches.1.layers = 1.5 is refused; allowed is a whole number ≥ 1 and ≤ 500."),
+    (
+        changed(BEAM, "patches.1.layers", 1.5),
+        "patches.1.layers = 1.5 is refused; allowed is a whole number ≥ 1 and ≤ 500.",
+    ),
     (
         changed(BEAM, "patches.1.end_m", 0.012),
         "patches.1.end_m = 0.012 m must lie to the right of start_m = 0.013 m.",
@@ -421,13 +439,17 @@ MISTAKES: list[tuple[Document, str]] = [
     ),
     (
         changed(BEAM, "patches", [PATCH]),
-        "patches: none of the 1 belongs to group B, but a motor has the two electrical groups A and B; "
-        'add a patch with group = "B".',
+        (
+            "patches: none of the 1 belongs to group B, but a motor has the two electrical groups A and B; "
+            'add a patch with group = "B".'
+        ),
     ),
     (
         changed(BEAM, "damping", {"alpha_per_s": 0.0, "beta_s": 0.0}),
-        "damping.alpha_per_s = 0 1/s and damping.beta_s = 0 s leave the modes undamped; "
-        "at least one of them must be positive.",
+        (
+            "damping.alpha_per_s = 0 1/s and damping.beta_s = 0 s leave the modes undamped; "
+            "at least one of them must be positive."
+        ),
     ),
     (
         changed(BEAM, "piezo.capacitance_a_f", 1e-9),
@@ -443,25 +465,34 @@ MISTAKES: list[tuple[Document, str]] = [
     ),
     (
         changed(MODES, "contact.preload_n", 5e4),
-        "contact.preload_n = 50000 N presses the tip 0.00121 m into the rotor; at most a tenth of "
-        "rotor.radius_m = 0.012 m is allowed, so lower the preload.",
+        (
+            "contact.preload_n = 50000 N presses the tip 0.0012 m into the rotor; at most a tenth of "
+            "rotor.radius_m = 0.012 m is allowed, so lower the preload."
+        ),
     ),
     (
         changed(ARMS, "arms.0.inductance_h", 1e-12),
-        "the values of arms.0 and its mass_kg = 0.005 kg give a mode with stiffness_n_per_m = 2.5e+19; "
-        "allowed is a number > 0.001 and ≤ 1e+15 N/m.",
+        (
+            "the values of arms.0 and its mass_kg = 0.005 kg give a mode with damping_n_s_per_m = 2.25e+12 N·s/m; "
+            "allowed is a number ≥ 1e-12 and ≤ 1e+09 N·s/m."
+        ),
     ),
-    (changed(BEAM, "modes", [MODE]), " must state its modes by exactly one of [beam], [[modes]] or [[arms]]; it has [beam] and [modes]."),
+    (
+        changed(BEAM, "modes", [MODE]),
+        " must state its modes by exactly one of [beam], [[modes]] or [[arms]]; it has [beam] and [modes].",
+    ),
     *(
         (changed(MODES, key, ...), f" has no entry '{key}'; a motor needs name, piezo, contact, rotor and its modes.")
         for key in ("name", "piezo", "contact", "rotor")
     ),
     (
         changed(MODES, "name", "a\nb"),
-        "name = 'a\\nb' is refused; allowed is a text of at most 60 letters, digits, spaces, dots, - and _, "
-        "the first a letter or digit.",
+        (
+            "name = 'a\\nb' is refused; allowed is a text of at most 60 letters, digits, spaces, dots, - and _, "
+            "the first a letter or digit."
+        ),
     ),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("document", "sentence"), MISTAKES, ids=[sentence[:60] for _, sentence in MISTAKES])
@@ -496,7 +527,8 @@ junk = st.recursive(
         st.booleans(), st.integers(-(2**70), 2**70), st.floats(), st.text(max_size=8), st.just("up"), st.just(""),
     ),
     lambda inner: st.one_of(
-        st.lists(inner, max_size=3), st.dictionaries(st.one_of(st.text(max_size=8), st.just("value")), inner, max_size=3)
+        st.lists(inner, max_size=3),
+        st.dictionaries(st.one_of(st.text(max_size=8), st.just("value")), inner, max_size=3),
     ),
     max_leaves=6,
 )  # fmt: skip
@@ -505,12 +537,13 @@ junk = st.recursive(
 def loads_or_refuses(text: str, folder: Path) -> None:
     path = folder / "any.toml"
     path.write_bytes(text.encode("utf-8", errors="surrogatepass"))
+    sentence = None
     try:
         subject = load_motor(path)
-    except ParameterError as error:
-        assert reads_well(str(error)), str(error)
-    else:
         assert subject.updated({}).to_dict() == subject.to_dict()
+    except ParameterError as error:
+        sentence = str(error)
+    assert sentence is None or reads_well(sentence), sentence
 
 
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
