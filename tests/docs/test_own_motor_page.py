@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The motors that ``docs/own_motor.md`` shows load and run, as the page says."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.cli import run
+
+PAGE = (Path(__file__).parents[2] / "docs" / "own_motor.md").read_text(encoding="utf-8")
+MOTORS = re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S)
+COMMANDS = re.findall(r"^    (piezomotor .+)$", PAGE, re.M)
+
+
+def test_the_page_shows_two_motors_and_two_commands() -> None:
+    assert (len(MOTORS), len(COMMANDS)) == (2, 2)
+
+
+@pytest.mark.parametrize("text", MOTORS, ids=["modes", "arms"])
+def test_a_motor_loads_and_turns(text: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
+    motor = pr.load_motor(tmp_path / "mine.toml")
+    drive = pr.TwoPhaseDrive(voltage=30.0, frequency=motor.modes[-1].frequency_hz, phase_deg=90.0)
+    waves = pr.simulate(motor, drive, duration=1e-3)
+    assert waves.energy_residual < 1e-3
+    assert abs(waves.mean_rotor_speed_rad_s) > 1e-3
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_a_command_runs(words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.toml").write_text(MOTORS[0], encoding="utf-8")
+    assert run(shlex.split(words)[1:]) == 0
+
+
+def test_a_number_may_say_where_it_comes_from(tmp_path: Path) -> None:
+    for line in re.findall(r"^    (preload_n = .+)$", PAGE, re.M):
+        (tmp_path / "mine.toml").write_text(MOTORS[0].replace("preload_n = 3.0", line), encoding="utf-8")
+        assert pr.load_motor(tmp_path / "mine.toml").contact.preload_n == 3.0
