@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pyspice_runner.analysis.admittance import Admittance, admittance
+    from pyspice_runner.analysis.readers import read_spectrum
     from pyspice_runner.analysis.simulate import simulate
+    from pyspice_runner.analysis.spectrum import Spectrum
     from pyspice_runner.analysis.waveforms import Waveforms
     from pyspice_runner.errors import ParameterError, SimulationError, SpectrumError
     from pyspice_runner.model.beam import resonator_modes
@@ -34,6 +36,7 @@ _HOMES = {
     "Motor": "model.motor",
     "ParameterError": "errors",
     "SimulationError": "errors",
+    "Spectrum": "analysis.spectrum",
     "SpectrumError": "errors",
     "TwoPhaseDrive": "model.drive",
     "TwoToneDrive": "model.drive",
@@ -44,6 +47,7 @@ _HOMES = {
     "motor_library": "netlist.motor",
     "plot_mode_shapes": "plots",
     "plot_motors": "plots",
+    "read_spectrum": "analysis.readers",
     "resonator_modes": "model.beam",
     "simulate": "analysis.simulate",
 }
@@ -53,6 +57,7 @@ __all__ = [
     "Motor",
     "ParameterError",
     "SimulationError",
+    "Spectrum",
     "SpectrumError",
     "TwoPhaseDrive",
     "TwoToneDrive",
@@ -63,6 +68,7 @@ __all__ = [
     "motor_library",
     "plot_mode_shapes",
     "plot_motors",
+    "read_spectrum",
     "resonator_modes",
     "simulate",
 ]

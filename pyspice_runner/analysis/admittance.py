@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from pyspice_runner.analysis.spectrum import COUPLING, Connection, columns_of, connect
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -36,8 +37,6 @@ if TYPE_CHECKING:
     import xarray
 
 State = Literal["free", "preloaded"]
-Connection = Literal["A", "B", "A+B", "A-B"]
-COUPLING = {"A": (1.0, 0.0), "B": (0.0, 1.0), "A+B": (1.0, 1.0), "A-B": (1.0, -1.0)}
 
 _ZOOM_POINTS = 1201  # over the zoom below: 100 points a bandwidth, so that a parabola finds an extremum to 1e-6
 _ZOOM_BANDWIDTHS = 6.0  # on each side of a resonance
@@ -97,7 +96,7 @@ class Admittance:
 
     def driven(self, connection: Connection = "A") -> NDArray[np.complex128]:
         """Return the admittance in S seen when the groups are connected as ``A``, ``B``, ``A+B`` or ``A-B``."""
-        return _connect(self.matrix_s, connection)
+        return connect(self.matrix_s, connection)
 
     def to_dict(self) -> dict[str, Any]:
         """Return state, operating point and resonances, JSON-ready."""
@@ -118,7 +117,7 @@ class Admittance:
 
         variables = {
             name: ("frequency_hz", values, {"units": "S"})
-            for name, values in self._columns().items()
+            for name, values in columns_of(self.frequency_hz, self.matrix_s).items()
             if name != "frequency_hz"
         }
         coordinate = ("frequency_hz", self.frequency_hz, {"units": "Hz"})
@@ -133,7 +132,7 @@ class Admittance:
         return save_by_ending(
             path,
             {
-                ".csv": lambda file: write_csv(file, self._columns()),
+                ".csv": lambda file: write_csv(file, columns_of(self.frequency_hz, self.matrix_s)),
                 ".nc": lambda file: self.to_xarray().to_netcdf(file, engine="h5netcdf"),
                 ".json": lambda file: write_json(file, self.to_dict()),
             },
@@ -144,15 +143,6 @@ class Admittance:
         from pyspice_runner.plots import plot_admittance
 
         return plot_admittance(self, path)
-
-    def _columns(self) -> dict[str, NDArray[np.float64]]:
-        columns = {"frequency_hz": self.frequency_hz}
-        for row, into in enumerate("ab"):
-            for column, driven in enumerate("ab"):
-                entry = self.matrix_s[:, row, column]
-                columns[f"y_{into}{driven}_real_s"] = entry.real
-                columns[f"y_{into}{driven}_imag_s"] = entry.imag
-        return columns
 
 
 def admittance(
@@ -202,13 +192,7 @@ def admittance(
     return Admittance(frequency, matrix, state, normal_force, resonances, ngspice_version(), motor.to_dict())
 
 
-def _connect(matrix: NDArray[np.complex128], connection: str) -> NDArray[np.complex128]:
-    drive = np.array(COUPLING[connection])
-    result: NDArray[np.complex128] = np.einsum("i,kij,j->k", drive, matrix, drive)
-    return result
-
-
-def _drives(connection: str, mode: Mode) -> bool:
+def _drives(connection: Connection, mode: Mode) -> bool:
     """Whether a connection of the groups drives a mode at all; what cancels but for round-off does not."""
     shares = np.array(COUPLING[connection]) * (mode.coupling_a_n_per_v, mode.coupling_b_n_per_v)
     return bool(abs(shares.sum()) > 1e-9 * np.abs(shares).sum())
@@ -263,7 +247,7 @@ def _distance(frequency: float, mode: Mode, motor: Motor) -> float:
 
 
 def _resonance(
-    simulator: BatchSimulator, motor: Motor, mode: Mode, centre: float, bandwidth: float, connection: str
+    simulator: BatchSimulator, motor: Motor, mode: Mode, centre: float, bandwidth: float, connection: Connection
 ) -> Resonance:
     """Zoom in on one resonance and its antiresonance, and read their frequencies and the motional arm."""
     frequency, y = _zoom(simulator, centre, bandwidth, connection)
@@ -288,12 +272,12 @@ def _resonance(
 
 
 def _zoom(
-    simulator: BatchSimulator, centre: float, bandwidth: float, connection: str
+    simulator: BatchSimulator, centre: float, bandwidth: float, connection: Connection
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
     """Return frequency and admittance some bandwidths around a frequency."""
     low = max(centre - _ZOOM_BANDWIDTHS * bandwidth, 0.5 * centre)
     frequency, matrix = _sweep(simulator, low, centre + _ZOOM_BANDWIDTHS * bandwidth, _ZOOM_POINTS)
-    return frequency, _connect(matrix, connection)
+    return frequency, connect(matrix, connection)
 
 
 def _peak(frequency: NDArray[np.float64], values: NDArray[np.float64]) -> float:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pyspice_runner.errors import SpectrumError
+from pyspice_runner.files import save_by_ending
 
 Connection = Literal["A", "B", "A+B", "A-B"]
 COUPLING: dict[Connection, tuple[float, float]] = {
@@ -180,17 +181,13 @@ class Spectrum:
         """Write the spectrum in the plain format, which ``read_spectrum`` reads back without loss.
 
         Raises:
-            SpectrumError: for a place that cannot be written.
+            ParameterError: if the path does not end in .csv or cannot be written.
         """
         columns = columns_of(self.frequency_hz, self.matrix_s)
         rows = zip(*(column.tolist() for column in columns.values()), strict=True)
         lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
-        path = Path(path)
-        try:
-            path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-        except OSError as error:
-            raise SpectrumError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
-        return path
+        content = "\n".join(lines) + "\n"
+        return save_by_ending(path, {".csv": lambda file: file.write_text(content, encoding="utf-8", newline="\n")})
 
     @property
     def _name(self) -> str:
