@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pyspice_runner.analysis.admittance import Admittance, admittance
+    from pyspice_runner.analysis.hysteresis import Hysteresis, hysteresis
+    from pyspice_runner.analysis.impact import Impact, impact
     from pyspice_runner.analysis.readers import read_spectrum
     from pyspice_runner.analysis.simulate import simulate
     from pyspice_runner.analysis.spectrum import Spectrum
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from pyspice_runner.errors import ParameterError, SimulationError, SpectrumError
     from pyspice_runner.model.beam import resonator_modes
     from pyspice_runner.model.drive import TwoPhaseDrive, TwoToneDrive
+    from pyspice_runner.model.impact import Throw
     from pyspice_runner.model.load import available_motors, load_motor
     from pyspice_runner.model.motor import Motor
     from pyspice_runner.netlist.motor import motor_library
@@ -33,16 +36,21 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Admittance": "analysis.admittance",
+    "Hysteresis": "analysis.hysteresis",
+    "Impact": "analysis.impact",
     "Motor": "model.motor",
     "ParameterError": "errors",
     "SimulationError": "errors",
     "Spectrum": "analysis.spectrum",
     "SpectrumError": "errors",
+    "Throw": "model.impact",
     "TwoPhaseDrive": "model.drive",
     "TwoToneDrive": "model.drive",
     "Waveforms": "analysis.waveforms",
     "admittance": "analysis.admittance",
     "available_motors": "model.load",
+    "hysteresis": "analysis.hysteresis",
+    "impact": "analysis.impact",
     "load_motor": "model.load",
     "motor_library": "netlist.motor",
     "plot_mode_shapes": "plots",
@@ -54,16 +62,21 @@ _HOMES = {
 
 __all__ = [
     "Admittance",
+    "Hysteresis",
+    "Impact",
     "Motor",
     "ParameterError",
     "SimulationError",
     "Spectrum",
     "SpectrumError",
+    "Throw",
     "TwoPhaseDrive",
     "TwoToneDrive",
     "Waveforms",
     "admittance",
     "available_motors",
+    "hysteresis",
+    "impact",
     "load_motor",
     "motor_library",
     "plot_mode_shapes",

@@ -16,6 +16,7 @@ from rich.console import Console
 
 import pyspice_runner as pr
 from pyspice_runner.commands.admittance import admittance
+from pyspice_runner.commands.impact import impact
 from pyspice_runner.commands.motors import export, motors, show
 from pyspice_runner.commands.simulate import simulate
 
@@ -28,7 +29,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
 )
 
-for command in (motors, show, simulate, admittance, export):
+for command in (motors, show, simulate, admittance, impact, export):
     app.command()(command)
 
 

@@ -18,6 +18,7 @@ from pyspice_runner.files import save_by_ending
 
 if TYPE_CHECKING:
     from pyspice_runner.analysis.admittance import Admittance
+    from pyspice_runner.analysis.impact import Impact
     from pyspice_runner.analysis.waveforms import Waveforms
     from pyspice_runner.model.motor import Motor
 
@@ -78,6 +79,24 @@ def plot_admittance(result: Admittance, path: str | Path) -> Path:
     circle.set(xlabel="conductance G in mS", ylabel="susceptance B in mS", title="G–B circle")
     magnitude.legend()
     figure.suptitle(f"{result.motor['name']}, {result.state}", fontsize=10)
+    return _save(figure, path)
+
+
+def plot_impact(result: Impact, path: str | Path) -> Path:
+    """Draw an impact over time: forces, velocity of the patch, and the part of the contact that slips."""
+    figure, axes = _figure(3, 1, width=8.0, height=8.0)
+    forces, patch, state = axes.flat
+    time = 1e6 * result.time_s
+    forces.plot(time, result.normal_force_n, color=BLUE, label="normal")
+    forces.plot(time, result.friction_force_n, color=VERMILION, linestyle="--", label="friction, on the sphere")
+    forces.set(ylabel="force in N", title="Forces")
+    forces.legend()
+    patch.plot(time, result.patch_velocity_m_s, color=BLUE)
+    patch.set(ylabel="velocity in m/s", title="Tangential velocity of the contact patch")
+    state.plot(time, np.clip(result.contact_state - 1.0, 0.0, 1.0), color=VERMILION)
+    state.set(xlabel="time in µs", ylabel="part of the contact", ylim=(-0.05, 1.05), title="Slip")
+    law, poisson = result.provenance["contact"], result.provenance["throw"]["poisson"]
+    figure.suptitle(f"{law}, ν = {poisson:g}: ψ = {result.psi_1:.4g} rebounds as {result.psi_2:.4g}", fontsize=10)
     return _save(figure, path)
 
 

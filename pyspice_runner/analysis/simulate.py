@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 from math import isfinite, pi
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS, plate_voltages, transient_bench
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, check_law, contact_library
 from pyspice_runner.netlist.motor import Discretisation
 
 # The error of the trapezoidal rule with modes exact at resonance falls with the square of the step; with this many
@@ -25,8 +26,6 @@ POINTS_PER_PERIOD = 128
 FEWEST_POINTS_PER_PERIOD = 16  # coarser, the shape of the motion is lost
 MOST_POINTS = 20_000_000  # 4 GB of vectors
 
-ContactLaw = Literal["spring-slider"]
-
 
 def simulate(
     motor: Motor,
@@ -34,6 +33,7 @@ def simulate(
     *,
     duration: float,
     contact: ContactLaw | None = "spring-slider",
+    sliders: int = SLIDERS,
     speed: float | None = None,
     load_torque: float = 0.0,
     step: float | None = None,
@@ -46,7 +46,9 @@ def simulate(
         motor: the motor.
         drive: the voltages of both groups.
         duration: simulated time in s.
-        contact: law of the contact; ``None`` for a free tip, which starts from r = 0.
+        contact: law of the contact: ``"spring-slider"``, the paper's; ``"brush"``, which slips from the edge inwards;
+            ``"coulomb"``, without a spring along the tangent; ``None`` for a free tip, which starts from r = 0.
+        sliders: number of sliders of the brush.
         speed: if given, the shaft is held at this speed, rad/s.
         load_torque: torque in N·m that a load draws from the free shaft, whatever its speed; against the positive
             direction when positive.
@@ -59,12 +61,15 @@ def simulate(
         ParameterError: for a value that is refused.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
+    check_law(contact)
+    if contact:
+        contact_library(contact, sliders)
     shortest = shortest_period(motor, drive, contact=contact is not None)
     step = shortest / POINTS_PER_PERIOD if step is None else step
-    _check_run(duration, contact, speed, load_torque, step, shortest)
+    _check_run(duration, speed, load_torque, step, shortest)
     discretisation = Discretisation(step, exact_resonance)
     simulator = transient_simulator(
-        motor, drive, contact=contact is not None, speed=speed, load_torque=load_torque,
+        motor, drive, contact=contact, sliders=sliders, speed=speed, load_torque=load_torque,
         discretisation=discretisation, timeout=timeout,
     )  # fmt: skip
     deck = str(simulator.prepare("transient", **_transient_arguments(step, duration)))
@@ -78,6 +83,7 @@ def simulate(
         "run": {
             "duration_s": duration,
             "contact": contact,
+            **({"sliders": sliders} if contact == "brush" else {}),
             "speed_rad_s": speed,
             "load_torque_n_m": load_torque,
             "step_s": step,
@@ -87,7 +93,14 @@ def simulate(
     }
     return Waveforms(
         **waves,
-        energy=_energy(motor, waves, _modal(motor, samples, discretisation, contact is not None), speed, load_torque),
+        energy=_energy(
+            motor,
+            waves,
+            _penetration(motor, samples, contact is not None),
+            _modal(motor, samples, discretisation, contact is not None),
+            speed,
+            load_torque,
+        ),
         drive_period_s=drive.period,
         rotor_radius_m=motor.rotor.radius_m,
         solver_seconds=simulator.result.seconds,
@@ -109,7 +122,8 @@ def transient_simulator(
     motor: Motor,
     drive: Drive,
     *,
-    contact: bool = True,
+    contact: ContactLaw | None = "spring-slider",
+    sliders: int = SLIDERS,
     speed: float | None = None,
     load_torque: float = 0.0,
     discretisation: Discretisation | None = None,
@@ -121,6 +135,7 @@ def transient_simulator(
         motor,
         drive,
         contact=contact,
+        sliders=sliders,
         speed=speed,
         load_torque=load_torque,
         discretisation=discretisation,
@@ -131,7 +146,7 @@ def transient_simulator(
     simulator.initial_condition(**{node: value for node, value in plate_voltages(drive).items() if value})
     simulator.save("v(a)", "v(b)", "i(va)", "i(vb)", "v(xmotor.x)", "v(xmotor.y)", "v(shaft)")
     if contact:
-        simulator.save(*(f"v(xmotor.{name})" for name in ("normal", "friction", "slider", "state")))
+        simulator.save(*(f"v(xmotor.{name})" for name in ("normal", "friction", "slider", "state", "xcontact.delta")))
     for index in range(1, len(motor.modes) + 1):
         simulator.save(f"i(v.xmotor.xmode{index}.vvelocity)", f"v(xmotor.xmode{index}.elastic)")
     return simulator
@@ -143,14 +158,11 @@ def _transient_arguments(step: float, duration: float) -> dict[str, Any]:
 
 def _check_run(
     duration: float,
-    contact: str | None,
     speed: float | None,
     load_torque: float,
     step: float,
     shortest: float,
 ) -> None:
-    if contact not in (None, "spring-slider"):
-        raise ParameterError(f"contact = {contact!r} is refused; allowed are 'spring-slider' and None (free tip).")
     for name, value, unit in (("duration", duration, "s"), ("step", step, "s")):
         if not (isfinite(value) and value > 0.0):
             raise ParameterError(f"{name} = {value:g} {unit} is refused; allowed is a number > 0 {unit}.")
@@ -197,7 +209,7 @@ def _columns(
     zero = np.zeros_like(samples["time"])
     normal = samples.get("v(xmotor.normal)", zero)
     # while it slips, the slider's node stands above its limit by the slip velocity times half a step
-    limit = motor.contact.friction * contact_law.total_compliance(motor.contact) * normal ** (2.0 / 3.0)
+    limit = contact_law.limit_ratio(motor.contact) * _penetration(motor, samples, contact)[1:]
 
     def after(start: float, values: Array) -> Array:
         return np.concatenate(([start], values))
@@ -218,6 +230,14 @@ def _columns(
     }
 
 
+def _penetration(motor: Motor, samples: dict[str, Array], contact: bool) -> Array:
+    """Return the penetration in m, 0 where the contact is open, with the start in front."""
+    if not contact:
+        return np.zeros(len(samples["time"]) + 1)
+    depth = np.maximum(1e-6 * samples["v(xmotor.xcontact.delta)"], 0.0)
+    return np.concatenate(([contact_law.static_penetration(motor.contact)], depth))
+
+
 def _modal(
     motor: Motor, samples: dict[str, Array], discretisation: Discretisation, contact: bool
 ) -> tuple[Array, Array]:
@@ -235,6 +255,7 @@ def _modal(
 def _energy(
     motor: Motor,
     waves: dict[str, Array],
+    penetration: Array,
     modal: tuple[Array, Array],
     speed: float | None,
     load_torque: float,
@@ -269,7 +290,7 @@ def _energy(
         waves["friction_force_n"],
         waves["rotor_speed_rad_s"],
     )
-    penetration = (normal / motor.contact.normal_stiffness_n_per_m15) ** (2.0 / 3.0)
+    hertz = motor.contact.normal_stiffness_n_per_m15 * penetration**1.5
     radius = motor.rotor.radius_m
     sine = waves["tip_x_m"] / (radius - penetration)
     tangential = tip_vx * np.sqrt(1.0 - sine**2) + tip_vy * sine
@@ -281,7 +302,8 @@ def _energy(
         kinetic=change(0.5 * masses @ velocity**2),
         elastic=change(0.5 * stiffnesses @ displacement**2),
         damping=work(dampings @ velocity**2),
-        contact_elastic=change(0.4 * normal * penetration),
+        contact_elastic=change(0.4 * hertz * penetration),
+        contact_damping=float(np.trapezoid(normal - hertz, penetration)),
         friction=work(friction * (tangential - radius * rotor_speed)),
         rotor=change(0.5 * motor.rotor.inertia_kg_m2 * rotor_speed**2),
         bearing=work(bearing * rotor_speed),

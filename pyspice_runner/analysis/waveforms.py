@@ -30,7 +30,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "normal_force_n": ("N", "normal contact force, positive when pressed"),
     "friction_force_n": ("N", "friction force, positive where it drives the rotor forward"),
     "contact_displacement_m": ("m", "displacement of the tangential spring"),
-    "contact_state": ("1", "0 separated, 1 stick, 2 slip"),
+    "contact_state": ("1", "0 separated, 1 stick, 2 slip; between them the part of a brush that slips"),
     "rotor_speed_rad_s": ("rad/s", "rotor speed"),
 }
 
@@ -46,6 +46,7 @@ class EnergyBalance:
         elastic: change of the modes' elastic energy.
         damping: lost in the modes' damping.
         contact_elastic: change of the Hertz contact's elastic energy.
+        contact_damping: lost along the normal, where the coefficient of restitution is below 1.
         friction: taken up by the tangential contact: slip loss, and what its spring holds.
         rotor: change of the rotor's kinetic energy.
         bearing: lost in the bearing.
@@ -58,6 +59,7 @@ class EnergyBalance:
     elastic: float
     damping: float
     contact_elastic: float
+    contact_damping: float
     friction: float
     rotor: float
     bearing: float
@@ -130,7 +132,10 @@ class Waveforms:
 
     @property
     def state_fractions(self) -> dict[str, float]:
-        """Fractions of time separated, stick and slip over the last whole drive periods; they add up to 1."""
+        """Fractions of time separated, stick and slip over the last whole drive periods; they add up to 1.
+
+        A brush counts as slip where more than half of its width slips.
+        """
         window = self.window()
         steps = np.diff(self.time_s[window])
         states = np.rint(self.contact_state[window])
@@ -147,16 +152,22 @@ class Waveforms:
 
     def window(self) -> slice:
         """Return the points of the last whole drive periods, at most :data:`AVERAGED_PERIODS` of them."""
-        duration = self.time_s[-1]
-        periods = min(AVERAGED_PERIODS, int(duration / self.drive_period_s * (1.0 + 1e-9)))
-        length = periods * self.drive_period_s if periods else duration
-        return slice(max(int(np.searchsorted(self.time_s, duration - length)) - 1, 0), None)
+        return slice(max(int(np.searchsorted(self.time_s, self._averaged_from)) - 1, 0), None)
 
     def mean(self, signal: Array) -> float:
         """Return the time average of a signal over the last whole drive periods."""
         window = self.window()
-        time, values = self.time_s[window], signal[window]
+        time, values = self.time_s[window].copy(), signal[window].copy()
+        # a step more or less of a large alternating signal would hide a small mean
+        values[0], time[0] = np.interp(self._averaged_from, time[:2], values[:2]), self._averaged_from
         return float(np.trapezoid(values, time) / (time[-1] - time[0]))
+
+    @property
+    def _averaged_from(self) -> float:
+        """Time in s at which the last whole drive periods begin."""
+        duration = float(self.time_s[-1])
+        periods = min(AVERAGED_PERIODS, int(duration / self.drive_period_s * (1.0 + 1e-9)))
+        return duration - periods * self.drive_period_s if periods else 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary of the run, JSON-ready."""

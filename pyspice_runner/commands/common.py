@@ -12,6 +12,7 @@ from math import floor, log10
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -44,6 +45,19 @@ def load_changed(motor: str, changes: list[str] | None) -> pr.Motor:
         except ValueError:
             raise pr.ParameterError(f"--set {path}: {text!r} is not a number. Give one, in SI units.") from None
     return loaded.updated(values)
+
+
+def grid(option: str, text: str) -> list[float]:
+    """Read the values of an axis: ``2,5,9``, or ``20:100:9`` for nine from 20 to 100."""
+    try:
+        if ":" not in text:
+            return [float(value) for value in text.split(",")]
+        start, stop, count = text.split(":")
+        return [float(value) for value in np.linspace(float(start), float(stop), int(count))]
+    except ValueError:
+        raise pr.ParameterError(
+            f"{option}: {text!r} is refused. Write values as 2,5,9, or as 20:100:9 for nine from 20 to 100."
+        ) from None
 
 
 def check_targets(output: Path | None, endings: tuple[str, ...], plot: Path | None) -> None:

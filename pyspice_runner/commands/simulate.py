@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.table import Table
@@ -22,35 +22,52 @@ from pyspice_runner.commands.common import (
     load_changed,
     show_result,
 )
-
-
-class DriveKind(StrEnum):
-    """The drives of the paper's equations (1) and (2)."""
-
-    two_phase = "two-phase"
-    two_tone = "two-tone"
+from pyspice_runner.commands.driving import (
+    DriveKind,
+    DriveOption,
+    Frequency1Option,
+    Frequency2Option,
+    FrequencyOption,
+    PhaseOption,
+    SoftStartOption,
+    Voltage1Option,
+    Voltage2Option,
+    VoltageOption,
+    stated_drive,
+)
 
 
 class ContactKind(StrEnum):
     """What the tip touches."""
 
     spring_slider = "spring-slider"
+    brush = "brush"
+    coulomb = "coulomb"
     none = "none"
+
+
+LAWS: dict[ContactKind, Literal["spring-slider", "brush", "coulomb"] | None] = {
+    ContactKind.spring_slider: "spring-slider",
+    ContactKind.brush: "brush",
+    ContactKind.coulomb: "coulomb",
+    ContactKind.none: None,
+}
 
 
 def simulate(
     motor: MotorArgument,
-    drive: Annotated[DriveKind, typer.Option(help="two-phase: eq. (1); two-tone: eq. (2).")] = DriveKind.two_phase,
-    voltage: Annotated[float, typer.Option(help="Two-phase: amplitude of both groups, V.")] = 50.0,
-    frequency: Annotated[float | None, typer.Option(help="Two-phase: frequency, Hz; default: the last mode.")] = None,
-    phase: Annotated[float | None, typer.Option(help="Phase, degrees: 90 for two phases, 0 for two tones.")] = None,
-    voltage_1: Annotated[float, typer.Option("--voltage-1", help="Two-tone: amplitude of the common tone, V.")] = 50.0,
-    frequency_1: Annotated[float | None, typer.Option("--frequency-1", help="Two-tone: the common tone, Hz.")] = None,
-    voltage_2: Annotated[float, typer.Option("--voltage-2", help="Two-tone: amplitude of the opposed tone, V.")] = 50.0,
-    frequency_2: Annotated[float | None, typer.Option("--frequency-2", help="Two-tone: the opposed tone, Hz.")] = None,
-    soft_start: Annotated[float, typer.Option(help="Rise time of the amplitude, s.")] = 0.0,
+    drive: DriveOption = DriveKind.two_phase,
+    voltage: VoltageOption = 50.0,
+    frequency: FrequencyOption = None,
+    phase: PhaseOption = None,
+    voltage_1: Voltage1Option = 50.0,
+    frequency_1: Frequency1Option = None,
+    voltage_2: Voltage2Option = 50.0,
+    frequency_2: Frequency2Option = None,
+    soft_start: SoftStartOption = 0.0,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 5e-3,
     contact: Annotated[ContactKind, typer.Option(help="Contact law; none is a free tip.")] = ContactKind.spring_slider,
+    sliders: Annotated[int, typer.Option(help="Number of sliders of the brush.")] = 8,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
     load_torque: Annotated[float, typer.Option(help="Torque that a load draws from the shaft, N.m.")] = 0.0,
     step: Annotated[float | None, typer.Option(help="Uniform time step, s; default: from the fastest motion.")] = None,
@@ -66,31 +83,15 @@ def simulate(
     """
     check_targets(output, (".csv", ".nc", ".json", ".cir"), plot)
     loaded = load_changed(motor, changes)
-    if drive is DriveKind.two_phase:
-        last = loaded.modes[-1].frequency_hz
-        excitation: pr.TwoPhaseDrive | pr.TwoToneDrive = pr.TwoPhaseDrive(
-            voltage=voltage,
-            frequency=last if frequency is None else frequency,
-            phase_deg=90.0 if phase is None else phase,
-            soft_start=soft_start,
-        )
-    else:
-        if frequency_1 is None or frequency_2 is None:
-            raise pr.ParameterError("A two-tone drive needs --frequency-1 and --frequency-2, in Hz. Give both.")
-        excitation = pr.TwoToneDrive(
-            voltage_1=voltage_1,
-            frequency_1=frequency_1,
-            voltage_2=voltage_2,
-            frequency_2=frequency_2,
-            phase_deg=0.0 if phase is None else phase,
-            soft_start=soft_start,
-        )
+    tones = (voltage_1, frequency_1, voltage_2, frequency_2)
+    excitation = stated_drive(loaded, drive, voltage, frequency, phase, tones, soft_start)
     with busy("ngspice runs the motor"):
         run = pr.simulate(
             loaded,
             excitation,
             duration=duration,
-            contact=None if contact is ContactKind.none else "spring-slider",
+            contact=LAWS[contact],
+            sliders=sliders,
             speed=speed,
             load_torque=load_torque,
             step=step,

@@ -15,11 +15,12 @@ K. L. Johnson, *Contact Mechanics*, Cambridge 1985, §4.2 and §7.2.
 
 from __future__ import annotations
 
-from math import cbrt, pi, sqrt
+from math import cbrt, log1p, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
+from scipy.optimize import brentq
 
 from pyspice_runner.model.parameters import Contact, Mode, Rotor
 
@@ -54,6 +55,37 @@ def tangential_compliance(
 def total_compliance(contact: Contact) -> float:
     """Tangential compliance K_t of tip and rotor together, in m/N^(2/3)."""
     return contact.tangential_compliance_tip_m_per_n23 + contact.tangential_compliance_rotor_m_per_n23
+
+
+def limit_ratio(contact: Contact) -> float:
+    """Limit of stick over penetration, κ = u_lim/δ = μ K_t K_N^(2/3), which is μ E*/G*."""
+    return contact.friction * total_compliance(contact) * cbrt(contact.normal_stiffness_n_per_m15**2)
+
+
+def normal_damping(contact: Contact) -> float:
+    """Hunt and Crossley's constant a of F_N = K_N δ^(3/2) (1 + a δ̇), in s/m; 0 without loss."""
+    return hunt_crossley_damping(contact.restitution, contact.restitution_velocity_m_s)
+
+
+def hunt_crossley_damping(restitution: float, velocity_m_s: float) -> float:
+    r"""Constant a, in s/m, that gives a coefficient of restitution e at an approach velocity v.
+
+    The equation of motion m v̇ = −K_N δ^(3/2) (1 + a v) is separable, and whatever the mass and the stiffness
+
+    .. math::
+        a v\,(1 + e) = \ln\frac{1 + a v}{1 - a e v}.
+
+    a is larger than the 3(1 − e²)/(4v) of Lankarani and Nikravesh, which holds for e near 1 only.
+    """
+    if restitution >= 1.0:
+        return 0.0
+
+    def mismatch(z: float) -> float:
+        return z * (1.0 + restitution) - log1p(z) + log1p(-restitution * z)
+
+    # between the small root at z = 0 and the pole at z = 1/e there is one more
+    lowest = 0.5 * (1.0 - restitution)
+    return float(brentq(mismatch, lowest, (1.0 - 1e-15) / restitution, xtol=1e-15, rtol=1e-14)) / velocity_m_s
 
 
 def static_penetration(contact: Contact) -> float:

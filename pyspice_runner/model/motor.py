@@ -74,8 +74,14 @@ class Motor(Parameters):
         return self
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the motor as JSON-ready SI values (the shape of ``piezomotor show --json``)."""
+        """Return the motor as JSON-ready SI values (the shape of ``piezomotor show --json``).
+
+        The coefficient of restitution is there only if impacts lose energy.
+        """
         document = self.model_dump()
+        if self.contact.restitution == 1.0:
+            for name in ("restitution", "restitution_velocity_m_s"):
+                del document["contact"][name]
         document["modes"] = [
             {"name": mode.name, "frequency_hz": mode.frequency_hz, **mode.model_dump(exclude={"name"})}
             for mode in self.modes

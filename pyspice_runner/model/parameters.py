@@ -145,6 +145,12 @@ class Contact(Parameters):
     )
     friction: float = quantity("coefficient of friction μ", "1", ge=1e-6, le=5.0)
     preload_n: float = quantity("static normal force F₀", "N", ge=1e-6, le=1e5)
+    restitution: float = quantity(
+        "coefficient of restitution of an impact along the normal; 1 is no loss", "1", ge=0.05, le=1.0, default=1.0
+    )
+    restitution_velocity_m_s: float = quantity(
+        "approach velocity at which the coefficient of restitution holds", "m/s", ge=1e-4, le=1e3, default=0.1
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -10,6 +10,7 @@ from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.model.drive import Drive, Tone
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw
 from pyspice_runner.netlist.motor import Discretisation, add_motor
 
 # Newton's iteration is closed to a part in 10⁶, so that its error stays far below that of the time step. Nodes carry
@@ -24,7 +25,8 @@ def transient_bench(
     motor: Motor,
     drive: Drive,
     *,
-    contact: bool = True,
+    contact: ContactLaw | None = "spring-slider",
+    sliders: int = SLIDERS,
     speed: float | None = None,
     load_torque: float = 0.0,
     discretisation: Discretisation | None = None,
@@ -35,7 +37,8 @@ def transient_bench(
     Args:
         motor: the motor; instance ``Xmotor`` on the nodes a, b, 0, shaft.
         drive: the two voltages; sources ``Va`` and ``Vb``.
-        contact: whether the tip touches the rotor.
+        contact: law of the contact; ``None`` for a free tip.
+        sliders: number of sliders of the brush.
         speed: if given, a source ``Vshaft`` holds the shaft at this speed, rad/s.
         load_torque: torque in N·m that a source ``Iload`` draws from the shaft.
         discretisation: adaptation to a uniform step, if any.
@@ -48,7 +51,10 @@ def transient_bench(
         circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(speed)!r}")
     elif load_torque:
         circuit.I("load", "shaft", circuit.gnd, f"DC {float(load_torque)!r}")
-    add_motor(circuit, motor, ("a", "b", circuit.gnd, "shaft"), contact=contact, discretisation=discretisation)
+    add_motor(
+        circuit, motor, ("a", "b", circuit.gnd, "shaft"),
+        contact=contact, sliders=sliders, discretisation=discretisation,
+    )  # fmt: skip
     return circuit
 
 
@@ -68,7 +74,7 @@ def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circu
             motor,
             (f"a{copy}", f"b{copy}", circuit.gnd, f"shaft{copy}"),
             instance=f"motor{copy}",
-            contact=preloaded,
+            contact="spring-slider" if preloaded else None,
         )
     return circuit
 
@@ -83,20 +89,29 @@ def plate_voltages(drive: Drive, instance: str = "motor") -> dict[str, float]:
     return {f"x{instance}.xgroup_a.plate": voltage_a, f"x{instance}.xgroup_b.plate": voltage_b}
 
 
-def _drive_group(circuit: Circuit, group: str, tones: Sequence[Tone], soft_start: float) -> None:
-    """Put the source ``Vgroup`` between the node of a group and ground; several sines are stacked."""
+def _drive_group(
+    circuit: Circuit, group: str, tones: Sequence[Tone], soft_start: float, begun: float = 0.0, node: str = ""
+) -> None:
+    """Put the source ``Vgroup`` between the node of a group and ground; several sines are stacked.
+
+    ``begun`` is the time in s since the drive came on.
+    """
     active = [tone for tone in tones if tone.amplitude] or [tones[0]]
+    phases = [tone.phase + 2.0 * pi * ((tone.frequency * begun) % 1.0) for tone in active]
+    node = node or group
     if soft_start > 0.0:
         shape = "+".join(
-            f"({tone.amplitude!r})*sin({2.0 * pi * tone.frequency!r}*time+({tone.phase!r}))" for tone in active
+            f"({tone.amplitude!r})*sin({2.0 * pi * tone.frequency!r}*time+({phase!r}))"
+            for tone, phase in zip(active, phases, strict=True)
         )
-        circuit.raw_spice += f"Bdrive_{group} drive_{group} 0 V=min(1,time/{soft_start!r})*({shape})\n"
-        circuit.V(group, group, f"drive_{group}", "DC 0")
+        since = f"(time+{begun!r})" if begun else "time"
+        circuit.raw_spice += f"Bdrive_{group} drive_{group} 0 V=min(1,{since}/{soft_start!r})*({shape})\n"
+        circuit.V(group, node, f"drive_{group}", "DC 0")
         return
-    nodes = [group, *(f"drive_{group}{index}" for index in range(1, len(active))), circuit.gnd]
-    for index, tone in enumerate(active):
+    nodes = [node, *(f"drive_{group}{index}" for index in range(1, len(active))), circuit.gnd]
+    for index, (tone, phase) in enumerate(zip(active, phases, strict=True)):
         name = group if index == 0 else f"{group}{index}"
         circuit.V(
             name, nodes[index], nodes[index + 1],
-            f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {degrees(tone.phase)!r})",
+            f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {degrees(phase)!r})",
         )  # fmt: skip

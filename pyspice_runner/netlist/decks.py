@@ -81,7 +81,7 @@ def _transient(
     circuit = transient_bench(
         motor,
         drive,
-        contact=contact,
+        contact="spring-slider" if contact else None,
         load_torque=load_torque,
         title=f"{motor.name}: {what.split('.')[0]}",
     )

@@ -3,7 +3,9 @@
 
 A library's header is read by machines: ``PIN`` lines (name, direction, unit, meaning) in the order of the
 ``.subckt`` line, ``PAR`` lines (name, unit, default, least, greatest, meaning), ``SOURCE``, ``OMITS``,
-``TESTED WITH``, and a usage example between ``USE`` and ``END USE``. ``behavioral/CONVENTIONS.md`` explains them.
+``TESTED WITH``, and a usage example between ``USE`` and ``END USE``. Where a part dissipates, feeds or stores energy,
+``LOSS``, ``FEED`` and ``STORE`` lines (name, meaning) tell of its inner nodes ``loss_NAME`` and ``feed_NAME``, 1 V =
+1 W, and ``store_NAME``, 1 V = 1 uJ. ``behavioral/CONVENTIONS.md`` explains them.
 """
 
 from __future__ import annotations
@@ -64,6 +66,9 @@ class Library:
     usage: str
     subcircuit: str
     text: str
+    losses: tuple[tuple[str, str], ...] = ()
+    feeds: tuple[tuple[str, str], ...] = ()
+    stores: tuple[tuple[str, str], ...] = ()
 
     def check(self, **values: float) -> dict[str, float]:
         """Return the values if every one is a known parameter inside its range.
@@ -162,7 +167,15 @@ def parse_library(name: str, text: str) -> Library:
         usage=re.sub(r"^\*(   ?)?", "", usage.group(1), flags=re.M),
         subcircuit=subcircuit.group(0),
         text=text,
+        losses=_powers("LOSS", text),
+        feeds=_powers("FEED", text),
+        stores=_powers("STORE", text),
     )
+
+
+def _powers(keyword: str, text: str) -> tuple[tuple[str, str], ...]:
+    """Return name and meaning of every ``LOSS``, ``FEED`` or ``STORE`` line."""
+    return tuple((name, meaning) for name, meaning in re.findall(rf"^\* {keyword} +(\S+) +(.+)$", text, re.M))
 
 
 def _parameter(

@@ -13,13 +13,13 @@ from math import cos, pi, sin
 from PySpice.Spice.Netlist import Netlist, SubCircuit
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
-from pyspice_runner.netlist.library import read_library
+from pyspice_runner.netlist.contact import PINS, SLIDERS, ContactLaw, contact_library, contact_values
+from pyspice_runner.netlist.library import Library, read_library
 
 SUBCIRCUIT = "piezomotor"
-_PARTS = ("piezomotor_mode", "piezomotor_group", "piezomotor_contact", "piezomotor_rotor")
+_PARTS = ("piezomotor_mode", "piezomotor_group", "piezomotor_rotor")
 _SMALLEST_LOSS = 3e-8  # stands for none: SPICE allows no resistor of zero ohm, and a tiny one costs digits
 
 
@@ -52,13 +52,37 @@ class Discretisation:
         return self.step / 2.0
 
 
+@dataclass(frozen=True)
+class Motion:
+    """The state of a running motor, from which a run with ``uic`` may go on.
+
+    Attributes:
+        displacements_m: modal displacements r, in the order of the modes.
+        velocities_m_s: modal velocities.
+        slider_m: displacement of the contact's slider.
+        speed_rad_s: speed of the rotor.
+        plate_a_v: voltage of the clamped capacitance of group A.
+        plate_b_v: the same of group B.
+    """
+
+    displacements_m: tuple[float, ...]
+    velocities_m_s: tuple[float, ...]
+    slider_m: float
+    speed_rad_s: float
+    plate_a_v: float
+    plate_b_v: float
+
+
 class MotorSubCircuit(SubCircuit):
     """``.subckt piezomotor a b com shaft`` of one motor.
 
     Args:
         motor: the motor.
-        contact: whether the tip touches the rotor; a free tip leaves the rotor on its bearing alone.
+        contact: law of the contact; ``None`` for a free tip, which leaves the rotor on its bearing alone.
+        sliders: number of sliders of the brush.
         discretisation: adaptation to a run's time step, if any.
+        start: motion with which a run with ``uic`` starts; by default preloaded rest. The plates are not among it:
+            their voltages are for ``.ic``.
         name: name of the subcircuit.
     """
 
@@ -66,8 +90,10 @@ class MotorSubCircuit(SubCircuit):
         self,
         motor: Motor,
         *,
-        contact: bool = True,
+        contact: ContactLaw | None = "spring-slider",
+        sliders: int = SLIDERS,
         discretisation: Discretisation | None = None,
+        start: Motion | None = None,
         name: str = SUBCIRCUIT,
     ) -> None:
         super().__init__(name, "a", "b", "com", "shaft")
@@ -78,16 +104,17 @@ class MotorSubCircuit(SubCircuit):
         ]
         loss = max(motor.piezo.loss_tangent, _SMALLEST_LOSS)
         for group, capacitance in (("a", motor.piezo.capacitance_a_f), ("b", motor.piezo.capacitance_b_f)):
-            _instance(
+            instantiate(
                 self, f"group_{group}", "piezomotor_group", (group, "com"),
                 capacitance=capacitance, loss=loss, reference=motor.piezo.loss_reference_hz,
             )  # fmt: skip
         for index, (mode, (mass, stiffness)) in enumerate(zip(motor.modes, adapted, strict=True), start=1):
-            _instance(
+            instantiate(
                 self, f"mode{index}", "piezomotor_mode", ("a", "b", "com", "fx", "fy", "x", "y", "vx", "vy"),
                 mass=mass, damping=mode.damping_n_s_per_m, stiffness=stiffness,
                 coupling_a=mode.coupling_a_n_per_v, coupling_b=mode.coupling_b_n_per_v,
                 tip_x=mode.tip_x, tip_y=mode.tip_y, preload=preload,
+                **_mode_start(start, index - 1, mode.tip_y * preload / stiffness),
             )  # fmt: skip
         for node in ("x", "y", "vx", "vy"):
             self.R(f"sum_{node}", node, self.gnd, 1)
@@ -95,27 +122,27 @@ class MotorSubCircuit(SubCircuit):
             deflection = preload * sum(
                 mode.tip_y**2 / stiffness for mode, (_, stiffness) in zip(motor.modes, adapted, strict=True)
             )
-            numerics = {"slider_time": discretisation.slider_time} if discretisation else {}
-            _instance(
-                self, "contact", "piezomotor_contact",
-                ("x", "y", "vx", "vy", "fx", "fy", "shaft", "normal", "friction", "slider", "state"),
-                normal_stiffness=motor.contact.normal_stiffness_n_per_m15,
-                compliance=contact_law.total_compliance(motor.contact), mu=motor.contact.friction,
-                radius=motor.rotor.radius_m, preload=preload, deflection=1e6 * deflection, **numerics,
+            values = contact_values(
+                contact, motor.contact, radius=motor.rotor.radius_m, preload=preload, deflection=deflection,
+                slider_time=discretisation.slider_time if discretisation else None,
             )  # fmt: skip
+            if start and contact == "spring-slider":
+                values["start"] = 1e6 * start.slider_m
+            instantiate(self, "contact", contact_library(contact, sliders), PINS, **values)
         else:
             self.R("free_fx", "fx", self.gnd, 1)
             self.R("free_fy", "fy", self.gnd, 1)
-        _instance(
+        instantiate(
             self, "rotor", "piezomotor_rotor", ("shaft",),
             inertia=motor.rotor.inertia_kg_m2, bearing=motor.rotor.bearing_damping_n_m_s,
+            **({"start": start.speed_rad_s} if start else {}),
         )  # fmt: skip
 
 
-def parts_text(contact: bool = True) -> str:
+def parts_text(contact: ContactLaw | None = "spring-slider", sliders: int = SLIDERS) -> str:
     """Return the text of the subcircuits that a motor is put together from."""
-    parts = _PARTS if contact else tuple(part for part in _PARTS if part != "piezomotor_contact")
-    return "\n".join(read_library(part).subcircuit for part in parts)
+    mode, group, rotor = (read_library(part).subcircuit for part in _PARTS)
+    return "\n".join([mode, group, *([contact_library(contact, sliders).subcircuit] if contact else []), rotor])
 
 
 def add_motor(
@@ -124,8 +151,10 @@ def add_motor(
     nodes: Sequence[str | int],
     *,
     instance: str = "motor",
-    contact: bool = True,
+    contact: ContactLaw | None = "spring-slider",
+    sliders: int = SLIDERS,
     discretisation: Discretisation | None = None,
+    start: Motion | None = None,
 ) -> None:
     """Put a motor into a PySpice circuit; its definitions are written once, however many copies there are.
 
@@ -135,15 +164,17 @@ def add_motor(
         nodes: the four nodes for the pins a, b, com, shaft.
         instance: name of the instance (``X`` + this).
         contact: as in :class:`MotorSubCircuit`.
+        sliders: as in :class:`MotorSubCircuit`.
         discretisation: as in :class:`MotorSubCircuit`.
+        start: as in :class:`MotorSubCircuit`.
 
     Raises:
         ParameterError: if the circuit already has a different motor.
     """
-    definition = MotorSubCircuit(motor, contact=contact, discretisation=discretisation)
+    definition = MotorSubCircuit(motor, contact=contact, sliders=sliders, discretisation=discretisation, start=start)
     present = [str(subcircuit) for subcircuit in circuit.subcircuits if subcircuit.name == SUBCIRCUIT]
     if not present:
-        circuit.raw_spice += parts_text(contact) + "\n"
+        circuit.raw_spice += parts_text(contact, sliders) + "\n"
         circuit.subcircuit(definition)
     elif present[0] != str(definition):
         raise ParameterError(
@@ -197,7 +228,24 @@ def motor_library(motor: Motor) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _instance(parent: SubCircuit, instance: str, part: str, nodes: Sequence[str], **values: float) -> None:
+def _mode_start(start: Motion | None, index: int, bending: float) -> dict[str, float]:
+    """Return what a mode starts with, beside its displacement under the preload, which is minus the bending (m)."""
+    if start is None:
+        return {}
+    return {"start": 1e6 * (start.displacements_m[index] + bending), "velocity": start.velocities_m_s[index]}
+
+
+def dielectric_resistance(motor: Motor, group: str) -> float:
+    """Return the resistance in Ω that stands for the dielectric loss of group ``"a"`` or ``"b"`` in the netlist."""
+    capacitance: float = getattr(motor.piezo, f"capacitance_{group}_f")
+    return max(motor.piezo.loss_tangent, _SMALLEST_LOSS) / (2.0 * pi * motor.piezo.loss_reference_hz * capacitance)
+
+
+def instantiate(
+    parent: Netlist, instance: str, part: str | Library, nodes: Sequence[str | int], **values: float
+) -> None:
+    """Put an instance of a library's subcircuit into a netlist, its values held against the library's header."""
+    library = part if isinstance(part, Library) else read_library(part)
     # ten digits: the last ones of an eigenvalue depend on the machine's linear algebra, and a deck must not
     rounded = {name: float(f"{value:.10g}") for name, value in values.items()}
-    parent.X(instance, part, *nodes, **read_library(part).check(**rounded))
+    parent.X(instance, library.name, *nodes, **library.check(**rounded))

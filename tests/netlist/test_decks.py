@@ -16,7 +16,14 @@ from pyspice_runner.model.contact import linearised_resonances
 from pyspice_runner.netlist.decks import deck_texts, write_decks
 from pyspice_runner.netlist.library import data_path
 
-NAMES = ("ellipse", "figure_eight", "first_resonance", "free_admittance", "preloaded_admittance", "spin_up")
+NAMES = (
+    "ellipse",
+    "figure_eight",
+    "first_resonance",
+    "free_admittance",
+    "preloaded_admittance",
+    "spin_up",
+)
 
 
 @cache

@@ -22,6 +22,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Contact, Mode, Piezo, Rotor
 from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS, admittance_bench, transient_bench
+from pyspice_runner.netlist.contact import LIBRARIES, ContactLaw
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import Discretisation, MotorSubCircuit, add_motor, motor_library, parts_text
 from tests.motors import mode, motor, within
@@ -148,7 +149,12 @@ def test_different_motors_in_one_circuit_are_refused() -> None:
     circuit = Circuit("rivals")
     add_motor(circuit, motor(), ("a", "b", circuit.gnd, "shaft"))
     other = motor().updated({"contact.preload_n": 9.0})
-    for changes in ({"motor": other}, {"contact": False}, {"discretisation": Discretisation(1e-7)}):
+    for changes in (
+        {"motor": other},
+        {"contact": None},
+        {"contact": "brush"},
+        {"discretisation": Discretisation(1e-7)},
+    ):
         arguments: dict[str, Any] = {"motor": motor(), **changes}
         with pytest.raises(ParameterError) as caught:
             add_motor(circuit, arguments.pop("motor"), ("a", "b", circuit.gnd, "s2"), instance="second", **arguments)
@@ -183,12 +189,12 @@ def test_three_modes_show_their_closed_form_admittance() -> None:
 
 
 def test_free_tip_has_no_contact() -> None:
-    free = MotorSubCircuit(motor(), contact=False)
+    free = MotorSubCircuit(motor(), contact=None)
     assert "contact" not in str(free)
-    assert "piezomotor_contact" not in parts_text(contact=False)
+    assert "piezomotor_contact" not in parts_text(contact=None)
     assert "preload=0.0" in str(free)
     drive = pr.TwoPhaseDrive(voltage=80.0, frequency=22e3)
-    waves = transient(transient_bench(motor(), drive, contact=False), 3e-4, "v(shaft)", "v(xmotor.y)", "v(xmotor.fy)")
+    waves = transient(transient_bench(motor(), drive, contact=None), 3e-4, "v(shaft)", "v(xmotor.y)", "v(xmotor.fy)")
     assert np.abs(waves["v(xmotor.y)"]).max() > 0.01  # um: it rings
     assert not waves["v(shaft)"].any()
     assert not waves["v(xmotor.fy)"].any()
@@ -234,16 +240,20 @@ rotors = within(Rotor)
 
 
 @settings(max_examples=80, deadline=None)
-@given(modes=modes, piezo=piezos, contact=contacts, rotor=rotors, free=st.booleans())
+@given(modes=modes, piezo=piezos, contact=contacts, rotor=rotors, law=st.sampled_from([None, *LIBRARIES]))
 def test_whatever_the_model_accepts_the_libraries_accept(
-    modes: list[dict[str, Any]], piezo: dict[str, Any], contact: dict[str, Any], rotor: dict[str, Any], free: bool
+    modes: list[dict[str, Any]],
+    piezo: dict[str, Any],
+    contact: dict[str, Any],
+    rotor: dict[str, Any],
+    law: ContactLaw | None,
 ) -> None:
     named = tuple(Mode(**{**values, "name": f"m{index}"}) for index, values in enumerate(modes))
     try:
         subject = Motor(name="any", modes=named, piezo=Piezo(**piezo), contact=Contact(**contact), rotor=Rotor(**rotor))
     except ValidationError:  # two values that are each in range and do not go together
         return
-    assert str(MotorSubCircuit(subject, contact=not free)).count("piezomotor_mode") == len(modes)
+    assert str(MotorSubCircuit(subject, contact=law)).count("piezomotor_mode") == len(modes)
 
 
 # --- a mode under the trapezoidal rule -----------------------------------------------------------------------

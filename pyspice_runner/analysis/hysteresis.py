@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The cyclic bench: a tip moved to and fro along a rotor that stands, in ngspice, with any of the contact laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import pi, radians
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pyspice_runner.analysis.waveforms import Array
+from pyspice_runner.engine.ngspice import ngspice_version
+from pyspice_runner.engine.pyspice import BatchSimulator
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.files import save_by_ending, write_csv, write_json
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, check_law
+from pyspice_runner.netlist.contact_benches import cyclic_bench
+
+PERIODS = 2  # the second is already closed: what came before the first reversal is forgotten
+STEPS = 2000  # a period
+FREQUENCY = 1e3  # Hz; without inertia only the law of Coulomb, which follows the velocity, knows of it
+
+
+@dataclass(frozen=True)
+class Hysteresis:
+    """A tip moved to and fro: a virgin curve, then loops.
+
+    Attributes:
+        time_s: time.
+        displacement_m: of the tip along the rotor.
+        normal_force_n: normal force.
+        friction_force_n: friction force, which resists the displacement where both have one sign.
+        contact_state: 0 separated, 1 stick, 2 slip; between them 1 + the part of the brush that slips.
+        loss_j: energy lost in the last cycle.
+        limit_m: displacement u_lim at which all of the contact slips under the mean normal force.
+        provenance: contact, motion, law and ngspice's version, JSON-ready.
+        deck: the netlist that was run.
+    """
+
+    time_s: Array
+    displacement_m: Array
+    normal_force_n: Array
+    friction_force_n: Array
+    contact_state: Array
+    loss_j: float
+    limit_m: float
+    provenance: dict[str, Any] = field(repr=False)
+    deck: str = field(repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return loss and limit, JSON-ready."""
+        return {"loss_j": self.loss_j, "limit_m": self.limit_m, **self.provenance}
+
+    def save(self, path: str | Path) -> Path:
+        """Write the loops to a file, by its ending: ``.csv`` (over time), ``.json`` (loss) or ``.cir`` (the deck).
+
+        Raises:
+            ParameterError: for another ending or a place that cannot be written.
+        """
+        names = ("time_s", "displacement_m", "normal_force_n", "friction_force_n", "contact_state")
+        return save_by_ending(
+            path,
+            {
+                ".csv": lambda file: write_csv(file, {name: getattr(self, name) for name in names}),
+                ".json": lambda file: write_json(file, self.to_dict()),
+                ".cir": lambda file: file.write_text(self.deck, encoding="utf-8"),
+            },
+        )
+
+
+def hysteresis(
+    motor: Motor,
+    amplitude: float,
+    contact: ContactLaw = "spring-slider",
+    *,
+    swing: float = 0.0,
+    phase_deg: float = 0.0,
+    sliders: int = SLIDERS,
+    timeout: float | None = None,
+) -> Hysteresis:
+    """Move a motor's tip to and fro along a rotor that stands, at a constant or a swinging normal force.
+
+    The displacement is amplitude · u_lim · sin ωt, the normal force F₀ (1 + swing · sin(ωt + φ)), with F₀ the preload
+    and u_lim the limit of stick under it.
+
+    Args:
+        motor: of which only contact and rotor count.
+        amplitude: of the displacement, in units of u_lim.
+        contact: law of the contact, as in ``simulate``.
+        swing: of the normal force, relative to F₀.
+        phase_deg: by which the force is ahead of the displacement, degrees.
+        sliders: number of sliders of the brush.
+        timeout: wall time in s after which ngspice is ended.
+
+    Raises:
+        ParameterError: for a value that is refused.
+        SimulationError: if ngspice fails or its result cannot be trusted.
+    """
+    if contact is None:
+        raise ParameterError("Hysteresis needs a law of the contact; state one of those of simulate.")
+    check_law(contact)
+    for name, value, low, high in (("amplitude", amplitude, 0.0, 1e3), ("swing", swing, -0.99, 0.99)):
+        if not low <= value <= high:
+            raise ParameterError(f"{name} = {value:g} is refused; allowed is a number from {low:g} to {high:g}.")
+    limit = contact_law.limit_ratio(motor.contact) * contact_law.static_penetration(motor.contact)
+    step = 1.0 / (STEPS * FREQUENCY)
+    circuit = cyclic_bench(
+        motor.contact, motor.rotor, amplitude=amplitude * limit, swing=swing, phase_deg=phase_deg,
+        frequency=FREQUENCY, law=contact, sliders=sliders, step=step,
+    )  # fmt: skip
+    simulator = BatchSimulator(circuit, timeout=timeout)
+    simulator.options(**TRANSIENT_OPTIONS)
+    simulator.save("v(normal)", "v(friction)", "v(state)")
+    run = {
+        "step_time": step, "end_time": PERIODS / FREQUENCY, "max_time": step, "use_initial_condition": True,
+    }  # fmt: skip
+    deck = str(simulator.prepare("transient", **run))
+    simulator.transient(**run)
+    assert simulator.result is not None
+    raw = {name: values.real for name, values in simulator.result.raw.vectors.items()}
+    time = np.concatenate(([0.0], raw["time"]))
+    displacement = amplitude * limit * np.sin(2.0 * pi * FREQUENCY * time)
+    first = motor.contact.preload_n * (1.0 + swing * np.sin(radians(phase_deg)))
+    friction = np.concatenate(([0.0], raw["v(friction)"]))
+    cycle = slice(int(np.searchsorted(time, (PERIODS - 1) / FREQUENCY - 0.5 * step)), None)
+    return Hysteresis(
+        time_s=time,
+        displacement_m=displacement,
+        normal_force_n=np.concatenate(([first], raw["v(normal)"])),
+        friction_force_n=friction,
+        contact_state=np.concatenate((raw["v(state)"][:1], raw["v(state)"])),
+        loss_j=float(np.trapezoid(friction[cycle], displacement[cycle])),
+        limit_m=limit,
+        provenance={
+            "contact": motor.contact.model_dump(),
+            "law": contact,
+            "amplitude": amplitude,
+            "swing": swing,
+            "phase_deg": phase_deg,
+            **({"sliders": sliders} if contact == "brush" else {}),
+            "ngspice_version": ngspice_version(),
+        },
+        deck=deck,
+    )

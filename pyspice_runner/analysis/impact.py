@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The impact bench: a sphere thrown at a half-space, in ngspice, with any of the contact laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pyspice_runner.analysis.waveforms import Array
+from pyspice_runner.engine.ngspice import ngspice_version
+from pyspice_runner.engine.pyspice import BatchSimulator
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.files import save_by_ending, write_csv, write_json
+from pyspice_runner.model.impact import Throw
+from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, check_law
+from pyspice_runner.netlist.contact_benches import impact_bench
+
+STEPS = 1000  # of an impact without loss; the error of ψ₂ from the steps is then some 1e-5
+FEWEST_STEPS = 50
+MOST_STEPS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Impact:
+    """One impact, from touch to lift-off. The patch is where the sphere touches.
+
+    Attributes:
+        psi_1: incidence ψ₁ = v_t/(κ v_n) of the patch, κ = μ E*/G*.
+        psi_2: rebound ψ₂ of the patch, over the same κ v_n; positive where it goes on in the same direction.
+        restitution_normal: departure velocity over approach velocity.
+        restitution_tangential: −ψ₂/ψ₁, positive where the patch turns back.
+        duration_over_delta_v: duration in units of δ_max/v_n, with the greatest penetration that was reached.
+        duration_s: duration.
+        greatest_penetration_m: greatest penetration δ_max.
+        greatest_force_n: greatest normal force.
+        centre_velocity_m_s: tangential velocity of the sphere's centre after the impact.
+        spin_rad_s: spin after the impact.
+        time_s: time from touch to lift-off, in steps.
+        penetration_m: penetration δ.
+        normal_force_n: normal force.
+        friction_force_n: friction force on the sphere, negative where it slows the patch down.
+        contact_state: 1 stick, 2 slip; between them 1 + the part of the brush that slips.
+        patch_velocity_m_s: tangential velocity of the patch.
+        solver_seconds: wall time that ngspice took.
+        provenance: throw, law and ngspice's version, JSON-ready.
+        deck: the netlist that was run.
+    """
+
+    psi_1: float
+    psi_2: float
+    restitution_normal: float
+    restitution_tangential: float
+    duration_over_delta_v: float
+    duration_s: float
+    greatest_penetration_m: float
+    greatest_force_n: float
+    centre_velocity_m_s: float
+    spin_rad_s: float
+    time_s: Array
+    penetration_m: Array
+    normal_force_n: Array
+    friction_force_n: Array
+    contact_state: Array
+    patch_velocity_m_s: Array
+    solver_seconds: float
+    provenance: dict[str, Any] = field(repr=False)
+    deck: str = field(repr=False)
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the dimensionless result, JSON-ready."""
+        names = ("psi_1", "psi_2", "restitution_normal", "restitution_tangential", "duration_over_delta_v")
+        return {name: getattr(self, name) for name in names}
+
+    def save(self, path: str | Path) -> Path:
+        """Write the impact to a file, by its ending: ``.csv`` (over time), ``.json`` (result) or ``.cir`` (the deck).
+
+        Raises:
+            ParameterError: for another ending or a place that cannot be written.
+        """
+        names = ("time_s", "penetration_m", "normal_force_n", "friction_force_n", "contact_state", "patch_velocity_m_s")
+        return save_by_ending(
+            path,
+            {
+                ".csv": lambda file: write_csv(file, {name: getattr(self, name) for name in names}),
+                ".json": lambda file: write_json(file, self.to_dict()),
+                ".cir": lambda file: file.write_text(self.deck, encoding="utf-8"),
+            },
+        )
+
+    def plot(self, path: str | Path) -> Path:
+        """Draw forces, velocity of the patch and state over time."""
+        from pyspice_runner.plots import plot_impact
+
+        return plot_impact(self, path)
+
+
+def impact(
+    throw: Throw,
+    contact: ContactLaw = "spring-slider",
+    *,
+    sliders: int = SLIDERS,
+    steps: int = STEPS,
+    timeout: float | None = None,
+) -> Impact:
+    """Throw a sphere at a half-space and follow it until it lifts off.
+
+    Args:
+        throw: sphere, half-space and velocities.
+        contact: law of the contact, as in ``simulate``.
+        sliders: number of sliders of the brush.
+        steps: number of time steps of an impact without loss.
+        timeout: wall time in s after which ngspice is ended.
+
+    Raises:
+        ParameterError: for a value that is refused.
+        SimulationError: if ngspice fails or its result cannot be trusted.
+    """
+    if contact is None:
+        raise ParameterError("An impact needs a law of the contact; state one of those of simulate.")
+    check_law(contact)
+    if not FEWEST_STEPS <= steps <= MOST_STEPS:
+        raise ParameterError(f"steps = {steps} is refused; allowed is a whole number from {FEWEST_STEPS} to 1e6.")
+    step = throw.duration_s / steps
+    simulator = BatchSimulator(impact_bench(throw, contact=contact, sliders=sliders, step=step), timeout=timeout)
+    simulator.options(**TRANSIENT_OPTIONS)
+    vectors = ("vy", "vx", "centre", "spin", "normal", "friction", "state", "xcontact.delta")
+    simulator.save(*(f"v({name})" for name in vectors))
+    # a lossy impact lasts longer; e^(-0.36) is above all of Hunt and Crossley's
+    run = {
+        "step_time": step,
+        "end_time": 1.1 * throw.duration_s / throw.restitution**0.36,
+        "max_time": step,
+        "use_initial_condition": True,
+    }
+    deck = str(simulator.prepare("transient", **run))
+    simulator.transient(**run)
+    assert simulator.result is not None
+    raw = simulator.result.raw.vectors
+    start = {"time": 0.0, "v(vy)": throw.velocity_m_s, "v(vx)": throw.patch_velocity_m_s,
+             "v(centre)": throw.centre_velocity_m_s, "v(spin)": throw.spin_rad_s}  # fmt: skip
+    samples = {name: np.concatenate(([start.get(name, 0.0)], values.real)) for name, values in raw.items()}
+    return _read(throw, samples, simulator.result.seconds, {"contact": contact, "sliders": sliders}, deck)
+
+
+def _read(throw: Throw, samples: dict[str, Array], seconds: float, settings: dict[str, Any], deck: str) -> Impact:
+    delta = 1e-6 * samples["v(xcontact.delta)"]
+    open_again = np.flatnonzero(delta[1:] <= 0.0) + 1
+    if not open_again.size:
+        raise SimulationError("The sphere has not lifted off within the simulated time.")
+    last = int(open_again[0])
+    time = samples["time"]
+    share = delta[last - 1] / (delta[last - 1] - delta[last])
+    duration = float(time[last - 1] + share * (time[last] - time[last - 1]))
+    depth, force = delta[:last], samples["v(normal)"][:last]
+    greatest = _crest(depth)
+    after = {name: float(samples[f"v({name})"][-1]) for name in ("vy", "vx", "centre", "spin")}
+    scale = throw.limit_ratio * throw.velocity_m_s
+    psi_2 = after["vx"] / scale
+    within = slice(0, last + 1)
+    return Impact(
+        psi_1=throw.psi,
+        psi_2=psi_2,
+        restitution_normal=-after["vy"] / throw.velocity_m_s,
+        restitution_tangential=-psi_2 / throw.psi,
+        duration_over_delta_v=duration * throw.velocity_m_s / greatest,
+        duration_s=duration,
+        greatest_penetration_m=greatest,
+        greatest_force_n=_crest(force),
+        centre_velocity_m_s=after["centre"],
+        spin_rad_s=after["spin"],
+        time_s=time[within],
+        penetration_m=np.maximum(delta[within], 0.0),
+        normal_force_n=samples["v(normal)"][within],
+        friction_force_n=-samples["v(friction)"][within],
+        contact_state=np.concatenate((samples["v(state)"][1:2], samples["v(state)"][1 : last + 1])),
+        patch_velocity_m_s=samples["v(vx)"][within],
+        solver_seconds=seconds,
+        provenance={"throw": throw.model_dump(), **settings, "ngspice_version": ngspice_version()},
+        deck=deck,
+    )
+
+
+def _crest(values: Array) -> float:
+    """Return the greatest value, refined by a parabola through its neighbours; they are evenly spaced there."""
+    index = int(np.argmax(values))
+    if not 0 < index < len(values) - 1:
+        return float(values[index])
+    left, middle, right = values[index - 1 : index + 2]
+    return float(middle + (left - right) ** 2 / (8.0 * (2.0 * middle - left - right)))

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``piezomotor impact``: a sphere thrown at a half-space, a test of the contact laws."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+import pyspice_runner as pr
+from pyspice_runner.commands.common import (
+    JsonOption,
+    OutputOption,
+    PlotOption,
+    TimeoutOption,
+    busy,
+    check_targets,
+    engineering,
+    show_result,
+)
+
+
+class LawKind(StrEnum):
+    """Laws of the contact."""
+
+    spring_slider = "spring-slider"
+    brush = "brush"
+    coulomb = "coulomb"
+
+
+def impact(
+    contact: Annotated[LawKind, typer.Option(help="Contact law.")] = LawKind.spring_slider,
+    poisson: Annotated[float, typer.Option(help="Poisson's ratio of sphere and half-space.")] = 0.3,
+    psi: Annotated[float, typer.Option(help="Incidence: 2(1-v)/(2-v) v_t/(mu v_n) of the contact patch.")] = 1.0,
+    friction: Annotated[float, typer.Option(help="Coefficient of friction.")] = 0.2,
+    restitution: Annotated[float, typer.Option(help="Coefficient of restitution along the normal.")] = 1.0,
+    velocity: Annotated[float, typer.Option(help="Approach velocity, m/s.")] = 1.0,
+    spin: Annotated[float, typer.Option(help="Spin before the impact, rad/s.")] = 0.0,
+    radius: Annotated[float, typer.Option(help="Radius of the sphere, m.")] = 5e-3,
+    density: Annotated[float, typer.Option(help="Density of the sphere, kg/m3.")] = 7850.0,
+    youngs_modulus: Annotated[float, typer.Option(help="Young's modulus of sphere and half-space, Pa.")] = 206e9,
+    sliders: Annotated[int, typer.Option(help="Number of sliders of the brush.")] = 8,
+    timeout: TimeoutOption = None,
+    as_json: JsonOption = False,
+    output: OutputOption = None,
+    plot: PlotOption = None,
+) -> None:
+    """Throw a solid elastic sphere at a half-space of its material. Writes .csv (over time), .json or .cir (the deck).
+
+    Example: piezomotor impact --contact brush --poisson 0.3 --psi 1.2 --plot impact.png
+    """
+    check_targets(output, (".csv", ".json", ".cir"), plot)
+    throw = pr.Throw(
+        psi=psi, velocity_m_s=velocity, spin_rad_s=spin, friction=friction, restitution=restitution,
+        radius_m=radius, density_kg_m3=density, youngs_modulus_pa=youngs_modulus, poisson=poisson,
+    )  # fmt: skip
+    with busy("ngspice throws the sphere"):
+        result = pr.impact(throw, contact.value, sliders=sliders, timeout=timeout)
+    if output is not None:
+        result.save(output)
+    if plot is not None:
+        result.plot(plot)
+    table = Table("quantity", "value", title=f"{contact.value}, Poisson's ratio {poisson:g}")
+    table.add_row("ψ₁ → ψ₂", f"{result.psi_1:.4g} → {result.psi_2:.4g}")
+    table.add_row("restitution, normal", f"{result.restitution_normal:.4f}")
+    table.add_row("restitution, tangential", f"{result.restitution_tangential:.4f}")
+    table.add_row("duration", f"{engineering(result.duration_s, 's')} = {result.duration_over_delta_v:.4f} δ/v")
+    table.add_row("greatest force", engineering(result.greatest_force_n, "N"))
+    table.add_row("greatest penetration", engineering(result.greatest_penetration_m, "m"))
+    table.add_row("spin after it", f"{result.spin_rad_s:.4g} rad/s")
+    show_result(result.to_dict(), table, as_json)

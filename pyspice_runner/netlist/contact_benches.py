@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Benches of the contact alone: a thrown sphere, and a tip that is moved to and fro under a normal force."""
+
+from __future__ import annotations
+
+from math import pi, radians
+
+from PySpice.Spice.Netlist import Circuit
+
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.impact import Throw
+from pyspice_runner.model.parameters import Contact, Rotor
+from pyspice_runner.netlist.contact import PINS, SLIDERS, ContactLaw, contact_library, contact_values
+from pyspice_runner.netlist.motor import instantiate
+
+_HALF_SPACE = 10.0  # m: radius of the rotor that stands for a half-space; the bench has no motion along it
+
+
+def impact_bench(
+    throw: Throw, *, contact: ContactLaw = "brush", sliders: int = SLIDERS, step: float, title: str = ""
+) -> Circuit:
+    """Throw a sphere at a half-space; it touches at t = 0.
+
+    The sphere is the tip: its masses are capacitors (mobility analogy, 1 V = 1 m/s or 1 rad/s, 1 A = 1 N or 1 N.m) on
+    the nodes ``vy`` (approach), ``centre`` and ``spin``; ``vx`` is the velocity of its contact patch. Run it with
+    ``uic``.
+
+    Args:
+        throw: sphere, half-space and velocities.
+        contact: law of the contact; instance ``Xcontact``.
+        sliders: number of sliders of the brush.
+        step: time step of the run in s; a slider's pull is half of it.
+        title: title line of the deck.
+    """
+    circuit = Circuit(title or "sphere thrown at a half-space")
+    library = contact_library(contact, sliders)
+    constants = throw.contact
+    values = contact_values(
+        contact, constants, radius=_HALF_SPACE, preload=constants.preload_n,
+        slider_time=step / 2.0, span=throw.greatest_penetration_m,
+    )  # fmt: skip
+    if contact == "coulomb":  # stick creeps by a thousandth of the velocity that makes ψ = 1
+        values["creep"] = 1e-3 * throw.limit_ratio * throw.velocity_m_s
+    seat = contact_law.static_penetration(constants)
+    circuit.raw_spice += "\n".join(
+        [
+            library.subcircuit,
+            "* approach: mass, and the path in um",
+            f"Capproach vy 0 {throw.mass_kg!r} ic={throw.velocity_m_s!r}",
+            "Gapproach 0 vy fy 0 1",
+            f"Cpath y 0 1u ic={-1e6 * seat!r}",
+            "Gpath 0 y vy 0 1",
+            "* along the half-space: mass and moment of inertia, and the velocity of the patch",
+            f"Ccentre centre 0 {throw.mass_kg!r} ic={throw.centre_velocity_m_s!r}",
+            "Gcentre 0 centre fx 0 1",
+            f"Cspin spin 0 {throw.inertia_kg_m2!r} ic={throw.spin_rad_s!r}",
+            f"Gspin 0 spin fx 0 {throw.radius_m!r}",
+            f"Espin vx centre spin 0 {throw.radius_m!r}\n",
+        ]
+    )
+    nodes = [{"x": "0", "shaft": "0"}.get(pin, pin) for pin in PINS]
+    instantiate(circuit, "contact", library, nodes, **values)
+    return circuit
+
+
+def cyclic_bench(
+    contact: Contact,
+    rotor: Rotor,
+    *,
+    amplitude: float,
+    swing: float = 0.0,
+    phase_deg: float = 0.0,
+    frequency: float = 1e3,
+    law: ContactLaw = "brush",
+    sliders: int = SLIDERS,
+    step: float,
+    title: str = "",
+) -> Circuit:
+    """Move the tip to and fro along a rotor that stands, at a constant or a swinging normal force.
+
+    The displacement is amplitude · sin(2πft), the normal force F₀ (1 + swing · sin(2πft + φ)). The node ``power`` is
+    what friction takes up.
+
+    Args:
+        contact: constants of the contact, among them F₀.
+        rotor: of which the radius counts.
+        amplitude: of the displacement, m.
+        swing: of the normal force, relative to F₀.
+        phase_deg: by which the force is ahead of the displacement, degrees.
+        frequency: of both, Hz.
+        law: law of the contact; instance ``Xcontact``.
+        sliders: number of sliders of the brush.
+        step: time step of the run in s; a slider's pull is half of it.
+        title: title line of the deck.
+    """
+    circuit = Circuit(title or "tip moved to and fro")
+    library = contact_library(law, sliders)
+    span = contact_law.static_penetration(contact) * (1.0 + abs(swing)) ** (2.0 / 3.0)
+    values = contact_values(
+        law, contact, radius=rotor.radius_m, preload=contact.preload_n, slider_time=step / 2.0, span=span
+    )
+    omega = 2.0 * pi * frequency
+    if law == "coulomb":  # stick creeps by a hundredth of the greatest velocity
+        values["creep"] = min(max(0.01 * amplitude * omega, 1e-9), 1e3)
+    depth = 1e6 * contact_law.static_penetration(contact)
+    angle = f"{omega!r}*time+({radians(phase_deg)!r})"
+    force = f"(1+({swing!r})*sin({angle}))"
+    lines = [
+        library.subcircuit,
+        f"Bvx vx 0 V={amplitude * omega!r}*cos({omega!r}*time)",
+        f"By y 0 V={depth!r}*({force}**{2.0 / 3.0!r}-1)",
+        f"Bvy vy 0 V={1e-6 * depth * 2.0 / 3.0 * swing * omega!r}*cos({angle})/{force}**{1.0 / 3.0!r}",
+        "Bpower power 0 V=V(friction)*V(vx)\n",
+    ]
+    circuit.raw_spice += "\n".join(lines)
+    nodes = [{"x": "0", "shaft": "0"}.get(pin, pin) for pin in PINS]
+    instantiate(circuit, "contact", library, nodes, **values)
+    return circuit
