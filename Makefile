@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format clean
+.PHONY: help setup demo figures test bench lint format clean
 
 PY := .venv/bin/python
 JOBS ?= 2
@@ -15,8 +15,14 @@ demo: ## run the motor and draw what it does
 	@sh scripts/setup.sh
 	@$(PY) figures/demo.py --output demo
 
+figures: setup ## draw every figure of figures/ anew
+	@set -e; for script in $(filter-out %/style.py %/demo.py,$(wildcard figures/*.py)); do echo "$$script:"; $(PY) $$script; done
+
 test: lint ## lint, then run every test, the wheel's included
 	$(PY) -m pytest -n $(JOBS) --dist loadgroup
+
+bench: setup ## measure speed, accuracy and memory (minutes; nothing else should run meanwhile)
+	@$(PY) benchmarks/run.py
 
 lint: setup ## check style, format and types
 	$(PY) -m ruff check .

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run the paper's motor in ngspice, draw every figure and say what the motor did (`make demo`)."""
+"""Run the paper's motor in ngspice, draw it and say what the motor did (`make demo`)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PARTS = {
 
 
 def draw(folder: Path) -> list[str]:
-    """Draw all figures, progress on stderr; return the story."""
+    """Draw the figures, progress on stderr; return the story."""
     progress = Console(stderr=True)
     story = []
     began = time.perf_counter()

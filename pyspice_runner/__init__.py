@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.readers import read_spectrum
     from pyspice_runner.analysis.simulate import simulate
     from pyspice_runner.analysis.spectrum import Spectrum
+    from pyspice_runner.analysis.sweep import Tolerance, sweep
     from pyspice_runner.analysis.waveforms import Waveforms
     from pyspice_runner.errors import ParameterError, SimulationError, SpectrumError
     from pyspice_runner.model.beam import resonator_modes
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from pyspice_runner.model.load import available_motors, load_motor
     from pyspice_runner.model.motor import Motor
     from pyspice_runner.netlist.motor import motor_library
-    from pyspice_runner.plots import plot_mode_shapes, plot_motors
+    from pyspice_runner.plots import plot_mode_shapes, plot_motors, plot_sweep
 
 __version__ = "0.1.0"
 
@@ -44,6 +45,7 @@ _HOMES = {
     "Spectrum": "analysis.spectrum",
     "SpectrumError": "errors",
     "Throw": "model.impact",
+    "Tolerance": "analysis.sweep",
     "TwoPhaseDrive": "model.drive",
     "TwoToneDrive": "model.drive",
     "Waveforms": "analysis.waveforms",
@@ -55,9 +57,11 @@ _HOMES = {
     "motor_library": "netlist.motor",
     "plot_mode_shapes": "plots",
     "plot_motors": "plots",
+    "plot_sweep": "plots",
     "read_spectrum": "analysis.readers",
     "resonator_modes": "model.beam",
     "simulate": "analysis.simulate",
+    "sweep": "analysis.sweep",
 }
 
 __all__ = [
@@ -70,6 +74,7 @@ __all__ = [
     "Spectrum",
     "SpectrumError",
     "Throw",
+    "Tolerance",
     "TwoPhaseDrive",
     "TwoToneDrive",
     "Waveforms",
@@ -81,9 +86,11 @@ __all__ = [
     "motor_library",
     "plot_mode_shapes",
     "plot_motors",
+    "plot_sweep",
     "read_spectrum",
     "resonator_modes",
     "simulate",
+    "sweep",
 ]
 
 

@@ -19,6 +19,7 @@ from pyspice_runner.commands.admittance import admittance
 from pyspice_runner.commands.impact import impact
 from pyspice_runner.commands.motors import export, motors, show
 from pyspice_runner.commands.simulate import simulate
+from pyspice_runner.commands.sweep import sweep
 
 app = typer.Typer(
     name="piezomotor",
@@ -29,7 +30,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
 )
 
-for command in (motors, show, simulate, admittance, impact, export):
+for command in (motors, show, simulate, admittance, sweep, impact, export):
     app.command()(command)
 
 
@@ -40,7 +41,7 @@ def main() -> None:
 
 def run(arguments: list[str]) -> int:
     """Run the command line on the given words and return the exit status."""
-    complain = Console(stderr=True, soft_wrap=True, highlight=False)
+    complain = Console(stderr=True, soft_wrap=True, highlight=False, emoji=False)
     try:
         status = app(arguments, prog_name="piezomotor", standalone_mode=False)
     except (pr.ParameterError, pr.SpectrumError) as error:

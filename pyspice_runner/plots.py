@@ -17,6 +17,8 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.files import save_by_ending
 
 if TYPE_CHECKING:
+    import xarray
+
     from pyspice_runner.analysis.admittance import Admittance
     from pyspice_runner.analysis.impact import Impact
     from pyspice_runner.analysis.waveforms import Waveforms
@@ -138,6 +140,51 @@ def plot_motors(motors: Sequence[Motor], path: str | Path) -> Path:
     axis.set_yticks(range(len(motors)), [motor.name for motor in motors])
     axis.set(xlabel="frequency in kHz", title="Modes of the parameter sets", ylim=(-0.7, len(motors) - 0.3))
     return _save(figure, path)
+
+
+def plot_sweep(dataset: xarray.Dataset, path: str | Path) -> Path:
+    """Draw each quantity of a sweep: over the first dimension, or if there are only samples, how it is distributed."""
+    names = [name for name in dataset.data_vars if name not in ("failure", "deck_sha256")]
+    figure, axes = _figure(len(names), 1, width=8.0, height=0.6 + 3.2 * len(names))
+    for axis, name in zip(axes.flat, names, strict=True):
+        label = f"{name} in {dataset[name].attrs['units']}"
+        if "sample" in dataset[name].dims[:1]:
+            values = np.sort(dataset[name].values[np.isfinite(dataset[name].values)])
+            axis.step(values, np.arange(1, values.size + 1) / max(values.size, 1), color=BLUE, where="post")
+            axis.set(xlabel=label, ylabel="fraction of the samples at or below", ylim=(0.0, 1.0))
+            if values.size:
+                axis.axvspan(*np.quantile(values, [0.05, 0.95]), color=GREY, alpha=0.2, label="5 to 95 %")
+                axis.legend()
+        else:
+            _plot_curves(axis, dataset[name])
+            axis.set(ylabel=label)
+    figure.suptitle(dataset.attrs["parameter_set"], fontsize=10)
+    return _save(figure, path)
+
+
+def _plot_curves(axis: Any, values: xarray.DataArray) -> None:
+    """Draw a curve over the first dimension for each value of the others, with the 5 to 95 % band of samples."""
+    along, *others = (str(dimension) for dimension in values.dims if dimension != "sample")
+    x = values[along].values
+    for number, index in enumerate(np.ndindex(*(values.sizes[name] for name in others))):
+        curve = values.isel(dict(zip(others, index, strict=True)))
+        colour = (BLUE, VERMILION, GREEN, ORANGE)[number % 4]
+        label = ", ".join(f"{name} {curve[name].item():g}" for name in others)
+        if "sample" in curve.dims:
+            cloud = curve.transpose(along, "sample").values
+            low, median, high = np.transpose([_quantiles(samples[np.isfinite(samples)]) for samples in cloud])
+            axis.plot(x, cloud, color=colour, alpha=0.25, linewidth=0.6)
+            axis.fill_between(x, low, high, color=colour, alpha=0.2)
+            axis.plot(x, median, color=colour, label=f"{label} median, 5 to 95 %".strip())
+        else:
+            axis.plot(x, curve.values, ".-", color=colour, label=label or None)
+    axis.set(xlabel=f"{along} in {values[along].attrs['units']}")
+    if "sample" in values.dims or others:
+        axis.legend(fontsize=7)
+
+
+def _quantiles(samples: np.ndarray[Any, Any]) -> Any:
+    return np.quantile(samples, [0.05, 0.5, 0.95]) if samples.size else [np.nan] * 3
 
 
 def _figure(rows: int, columns: int, *, width: float = 10.0, height: float = 7.0) -> tuple[Figure, Any]:

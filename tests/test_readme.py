@@ -21,6 +21,7 @@ COMMANDS = sorted(set(re.findall(r"(?:^    |`)(piezomotor [^`\n]+)", README, re.
 @pytest.mark.parametrize("words", COMMANDS)
 def test_command(words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     arguments = shlex.split(words)[1:]
     assert run(arguments) == 0
     for option in ("--output", "--plot"):

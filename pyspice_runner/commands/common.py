@@ -10,14 +10,18 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from math import floor, log10
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 import pyspice_runner as pr
+
+if TYPE_CHECKING:
+    import xarray
 
 MotorArgument = Annotated[str, typer.Argument(metavar="MOTOR", help="A parameter set, or the path of a TOML file.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
@@ -48,7 +52,7 @@ def load_changed(motor: str, changes: list[str] | None) -> pr.Motor:
 
 
 def grid(option: str, text: str) -> list[float]:
-    """Read the values of an axis: ``2,5,9``, or ``20:100:9`` for nine from 20 to 100."""
+    """Read the values of an axis: ``2,5,9``, or ``20:80:7`` for seven from 20 to 80."""
     try:
         if ":" not in text:
             return [float(value) for value in text.split(",")]
@@ -56,7 +60,7 @@ def grid(option: str, text: str) -> list[float]:
         return [float(value) for value in np.linspace(float(start), float(stop), int(count))]
     except ValueError:
         raise pr.ParameterError(
-            f"{option}: {text!r} is refused. Write values as 2,5,9, or as 20:100:9 for nine from 20 to 100."
+            f"{option}: {text!r} is refused. Write values as 2,5,9, or as 20:80:7 for seven from 20 to 80."
         ) from None
 
 
@@ -90,6 +94,23 @@ def write_table(path: Path, document: Mapping[str, Any], rows: list[list[str]]) 
         else "\n".join(",".join(row) for row in rows)
     )
     guarded(path, lambda: path.write_text(text + "\n", encoding="utf-8"))
+
+
+def write_dataset(path: Path, dataset: xarray.Dataset, document: Mapping[str, Any]) -> None:
+    """Write a result as ``.nc`` or ``.csv``, or what is printed of it as ``.json``."""
+    if path.suffix == ".json":
+        write_table(path, document, [])
+    elif path.suffix == ".csv":
+        guarded(path, lambda: dataset.to_dataframe().to_csv(path))
+    else:
+        guarded(path, lambda: dataset.to_netcdf(path, engine="h5netcdf"))
+
+
+def jsonable(values: Any) -> Any:
+    """Return numbers, or lists of them, with ``None`` for what is not finite."""
+    if isinstance(values, list):
+        return [jsonable(value) for value in values]
+    return values if np.isfinite(values) else None
 
 
 def show_result(document: Mapping[str, Any], table: Table, as_json: bool) -> None:
@@ -127,3 +148,16 @@ def busy(what: str) -> Iterator[None]:
             yield
     else:
         yield
+
+
+@contextmanager
+def points_progress() -> Iterator[Callable[[int, int], None]]:
+    """Show on a terminal how many points are finished, and how long the others will take."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(
+        *columns, TextColumn("left"), TimeRemainingColumn(),
+        console=console, disable=not console.is_terminal, speed_estimate_period=600.0,
+    ) as bar:  # fmt: skip
+        task = bar.add_task("points", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sweeps: what a second worker brings on 200 points, and how a worker's memory grows over 1,000."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+import pyspice_runner as pr
+
+POINTS = 200
+DURATION = 2e-3  # s
+MANY, FEW = 1000, 10
+SHORT = 1e-4  # s, of the many
+
+MOTOR = pr.load_motor("andersen2002")
+DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
+
+
+def seconds(workers: int) -> float:
+    """Return the wall time of the sweep, start of the workers included."""
+    voltages = np.linspace(20.0, 60.0, POINTS)
+    with tempfile.TemporaryDirectory() as store:
+        began = time.perf_counter()
+        pr.sweep(MOTOR, DRIVE, over={"drive.voltage": voltages}, workers=workers, store=store, duration=DURATION)
+        return time.perf_counter() - began
+
+
+def worker_memory(counts: Sequence[int]) -> list[int]:
+    """Return the resident bytes of one worker after so many points."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool, tempfile.TemporaryDirectory() as store:
+        memory, done = [], 0
+        for count in counts:
+            voltages = np.linspace(20.0, 60.0, counts[-1])[done:count]
+            pr.sweep(MOTOR, DRIVE, over={"drive.voltage": voltages}, executor=pool, store=store, duration=SHORT)
+            memory.append(pool.submit(_resident_bytes).result())
+            done = count
+    return memory
+
+
+def _resident_bytes() -> int:
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def main() -> None:
+    """Measure, and print a line for each."""
+    one, two = seconds(1), seconds(2)
+    what = f"{POINTS} points of {1e3 * DURATION:g} ms"
+    print(f"{what}: one worker {one:.1f} s, two {two:.1f} s, {one / two:.2f} times as fast")
+    few, many = worker_memory([FEW, MANY])
+    print(
+        f"a worker's memory: {few / 1e6:.1f} MB after {FEW} points, {many / 1e6:.1f} MB after {MANY}: "
+        f"{(many - few) / 1e6:+.1f} MB"
+    )
+
+
+if __name__ == "__main__":
+    main()

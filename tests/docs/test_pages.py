@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the pages show is run: their commands and their Python, from an empty directory, one page after the other."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pyspice_runner.cli import run
+
+ROOT = Path(__file__).parents[2]
+PAGES = [path for path in sorted((ROOT / "docs").glob("*.md")) if path.stem != "own_motor"]  # which has its own test
+
+
+def commands(page: Path) -> list[str]:
+    return re.findall(r"^    (piezomotor .+)$", page.read_text(encoding="utf-8"), re.M)
+
+
+def snippets(page: Path) -> list[str]:
+    return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.stem)
+def test_commands(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for command in commands(page):
+        words = shlex.split(command)[1:]
+        assert run(words) == 0, command
+        for option in ("--output", "--plot"):
+            if option in words:
+                assert (tmp_path / words[words.index(option) + 1]).stat().st_size > 0
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if snippets(page)], ids=lambda page: page.stem)
+def test_python(page: Path, tmp_path: Path) -> None:
+    for number, snippet in enumerate(snippets(page)):
+        script = tmp_path / f"snippet_{number}.py"
+        script.write_text(snippet, encoding="utf-8")
+        done = subprocess.run(
+            [sys.executable, "-W", "error", script],
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path / "cache")},
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        assert done.stdout
