@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import degrees, pi
 
 from PySpice.Spice.Netlist import Circuit
@@ -11,7 +12,8 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.model.drive import Drive, Tone
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw
-from pyspice_runner.netlist.motor import Discretisation, add_motor
+from pyspice_runner.netlist.library import read_library
+from pyspice_runner.netlist.motor import Discretisation, Motion, add_motor, dielectric_resistance, instantiate
 
 # Newton's iteration is closed to a part in 10⁶, so that its error stays far below that of the time step. Nodes carry
 # V, N, µm, m/s and rad/s of order one; a nanovolt and a nanoampere stand for nothing. The step is uniform: trtol takes
@@ -19,6 +21,7 @@ from pyspice_runner.netlist.motor import Discretisation, add_motor
 TRANSIENT_OPTIONS = {"reltol": "1e-6", "vntol": "1e-9", "abstol": "1e-9", "trtol": "1e9", "method": "trap"}
 # ngspice ends a sweep within reltol of a frequency step: much smaller, and round-off may drop the last frequency.
 AC_OPTIONS = {"reltol": "1e-6", "vntol": "1e-12", "abstol": "1e-12"}
+_METERS = ("piezomotor_contactmeter", "piezomotor_wattmeter", "piezomotor_heat")
 
 
 def transient_bench(
@@ -58,6 +61,94 @@ def transient_bench(
     return circuit
 
 
+@dataclass(frozen=True)
+class SpeedRamp:
+    """A commanded speed that rises or falls linearly.
+
+    Attributes:
+        first: speed at the start of the run, rad/s.
+        last: speed after ``duration``, rad/s.
+        duration: time in s that the ramp takes.
+    """
+
+    first: float
+    last: float
+    duration: float
+
+
+def dynamometer_bench(
+    motor: Motor,
+    drive: Drive,
+    *,
+    speed: float | SpeedRamp | None,
+    load_torque: float = 0.0,
+    contact: ContactLaw = "spring-slider",
+    sliders: int = SLIDERS,
+    meters: bool = True,
+    step: float | None = None,
+    discretisation: Discretisation | None = None,
+    start: Motion | None = None,
+    begun: float = 0.0,
+    title: str = "",
+) -> Circuit:
+    """Put a motor on a dynamometer, and unless it need only settle, on meters of power, losses and states.
+
+    The integrals are the nodes ``xbrake.v_*``, and with meters ``xcontactmeter.v_*``, ``xmeter_a.v_*``,
+    ``xmeter_b.v_*``, ``xheat_*.v_heat``.
+
+    Args:
+        motor: the motor; instance ``Xmotor``.
+        drive: the two voltages.
+        speed: at which the brake holds the shaft, rad/s; ``None`` leaves it free but for the load.
+        load_torque: torque in N·m that the brake draws besides.
+        contact: law of the contact.
+        sliders: number of sliders of the brush.
+        meters: whether there is more than the brake; the meters take two fifths of the run time.
+        step: time step in s of the run, for what has to do with numerics in the meters; by default their own.
+        discretisation: adaptation to a uniform step, if any.
+        start: motion to go on from; by default preloaded rest.
+        begun: time in s since the drive came on: the phases go on from there.
+        title: title line of the deck.
+    """
+    circuit = Circuit(title or f"{motor.name}: dynamometer")
+    parts = ("piezomotor_dynamometer", *(_METERS if meters else ()))
+    circuit.raw_spice += "\n".join(read_library(name).subcircuit for name in parts) + "\n"
+    lines = ("line_a", "line_b") if meters else ("a", "b")
+    _drive_group(circuit, "a", drive.tones_a, drive.soft_start, begun, node=lines[0])
+    _drive_group(circuit, "b", drive.tones_b, drive.soft_start, begun, node=lines[1])
+    if isinstance(speed, SpeedRamp):
+        slope = (speed.last - speed.first) / speed.duration
+        circuit.raw_spice += f"Bset set 0 V=({speed.first!r})+({slope!r})*time\n"
+    else:
+        circuit.V("set", "set", circuit.gnd, f"DC {float(speed or 0.0)!r}")
+    add_motor(
+        circuit, motor, ("a", "b", circuit.gnd, "shaft"),
+        contact=contact, sliders=sliders, discretisation=discretisation, start=start,
+    )  # fmt: skip
+    instantiate(
+        circuit, "brake", "piezomotor_dynamometer", ("set", "shaft", "xmotor.normal", "xmotor.friction"),
+        torque=load_torque, **({"grip": 0.0} if speed is None else {}),
+    )  # fmt: skip
+    if meters:
+        _add_meters(circuit, motor, {} if step is None else {"lag": step / 2.0})
+    return circuit
+
+
+def _add_meters(circuit: Circuit, motor: Motor, lag: dict[str, float]) -> None:
+    inside = [f"xmotor.{name}" for name in ("x", "vx", "vy", "normal", "friction", "state")]
+    nodes: tuple[str | int, ...] = ("shaft", *inside)
+    instantiate(circuit, "contactmeter", "piezomotor_contactmeter", nodes, radius=motor.rotor.radius_m, **lag)
+    for index, mode in enumerate(motor.modes, start=1):
+        nodes = (f"xmotor.xmode{index}.arm_r", f"xmotor.xmode{index}.elastic")
+        instantiate(circuit, f"heat_{index}", "piezomotor_heat", nodes, resistance=mode.damping_n_s_per_m)
+    for group in ("a", "b"):
+        nodes = (f"line_{group}", group, circuit.gnd)
+        instantiate(circuit, f"meter_{group}", "piezomotor_wattmeter", nodes, **lag)
+        nodes = (group, f"xmotor.xgroup_{group}.plate")
+        resistance = dielectric_resistance(motor, group)
+        instantiate(circuit, f"heat_{group}", "piezomotor_heat", nodes, resistance=resistance)
+
+
 def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circuit:
     """Two copies of one motor, the first driven at A with B shorted, the second at B with A shorted.
 
@@ -77,6 +168,13 @@ def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circu
             contact="spring-slider" if preloaded else None,
         )
     return circuit
+
+
+def start_voltages(start: Motion, instance: str = "motor") -> dict[str, float]:
+    """Return the initial voltages of the plates and of a brush's cells for a run that goes on from a motion."""
+    cells = {f"x{instance}.xcontact.q{number}": 1e6 * moved for number, moved in enumerate(start.brush_m, start=1)}
+    plates = {"a": start.plate_a_v, "b": start.plate_b_v}
+    return {f"x{instance}.xgroup_{group}.plate": voltage for group, voltage in plates.items()} | cells
 
 
 def plate_voltages(drive: Drive, instance: str = "motor") -> dict[str, float]:

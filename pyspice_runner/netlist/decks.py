@@ -23,6 +23,7 @@ from pyspice_runner.netlist.benches import (
     AC_OPTIONS,
     TRANSIENT_OPTIONS,
     admittance_bench,
+    dynamometer_bench,
     plate_voltages,
     transient_bench,
 )
@@ -143,6 +144,38 @@ def _spin_up(motor: Motor) -> str:
     )
 
 
+def _dynamometer(motor: Motor) -> str:
+    drive = TwoToneDrive(voltage_1=100.0, frequency_1=18e3, voltage_2=50.0, frequency_2=54e3, phase_deg=165.0)
+    circuit = dynamometer_bench(motor, drive, speed=4.0, title=f"{motor.name}: dynamometer")
+    first, last = 126, 162  # periods: the first 7 ms settle, the next 2 ms are averaged over
+    begin, end = first * drive.period, last * drive.period
+    integrals = {
+        "torque_mean_n_m": ("xbrake.v_friction", motor.rotor.radius_m),
+        "load_torque_mean_n_m": ("xbrake.v_taken", 1.0),
+        "normal_force_mean_n": ("xbrake.v_normal", 1.0),
+        "share_in_contact": ("xcontactmeter.v_contact", 1.0),
+        "share_in_slip": ("xcontactmeter.v_slip", 1.0),
+        "power_a_w": ("xmeter_a.v_energy", 1.0),
+        "power_b_w": ("xmeter_b.v_energy", 1.0),
+        "shaft_power_w": ("xcontactmeter.v_given", 1.0),
+    }
+    measures = {}
+    for name, (node, factor) in integrals.items():
+        measures[f"{name}_0"] = f"FIND v({node}) AT={begin:.12g}"
+        measures[f"{name}_1"] = f"FIND v({node}) AT={end:.12g}"
+        measures[name] = f"PARAM='({name}_1-{name}_0)*{1e-6 * factor / (end - begin):.12g}'"
+    simulation = _simulation(circuit, TRANSIENT_OPTIONS, "tran", measures)
+    simulation.initial_condition(**{node: value for node, value in plate_voltages(drive).items() if value})
+    simulation.transient(step_time=_STEP, end_time=end + _STEP, max_time=_STEP, use_initial_condition=True)
+    return _finish(
+        simulation,
+        """Dynamometer. The brake holds the rotor at the speed of Vset, in rad/s: 0 is stall, 8 about the no-load speed,
+        a negative speed brakes, a higher one overruns the motor. For a load torque instead give Xbrake grip=0
+        torque=1m, in N.m. Prints means over 36 periods: differences of what the instruments have integrated, over the
+        time.""",
+    )
+
+
 _DECKS: dict[str, Callable[[Motor], str]] = {
     "free_admittance": lambda motor: _admittance(motor, preloaded=False),
     "preloaded_admittance": lambda motor: _admittance(motor, preloaded=True),
@@ -150,6 +183,7 @@ _DECKS: dict[str, Callable[[Motor], str]] = {
     "figure_eight": _figure_eight,
     "first_resonance": _first_resonance,
     "spin_up": _spin_up,
+    "dynamometer": _dynamometer,
 }
 
 

@@ -63,6 +63,7 @@ class Motion:
         speed_rad_s: speed of the rotor.
         plate_a_v: voltage of the clamped capacitance of group A.
         plate_b_v: the same of group B.
+        brush_m: sums of the displacements of a brush's cells, from the centre outwards; for ``.ic``.
     """
 
     displacements_m: tuple[float, ...]
@@ -71,6 +72,7 @@ class Motion:
     speed_rad_s: float
     plate_a_v: float
     plate_b_v: float
+    brush_m: tuple[float, ...] = ()
 
 
 class MotorSubCircuit(SubCircuit):
@@ -81,8 +83,8 @@ class MotorSubCircuit(SubCircuit):
         contact: law of the contact; ``None`` for a free tip, which leaves the rotor on its bearing alone.
         sliders: number of sliders of the brush.
         discretisation: adaptation to a run's time step, if any.
-        start: motion with which a run with ``uic`` starts; by default preloaded rest. The plates are not among it:
-            their voltages are for ``.ic``.
+        start: motion with which a run with ``uic`` starts; by default preloaded rest. The plates and the cells of a
+            brush are not among it: their voltages are for ``.ic``.
         name: name of the subcircuit.
     """
 

@@ -181,6 +181,23 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
     "piezomotor_coulomb": {"friction_end_n": (0.25 * 4.0 * tanh(0.5), 1e-6), "state_end": (1.0, 1e-9)},
     # ωC tan δ / (1 + tan² δ): a capacitance in series with a resistance
     "piezomotor_group": {"conductance_s": (2 * pi * 50e3 * 2.2e-9 * 0.02 / (1 + 0.02**2), 1e-6)},
+    # α = (2 N · 10 mm − 5 mN·m)/J = 15e3 rad/s² for 1 ms; the trapezoidal rule is exact, but for the start of 1 ns
+    "piezomotor_dynamometer": {"angle_urad": (7500.0, 1e-5), "friction_uns": (2000.0, 1e-6), "load_unms": (5.0, 1e-6)},
+    # 2 N · 0.5 m/s and 2 N · 10 mm · 20 rad/s, for 1 ms
+    "piezomotor_contactmeter": {
+        "work_of_tip_uj": (1000.0, 1e-6),
+        "work_on_rotor_uj": (400.0, 1e-6),
+        "square_un2s": (4000.0, 1e-6),
+        "time_in_slip_us": (1000.0, 1e-6),
+    },
+    # U²/2R over ten periods, and the peak of a sine that is seen at 200 points a period: at most (π/200)²/2 below it
+    "piezomotor_wattmeter": {
+        "energy_uj": (10.0, 1e-5),
+        "square_i_ua2s": (0.01, 1e-5),
+        "square_v_uv2s": (1e4, 1e-5),
+        "peak_a": (0.01, 1.3e-4),
+    },
+    "piezomotor_heat": {"heat_uj": (100.0, 1e-6)},  # 10² V² / 1 kΩ · 1 ms
     # Ω = τ/C_R (1 − 1/e) after one J/C_R; trapezoidal rule with 2000 steps a time constant: below 1e-6
     "piezomotor_rotor": {"speed_after_one_time_constant": (1e-3 / 1e-4 * (1 - 1 / e), 1e-5)},
 }
