@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from pyspice_runner.model.impact import Throw
     from pyspice_runner.model.load import available_motors, load_motor
     from pyspice_runner.model.motor import Motor
+    from pyspice_runner.model.traction import HertzPatch, microslip_loss, virgin_force
     from pyspice_runner.netlist.motor import motor_library
     from pyspice_runner.plots import plot_mode_shapes, plot_motors, plot_sweep
 
@@ -37,6 +38,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Admittance": "analysis.admittance",
+    "HertzPatch": "model.traction",
     "Hysteresis": "analysis.hysteresis",
     "Impact": "analysis.impact",
     "Motor": "model.motor",
@@ -54,6 +56,7 @@ _HOMES = {
     "hysteresis": "analysis.hysteresis",
     "impact": "analysis.impact",
     "load_motor": "model.load",
+    "microslip_loss": "model.traction",
     "motor_library": "netlist.motor",
     "plot_mode_shapes": "plots",
     "plot_motors": "plots",
@@ -62,10 +65,12 @@ _HOMES = {
     "resonator_modes": "model.beam",
     "simulate": "analysis.simulate",
     "sweep": "analysis.sweep",
+    "virgin_force": "model.traction",
 }
 
 __all__ = [
     "Admittance",
+    "HertzPatch",
     "Hysteresis",
     "Impact",
     "Motor",
@@ -83,6 +88,7 @@ __all__ = [
     "hysteresis",
     "impact",
     "load_motor",
+    "microslip_loss",
     "motor_library",
     "plot_mode_shapes",
     "plot_motors",
@@ -91,6 +97,7 @@ __all__ = [
     "resonator_modes",
     "simulate",
     "sweep",
+    "virgin_force",
 ]
 
 

@@ -22,7 +22,7 @@ from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, check_law
 from pyspice_runner.netlist.contact_benches import cyclic_bench
 
 PERIODS = 2  # the second is already closed: what came before the first reversal is forgotten
-STEPS = 2000  # a period
+STEPS = 1000  # a period
 FREQUENCY = 1e3  # Hz; without inertia only the law of Coulomb, which follows the velocity, knows of it
 
 
@@ -80,12 +80,13 @@ def hysteresis(
     *,
     swing: float = 0.0,
     phase_deg: float = 0.0,
+    harmonic: int = 1,
     sliders: int = SLIDERS,
     timeout: float | None = None,
 ) -> Hysteresis:
     """Move a motor's tip to and fro along a rotor that stands, at a constant or a swinging normal force.
 
-    The displacement is amplitude · u_lim · sin ωt, the normal force F₀ (1 + swing · sin(ωt + φ)), with F₀ the preload
+    The displacement is amplitude · u_lim · sin ωt, the normal force F₀ (1 + swing · sin(nωt + φ)), with F₀ the preload
     and u_lim the limit of stick under it.
 
     Args:
@@ -93,7 +94,8 @@ def hysteresis(
         amplitude: of the displacement, in units of u_lim.
         contact: law of the contact, as in ``simulate``.
         swing: of the normal force, relative to F₀.
-        phase_deg: by which the force is ahead of the displacement, degrees.
+        phase_deg: by which the force is ahead, degrees.
+        harmonic: number n of swings of the force a cycle.
         sliders: number of sliders of the brush.
         timeout: wall time in s after which ngspice is ended.
 
@@ -101,16 +103,16 @@ def hysteresis(
         ParameterError: for a value that is refused.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    if contact is None:
-        raise ParameterError("Hysteresis needs a law of the contact; state one of those of simulate.")
-    check_law(contact)
+    check_law(contact, free=False)
     for name, value, low, high in (("amplitude", amplitude, 0.0, 1e3), ("swing", swing, -0.99, 0.99)):
         if not low <= value <= high:
             raise ParameterError(f"{name} = {value:g} is refused; allowed is a number from {low:g} to {high:g}.")
+    if not 1 <= harmonic <= 100:
+        raise ParameterError(f"harmonic = {harmonic} is refused; allowed is a whole number from 1 to 100.")
     limit = contact_law.limit_ratio(motor.contact) * contact_law.static_penetration(motor.contact)
     step = 1.0 / (STEPS * FREQUENCY)
     circuit = cyclic_bench(
-        motor.contact, motor.rotor, amplitude=amplitude * limit, swing=swing, phase_deg=phase_deg,
+        motor.contact, motor.rotor, amplitude=amplitude * limit, swing=swing, phase_deg=phase_deg, harmonic=harmonic,
         frequency=FREQUENCY, law=contact, sliders=sliders, step=step,
     )  # fmt: skip
     simulator = BatchSimulator(circuit, timeout=timeout)
@@ -142,6 +144,7 @@ def hysteresis(
             "amplitude": amplitude,
             "swing": swing,
             "phase_deg": phase_deg,
+            "harmonic": harmonic,
             **({"sliders": sliders} if contact == "brush" else {}),
             "ngspice_version": ngspice_version(),
         },

@@ -119,9 +119,7 @@ def impact(
         ParameterError: for a value that is refused.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    if contact is None:
-        raise ParameterError("An impact needs a law of the contact; state one of those of simulate.")
-    check_law(contact)
+    check_law(contact, free=False)
     if not FEWEST_STEPS <= steps <= MOST_STEPS:
         raise ParameterError(f"steps = {steps} is refused; allowed is a whole number from {FEWEST_STEPS} to 1e6.")
     step = throw.duration_s / steps

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from typing import Annotated
 
 import typer
@@ -20,18 +19,11 @@ from pyspice_runner.commands.common import (
     engineering,
     show_result,
 )
-
-
-class LawKind(StrEnum):
-    """Laws of the contact."""
-
-    spring_slider = "spring-slider"
-    brush = "brush"
-    coulomb = "coulomb"
+from pyspice_runner.commands.contacting import LawKind, LawOption, SlidersOption
 
 
 def impact(
-    contact: Annotated[LawKind, typer.Option(help="Contact law.")] = LawKind.spring_slider,
+    contact: LawOption = LawKind.spring_slider,
     poisson: Annotated[float, typer.Option(help="Poisson's ratio of sphere and half-space.")] = 0.3,
     psi: Annotated[float, typer.Option(help="Incidence: 2(1-v)/(2-v) v_t/(mu v_n) of the contact patch.")] = 1.0,
     friction: Annotated[float, typer.Option(help="Coefficient of friction.")] = 0.2,
@@ -41,7 +33,7 @@ def impact(
     radius: Annotated[float, typer.Option(help="Radius of the sphere, m.")] = 5e-3,
     density: Annotated[float, typer.Option(help="Density of the sphere, kg/m3.")] = 7850.0,
     youngs_modulus: Annotated[float, typer.Option(help="Young's modulus of sphere and half-space, Pa.")] = 206e9,
-    sliders: Annotated[int, typer.Option(help="Number of sliders of the brush.")] = 8,
+    sliders: SlidersOption = 8,
     timeout: TimeoutOption = None,
     as_json: JsonOption = False,
     output: OutputOption = None,

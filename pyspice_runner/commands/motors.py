@@ -22,6 +22,7 @@ from pyspice_runner.commands.common import (
     show_result,
     write_table,
 )
+from pyspice_runner.commands.contacting import LawKind, LawOption, SlidersOption
 
 
 def motors(as_json: JsonOption = False, output: OutputOption = None, plot: PlotOption = None) -> None:
@@ -74,6 +75,8 @@ def show(
 
 def export(
     motor: MotorArgument,
+    contact: LawOption = LawKind.spring_slider,
+    sliders: SlidersOption = 8,
     changes: SetOption = None,
     as_json: JsonOption = False,
     output: OutputOption = None,
@@ -85,7 +88,7 @@ def export(
     """
     check_targets(output, (".lib",), plot)
     loaded = load_changed(motor, changes)
-    text = pr.motor_library(loaded)
+    text = pr.motor_library(loaded, contact=contact.value, sliders=sliders)
     if output is not None:
         guarded(output, lambda: output.write_text(text, encoding="utf-8"))
     if plot is not None:

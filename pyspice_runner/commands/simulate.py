@@ -22,6 +22,7 @@ from pyspice_runner.commands.common import (
     load_changed,
     show_result,
 )
+from pyspice_runner.commands.contacting import SlidersOption
 from pyspice_runner.commands.driving import (
     DriveKind,
     DriveOption,
@@ -67,7 +68,7 @@ def simulate(
     soft_start: SoftStartOption = 0.0,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 5e-3,
     contact: Annotated[ContactKind, typer.Option(help="Contact law; none is a free tip.")] = ContactKind.spring_slider,
-    sliders: Annotated[int, typer.Option(help="Number of sliders of the brush.")] = 8,
+    sliders: SlidersOption = 8,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
     load_torque: Annotated[float, typer.Option(help="Torque that a load draws from the shaft, N.m.")] = 0.0,
     step: Annotated[float | None, typer.Option(help="Uniform time step, s; default: from the fastest motion.")] = None,

@@ -28,15 +28,16 @@ MOST_SLIDERS = 200
 REACH = 4.0  # penetration over the static one that the sliders of a motor's brush cover evenly: eight times its force
 
 
-def check_law(contact: str | None, name: str = "contact") -> None:
-    """Refuse what is neither a law nor ``None``.
+def check_law(contact: str | None, *, free: bool = True) -> None:
+    """Refuse what is not a law; ``None``, a free tip, only where there may be one.
 
     Raises:
         ParameterError: naming the laws.
     """
-    if contact is not None and contact not in get_args(ContactLaw):
-        laws = ", ".join(repr(law) for law in get_args(ContactLaw))
-        raise ParameterError(f"{name} = {contact!r} is refused; allowed are {laws} and None (free tip).")
+    if contact in get_args(ContactLaw) or (free and contact is None):
+        return
+    *laws, last = (*(repr(law) for law in get_args(ContactLaw)), *(["None (free tip)"] if free else []))
+    raise ParameterError(f"contact = {contact!r} is refused; allowed are {', '.join(laws)} and {last}.")
 
 
 def contact_library(law: ContactLaw, sliders: int = SLIDERS) -> Library:
@@ -45,7 +46,7 @@ def contact_library(law: ContactLaw, sliders: int = SLIDERS) -> Library:
     Raises:
         ParameterError: for a number of sliders that is refused.
     """
-    if not 1 <= sliders <= MOST_SLIDERS or sliders != int(sliders):
+    if sliders not in range(1, MOST_SLIDERS + 1):
         raise ParameterError(f"sliders = {sliders} is refused; allowed is a whole number from 1 to {MOST_SLIDERS}.")
     name = LIBRARIES[law]
     if law == "brush" and sliders != SLIDERS:

@@ -42,22 +42,22 @@ def impact_bench(
     if contact == "coulomb":  # stick creeps by a thousandth of the velocity that makes ψ = 1
         values["creep"] = 1e-3 * throw.limit_ratio * throw.velocity_m_s
     seat = contact_law.static_penetration(constants)
-    circuit.raw_spice += "\n".join(
-        [
-            library.subcircuit,
-            "* approach: mass, and the path in um",
-            f"Capproach vy 0 {throw.mass_kg!r} ic={throw.velocity_m_s!r}",
-            "Gapproach 0 vy fy 0 1",
-            f"Cpath y 0 1u ic={-1e6 * seat!r}",
-            "Gpath 0 y vy 0 1",
-            "* along the half-space: mass and moment of inertia, and the velocity of the patch",
-            f"Ccentre centre 0 {throw.mass_kg!r} ic={throw.centre_velocity_m_s!r}",
-            "Gcentre 0 centre fx 0 1",
-            f"Cspin spin 0 {throw.inertia_kg_m2!r} ic={throw.spin_rad_s!r}",
-            f"Gspin 0 spin fx 0 {throw.radius_m!r}",
-            f"Espin vx centre spin 0 {throw.radius_m!r}\n",
-        ]
-    )
+    mass, radius = f"{throw.mass_kg:.10g}", f"{throw.radius_m:.10g}"
+    lines = [
+        library.subcircuit,
+        "* approach: mass, and the path in um",
+        f"Capproach vy 0 {mass} ic={throw.velocity_m_s:.10g}",
+        "Gapproach 0 vy fy 0 1",
+        f"Cpath y 0 1u ic={-1e6 * seat:.10g}",
+        "Gpath 0 y vy 0 1",
+        "* along the half-space: mass and moment of inertia, and the velocity of the patch",
+        f"Ccentre centre 0 {mass} ic={throw.centre_velocity_m_s:.10g}",
+        "Gcentre 0 centre fx 0 1",
+        f"Cspin spin 0 {throw.inertia_kg_m2:.10g} ic={throw.spin_rad_s:.10g}",
+        f"Gspin 0 spin fx 0 {radius}",
+        f"Espin vx centre spin 0 {radius}\n",
+    ]
+    circuit.raw_spice += "\n".join(lines)
     nodes = [{"x": "0", "shaft": "0"}.get(pin, pin) for pin in PINS]
     instantiate(circuit, "contact", library, nodes, **values)
     return circuit
@@ -70,6 +70,7 @@ def cyclic_bench(
     amplitude: float,
     swing: float = 0.0,
     phase_deg: float = 0.0,
+    harmonic: int = 1,
     frequency: float = 1e3,
     law: ContactLaw = "brush",
     sliders: int = SLIDERS,
@@ -78,16 +79,17 @@ def cyclic_bench(
 ) -> Circuit:
     """Move the tip to and fro along a rotor that stands, at a constant or a swinging normal force.
 
-    The displacement is amplitude · sin(2πft), the normal force F₀ (1 + swing · sin(2πft + φ)). The node ``power`` is
-    what friction takes up.
+    The displacement is amplitude · sin(2πft), the node ``moved`` in µm; the normal force F₀ (1 + swing ·
+    sin(2πnft + φ)). The node ``power`` is what friction takes up.
 
     Args:
         contact: constants of the contact, among them F₀.
         rotor: of which the radius counts.
         amplitude: of the displacement, m.
         swing: of the normal force, relative to F₀.
-        phase_deg: by which the force is ahead of the displacement, degrees.
-        frequency: of both, Hz.
+        phase_deg: by which the force is ahead, degrees.
+        harmonic: number n of swings of the force a cycle.
+        frequency: of the displacement, Hz.
         law: law of the contact; instance ``Xcontact``.
         sliders: number of sliders of the brush.
         step: time step of the run in s; a slider's pull is half of it.
@@ -103,13 +105,18 @@ def cyclic_bench(
     if law == "coulomb":  # stick creeps by a hundredth of the greatest velocity
         values["creep"] = min(max(0.01 * amplitude * omega, 1e-9), 1e3)
     depth = 1e6 * contact_law.static_penetration(contact)
-    angle = f"{omega!r}*time+({radians(phase_deg)!r})"
-    force = f"(1+({swing!r})*sin({angle}))"
+    turn = f"{omega:.12g}*time"
+    swings = f"{harmonic * omega:.12g}*time+({radians(phase_deg):.12g})"
+    force = f"(1+({swing:.10g})*sin({swings}))"
+    rate = f"{2e-6 / 3.0 * depth * swing * harmonic * omega:.10g}*cos({swings})"
     lines = [
         library.subcircuit,
-        f"Bvx vx 0 V={amplitude * omega!r}*cos({omega!r}*time)",
-        f"By y 0 V={depth!r}*({force}**{2.0 / 3.0!r}-1)",
-        f"Bvy vy 0 V={1e-6 * depth * 2.0 / 3.0 * swing * omega!r}*cos({angle})/{force}**{1.0 / 3.0!r}",
+        "* displacement, um, and velocity along the rotor",
+        f"Bmoved moved 0 V={1e6 * amplitude:.10g}*sin({turn})",
+        f"Bvx vx 0 V={amplitude * omega:.10g}*cos({turn})",
+        "* displacement, um, and velocity towards it that give the normal force",
+        f"By y 0 V={depth:.10g}*({force}**(2/3)-1)",
+        f"Bvy vy 0 V={rate}/{force}**(1/3)",
         "Bpower power 0 V=V(friction)*V(vx)\n",
     ]
     circuit.raw_spice += "\n".join(lines)

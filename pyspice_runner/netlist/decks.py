@@ -15,8 +15,9 @@ from pathlib import Path
 from PySpice.Spice.Netlist import Circuit
 from PySpice.Spice.Simulation import CircuitSimulation
 
-from pyspice_runner.model.contact import resonance_under_preload
+from pyspice_runner.model.contact import limit_ratio, resonance_under_preload, static_penetration
 from pyspice_runner.model.drive import Drive, TwoPhaseDrive, TwoToneDrive
+from pyspice_runner.model.impact import Throw
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.benches import (
@@ -27,6 +28,7 @@ from pyspice_runner.netlist.benches import (
     plate_voltages,
     transient_bench,
 )
+from pyspice_runner.netlist.contact_benches import cyclic_bench, impact_bench
 from pyspice_runner.netlist.library import data_path
 
 MOTOR = "andersen2002"
@@ -176,6 +178,61 @@ def _dynamometer(motor: Motor) -> str:
     )
 
 
+def _impact() -> str:
+    throw = Throw(psi=1.2)
+    step = float(f"{throw.duration_s / 1000:.2g}")
+    end = 1.1 * throw.duration_s
+    circuit = impact_bench(throw, contact="brush", step=step, title="Impact: a steel sphere thrown at a half-space")
+    scale = throw.limit_ratio * throw.velocity_m_s
+    circuit.raw_spice += f"* velocity of the patch in units of kappa v_n\nEpsi psi 0 vx 0 {1.0 / scale:.10g}\n"
+    measures = {
+        "psi_1": "MAX v(psi) FROM=0 TO=1u",
+        "psi_2": f"FIND v(psi) AT={end:.9g}",
+        "departure_velocity_m_s": f"FIND v(vy) AT={end:.9g}",
+        "spin_rad_s": f"FIND v(spin) AT={end:.9g}",
+        "greatest_force_n": "MAX v(normal)",
+        "greatest_penetration_um": "MAX v(xcontact.delta)",
+        "duration_s": "WHEN v(xcontact.delta)=0 FALL=1",
+    }
+    simulation = _simulation(circuit, TRANSIENT_OPTIONS, "tran", measures)
+    stop = float(f"{end + step:.9g}")
+    simulation.transient(step_time=step, end_time=stop, max_time=step, use_initial_condition=True)
+    return _finish(
+        simulation,
+        f"""Impact. A steel sphere, {1e3 * 2 * throw.radius_m:g} mm, lands at {throw.velocity_m_s:g} m/s on a half-space
+        of steel, oblique. The capacitors hold its masses and, as ic, its velocities; v(vx) is that of the patch.
+        To plot, inside ngspice: v(normal), v(friction) in N, v(xcontact.delta) in um, v(psi), v(state) 0 separated,
+        1 stick, 2 gross slip, between them the part of the contact that slips. Prints the rebound.""",
+    )
+
+
+def _hysteresis(motor: Motor, swing: float, what: str, remark: str) -> str:
+    limit = limit_ratio(motor.contact) * static_penetration(motor.contact)
+    step, period = 1e-6, 1e-3
+    circuit = cyclic_bench(
+        motor.contact, motor.rotor, amplitude=0.8 * limit, swing=swing, phase_deg=90.0, frequency=1.0 / period,
+        step=step, title=f"Hysteresis: {what}",
+    )  # fmt: skip
+    second = f"FROM={period:g} TO={2 * period:g}"
+    measures = {
+        "loss_j": f"INTEG v(power) {second}",
+        "friction_force_greatest_n": f"MAX v(friction) {second}",
+        "normal_force_least_n": f"MIN v(normal) {second}",
+        "normal_force_greatest_n": f"MAX v(normal) {second}",
+        "part_that_slips_greatest": f"MAX v(slips) {second}",
+    }
+    circuit.raw_spice += "Bslips slips 0 V=max(0,V(state)-1)\n"
+    simulation = _simulation(circuit, TRANSIENT_OPTIONS, "tran", measures)
+    simulation.transient(step_time=step, end_time=2 * period, max_time=step, use_initial_condition=True)
+    return _finish(
+        simulation,
+        f"""Hysteresis, {what}. The tip of the motor {motor.name} is moved to and fro along a rotor that stands, by 0.8
+        of the displacement at which all of the contact slips under the preload. To plot, inside ngspice: v(friction) in
+        N over v(moved) in um, v(normal) in N, v(slips) the part of the contact that slips. Prints the energy lost in
+        the second cycle. {remark}""",
+    )
+
+
 _DECKS: dict[str, Callable[[Motor], str]] = {
     "free_admittance": lambda motor: _admittance(motor, preloaded=False),
     "preloaded_admittance": lambda motor: _admittance(motor, preloaded=True),
@@ -184,6 +241,13 @@ _DECKS: dict[str, Callable[[Motor], str]] = {
     "first_resonance": _first_resonance,
     "spin_up": _spin_up,
     "dynamometer": _dynamometer,
+    "impact": lambda _: _impact(),
+    "hysteresis": lambda motor: _hysteresis(
+        motor, 0.0, "constant normal force", "By the paper's law of one spring and one slider it would be nothing."
+    ),
+    "hysteresis_varying": lambda motor: _hysteresis(
+        motor, 0.6, "varying normal force", "The force swings by 0.6 of the preload, a quarter of a cycle ahead."
+    ),
 }
 
 

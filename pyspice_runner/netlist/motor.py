@@ -15,7 +15,7 @@ from PySpice.Spice.Netlist import Netlist, SubCircuit
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
-from pyspice_runner.netlist.contact import PINS, SLIDERS, ContactLaw, contact_library, contact_values
+from pyspice_runner.netlist.contact import PINS, SLIDERS, ContactLaw, check_law, contact_library, contact_values
 from pyspice_runner.netlist.library import Library, read_library
 
 SUBCIRCUIT = "piezomotor"
@@ -186,12 +186,22 @@ def add_motor(
     circuit.X(instance, SUBCIRCUIT, *nodes)
 
 
-def motor_library(motor: Motor) -> str:
-    """Return a self-contained library of one motor: header, parts and ``.subckt piezomotor a b com shaft``."""
-    subcircuit = str(MotorSubCircuit(motor)).strip()
+def motor_library(motor: Motor, *, contact: ContactLaw = "spring-slider", sliders: int = SLIDERS) -> str:
+    """Return a self-contained library of one motor: header, parts and ``.subckt piezomotor a b com shaft``.
+
+    Args:
+        motor: the motor.
+        contact: law of the contact, as in ``simulate``.
+        sliders: number of sliders of the brush.
+
+    Raises:
+        ParameterError: for a law or a number of sliders that is refused.
+    """
+    check_law(contact, free=False)
+    subcircuit = str(MotorSubCircuit(motor, contact=contact, sliders=sliders)).strip()
     lines = [
         "* SPDX-License-Identifier: GPL-3.0-or-later",
-        f"* {SUBCIRCUIT}: standing-wave piezomotor {motor.name}, with Hertz contact, stick-slip friction and rotor",
+        f"* {SUBCIRCUIT}: standing-wave piezomotor {motor.name}, with Hertz contact, friction ({contact}) and rotor",
         "*",
         "*     a o---.---------------------------------.",
         "*           |  stator: clamped capacitance    |       1 V = 1 rad/s",
@@ -213,7 +223,7 @@ def motor_library(motor: Motor) -> str:
         "* NODES inside, to plot: x y slider (um), vx vy (m/s), normal friction (N), state (0 open, 1 stick, 2 slip)",
         "*",
         '* SOURCE Andersen, Helbo, Blanke, "Modelling and Experiments of a Standing Wave Piezomotor", 2002, corrected',
-        "* OMITS  temperature, wear, piezoelectric hysteresis, partial slip, motion of the rotor's centre",
+        f"* OMITS  temperature, piezoelectric hysteresis, {contact_library(contact, sliders).omits}",
         "* TESTED WITH ngspice 39",
         "*",
         "* USE",
@@ -224,7 +234,7 @@ def motor_library(motor: Motor) -> str:
         "*   .measure tran speed_rad_s FIND v(shaft) AT=499u",
         "* END USE",
         "*",
-        parts_text(),
+        parts_text(contact, sliders),
         subcircuit,
     ]
     return "\n".join(lines) + "\n"

@@ -87,7 +87,7 @@ def test_spring_slider_has_the_virgin_curve_but_loses_nothing_before_it_slips() 
 
 
 def test_coulomb_turns_with_the_velocity() -> None:
-    assert 0.97 * 4 < loss("coulomb", 1.0) < 4  # a rectangle, its corners rounded by the creep
+    assert loss("coulomb", 1.0) == pytest.approx(4.0, rel=1e-3)  # a rectangle; creep rounds its corners
     run = loop("coulomb", 1.0)
     assert np.all(run.friction_force_n[1:] * np.cos(2 * np.pi * 1e3 * run.time_s[1:]) > -1e-6)
 
@@ -100,7 +100,8 @@ def test_state_tells_how_much_of_the_contact_slips(amplitude: float) -> None:
     assert run.contact_state[first] == pytest.approx(2.0 - np.sqrt(1.0 - amplitude), abs=1.2 / 32)
     just_back = (run.time_s > 0.2505e-3) & (run.time_s < 0.26e-3)
     np.testing.assert_array_equal(run.contact_state[just_back], 1.0)  # all sticks after a reversal
-    assert np.all(loop("brush", 1.4).contact_state[490:500] == 2.0)
+    slid = loop("brush", 1.4)
+    assert np.all(slid.contact_state[(slid.time_s > 0.22e-3) & (slid.time_s < 0.2495e-3)] == 2.0)
 
 
 @pytest.mark.parametrize(
@@ -146,7 +147,11 @@ def test_impossible_loops_are_refused() -> None:
         ({"amplitude": -1.0}, "amplitude = -1 is refused; allowed is a number from 0 to 1000."),
         ({"amplitude": 1.0, "swing": 1.0}, "swing = 1 is refused; allowed is a number from -0.99 to 0.99."),
         ({"amplitude": 1.0, "contact": "glue"}, "contact = 'glue' is refused"),
-        ({"amplitude": 1.0, "contact": None}, "Hysteresis needs a law of the contact"),
+        (
+            {"amplitude": 1.0, "contact": None},
+            "contact = None is refused; allowed are 'spring-slider', 'brush' and 'coul",
+        ),
+        ({"amplitude": 1.0, "harmonic": 0}, "harmonic = 0 is refused; allowed is a whole number from 1 to 100."),
         ({"amplitude": 1.0, "contact": "brush", "sliders": 1000}, "sliders = 1000 is refused"),
     ):
         with pytest.raises(pr.ParameterError) as caught:

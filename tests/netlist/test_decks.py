@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.model.contact import linearised_resonances
+from pyspice_runner.model.contact import limit_ratio, linearised_resonances, static_penetration
 from pyspice_runner.netlist.decks import deck_texts, write_decks
 from pyspice_runner.netlist.library import data_path
+from tests.reference.row import throw as exact_throw
 
 NAMES = (
     "dynamometer",
@@ -22,6 +23,9 @@ NAMES = (
     "figure_eight",
     "first_resonance",
     "free_admittance",
+    "hysteresis",
+    "hysteresis_varying",
+    "impact",
     "preloaded_admittance",
     "spin_up",
 )
@@ -134,3 +138,32 @@ def test_dynamometer_deck_integrates_what_the_waveforms_of_simulate_hold(tmp_pat
     shares = run.state_fractions
     assert result["share_in_contact"] == pytest.approx(1.0 - shares["separated"], abs=0.01)
     assert result["share_in_slip"] == pytest.approx(shares["slip"], abs=0.01)
+
+
+def test_impact_deck_rebounds_as_hertz_and_the_theory_say(tmp_path: Path) -> None:
+    result = measured("impact", tmp_path)
+    throw = pr.Throw(psi=1.2)
+    assert result["psi_1"] == pytest.approx(1.2, rel=1e-6)
+    ratio = (2 - throw.poisson) / (2 * (1 - throw.poisson))
+    assert result["psi_2"] == pytest.approx(exact_throw(1.2, ratio)[0], abs=0.0065)  # eight sliders
+    assert result["departure_velocity_m_s"] == pytest.approx(-throw.velocity_m_s, rel=1e-5)
+    # read at the points of 1000 steps: at most (π/2000)²/2 ≈ 1e-6 off a crest
+    assert result["greatest_force_n"] == pytest.approx(throw.greatest_force_n, rel=1e-5)
+    assert result["greatest_penetration_um"] == pytest.approx(1e6 * throw.greatest_penetration_m, rel=1e-5)
+    assert result["duration_s"] == pytest.approx(throw.duration_s, rel=1e-5)
+
+
+def test_hysteresis_decks_lose_what_the_closed_form_and_the_bench_say(tmp_path: Path) -> None:
+    motor = pr.load_motor("andersen2002")
+    result = measured("hysteresis", tmp_path)
+    slide = motor.contact.friction * motor.contact.preload_n
+    limit = limit_ratio(motor.contact) * static_penetration(motor.contact)
+    assert result["loss_j"] == pytest.approx(float(pr.microslip_loss(0.8)) * slide * limit, rel=0.03)  # eight sliders
+    assert result["friction_force_greatest_n"] == pytest.approx(float(pr.virgin_force(0.8)) * slide, rel=0.006)
+    assert result["part_that_slips_greatest"] == pytest.approx(1 - np.sqrt(0.2), abs=1 / 8)
+    varying = measured("hysteresis_varying", tmp_path)
+    bench = pr.hysteresis(motor, 0.8, "brush", swing=0.6, phase_deg=90.0)
+    assert varying["loss_j"] == pytest.approx(bench.loss_j, rel=2e-3)  # ngspice and numpy sum other points
+    assert varying["loss_j"] > 1.2 * result["loss_j"]
+    assert varying["normal_force_least_n"] == pytest.approx(0.4 * motor.contact.preload_n, rel=1e-5)
+    assert varying["normal_force_greatest_n"] == pytest.approx(1.6 * motor.contact.preload_n, rel=1e-5)

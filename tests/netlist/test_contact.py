@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The libraries of the contact laws: one face, and the brush as it is generated."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from pyspice_runner.engine.ngspice import run_deck
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model import contact as law
+from pyspice_runner.model.load import load_motor
+from pyspice_runner.netlist.contact import (
+    LIBRARIES,
+    PINS,
+    SLIDERS,
+    brush_library,
+    check_law,
+    contact_library,
+    contact_values,
+)
+from pyspice_runner.netlist.library import data_path, parse_library, read_library
+from pyspice_runner.netlist.motor import MotorSubCircuit
+
+
+def test_brush_in_the_folder_is_what_the_package_writes() -> None:
+    path = data_path("behavioral") / "piezomotor_brush.lib"
+    assert path.read_text(encoding="utf-8") == brush_library(), "python -m pyspice_runner.netlist.contact"
+    assert brush_library() == brush_library(SLIDERS)
+
+
+@pytest.mark.parametrize("name", LIBRARIES.values())
+def test_all_laws_have_the_same_face(name: str) -> None:
+    library, first = read_library(name), read_library("piezomotor_contact")
+    assert tuple(pin.name for pin in library.pins) == PINS
+    for ours, theirs in zip(library.pins[:9], first.pins[:9], strict=True):
+        assert ours == theirs
+    shared = {parameter.name: parameter for parameter in first.parameters}
+    for parameter in library.parameters:
+        if parameter.name in shared and parameter.name != "slider_time":
+            assert parameter == shared[parameter.name]
+
+
+@pytest.mark.parametrize("sliders", [1, 2, 5, 40])
+def test_brush_is_written_for_any_number_of_sliders(sliders: int) -> None:
+    library = parse_library("piezomotor_brush", brush_library(sliders))
+    assert contact_library("brush", sliders) == library
+    assert len(re.findall(r"^Cq\d+ ", library.subcircuit, re.M)) == sliders
+    assert library.parameters == read_library("piezomotor_brush").parameters
+
+
+DECK = """brush, pressed and dragged
+{library}
+Vx x 0 0
+By y 0 V={y}
+Vvx vx 0 {speed}
+Vvy vy 0 0
+Vshaft shaft 0 0
+Xcontact x y vx vy fx fy shaft normal friction slider state piezomotor_brush span={span} {more}
+.options reltol=1e-6 vntol=1e-9 abstol=1e-9 trtol=1e9
+.save v(normal) v(friction) v(slider) v(state) v(xcontact.delta)
+.tran 50n 40u 0 50n uic
+.end
+"""
+SAVED = ("v(normal)", "v(friction)", "v(slider)", "v(state)", "v(xcontact.delta)")
+
+
+def drag(sliders: int, span: float, speed: float, y: str = "0", more: str = "") -> dict[str, float]:
+    """What a brush says after 40 µs of dragging at a speed in m/s."""
+    text = DECK.format(library=brush_library(sliders), y=y, speed=speed, span=span, more=more)
+    vectors = run_deck(text, vectors=list(SAVED), stop_time=40e-6).raw.vectors
+    return {name[2:-1]: float(vectors[name][-1].real) for name in SAVED}
+
+
+@pytest.mark.parametrize("sliders", [1, 3, 8])
+@pytest.mark.parametrize("span", [0.2, 0.8, 1.9])  # µm; the penetration is 0.8
+def test_gross_slip_and_stick_are_exact_for_any_number_and_spread_of_sliders(sliders: int, span: float) -> None:
+    slid = drag(sliders, span, 1.0)
+    assert slid["normal"] == pytest.approx(5.0, rel=1e-6)
+    assert slid["friction"] == pytest.approx(0.3 * 5.0, rel=1e-6)
+    assert slid["state"] == 2.0
+    # 1e-4 m/s for 40 µs: 4 nm, u_lim is 0.29 µm; all cells stick, but for one that the contact just reaches
+    stuck = drag(sliders, span, 1e-4)
+    stiffness = 1.5 * 5.0 ** (1 / 3) / 3.3e-7  # Mindlin's, 3 μ F/(2 u_lim)
+    assert stuck["friction"] == pytest.approx(stiffness * 4e-9, rel=2e-3)
+    assert stuck["state"] == pytest.approx(1.0, abs=0.1)
+    assert stuck["slider"] == pytest.approx(4e-3, rel=2e-3)  # µm
+
+
+def test_contact_that_grows_in_stick_takes_up_only_what_moves_after_its_touch() -> None:
+    """Mindlin and Deresiewicz: pressed and dragged at once, F_T = ∫ k_t(δ) du with k_t as δ^(1/2)."""
+    y = "-0.8+0.02*time*1e6"  # from touch to 0.8 µm in 40 µs: 0.02 m/s, and the limit grows with 0.36 of that
+    found = drag(5, 0.8, 0.003, y)
+    ratio = 3.3e-7 * 7e9 ** (2 / 3)
+    depth, moved = 1e-6 * found["xcontact.delta"], 0.003 * 40e-6
+    # 2 G* ∫ (elements' u) dx = 2 G* ∫ a du, u = δ · moved/depth: two thirds of 2 G* a moved
+    exact = 1.5 * 7e9 / ratio * depth**0.5 * (2 / 3) * moved
+    assert found["friction"] == pytest.approx(exact, rel=2e-3)  # 800 steps, the first ones shorter
+    assert found["state"] == 1.0
+
+
+def test_separated_contact_forgets() -> None:
+    found = drag(8, 0.8, 0.01, "-1.0*min(1,time/2e-5)")
+    assert (found["normal"], found["state"]) == (0.0, 0.0)
+    assert abs(found["friction"]) < 1e-9
+    assert abs(found["slider"]) < 1e-6
+
+
+def test_normal_damping_is_hunt_and_crossleys() -> None:
+    text = DECK.format(library=brush_library(8), y="0", speed=1.0, span=0.8, more="damping=0.6")
+    text = text.replace("Vvy vy 0 0", "Vvy vy 0 0.5")
+    normal = run_deck(text, vectors=list(SAVED), stop_time=40e-6).raw.vectors["v(normal)"].real
+    assert normal[-1] == pytest.approx(5.0 * (1 + 0.6 * 0.5), rel=1e-6)
+    pulled = run_deck(text.replace("Vvy vy 0 0.5", "Vvy vy 0 -5"), vectors=list(SAVED), stop_time=40e-6).raw.vectors
+    assert pulled["v(normal)"].real[-1] == 0.0  # a contact does not pull
+    assert pulled["v(friction)"].real[-1] == 0.0
+
+
+@pytest.mark.parametrize("restitution", [0.1, 0.5, 0.9, 0.999])
+def test_constant_of_hunt_and_crossley_solves_its_equation(restitution: float) -> None:
+    speed = 0.7
+    z = speed * law.hunt_crossley_damping(restitution, speed)
+    # ∫ v dv/(1 + a v) between touch and lift-off vanishes: a v − ln(1 + a v) is the same at both
+    before, after = z - np.log1p(z), -restitution * z - np.log1p(-restitution * z)
+    assert before == pytest.approx(after, rel=1e-9)
+    assert z >= 0.75 * (1 - restitution**2)
+
+    def mismatch(q: float) -> float:
+        return float(q * (1 + restitution) - np.log((1 + q) / (1 - restitution * q)))
+
+    found = brentq(mismatch, 0.5 * (1 - restitution), 0.9999999999 / restitution)
+    assert z == pytest.approx(found, rel=1e-6)
+    assert law.hunt_crossley_damping(1.0, speed) == 0.0
+
+
+def test_a_motor_names_its_law_and_what_it_needs() -> None:
+    motor = load_motor("andersen2002")
+    for name in LIBRARIES:
+        text = str(MotorSubCircuit(motor, contact=name))
+        assert f" {LIBRARIES[name]} " in text
+        assert ("compliance=" in text) == (name != "coulomb")
+        assert ("span=" in text) == (name == "brush")
+        assert "damping=" not in text.split("Xcontact")[1].split("\n")[0]
+    lossy = motor.updated({"contact.restitution": 0.8})
+    values = contact_values("coulomb", lossy.contact, radius=0.01, preload=5.0)
+    assert values["damping"] == pytest.approx(law.hunt_crossley_damping(0.8, 0.1))
+    assert motor.to_dict()["contact"].keys() < lossy.to_dict()["contact"].keys()
+
+
+def test_unknown_law_and_impossible_brush_are_refused() -> None:
+    with pytest.raises(ParameterError) as caught:
+        check_law("glue")
+    assert str(caught.value) == (
+        "contact = 'glue' is refused; allowed are 'spring-slider', 'brush', 'coulomb' and None (free tip)."
+    )
+    check_law(None)
+    with pytest.raises(ParameterError, match=r"contact = None is refused; allowed are 'spring-slider', 'brush' and"):
+        check_law(None, free=False)
+    for sliders in (0, 201, 2.5):
+        with pytest.raises(ParameterError, match="allowed is a whole number from 1 to 200"):
+            contact_library("brush", sliders)  # type: ignore[arg-type]
+
+
+def test_generator_writes_the_library(tmp_path: Path) -> None:
+    (tmp_path / "mine.lib").write_text(brush_library(3), encoding="utf-8")
+    deck = f"include\n.include {tmp_path / 'mine.lib'}\n{read_library('piezomotor_brush').usage}.save v(state)\n.end\n"
+    deck = re.sub(r"^\.measure.*\n", "", deck, flags=re.M)
+    assert run_deck(deck, vectors=["v(state)"], stop_time=100e-6).raw.vectors["v(state)"].real[-1] == 2.0
