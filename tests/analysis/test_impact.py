@@ -19,6 +19,8 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.netlist.contact import ContactLaw
+from tests.reference.row import PSIS as PSIS_OF_TABLE
+from tests.reference.row import TABLE
 from tests.reference.row import throw as exact_throw
 
 pytestmark = pytest.mark.xdist_group("impact")
@@ -292,3 +294,11 @@ def test_an_impact_needs_a_law() -> None:
             pr.impact(pr.Throw(), law)  # type: ignore[arg-type]
     with pytest.raises(pr.ParameterError, match="steps = 10 is refused"):
         pr.impact(pr.Throw(), "brush", steps=10)
+
+
+def test_table_that_the_figure_draws_is_the_references() -> None:
+    rows = [[float(cell) for cell in line.split(",")] for line in TABLE.read_text(encoding="utf-8").splitlines()[1:]]
+    assert [row[0] for row in rows] == pytest.approx(PSIS_OF_TABLE)
+    for row in rows[::8]:
+        expected = [exact_throw(row[0], ratio(poisson))[0] for poisson in POISSONS]
+        assert row[1:] == pytest.approx(expected, abs=2e-4), "python -m tests.reference.row"

@@ -16,6 +16,7 @@ Units: penetration in d, displacement in μ (E*/G*) d, force in μ K_N d^(3/2), 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -213,3 +214,23 @@ def run_motor(
     )  # fmt: skip
     names = ("tip_x_m", "tip_y_m", "normal_force_n", "friction_force_n", "rotor_speed_rad_s")
     return {"time_s": np.arange(count + 1) * output_step, **dict(zip(names, samples, strict=True))}
+
+
+# --- what figures compare with ---
+
+TABLE = Path(__file__).parents[1] / "data" / "oblique_impact.csv"
+POISSONS = (0.0, 0.1, 0.2, 0.3, 0.4)
+PSIS = (*(k / 10 for k in range(1, 10)), *(1.0 + k / 5 for k in range(31)))
+
+
+def table() -> str:
+    """Return the rebound ψ₂ over the incidence ψ₁ for spheres of several Poisson's ratios, as CSV."""
+    rows = ["psi_1," + ",".join(f"psi_2_poisson_{poisson:g}" for poisson in POISSONS)]
+    for psi in PSIS:
+        found = [throw(psi, (2.0 - poisson) / (2.0 * (1.0 - poisson)))[0] for poisson in POISSONS]
+        rows.append(f"{psi:g}," + ",".join(f"{value:.4f}" for value in found))
+    return "\n".join(rows) + "\n"
+
+
+if __name__ == "__main__":
+    TABLE.write_text(table(), encoding="utf-8", newline="\n")
