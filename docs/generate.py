@@ -63,8 +63,6 @@ def parameters_page(motor: Motor) -> str:
         (name for name in Contact.model_fields if f"contact.{name}" not in motor.provenance),
         "derived: from the materials and the radii of tip and rotor",
     )
-    optional = (name for name, field in Contact.model_fields.items() if not field.is_required())
-    derived_contact |= dict.fromkeys(optional, "not stated: the default")
     parts = [
         _HEAD,
         _section("Beam", Beam, "beam", _values(motor, "beam", [structure.beam])),

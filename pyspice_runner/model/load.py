@@ -27,7 +27,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import beam as beam_model
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor, Provenance, Structure, assemble, stiffness_for
-from pyspice_runner.model.parameters import Beam, Damping, Mode, Parameters, Patch, Rotor, Tip, label, quantity
+from pyspice_runner.model.parameters import Beam, Contact, Damping, Mode, Parameters, Patch, Rotor, Tip, label, quantity
 from pyspice_runner.model.refusal import allowed_range, as_table, build, check_keys, limited, positive, quoted, unit_of
 
 SETS = Path(__file__).parent / "sets"
@@ -179,6 +179,9 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
             )
         piezo.update(capacitances)
     contact = _resolve_contact(plain["contact"], rotor, where)
+    for name, field in Contact.model_fields.items():
+        if not field.is_required():
+            provenance.setdefault(f"contact.{name}", Provenance("default", "not stated"))
     parts = {
         "name": plain["name"],
         "modes": modes,

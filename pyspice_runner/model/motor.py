@@ -19,7 +19,7 @@ from pyspice_runner.model.refusal import allowed_range, build, limited, positive
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a value comes from: given (in the paper), derived, assumed, set (by the user) or just stated."""
+    """Where a value comes from: given (in the paper), derived, assumed, default, set (by the user) or just stated."""
 
     kind: str
     note: str

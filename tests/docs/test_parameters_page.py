@@ -40,7 +40,7 @@ def test_every_value_of_the_set_has_an_origin(pages: dict[str, str]) -> None:
     motor = pr.load_motor("andersen2002")
     for path, origin in motor.provenance.items():
         if origin.note:
-            assert origin.kind in ("given", "derived", "assumed")
+            assert origin.kind in ("given", "derived", "assumed", "default")
             assert any(f"{origin.kind}: {origin.note}" in row for row in pages["parameters.md"].splitlines()), path
         else:
             assert path == "name" or path.endswith((".group", ".faces")), f"{path} has no origin"

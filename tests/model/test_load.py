@@ -259,6 +259,14 @@ def test_provenance_is_recorded_and_plain_numbers_are_just_stated(load: Callable
     assert subject == load(MODES).model_copy(update={"name": "noted", "provenance": subject.provenance})
 
 
+def test_what_a_file_leaves_out_is_a_default(load: Callable[[Document], Motor]) -> None:
+    subject = load(MODES)
+    assert subject.provenance["contact.restitution"] == Provenance("default", "not stated")
+    lossy = subject.updated({"contact.restitution": 0.8})
+    assert lossy.provenance["contact.restitution"].kind == "set"
+    assert lossy.provenance["contact.restitution_velocity_m_s"].kind == "default"
+
+
 def test_provenance_follows_a_mode_to_its_place(load: Callable[[Document], Motor]) -> None:
     late = changed(MODES | {"modes": [SIDE, MODE]}, "modes.0.tip_x", {"value": 1.3, "given": "table 2"})
     subject = load(late)
