@@ -107,7 +107,7 @@ def brush_library(sliders: int = SLIDERS) -> str:
             f"Bl{number} l{number} 0 V={{mu*ratio}}*{w}*(V(depth)-{{cell}}*({inner**2}+{w}*({inner}+{w}/3)))",
             f"Bc{number} c{number} 0 V=max(-V(l{number}),min(V(l{number}),V(q{number})))",
             f"Bq{number} 0 q{number} I={w}*V(slip)-{{1e-6/slider_time}}*(V(q{number})-V(c{number}))",
-            f"Cq{number} q{number} 0 1u ic=0",
+            f"Cq{number} q{number} 0 1u",
             f"Rq{number} q{number} 0 1g",
         ]
     return _BRUSH.format(

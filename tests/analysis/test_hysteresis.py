@@ -58,7 +58,7 @@ def test_virgin_curve_of_eight_sliders() -> None:
 
 
 def test_loss_per_cycle_of_eight_sliders() -> None:
-    assert worst_loss(8) < 0.018  # required 0.02; measured 0.0164 at an amplitude of 1
+    assert worst_loss(8) < 0.014  # of a full swing's; required 0.02; measured 0.0132 at an amplitude of 1
     # relative to what is lost at that very amplitude: large amplitudes are met well, small ones by more sliders only
     assert loss("brush", 0.85) == pytest.approx(float(microslip_loss(0.85)), rel=0.03)
     assert loss("brush", 1.4) == pytest.approx(float(microslip_loss(1.4)), rel=0.01)

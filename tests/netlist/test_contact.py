@@ -91,6 +91,13 @@ def test_gross_slip_and_stick_are_exact_for_any_number_and_spread_of_sliders(sli
     assert stuck["slider"] == pytest.approx(4e-3, rel=2e-3)  # µm
 
 
+def test_brush_goes_on_from_displacements_that_ic_states() -> None:
+    """A run in blocks hands the cells over; an ``ic=`` of theirs would overrule that."""
+    held = drag(3, 0.79906, 0.0, more="\n.ic v(xcontact.q1)=4m v(xcontact.q2)=4m v(xcontact.q3)=4m")
+    assert held["friction"] == pytest.approx(1.5 * 5.0 ** (1 / 3) / 3.3e-7 * 4e-9, rel=1e-4)
+    assert held["slider"] == pytest.approx(4e-3, rel=1e-4)
+
+
 def test_contact_that_grows_in_stick_takes_up_only_what_moves_after_its_touch() -> None:
     """Mindlin and Deresiewicz: pressed and dragged at once, F_T = ∫ k_t(δ) du with k_t as δ^(1/2)."""
     y = "-0.8+0.02*time*1e6"  # from touch to 0.8 µm in 40 µs: 0.02 m/s, and the limit grows with 0.36 of that
