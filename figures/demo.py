@@ -7,11 +7,8 @@ import time
 from pathlib import Path
 
 import admittance
-import contact_patch
 import figure_5
-import hysteresis
 import patch_position
-import rebound
 import spin_up
 from rich.console import Console
 from style import main
@@ -20,9 +17,6 @@ PARTS = {
     "admittance.png": ("Its resonances, free and pressed on the rotor", admittance.draw),
     "figure_5.png": ("The path of its tip (figure 5 of the paper)", figure_5.draw),
     "spin_up.png": ("The rotor spins up", spin_up.draw),
-    "contact_patch.png": ("Inside the contact: pressure, traction, slip", contact_patch.draw),
-    "hysteresis.png": ("What the contact loses in a cycle, by three laws", hysteresis.draw),
-    "rebound.png": ("Oblique impact, by three laws", rebound.draw),
     "patch_position.png": ("Another place for the patches", patch_position.draw),
 }
 
