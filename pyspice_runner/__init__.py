@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pyspice_runner.analysis.admittance import Admittance, admittance
+    from pyspice_runner.analysis.fit import FittedArm, SpectrumFit, fit_spectrum
     from pyspice_runner.analysis.hysteresis import Hysteresis, hysteresis
     from pyspice_runner.analysis.impact import Impact, impact
     from pyspice_runner.analysis.readers import read_spectrum
@@ -27,10 +28,12 @@ if TYPE_CHECKING:
     from pyspice_runner.errors import ParameterError, SimulationError, SpectrumError
     from pyspice_runner.model.beam import resonator_modes
     from pyspice_runner.model.drive import TwoPhaseDrive, TwoToneDrive
+    from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
     from pyspice_runner.model.impact import Throw
     from pyspice_runner.model.load import available_motors, load_motor
     from pyspice_runner.model.motor import Motor
     from pyspice_runner.model.traction import HertzPatch, microslip_loss, virgin_force
+    from pyspice_runner.netlist.equivalent import circuit_library
     from pyspice_runner.netlist.motor import motor_library
     from pyspice_runner.plots import plot_mode_shapes, plot_motors, plot_sweep
 
@@ -39,13 +42,17 @@ __version__ = "0.1.0"
 _HOMES = {
     "Admittance": "analysis.admittance",
     "HertzPatch": "model.traction",
+    "EquivalentCircuit": "model.equivalent",
+    "FittedArm": "analysis.fit",
     "Hysteresis": "analysis.hysteresis",
     "Impact": "analysis.impact",
+    "MotionalArm": "model.equivalent",
     "Motor": "model.motor",
     "ParameterError": "errors",
     "SimulationError": "errors",
     "Spectrum": "analysis.spectrum",
     "SpectrumError": "errors",
+    "SpectrumFit": "analysis.fit",
     "Throw": "model.impact",
     "Tolerance": "analysis.sweep",
     "TwoPhaseDrive": "model.drive",
@@ -53,6 +60,8 @@ _HOMES = {
     "Waveforms": "analysis.waveforms",
     "admittance": "analysis.admittance",
     "available_motors": "model.load",
+    "circuit_library": "netlist.equivalent",
+    "fit_spectrum": "analysis.fit",
     "hysteresis": "analysis.hysteresis",
     "impact": "analysis.impact",
     "load_motor": "model.load",
@@ -71,13 +80,17 @@ _HOMES = {
 __all__ = [
     "Admittance",
     "HertzPatch",
+    "EquivalentCircuit",
+    "FittedArm",
     "Hysteresis",
     "Impact",
+    "MotionalArm",
     "Motor",
     "ParameterError",
     "SimulationError",
     "Spectrum",
     "SpectrumError",
+    "SpectrumFit",
     "Throw",
     "Tolerance",
     "TwoPhaseDrive",
@@ -85,6 +98,8 @@ __all__ = [
     "Waveforms",
     "admittance",
     "available_motors",
+    "circuit_library",
+    "fit_spectrum",
     "hysteresis",
     "impact",
     "load_motor",

@@ -16,6 +16,7 @@ from rich.console import Console
 
 import pyspice_runner as pr
 from pyspice_runner.commands.admittance import admittance
+from pyspice_runner.commands.fit import fit
 from pyspice_runner.commands.impact import impact
 from pyspice_runner.commands.motors import export, motors, show
 from pyspice_runner.commands.simulate import simulate
@@ -31,6 +32,7 @@ app = typer.Typer(
 )
 
 for command in (motors, show, simulate, admittance, sweep, impact, export):
+for command in (motors, show, simulate, admittance, impact, fit, export):
     app.command()(command)
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import xarray
 
     from pyspice_runner.analysis.admittance import Admittance
+    from pyspice_runner.analysis.fit import SpectrumFit
     from pyspice_runner.analysis.impact import Impact
     from pyspice_runner.analysis.waveforms import Waveforms
     from pyspice_runner.model.motor import Motor
@@ -81,6 +82,42 @@ def plot_admittance(result: Admittance, path: str | Path) -> Path:
     circle.set(xlabel="conductance G in mS", ylabel="susceptance B in mS", title="G–B circle")
     magnitude.legend()
     figure.suptitle(f"{result.motor['name']}, {result.state}", fontsize=10)
+    return _save(figure, path)
+
+
+def plot_fit(fit: SpectrumFit, path: str | Path) -> Path:
+    """Draw measured and fitted |Y| and phase, the G–B circle, and the residuals."""
+    figure, axes = _figure(2, 2, width=11.0, height=8.0)
+    magnitude, circle, phase, residuals = axes.flat
+    scale, prefix = (1e-6, "M") if fit.frequency_hz[-1] >= 1e6 else (1e-3, "k")
+    frequency, fine = scale * fit.frequency_hz, np.linspace(fit.frequency_hz[0], fit.frequency_hz[-1], 4001)
+    fine = np.union1d(fine, fit.frequency_hz)
+    fitted = fit.admittance(fine)
+    dots = {"marker": ".", "markersize": 3, "linestyle": "", "color": GREY, "label": "measured"}
+    line = {"color": BLUE, "linewidth": 1.2, "label": f"fitted, {len(fit.arms)} arm{'s' if len(fit.arms) > 1 else ''}"}
+    magnitude.semilogy(frequency, 1e3 * np.abs(fit.measured_s), **dots)
+    magnitude.semilogy(scale * fine, 1e3 * np.abs(fitted), **line)
+    phase.plot(frequency, np.degrees(np.angle(fit.measured_s)), **dots)
+    phase.plot(scale * fine, np.degrees(np.angle(fitted)), **line)
+    circle.plot(1e3 * fit.measured_s.real, 1e3 * fit.measured_s.imag, **dots)
+    circle.plot(1e3 * fitted.real, 1e3 * fitted.imag, **line)
+    residuals.plot(frequency, 100.0 * fit.residuals.real, ".", markersize=3, color=BLUE, label="in phase")
+    residuals.plot(frequency, 100.0 * fit.residuals.imag, ".", markersize=3, color=ORANGE, label="in quadrature")
+    for arm in fit.arms:
+        for axis in (magnitude, phase, residuals):
+            if arm.in_band:
+                axis.axvline(scale * arm.series_resonance_hz, color=VERMILION, linewidth=0.8, linestyle=":")
+    for axis in (magnitude, phase, residuals):
+        axis.set(xlabel=f"frequency in {prefix}Hz")
+    magnitude.set(ylabel="|Y| in mS", title="Admittance (dotted: series resonances of the arms)")
+    phase.set(ylabel="phase in degrees", title="Phase")
+    circle.set(xlabel="conductance G in mS", ylabel="susceptance B in mS", title="G–B circle")
+    circle.axis("equal")
+    error = 100.0 * fit.rms_relative_error
+    residuals.set(ylabel="residual in % of |Y|", title=f"Residuals: {error:.3g} % RMS")
+    magnitude.legend()
+    residuals.legend()
+    figure.suptitle(fit.source, fontsize=10)
     return _save(figure, path)
 
 

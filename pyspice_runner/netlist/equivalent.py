@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An equivalent circuit as one self-contained SPICE subcircuit, ``.subckt NAME p n``."""
+
+from __future__ import annotations
+
+import re
+from math import pi
+
+import numpy as np
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.equivalent import EquivalentCircuit
+
+RESONATOR = "resonator"
+_LEAST = 1e-9
+
+
+def check_name(name: str) -> str:
+    """Return a subcircuit's name if every SPICE takes it.
+
+    Raises:
+        ParameterError: otherwise.
+    """
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,39}", name):
+        raise ParameterError(
+            f"name = {name!r} is refused; allowed are at most 40 letters, digits and _, the first a letter."
+        )
+    return name
+
+
+def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title: str = "") -> str:
+    """Return a library of one equivalent circuit: header, usage and ``.subckt NAME p n``.
+
+    Values are written so that they are read back without loss. Leads of less than a billionth of the device's
+    impedance at its resonances are left out, and so is such a loss tangent: they would cost the simulator digits.
+
+    Args:
+        circuit: the circuit.
+        name: name of the subcircuit.
+        title: what the circuit stands for, one line.
+
+    Raises:
+        ParameterError: for a name that is refused.
+    """
+    check_name(name)
+    first, last = circuit.arms[0].series_resonance_hz, circuit.arms[-1].series_resonance_hz
+    main = max(circuit.arms, key=lambda arm: arm.capacitance_f)
+    resonances = np.array([arm.series_resonance_hz for arm in circuit.arms])
+    greatest = float(np.max(np.abs(circuit.device_admittance(resonances))))
+    elements = []
+    node = "p"
+    for kind, value, impedance in (
+        ("R", circuit.lead_resistance_ohm, circuit.lead_resistance_ohm),
+        ("L", circuit.lead_inductance_h, 2.0 * pi * last * circuit.lead_inductance_h),
+    ):
+        if impedance * greatest > _LEAST:
+            elements.append(f"{kind}lead {node} lead{kind.lower()} {value!r}")
+            node = f"lead{kind.lower()}"
+    plate = "plate" if circuit.loss_tangent > _LEAST else node
+    if plate != node:
+        elements.append(f"Rloss {node} plate {circuit.loss_resistance_ohm!r}")
+    elements.append(f"Cclamped {plate} n {circuit.clamped_capacitance_f!r}")
+    for index, arm in enumerate(circuit.arms, start=1):
+        elements += [
+            f"L{index} {node} l{index} {arm.inductance_h!r}",
+            f"R{index} l{index} r{index} {arm.resistance_ohm!r}",
+            f"C{index} r{index} n {arm.capacitance_f!r}",
+        ]
+    lines = [
+        "* SPDX-License-Identifier: GPL-3.0-or-later",
+        f"* {name}: piezoelectric resonator, {len(circuit.arms)} motional arm{'s' if len(circuit.arms) > 1 else ''}",
+        *([f"* {_plain(title)}"] if title else []),
+        "*",
+        "*   p o--- leads ---+-----------+---- ... ----.",
+        "*                   |           |             |",
+        "*                 C clamped   L1-R1-C1      Ln-Rn-Cn    clamped capacitance with its loss, motional arms",
+        "*                   |           |             |",
+        "*   n o-------------+-----------+---- ... ----'",
+        "*",
+        "* PIN  p  inout  V  electrical pin",
+        "* PIN  n  inout  V  electrical pin",
+        "*",
+        f"* CLAMPED {circuit.clamped_capacitance_f:.6g} F",
+        f"* LOSS TANGENT {circuit.loss_tangent:.4g} at {circuit.loss_reference_hz:.6g} Hz",
+        *(
+            f"* ARM {index}: {arm.series_resonance_hz:.7g} Hz, Q {arm.quality_factor:.5g}"
+            for index, arm in enumerate(circuit.arms, start=1)
+        ),
+        "*",
+        "* SOURCE equivalent circuit after Butterworth and Van Dyke, IEEE 176-1987",
+        "* OMITS  a loss tangent that stays the same over frequency (here it rises in proportion), nonlinearity",
+        "* TESTED WITH ngspice 39",
+        "*",
+        "* USE",
+        "*   * driven by minus one volt: the source's current is then the admittance, here its largest real part",
+        "*   Vdrive a 0 DC 0 AC -1",
+        f"*   Xpiezo a 0 {name}",
+        f"*   .ac lin 1001 {main.series_resonance_hz * (1.0 - 5.0 / main.quality_factor):.9g} "
+        f"{main.series_resonance_hz * (1.0 + 5.0 / main.quality_factor):.9g}"
+        if main.quality_factor > 5.0
+        else f"*   .ac dec 1001 {0.5 * first:.9g} {2.0 * last:.9g}",
+        "*   .measure ac conductance_s MAX i(Vdrive)",
+        "* END USE",
+        "*",
+        f".subckt {name} p n",
+        *elements,
+        f".ends {name}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _plain(text: str) -> str:
+    """Return a text as one ASCII line, as every SPICE reads it in a comment."""
+    return "".join(character if " " <= character <= "~" else "_" for character in text)[:150]
