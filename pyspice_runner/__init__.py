@@ -17,9 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pyspice_runner.analysis.admittance import Admittance, admittance
+    from pyspice_runner.analysis.drive import DriveReport, drive_report
     from pyspice_runner.analysis.fit import FittedArm, SpectrumFit, fit_spectrum
     from pyspice_runner.analysis.hysteresis import Hysteresis, hysteresis
     from pyspice_runner.analysis.impact import Impact, impact
+    from pyspice_runner.analysis.matching import Matching, propose_matching
     from pyspice_runner.analysis.readers import read_spectrum
     from pyspice_runner.analysis.simulate import simulate
     from pyspice_runner.analysis.spectrum import Spectrum
@@ -33,19 +35,23 @@ if TYPE_CHECKING:
     from pyspice_runner.model.load import available_motors, load_motor
     from pyspice_runner.model.motor import Motor
     from pyspice_runner.model.traction import HertzPatch, microslip_loss, virgin_force
+    from pyspice_runner.netlist.drivers import Driver
     from pyspice_runner.netlist.equivalent import circuit_library
     from pyspice_runner.netlist.motor import motor_library
-    from pyspice_runner.plots import plot_mode_shapes, plot_motors, plot_sweep
+    from pyspice_runner.plots import plot_drive, plot_mode_shapes, plot_motors, plot_sweep
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "Admittance": "analysis.admittance",
-    "HertzPatch": "model.traction",
+    "DriveReport": "analysis.drive",
+    "Driver": "netlist.drivers",
     "EquivalentCircuit": "model.equivalent",
     "FittedArm": "analysis.fit",
+    "HertzPatch": "model.traction",
     "Hysteresis": "analysis.hysteresis",
     "Impact": "analysis.impact",
+    "Matching": "analysis.matching",
     "MotionalArm": "model.equivalent",
     "Motor": "model.motor",
     "ParameterError": "errors",
@@ -61,15 +67,18 @@ _HOMES = {
     "admittance": "analysis.admittance",
     "available_motors": "model.load",
     "circuit_library": "netlist.equivalent",
+    "drive_report": "analysis.drive",
     "fit_spectrum": "analysis.fit",
     "hysteresis": "analysis.hysteresis",
     "impact": "analysis.impact",
     "load_motor": "model.load",
     "microslip_loss": "model.traction",
     "motor_library": "netlist.motor",
+    "plot_drive": "plots",
     "plot_mode_shapes": "plots",
     "plot_motors": "plots",
     "plot_sweep": "plots",
+    "propose_matching": "analysis.matching",
     "read_spectrum": "analysis.readers",
     "resonator_modes": "model.beam",
     "simulate": "analysis.simulate",
@@ -79,11 +88,14 @@ _HOMES = {
 
 __all__ = [
     "Admittance",
-    "HertzPatch",
+    "DriveReport",
+    "Driver",
     "EquivalentCircuit",
     "FittedArm",
+    "HertzPatch",
     "Hysteresis",
     "Impact",
+    "Matching",
     "MotionalArm",
     "Motor",
     "ParameterError",
@@ -99,15 +111,18 @@ __all__ = [
     "admittance",
     "available_motors",
     "circuit_library",
+    "drive_report",
     "fit_spectrum",
     "hysteresis",
     "impact",
     "load_motor",
     "microslip_loss",
     "motor_library",
+    "plot_drive",
     "plot_mode_shapes",
     "plot_motors",
     "plot_sweep",
+    "propose_matching",
     "read_spectrum",
     "resonator_modes",
     "simulate",

@@ -16,6 +16,7 @@ from rich.console import Console
 
 import pyspice_runner as pr
 from pyspice_runner.commands.admittance import admittance
+from pyspice_runner.commands.drive import drive
 from pyspice_runner.commands.fit import fit
 from pyspice_runner.commands.impact import impact
 from pyspice_runner.commands.motors import export, motors, show
@@ -31,8 +32,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
 )
 
-for command in (motors, show, simulate, admittance, sweep, impact, export):
-for command in (motors, show, simulate, admittance, impact, fit, export):
+for command in (motors, show, simulate, admittance, sweep, drive, impact, fit, export):
     app.command()(command)
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import xarray
 
     from pyspice_runner.analysis.admittance import Admittance
+    from pyspice_runner.analysis.drive import DriveReport
     from pyspice_runner.analysis.fit import SpectrumFit
     from pyspice_runner.analysis.impact import Impact
     from pyspice_runner.analysis.waveforms import Waveforms
@@ -222,6 +223,48 @@ def _plot_curves(axis: Any, values: xarray.DataArray) -> None:
 
 def _quantiles(samples: np.ndarray[Any, Any]) -> Any:
     return np.quantile(samples, [0.05, 0.5, 0.95]) if samples.size else [np.nan] * 3
+
+
+def plot_drive(reports: Sequence[DriveReport], path: str | Path) -> Path:
+    """Draw drivers side by side: voltages, currents and spectra at the pins, and where the power goes."""
+    figure, axes = _figure(4, len(reports), width=max(7.0, 6.0 * len(reports)), height=12.0)
+    for report, (voltages, currents, spectrum, powers) in zip(reports, axes.T, strict=True):
+        waves = report.waveforms
+        last = waves["time_s"] >= waves["time_s"][-1] - 3.0 / report.driver["frequency"]
+        microseconds = 1e6 * (waves["time_s"][last] - waves["time_s"][last][0])
+        for group, colour, shift in (("a", BLUE, -0.2), ("b", ORANGE, 0.2)):
+            name = group.upper()
+            voltages.plot(microseconds, waves[f"group_{group}_v"][last], color=colour, label=f"pin {name}")
+            voltages.plot(
+                microseconds, waves[f"output_{group}_v"][last], color=colour, linestyle=":", label=f"stage {name}"
+            )
+            currents.plot(microseconds, 1e3 * waves[f"group_{group}_a"][last], color=colour, label=f"pin {name}")
+            currents.plot(microseconds, 1e3 * waves[f"output_{group}_a"][last], color=colour, linestyle=":")
+            harmonics = report.groups[group].harmonics
+            orders = np.array([item.order for item in harmonics]) + shift
+            spectrum.bar(
+                orders, [max(item.current_a, 1e-9) for item in harmonics], 0.4, color=colour, label=f"pin {name}"
+            )
+        voltages.set(xlabel="time in µs", ylabel="voltage in V", title=report.driver["label"])
+        voltages.legend(fontsize=7, ncols=2)
+        currents.set(xlabel="time in µs", ylabel="current in mA")
+        largest = max(report.groups[group].harmonics[0].current_a for group in ("a", "b"))
+        spectrum.set(xlabel="harmonic", ylabel="current in A", yscale="log", ylim=(1e-5 * largest, 3.0 * largest))
+        spectrum.set_xticks(range(1, 21, 2))
+        spectrum.legend(fontsize=7)
+        shares = {"motor": report.motor_power_w}
+        for device, loss in report.losses_w.items():
+            part = device.partition("_")[0]
+            shares[part] = shares.get(part, 0.0) + loss
+        powers.barh(list(shares), list(shares.values()), color=[GREEN, *[VERMILION] * (len(shares) - 1)])
+        powers.invert_yaxis()
+        powers.set(
+            xlabel="power in W",
+            title=f"supply {report.power_in_w:.3g} W, power factor {report.power_factor:.3f}, "
+            f"{100 * report.driver_efficiency:.1f} % reach the motor",
+        )
+    figure.suptitle(f"{reports[0].motor}", fontsize=10)
+    return _save(figure, path)
 
 
 def _figure(rows: int, columns: int, *, width: float = 10.0, height: float = 7.0) -> tuple[Figure, Any]:

@@ -29,6 +29,7 @@ from pyspice_runner.netlist.benches import (
     transient_bench,
 )
 from pyspice_runner.netlist.contact_benches import cyclic_bench, impact_bench
+from pyspice_runner.netlist.drivers import GROUPS, SWITCHED_OPTIONS, Driver, driver_bench
 from pyspice_runner.netlist.library import data_path
 
 MOTOR = "andersen2002"
@@ -233,6 +234,56 @@ def _hysteresis(motor: Motor, swing: float, what: str, remark: str) -> str:
     )
 
 
+# Networks as `piezomotor drive andersen2002 --frequency 51700` proposes them for the running motor, rounded.
+_INDUCTORS = {
+    "voltage": 49.7, "ratio_b": 0.438, "phase_deg": 161.1,
+    "inductor_a.inductance": 2.72e-3, "inductor_a.resistance": 8.8, "inductor_a.capacitance": 3.14e-9,
+    "inductor_b.inductance": 1.52e-3, "inductor_b.resistance": 4.9, "inductor_b.capacitance": 65.5e-9,
+}  # fmt: skip
+_FILTERS = {
+    "llcc_a.series_inductance": 5.47e-3, "llcc_a.series_capacitance": 1.73e-9, "llcc_a.series_resistance": 18.0,
+    "llcc_a.parallel_inductance": 5.44e-3, "llcc_a.parallel_capacitance": 2.13e-9, "llcc_a.parallel_resistance": 18.0,
+    "llcc_b.series_inductance": 7.12e-3, "llcc_b.series_capacitance": 1.33e-9, "llcc_b.series_resistance": 23.0,
+    "llcc_b.parallel_inductance": 1.68e-3, "llcc_b.parallel_capacitance": 10e-12, "llcc_b.parallel_resistance": 5.4,
+}  # fmt: skip
+
+
+def _driver(motor: Motor, driver: Driver, what: str) -> str:
+    circuit = driver_bench(motor, driver, title=f"{motor.name}: {what.split('.')[0]}")
+    duration = 1e-3
+    tail = f"FROM={duration - _TAIL_PERIODS * driver.period:.9g} TO={duration:g}"
+    supplies = [(f"v({rail}_{g})", f"i(vv{rail[1]}_{g})") for g in GROUPS for rail in ("vp", "vn")]
+    parts = [part for group in GROUPS for part in driver.parts(group)]
+    losses = [f"v(x{part.instance}.loss_{name})" for part in parts for name, _ in part.library.losses]
+    feeds = [f"v(x{part.instance}.feed_{name})" for part in parts for name, _ in part.library.feeds]
+    measures = {
+        "supply_power_w": _average("".join(f"-{volts}*{amperes}" for volts, amperes in supplies), tail),
+        **({"gate_power_w": _average("+".join(feeds), tail)} if feeds else {}),
+        "driver_loss_w": _average("+".join(losses), tail),
+        "motor_power_w": _average("+".join(f"v({group})*i(vpin_{group})" for group in GROUPS), tail),
+    }
+    for group in GROUPS:
+        measures[f"voltage_{group}_rms_v"] = f"RMS v({group}) {tail}"
+        measures[f"current_{group}_rms_a"] = f"RMS i(vpin_{group}) {tail}"
+    options = SWITCHED_OPTIONS if driver.switched else TRANSIENT_OPTIONS
+    simulation = _simulation(circuit, options, "tran", measures)
+    simulation.transient(step_time=_STEP, end_time=duration, max_time=_STEP, use_initial_condition=True)
+    return _finish(
+        simulation,
+        f"""{what} To plot, inside ngspice: v(line_a), v(line_b) behind the power stages, v(a), v(b) at the motor,
+        i(vout_a), i(vpin_a) their currents, v(xstage_a.loss_...) losses, 1 V = 1 W. Prints mean powers over 20 periods:
+        supply (and gates) = loss + motor.""",
+    )
+
+
+def _average(expression: str, tail: str) -> str:
+    return f"AVG par('{expression}') {tail}"
+
+
+def _chain(kind: str, network: str, values: Mapping[str, float]) -> Driver:
+    return Driver(kind=kind, network=network, voltage=50.0, frequency=51.7e3).updated(values)
+
+
 _DECKS: dict[str, Callable[[Motor], str]] = {
     "free_admittance": lambda motor: _admittance(motor, preloaded=False),
     "preloaded_admittance": lambda motor: _admittance(motor, preloaded=True),
@@ -247,6 +298,26 @@ _DECKS: dict[str, Callable[[Motor], str]] = {
     ),
     "hysteresis_varying": lambda motor: _hysteresis(
         motor, 0.6, "varying normal force", "The force swings by 0.6 of the preload, a quarter of a cycle ahead."
+    ),
+    "drive_linear": lambda motor: _driver(
+        motor,
+        _chain("linear", "none", {}),
+        "Linear drive. An amplifier for each group, straight at its pin, two phases at the second resonance.",
+    ),
+    "drive_half_bridge": lambda motor: _driver(
+        motor,
+        _chain("half-bridge", "inductor", _INDUCTORS),
+        "Half-bridge drive. Two MOSFETs for each group and a series matching inductor.",
+    ),
+    "drive_full_bridge": lambda motor: _driver(
+        motor,
+        _chain("full-bridge", "inductor", _INDUCTORS),
+        "Full-bridge drive. Four MOSFETs for each group at a low supply, a step-up transformer and a series inductor.",
+    ),
+    "drive_llcc": lambda motor: _driver(
+        motor,
+        _chain("half-bridge", "llcc", _FILTERS),
+        "LLCC drive. Two MOSFETs for each group and an LLCC filter that takes harmonics and reactive current.",
     ),
 }
 

@@ -12,22 +12,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from decimal import Decimal
 from functools import cache
 from pathlib import Path
 
 from pyspice_runner.errors import ParameterError
 
-_SUFFIXES = {
-    "t": 1e12,
-    "g": 1e9,
-    "meg": 1e6,
-    "k": 1e3,
-    "m": 1e-3,
-    "u": 1e-6,
-    "n": 1e-9,
-    "p": 1e-12,
-    "f": 1e-15,
-}
+_EXPONENTS = {"t": 12, "g": 9, "meg": 6, "k": 3, "": 0, "m": -3, "u": -6, "n": -9, "p": -12, "f": -15}
 
 
 @dataclass(frozen=True)
@@ -203,4 +194,4 @@ def number(text: str) -> float:
     match = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)(t|g|meg|k|m|u|n|p|f)?", text.lower(), re.A)
     if not match:
         raise ParameterError(f"{text!r} is not a SPICE number.")
-    return float(match.group(1)) * _SUFFIXES.get(match.group(2) or "", 1.0)
+    return float(Decimal(match.group(1)).scaleb(_EXPONENTS[match.group(2) or ""]))  # 40n is 4e-8 to the last digit

@@ -19,6 +19,10 @@ from tests.reference.row import throw as exact_throw
 
 NAMES = (
     "dynamometer",
+    "drive_full_bridge",
+    "drive_half_bridge",
+    "drive_linear",
+    "drive_llcc",
     "ellipse",
     "figure_eight",
     "first_resonance",

@@ -58,7 +58,10 @@ def test_header_says_what_a_reader_needs(name: str) -> None:
         assert pin.meaning
     units = [item.unit for item in (*library.pins, *library.parameters)]
     # the unit of a node or parameter in the netlist: SI, or um where the conventions say so; 1 for a pure number
-    allowed = "V A W J K ohm um m/s N N.m rad/s 1 kg N.s/m N/m N/V F Hz N/m^1.5 m/N^(2/3) m s s/m kg.m2 N.m.s J/K K/W"
+    allowed = (
+        "V A W J K ohm um m/s N N.m rad/s 1 kg N.s/m N/m N/V F Hz N/m^1.5 "
+        "m/N^(2/3) m s s/m kg.m2 N.m.s J/K K/W H V/s deg 1/K"
+    )
     assert set(units) <= set(allowed.split())
     for parameter in library.parameters:
         assert parameter.meaning
@@ -200,6 +203,17 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
     "piezomotor_heat": {"heat_uj": (100.0, 1e-6)},  # 10² V² / 1 kΩ · 1 ms
     # Ω = τ/C_R (1 − 1/e) after one J/C_R; trapezoidal rule with 2000 steps a time constant: below 1e-6
     "piezomotor_rotor": {"speed_after_one_time_constant": (1e-3 / 1e-4 * (1 - 1 / e), 1e-5)},
+    # U_A U_B cos φ / 2; the ends of the mean fall between points: 1/10000 of a period of ten
+    "driver_source": {"mean_product_v2": (0.5 * 2.0 * 3.0 * 0.5, 1e-4)},
+    # 5 V/us behind 1 ohm into 10 ohm, read between points 2 ns apart; 4.5 V that the limit holds drop across 200 kohm
+    "driver_amplifier": {"from_1_v_to_2_v_s": (1.0 / 5e6 * 1.1, 1e-3), "out_end_v": (5.0, 1e-4)},
+    # the triode equation with Kp = 0.17, Vto = 3, Rd + Rs = 0.5: 1.0024 A in one transistor, 1.0047 A in two
+    "driver_half_bridge": {"out_end_v": (38.591144, 1e-5)},
+    "driver_full_bridge": {"out_end_v": (38.587634, 1e-5)},
+    "driver_inductor": {"current_a": (0.01, 1e-6)},
+    # 1 kohm behind 10 mohm, with 10 mohm of the parallel inductor at a reactance of 3.16 kohm: 1e-5 below 1
+    "driver_llcc": {"through_v": (1.0 - 1e-5, 1e-6)},
+    "driver_transformer": {"open_v": (4.0 * 0.99, 1e-6)},
 }
 
 

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Matching: what is to stand between a power stage and the groups, so that the stage sees a resistance."""
+
+from __future__ import annotations
+
+from cmath import phase, rect
+from dataclasses import dataclass
+from math import degrees, pi, radians, sqrt
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from pyspice_runner.analysis.admittance import admittance
+from pyspice_runner.analysis.driver_run import DriverBench, Window
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.netlist.contact import ContactLaw
+from pyspice_runner.netlist.drivers import GROUPS, Driver
+
+State = Literal["free", "preloaded", "running"]
+
+WINDING_QUALITY = 100.0  # of a proposed inductor: assumed, that of a ferrite core at some ten kHz
+FILTER_QUALITY = 2.0  # of a proposed LLCC filter: reactance of its series pair over the motor's resistance
+_SMALLEST_VOLTAGE = 0.1  # V, the least that a driver takes
+
+
+@dataclass(frozen=True)
+class MatchedGroup:
+    """What leaves of one group's fundamental its real part, and the source that then keeps its pin at its voltage.
+
+    Attributes:
+        resistance_ohm: real part of what the group is at its pin.
+        reactance_ohm: imaginary part.
+        power_factor: without matching, of the fundamental.
+        inductance_h: the series inductance; 0 where the group is inductive already.
+        capacitance_f: the series capacitance for a group that is inductive; 0 otherwise.
+        winding_ohm: resistance of the inductor, at a quality of 100.
+        parallel_inductance_h: inductance across the pin, of an LLCC filter.
+        parallel_capacitance_f: capacitance across the pin, of an LLCC filter.
+        source_voltage_v: amplitude in front of the matching that keeps the pin at its voltage.
+        source_phase_deg: its phase against the pin of group A.
+    """
+
+    resistance_ohm: float
+    reactance_ohm: float
+    power_factor: float
+    inductance_h: float
+    capacitance_f: float
+    winding_ohm: float
+    parallel_inductance_h: float
+    parallel_capacitance_f: float
+    source_voltage_v: float
+    source_phase_deg: float
+
+
+@dataclass(frozen=True)
+class Matching:
+    """A proposal for one state of the motor: free, preloaded (sticking, small signal) or running (as simulated)."""
+
+    state: State
+    frequency_hz: float
+    a: MatchedGroup
+    b: MatchedGroup
+
+    def group(self, name: str) -> MatchedGroup:
+        """Return the proposal for group ``"a"`` or ``"b"``."""
+        return self.a if name == "a" else self.b
+
+    def applied(self, driver: Driver) -> Driver:
+        """Return the driver with this matching: by its LLCC filter if it has one, else by a series inductor.
+
+        The source is set so that the groups keep the voltages that they were matched for. A transformer's leakage is
+        taken as part of the inductor. Behind a bridge an inductor is no smaller than the group's impedance, so that it
+        keeps the edges away; a capacitor in series takes back what it is too large.
+        """
+        if driver.network == "llcc":
+            return driver.updated(self._filter(driver))
+        omega = 2.0 * pi * self.frequency_hz
+        changes: dict[str, Any] = {"network": "inductor"}
+        for group in GROUPS:
+            match = self.group(group)
+            inductance, capacitance, winding = match.inductance_h, match.capacitance_f or 1.0, match.winding_ohm
+            least = abs(complex(match.resistance_ohm, match.reactance_ohm))
+            if driver.switched and omega * inductance < least:
+                # too small to keep the edges from the group: a larger one, and a capacitor for what it has too much
+                inductance = least / omega
+                capacitance = 1.0 / (omega * (least + match.reactance_ohm))
+                winding = least / WINDING_QUALITY
+            changes[f"inductor_{group}.inductance"] = max(inductance - _leakage(driver, group), 1e-6)
+            changes[f"inductor_{group}.resistance"] = max(winding, 1e-3)
+            changes[f"inductor_{group}.capacitance"] = capacitance
+        changes["voltage"] = self.a.source_voltage_v
+        changes["ratio_b"] = self.b.source_voltage_v / self.a.source_voltage_v
+        changes["phase_deg"] = _wrapped(self.b.source_phase_deg - self.a.source_phase_deg)
+        return driver.updated(changes)
+
+    def _filter(self, driver: Driver) -> dict[str, float]:
+        """Return an LLCC filter's values: the parallel pair takes the susceptance, the series pair is in resonance."""
+        omega = 2.0 * pi * self.frequency_hz
+        changes = {}
+        for group in GROUPS:
+            match = self.group(group)
+            squared = match.resistance_ohm**2 + match.reactance_ohm**2
+            reactance = FILTER_QUALITY * squared / max(abs(match.resistance_ohm), 0.1 * sqrt(squared))
+            total = reactance / omega
+            changes[f"llcc_{group}.series_inductance"] = max(total - _leakage(driver, group), 1e-5)
+            changes[f"llcc_{group}.series_capacitance"] = 1.0 / (omega * reactance)
+            changes[f"llcc_{group}.series_resistance"] = reactance / WINDING_QUALITY
+            changes[f"llcc_{group}.parallel_inductance"] = match.parallel_inductance_h
+            changes[f"llcc_{group}.parallel_capacitance"] = match.parallel_capacitance_f
+            changes[f"llcc_{group}.parallel_resistance"] = omega * match.parallel_inductance_h / WINDING_QUALITY
+        return changes
+
+
+def propose_matching(
+    motor: Motor,
+    driver: Driver,
+    *,
+    state: State = "running",
+    contact: ContactLaw | None = "spring-slider",
+    duration: float = 3e-3,
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    timeout: float | None = None,
+) -> Matching:
+    """Propose what is to stand between a driver and each group, so that the driver sees a resistance.
+
+    The groups are taken at the driver's voltages, phase and frequency. Free and preloaded are the small-signal two-port
+    of the stator; running is what the groups draw in a transient, from ideal sources.
+
+    Args:
+        motor: the motor.
+        driver: frequency, voltages and phase that the groups are to have.
+        state: ``"free"``, ``"preloaded"`` or ``"running"``.
+        contact: law of the contact, for ``"running"``; ``None`` for a free tip.
+        duration: simulated time in s, for ``"running"``.
+        speed: if given, the shaft is held at this speed, rad/s.
+        load_torque: torque in N·m that a load draws from the free shaft.
+        timeout: wall time in s after which a run is ended.
+
+    Raises:
+        ParameterError: for a value that is refused.
+        SimulationError: if ngspice fails or its result cannot be trusted.
+    """
+    if state not in get_args(State):
+        raise ParameterError(f"state = {state!r} is refused; allowed are {', '.join(get_args(State))}.")
+    return proposal(DriverBench(motor, driver, contact, speed, load_torque, duration, timeout), state)
+
+
+def proposal(bench: DriverBench, state: State) -> Matching:
+    """Match both groups at the pin voltages that the driver's stage has."""
+    driver = bench.driver
+    voltages = driver.phasors()
+    if state == "running":
+        ideal = Driver(
+            kind="ideal", voltage=driver.voltage, frequency=driver.frequency, phase_deg=driver.phase_deg,
+            ratio_b=driver.ratio_b,
+        )  # fmt: skip
+        samples, *_ = DriverBench(
+            bench.motor, ideal, bench.contact, bench.speed, bench.load_torque, bench.duration, bench.timeout
+        ).run(None)
+        window = Window(samples["time"], driver.period, uniform=True)
+        currents = {group: complex(window.harmonics(samples[f"i(vpin_{group})"])[0]) for group in GROUPS}
+        voltages = {group: complex(window.harmonics(samples[f"v({group})"])[0]) for group in GROUPS}
+    else:
+        frequency = driver.frequency
+        matrix = admittance(
+            bench.motor, start=frequency * (1 - 1e-6), stop=frequency * (1 + 1e-6), points=3, state=state,
+            timeout=bench.timeout,
+        ).matrix_s[1]  # fmt: skip
+        amperes = matrix @ np.array([voltages["a"], voltages["b"]])
+        currents = dict(zip(GROUPS, amperes.tolist(), strict=True))
+    return Matching(
+        state,
+        driver.frequency,
+        *(_matched(voltages[group], currents[group], voltages["a"], driver.frequency) for group in GROUPS),
+    )
+
+
+def _matched(voltage: complex, current: complex, reference: complex, frequency: float) -> MatchedGroup:
+    """Match one group by its voltage and current phasors."""
+    omega = 2.0 * pi * frequency
+    impedance = voltage / current
+    capacitive = impedance.imag < 0.0
+    inductance = -impedance.imag / omega if capacitive else 0.0
+    capacitance = 0.0 if capacitive or not impedance.imag else 1.0 / (omega * impedance.imag)
+    winding = omega * inductance / WINDING_QUALITY
+    source = current * (impedance.real + winding)
+    # a filter's parallel pair; a group whose current lags has its susceptance made capacitive first
+    susceptance = (1.0 / impedance).imag
+    added = max(10e-12, (0.5 / abs(impedance) - susceptance) / omega)
+    return MatchedGroup(
+        resistance_ohm=impedance.real,
+        reactance_ohm=impedance.imag,
+        power_factor=impedance.real / abs(impedance),
+        inductance_h=inductance,
+        capacitance_f=capacitance,
+        winding_ohm=winding,
+        parallel_inductance_h=1.0 / (omega * (susceptance + omega * added)),
+        parallel_capacitance_f=added,
+        source_voltage_v=max(abs(source), _SMALLEST_VOLTAGE),
+        source_phase_deg=degrees(phase(source / reference)),
+    )
+
+
+def _leakage(driver: Driver, group: str) -> float:
+    """Return the leakage inductance in H that a transformer puts in series with the network."""
+    for part in driver.parts(group):
+        if part.label == "transformer":
+            values = part.values
+            return values["magnetizing"] * values["ratio"] ** 2 * (1.0 - values["coupling"] ** 2)
+    return 0.0
+
+
+def _wrapped(angle: float) -> float:
+    """Return an angle in degrees between −180 and 180."""
+    return degrees(phase(rect(1.0, radians(angle))))

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``piezomotor drive``: drive electronics in front of a motor, one or two of them side by side."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Any, Literal
+
+import typer
+from rich.table import Column, Table
+
+import pyspice_runner as pr
+from pyspice_runner.commands.common import (
+    JsonOption,
+    MotorArgument,
+    OutputOption,
+    PlotOption,
+    SetOption,
+    TimeoutOption,
+    busy,
+    check_targets,
+    engineering,
+    load_changed,
+    show_result,
+    write_table,
+)
+
+DRIVERS = "ideal, linear, half-bridge, full-bridge; with +inductor or +llcc a matching network"
+
+
+class MatchKind(StrEnum):
+    """What state of the motor a network is matched for."""
+
+    none = "none"
+    free = "free"
+    preloaded = "preloaded"
+    running = "running"
+
+
+_STATES: dict[MatchKind, Literal["free", "preloaded", "running"] | None] = {
+    MatchKind.none: None,
+    MatchKind.free: "free",
+    MatchKind.preloaded: "preloaded",
+    MatchKind.running: "running",
+}
+
+
+def drive(
+    motor: MotorArgument,
+    driver: Annotated[str, typer.Option(help=DRIVERS)] = "linear",
+    against: Annotated[str | None, typer.Option(help="A second driver, to compare with.")] = None,
+    voltage: Annotated[float, typer.Option(help="Amplitude of both groups, V.")] = 50.0,
+    frequency: Annotated[float | None, typer.Option(help="Frequency, Hz; default: the last mode.")] = None,
+    phase: Annotated[float, typer.Option(help="Phase of group B ahead of group A, degrees.")] = 90.0,
+    match: Annotated[MatchKind, typer.Option(help="State of the motor that a network is matched for.")] = (
+        MatchKind.running
+    ),
+    part: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PART.PARAMETER=VALUE",
+            help="Change a part of the driver, as bridge.dead_time=3e-7, or supply_v. Repeatable.",
+        ),
+    ] = None,
+    duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 3e-3,
+    free: Annotated[bool, typer.Option("--free", help="Take the rotor away: a free tip.")] = False,
+    speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
+    load_torque: Annotated[float, typer.Option(help="Torque that a load draws from the shaft, N.m.")] = 0.0,
+    timeout: TimeoutOption = None,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    output: OutputOption = None,
+    plot: PlotOption = None,
+) -> None:
+    """Put drive electronics in front of a motor: currents, powers, harmonics, losses, efficiency, matching inductors.
+
+    Writes .json (report), .csv (the table, or of one driver the waveforms) or .cir (the deck of one driver).
+
+    Example: piezomotor drive andersen2002 --driver half-bridge+llcc --against linear --plot drivers.png
+    """
+    check_targets(output, (".json", ".csv", ".cir") if against is None else (".json", ".csv"), plot)
+    loaded = load_changed(motor, changes)
+    reports = []
+    for number, words in enumerate([driver] if against is None else [driver, against]):
+        chosen = _driver(words, voltage, loaded.modes[-1].frequency_hz if frequency is None else frequency, phase)
+        chosen = chosen.updated(_parts(part, chosen, strict=number == 0))
+        with busy(f"ngspice runs the {words}"):
+            reports.append(
+                pr.drive_report(
+                    loaded,
+                    chosen,
+                    duration=duration,
+                    contact=None if free else "spring-slider",
+                    speed=speed,
+                    load_torque=load_torque,
+                    match=None if chosen.network == "none" else _STATES[match],
+                    proposals=number == 0,
+                    timeout=timeout,
+                )
+            )
+    rows = _rows(reports)
+    document: dict[str, Any] = (
+        reports[0].to_dict() if against is None else {"drivers": [report.to_dict() for report in reports]}
+    )
+    if output is not None:
+        if against is None:
+            reports[0].save(output)
+        else:
+            write_table(output, document, rows)
+    if plot is not None:
+        pr.plot_drive(reports, plot)
+    show_result(document, _table(loaded, reports, rows), as_json)
+
+
+def _driver(words: str, voltage: float, frequency: float, phase: float) -> pr.Driver:
+    kind, _, network = words.partition("+")
+    return pr.Driver(kind=kind, network=network or "none", voltage=voltage, frequency=frequency, phase_deg=phase)
+
+
+def _parts(changes: list[str] | None, driver: pr.Driver, *, strict: bool) -> dict[str, float]:
+    """Return the changes of parts; of the second driver only those that it has."""
+    values = {}
+    present = {item.label for item in driver.parts("a")}
+    for change in changes or []:
+        path, equals, text = change.partition("=")
+        if not equals:
+            raise pr.ParameterError(
+                f"--part {change!r} is not PART.PARAMETER=VALUE; write it as bridge.dead_time=3e-7."
+            )
+        try:
+            value = float(text)
+        except ValueError:
+            raise pr.ParameterError(f"--part {path}: {text!r} is not a number. Give one, in SI units.") from None
+        label = path.strip().partition(".")[0].removesuffix("_a").removesuffix("_b")
+        if strict or label in present or "." not in path:
+            values[path.strip()] = value
+    return values
+
+
+def _rows(reports: list[pr.DriveReport]) -> list[list[str]]:
+    """Return the table: a quantity a line, a driver a column."""
+    cells: list[tuple[str, list[str]]] = [("driver", [report.driver["label"].replace(",", ";") for report in reports])]
+
+    def add(name: str, unit: str, values: list[float]) -> None:
+        cells.append((name, [engineering(value, unit) if unit else f"{value:.4g}" for value in values]))
+
+    for group in ("a", "b"):
+        for what, unit in (
+            ("voltage_peak_v", "V"), ("voltage_rms_v", "V"), ("current_peak_a", "A"), ("current_rms_a", "A"),
+            ("real_power_w", "W"), ("reactive_power_var", "var"), ("apparent_power_va", "VA"), ("power_factor", ""),
+            ("voltage_thd", ""), ("current_thd", ""),
+        ):  # fmt: skip
+            add(f"group_{group}.{what}", unit, [getattr(report.groups[group], what) for report in reports])
+        for what, unit in (("power_factor", ""), ("displacement_factor", ""), ("slew_rate_v_per_s", "V/s")):
+            add(f"output_{group}.{what}", unit, [getattr(report.outputs[group], what) for report in reports])
+    for what, unit in (
+        ("power_factor", ""), ("supply_power_w", "W"), ("gate_power_w", "W"), ("motor_power_w", "W"),
+        ("shaft_power_w", "W"), ("driver_efficiency", ""), ("efficiency", ""), ("balance_residual", ""),
+        ("mean_rotor_speed_rad_s", "rad/s"),
+    ):  # fmt: skip
+        add(what, unit, [getattr(report, what) for report in reports])
+    for table, unit in (("supply_current_mean_a", "A"), ("supply_current_peak_a", "A"), ("losses_w", "W")):
+        for key in dict.fromkeys(key for report in reports for key in getattr(report, table)):
+            shown = [getattr(report, table).get(key) for report in reports]
+            cells.append((f"{table}.{key}", ["–" if value is None else engineering(value, unit) for value in shown]))
+    return [[name, *values] for name, values in cells]
+
+
+def _table(motor: pr.Motor, reports: list[pr.DriveReport], rows: list[list[str]]) -> Table:
+    names = (report.driver["kind"] for report in reports)
+    table = Table(Column("quantity", overflow="fold"), *names, title=motor.name)
+    for row in rows:
+        table.add_row(*row)
+    for state, matching in reports[0].matching.items():
+        for group in ("a", "b"):
+            match = matching.group(group)
+            element = (
+                engineering(match.inductance_h, "H")
+                if match.inductance_h
+                else f"{engineering(match.capacitance_f, 'F')} (the group is inductive)"
+            )
+            source = f"{match.source_voltage_v:.4g} V at {match.source_phase_deg:.4g}°"
+            factor = f"power factor {match.power_factor:.3f} without"
+            filler = [""] * (len(reports) - 1)
+            table.add_row(f"series match of {group}, {state}", f"{element}; {factor}; source {source}", *filler)
+    return table

@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Drive electronics as PySpice circuits: control source, power stage and network of both groups, in front of a motor.
+
+    control --> power stage (--> transformer) --> network --> group
+
+The parts are the libraries ``behavioral/driver_*.lib``. Their parameters, with unit, default and range, are stated in
+the libraries' headers and nowhere else: :attr:`Driver.settings` names them as ``PART.PARAMETER``.
+"""
+
+from __future__ import annotations
+
+import difflib
+from cmath import rect
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import pi, radians, sqrt
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError
+from PySpice.Spice.Netlist import Circuit
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.parameters import Parameters, quantity
+from pyspice_runner.model.refusal import check_keys, quoted, refusal
+from pyspice_runner.netlist.contact import ContactLaw
+from pyspice_runner.netlist.library import Library, read_library
+from pyspice_runner.netlist.motor import Discretisation, add_motor, instantiate
+
+DriverKind = Literal["ideal", "linear", "half-bridge", "full-bridge"]
+NetworkKind = Literal["none", "inductor", "llcc"]
+
+GROUPS = ("a", "b")
+HIGHEST_RAILS = 180.0  # V between the rails of a bridge: nine tenths of the transistors' breakdown voltage
+LARGEST_DEAD_TIME = 0.2  # of a period; a quarter leaves each transistor no time to conduct at all
+_STAGES: dict[DriverKind, tuple[str, str]] = {
+    "linear": ("amplifier", "driver_amplifier"),
+    "half-bridge": ("bridge", "driver_half_bridge"),
+    "full-bridge": ("bridge", "driver_full_bridge"),
+}
+_NETWORKS: dict[NetworkKind, tuple[str, str]] = {
+    "inductor": ("inductor", "driver_inductor"),
+    "llcc": ("llcc", "driver_llcc"),
+}
+
+# Switching edges: ngspice chooses the steps. Its error control weighs charges against reltol; with the currents' own
+# tolerance of 1 pA Newton's iteration fails in steps of a picosecond, where round-off alone is more than that.
+SWITCHED_OPTIONS = {"reltol": "1e-4", "vntol": "1e-5", "abstol": "1e-6", "method": "trap"}
+
+
+@dataclass(frozen=True)
+class Part:
+    """One instance in the chain of one group.
+
+    Attributes:
+        instance: name of the instance, without the X.
+        label: what its parameters and losses are called: ``amplifier``, ``bridge``, ``transformer``, ...
+        group: ``"a"`` or ``"b"``.
+        library: its subcircuit.
+        values: every parameter of the subcircuit.
+    """
+
+    instance: str
+    label: str
+    group: str
+    library: Library
+    values: dict[str, float]
+
+
+class Driver(Parameters):
+    """What stands in front of the motor: two equal channels, driven by two sines with a settable phase.
+
+    ``voltage`` is what the fundamental of the power stage would be with nothing lost in it, behind the transformer and
+    in front of the network; the control, and the supply of a bridge, follow from it.
+
+    Raises:
+        ParameterError: by the constructor, for a value that is refused.
+    """
+
+    kind: DriverKind = Field(description="power stage")
+    voltage: float = quantity("amplitude of the stage's fundamental, group A", "V", ge=0.1, le=1000.0)
+    frequency: float = quantity("frequency", "Hz", ge=1e3, le=5e5)
+    phase_deg: float = quantity("phase of group B ahead of group A", "°", default=90.0, ge=-360.0, le=360.0)
+    ratio_b: float = quantity("amplitude of group B over that of group A", "1", default=1.0, ge=0.01, le=100.0)
+    network: NetworkKind = Field(default="none", description="network between stage and group")
+    supply_v: float = quantity(
+        "supply: each rail of a linear amplifier or a half bridge, the only rail of a full bridge; 0: what the voltage "
+        "asks for",
+        "V",
+        default=0.0,
+        ge=0.0,
+        le=2000.0,
+    )
+    supply_rise_s: float = quantity("rise time of the supply at power-up", "s", default=20e-6, ge=1e-6, le=1e-2)
+    settings: dict[str, float] = Field(default_factory=dict, description="parameters of the parts, by PART.PARAMETER")
+
+    def __init__(self, **values: Any) -> None:
+        check_keys(values, tuple(type(self).model_fields), "Driver", "")
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise refusal(error, type(self), "", "Driver") from error
+        self._check()
+
+    def _check(self) -> None:
+        for path in self.settings:
+            self._check_setting(path)
+        for group in GROUPS:
+            self.parts(group)
+        if self.kind in ("half-bridge", "full-bridge"):
+            for group in GROUPS:
+                high, low = self.rails(group)
+                if high - low > HIGHEST_RAILS:
+                    raise ParameterError(
+                        f"Driver: {high - low:.4g} V between the rails of the {self.kind} of group {group.upper()} are "
+                        f"refused; its transistors take {HIGHEST_RAILS:g} V, so lower the voltage."
+                    )
+            dead_time = self._setting("bridge", "dead_time", "a", 200e-9)
+            longest = LARGEST_DEAD_TIME / self.frequency
+            if dead_time > longest:
+                raise ParameterError(
+                    f"Driver: bridge.dead_time = {dead_time:g} s is refused at {self.frequency:g} Hz; allowed is a "
+                    f"fifth of a period, {longest:.3g} s."
+                )
+
+    @property
+    def switched(self) -> bool:
+        """Whether there are switching edges, so that the steps of a run cannot be uniform."""
+        return self.kind in ("half-bridge", "full-bridge")
+
+    @property
+    def period(self) -> float:
+        """Period in s."""
+        return 1.0 / self.frequency
+
+    @property
+    def label(self) -> str:
+        """What a figure's caption says of the driver."""
+        network = "" if self.network == "none" else f" with {self.network}"
+        return (
+            f"{self.kind}{network}, {self.voltage:.4g} V at {self.frequency / 1e3:.6g} kHz, {self.phase_deg:.4g}° apart"
+        )
+
+    def amplitude(self, group: str) -> float:
+        """Return the amplitude in V of a group."""
+        return self.voltage * (self.ratio_b if group == "b" else 1.0)
+
+    def phasors(self) -> dict[str, complex]:
+        """Return the phasors of the stage's fundamental in V: U e^{jφ}, group A at phase 0."""
+        return {"a": complex(self.amplitude("a")), "b": rect(self.amplitude("b"), radians(self.phase_deg))}
+
+    def rails(self, group: str) -> tuple[float, float]:
+        """Return the voltages in V of the upper and the lower rail; both 0 for ideal sources."""
+        if self.kind == "ideal":
+            return 0.0, 0.0
+        if self.kind == "full-bridge":
+            return self.supply_v or self._bridge_fundamental(group) * pi / 4.0, 0.0
+        if self.kind == "half-bridge":
+            rail = self.supply_v or self._bridge_fundamental(group) * pi / 4.0
+        else:
+            headroom = self._setting("amplifier", "headroom", group, 3.0)
+            rail = self.supply_v or 1.1 * max(self.amplitude("a"), self.amplitude("b")) + headroom + 2.0
+        return rail, -rail
+
+    def updated(self, changes: Mapping[str, Any]) -> Driver:
+        """Return a driver with some values changed: its own by their name, those of its parts by PART.PARAMETER.
+
+        Raises:
+            ParameterError: for a name that does not exist or a value that is refused.
+        """
+        values = self.model_dump()
+        for name, value in changes.items():
+            if "." in name:
+                values["settings"] = {**values["settings"], name: value}
+            else:
+                values[name] = value
+        return Driver(**values)
+
+    def parts(self, group: str) -> tuple[Part, ...]:
+        """Return the chain of one group, from the stage to the pin."""
+        chain: list[tuple[str, str]] = []
+        if self.kind in _STAGES:
+            chain.append(_STAGES[self.kind])
+        if self.kind == "full-bridge":
+            chain.append(("transformer", "driver_transformer"))
+        if self.network in _NETWORKS:
+            chain.append(_NETWORKS[self.network])
+        return tuple(self._part(label, name, group) for label, name in chain)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the driver and every parameter of its parts, JSON-ready."""
+        document = self.model_dump(exclude={"settings"})
+        document["label"] = self.label
+        document["rails_v"] = {group: list(self.rails(group)) for group in GROUPS}
+        document["parts"] = {group: {part.label: part.values for part in self.parts(group)} for group in GROUPS}
+        return document
+
+    def _part(self, label: str, name: str, group: str) -> Part:
+        library = read_library(name)
+        values = {
+            parameter.name: self._setting(label, parameter.name, group, parameter.default)
+            for parameter in library.parameters
+        }
+        try:
+            library.check(**values)
+        except ParameterError as error:
+            raise ParameterError(f"Driver: {label} of group {group.upper()}: {error}") from None
+        instance = {"amplifier": "stage", "bridge": "stage", "inductor": "network", "llcc": "network"}.get(label, label)
+        return Part(f"{instance}_{group}", label, group, library, values)
+
+    def _setting(self, label: str, name: str, group: str, default: float) -> float:
+        for path in (f"{label}_{group}.{name}", f"{label}.{name}"):
+            if path in self.settings:
+                return self.settings[path]
+        return default
+
+    def _check_setting(self, path: str) -> None:
+        """Refuse a setting that no part reads."""
+        label, _, name = path.partition(".")
+        present = {part.label: part for group in GROUPS for part in self.parts(group)}
+        plain = label[:-2] if label[-2:] in ("_a", "_b") else label
+        if plain not in present:
+            labels = ", ".join(present) or "none"
+            raise ParameterError(f"Driver: there is no part {quoted(label)} in this {self.kind}; its parts: {labels}.")
+        known = [parameter.name for parameter in present[plain].library.parameters]
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=1)
+            hint = f"Did you mean {close[0]!r}?" if close else f"It has {', '.join(known)}."
+            raise ParameterError(f"Driver: the {plain} has no parameter {quoted(name)}. {hint}")
+
+    def _bridge_fundamental(self, group: str) -> float:
+        """Return the fundamental in V that a rail of 4/π times that gives, before the transformer and its width."""
+        if self.kind == "half-bridge":
+            return self.amplitude(group)
+        level = self._setting("bridge", "level", group, 0.0)
+        ratio = self._setting("transformer", "ratio", group, 2.0)
+        return self.amplitude(group) / (ratio * sqrt(1.0 - level**2))
+
+
+def driver_bench(
+    motor: Motor,
+    driver: Driver,
+    *,
+    contact: ContactLaw | None = "spring-slider",
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    discretisation: Discretisation | None = None,
+    title: str = "",
+) -> Circuit:
+    """Put a driver in front of a motor, its shaft free, loaded or held.
+
+    For group g the supply is ``Vvp_g`` and ``Vvn_g``; the stage's output is the node ``out_g`` (against ``return_g``
+    for a full bridge) with its current in ``Vout_g``; the pin is ``g`` with its current in ``Vpin_g``.
+
+    Args:
+        motor: the motor; instance ``Xmotor`` on the nodes a, b, 0, shaft.
+        driver: the driver.
+        contact: law of the contact; ``None`` for a free tip.
+        speed: if given, a source ``Vshaft`` holds the shaft at this speed, rad/s.
+        load_torque: torque in N·m that a source ``Iload`` draws from the shaft.
+        discretisation: adaptation to a uniform step, if any.
+        title: title line of the deck.
+    """
+    circuit = Circuit(title or f"{motor.name}: {driver.kind}")
+    add_driver(circuit, driver, {"a": "a", "b": "b"})
+    if speed is not None:
+        circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(speed)!r}")
+    elif load_torque:
+        circuit.I("load", "shaft", circuit.gnd, f"DC {float(load_torque)!r}")
+    add_motor(circuit, motor, ("a", "b", circuit.gnd, "shaft"), contact=contact, discretisation=discretisation)
+    return circuit
+
+
+def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, source: bool = True) -> None:
+    """Put both channels of a driver into a circuit.
+
+    Args:
+        circuit: the circuit to add to.
+        driver: the driver.
+        pins: node of each group.
+        source: whether to add the control source; without it the controls ``control_a``, ``control_b`` (1 V amplitude
+            for a bridge, the voltage over the gain for a linear amplifier) are left to others.
+    """
+    libraries = [part.library for group in GROUPS for part in driver.parts(group)]
+    if source:
+        libraries.insert(0, read_library("driver_source"))
+    circuit.raw_spice += "\n".join(dict.fromkeys(library.subcircuit for library in libraries)) + "\n"
+    if source:
+        amplitudes = {f"amplitude_{group}": control_amplitude(driver, group) for group in GROUPS}
+        nodes = ("control_a", "control_b", circuit.gnd)
+        instantiate(
+            circuit, "source", "driver_source", nodes,
+            frequency=driver.frequency, phase_deg=driver.phase_deg, **amplitudes,
+        )  # fmt: skip
+    for group in GROUPS:
+        _add_channel(circuit, driver, group, pins[group])
+
+
+def control_amplitude(driver: Driver, group: str) -> float:
+    """Return the amplitude in V of a control: that of the output for ideal sources, 1 V for a bridge."""
+    if driver.kind == "ideal":
+        return driver.amplitude(group)
+    if driver.kind == "linear":
+        return driver.amplitude(group) / driver.parts(group)[0].values["gain"]
+    return 1.0
+
+
+def _add_channel(circuit: Circuit, driver: Driver, group: str, pin: str) -> None:
+    ground = circuit.gnd
+    rest = list(driver.parts(group))
+    line = f"control_{group}"
+    if driver.kind in _STAGES:
+        stage = rest.pop(0)
+        for rail, volts in zip(("vp", "vn"), driver.rails(group), strict=True):
+            ramp = f"PWL(0 0 {driver.supply_rise_s!r} {volts!r})" if volts else "DC 0"
+            circuit.V(f"{rail}_{group}", f"{rail}_{group}", ground, ramp)
+        inputs: Sequence[str | int] = (f"control_{group}", ground)
+        rails = (f"vp_{group}", f"vn_{group}")
+        line = f"out_{group}"
+        nodes = {
+            "linear": (inputs[0], line, ground, *rails),
+            "half-bridge": (*inputs, line, *rails),
+            "full-bridge": (*inputs, line, f"return_{group}", *rails),
+        }[driver.kind]
+        instantiate(circuit, stage.instance, stage.library, nodes, **stage.values)
+    circuit.V(f"out_{group}", line, f"line_{group}", "DC 0")
+    line = f"line_{group}"
+    for part in rest:
+        after = f"{part.label}_{group}"
+        ends: tuple[str | int, ...]
+        if part.label == "transformer":
+            ends = (line, f"return_{group}", after, ground)
+        else:
+            ends = (line, after, ground) if part.label == "llcc" else (line, after)
+        instantiate(circuit, part.instance, part.library, ends, **part.values)
+        line = after
+    circuit.V(f"pin_{group}", line, pin, "DC 0")

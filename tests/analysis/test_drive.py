@@ -1,0 +1,287 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a driver does to a motor and the motor to it: against closed forms, and against runs without a driver."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from math import atan, degrees, pi, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.driver_run import Window
+from pyspice_runner.cli import run
+
+pytestmark = pytest.mark.xdist_group("drivers")
+
+FREQUENCY = 51.7e3
+PRELOADED = 55.48e3  # Hz: series resonance of mode 2 under preload, both groups against each other
+
+
+@cache
+def motor(friction: float = 0.3) -> pr.Motor:
+    return pr.load_motor("andersen2002").updated({"contact.friction": friction})
+
+
+def driver(kind: str = "linear", **values: Any) -> pr.Driver:
+    return pr.Driver(**{"kind": kind, "voltage": 50.0, "frequency": FREQUENCY, **values})
+
+
+def report(chosen: pr.Driver, *, friction: float = 0.3, **settings: Any) -> pr.DriveReport:
+    return pr.drive_report(motor(friction), chosen, **{"duration": 1.5e-3, "proposals": False, **settings})
+
+
+@cache
+def half_bridge() -> pr.DriveReport:
+    return report(driver("half-bridge", network="inductor"), match="running", duration=1e-3)
+
+
+@cache
+def full_bridge() -> pr.DriveReport:
+    """Three steps with no third harmonic, a transformer, an LLCC filter."""
+    chosen = driver("full-bridge", network="llcc", settings={"bridge.level": 0.5})
+    return report(chosen, match="running", duration=1e-3)
+
+
+# --- reading a run -------------------------------------------------------------------------------------------
+
+
+def test_harmonics_of_a_square_wave_that_has_but_its_corners() -> None:
+    edge = 1e-9
+    corners = [(0.0, -1.0), (edge, 1.0), (0.5, 1.0), (0.5 + edge, -1.0)]
+    points = [(period + time, value) for period in range(10) for time, value in corners] + [(10.0, -1.0)]
+    time, values = np.array(points).T
+    phasors = Window(time, 1.0, uniform=False).harmonics(values)
+    orders = np.arange(1, 21)
+    assert np.abs(phasors) == pytest.approx(np.where(orders % 2, 4.0 / (pi * orders), 0.0), abs=1e-6)
+    assert np.angle(phasors[::2]) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_means_of_sines_with_uniform_steps_are_exact() -> None:
+    time = np.linspace(0.0, 12.0, 12 * 128 + 1)
+    window = Window(time, 1.0, uniform=True)
+    values = 3.0 * np.sin(2.0 * pi * time + 0.7) + 0.5 * np.sin(6.0 * pi * time - 0.2)
+    phasors = window.harmonics(values)
+    assert window.rms(values) == pytest.approx(sqrt(4.5 + 0.125), rel=1e-12)
+    assert (abs(phasors[0]), abs(phasors[2])) == pytest.approx((3.0, 0.5), rel=1e-12)
+    assert (np.angle(phasors[0]), np.angle(phasors[2])) == pytest.approx((0.7, -0.2), rel=1e-12)
+    assert window.mean(values) == pytest.approx(0.0, abs=1e-12)
+
+
+# --- drivers against closed forms ----------------------------------------------------------------------------
+
+
+def test_ideal_sources_are_those_of_simulate() -> None:
+    """The same circuit but for an ammeter; whole periods end elsewhere between the points."""
+    found = report(driver("ideal"), duration=2e-3)
+    plain = pr.simulate(motor(), pr.TwoPhaseDrive(voltage=50.0, frequency=FREQUENCY), duration=2e-3)
+    for group in ("a", "b"):
+        voltage, current = getattr(plain, f"voltage_{group}_v"), getattr(plain, f"current_{group}_a")
+        assert found.groups[group].real_power_w == pytest.approx(plain.mean(voltage * current), rel=5e-3)
+        assert found.groups[group].current_rms_a == pytest.approx(sqrt(plain.mean(current**2)), rel=5e-3)
+        assert found.groups[group].voltage_rms_v == pytest.approx(50.0 / sqrt(2.0), rel=1e-4)
+    assert found.losses_w == {}
+    assert found.efficiency == pytest.approx(found.shaft_power_w / found.motor_power_w)
+
+
+def test_linear_amplifier_in_class_b_draws_two_over_pi_of_its_peak_current() -> None:
+    found = report(driver(supply_v=60.0, settings={"amplifier.quiescent": 1e-6}))
+    peaks = sum(found.outputs[group].harmonics[0].current_a for group in ("a", "b"))
+    # the current's harmonics are some 1e-3 of it
+    assert found.supply_power_w == pytest.approx(2.0 / pi * 60.0 * peaks, rel=2e-3)
+    assert found.supply_current_mean_a["positive"] == pytest.approx(peaks / pi, rel=2e-3)
+    assert found.supply_current_mean_a["negative"] == pytest.approx(-peaks / pi, rel=2e-3)
+    assert sum(found.losses_w.values()) == pytest.approx(found.supply_power_w - found.motor_power_w, rel=1e-6)
+
+
+def test_linear_amplifier_has_its_bandwidth() -> None:
+    found = report(driver(settings={"amplifier.bandwidth": 200e3, "amplifier.output_resistance": 0.1}))
+    for group, phase in (("a", 0.0), ("b", 90.0)):
+        first = found.outputs[group].harmonics[0]
+        # 0.1 A across 0.1 Ω is 2e-4 of 50 V, and the trapezoidal rule sees the pole (ωh)²/12 lower
+        assert first.voltage_v == pytest.approx(50.0 / sqrt(1.0 + (FREQUENCY / 200e3) ** 2), rel=5e-4)
+        lag = degrees(atan(FREQUENCY / 200e3))
+        assert first.voltage_phase_deg == pytest.approx(phase - lag, abs=0.1)
+
+
+def test_linear_amplifier_too_slow_makes_triangles() -> None:
+    """A slew rate far below 2π f U: the voltage runs up and down for half a period each."""
+    slow = 1e6
+    found = report(driver(settings={"amplifier.slew_rate": slow}), contact=None)
+    for group in ("a", "b"):
+        assert found.outputs[group].slew_rate_v_per_s == pytest.approx(slow, rel=0.02)
+        peak = slow / (4.0 * FREQUENCY)
+        # corners between points a 146th of a period apart, and 1 Ω that carries the current
+        for order in (1, 3):
+            expected = 8.0 / pi**2 * peak / order**2
+            assert found.outputs[group].harmonics[order - 1].voltage_v == pytest.approx(expected, rel=5e-3)
+
+
+def test_the_slew_rate_asked_for_is_that_of_the_sine() -> None:
+    found = report(driver("ideal"), contact=None)
+    # read over a two-thousandth of a period, between points a 146th apart: (2π/146)²/24 below it
+    assert found.outputs["b"].slew_rate_v_per_s == pytest.approx(2.0 * pi * FREQUENCY * 50.0, rel=1e-3)
+
+
+def test_half_bridge_gives_a_square_wave() -> None:
+    found = half_bridge()
+    for group in ("a", "b"):
+        port = found.outputs[group]
+        rail = found.driver["rails_v"][group][0]
+        assert port.harmonics[0].voltage_v == pytest.approx(4.0 / pi * rail, rel=0.02)  # less the transistors' drop
+        for order in (3, 5):
+            assert port.harmonics[order - 1].voltage_v == pytest.approx(4.0 / (pi * order) * rail, rel=0.03)
+        assert port.harmonics[1].voltage_v < 0.01 * rail
+        # of a square wave and a sine the power factor cannot exceed 2√2/π = 0.900
+        assert port.power_factor < 0.91
+        assert port.displacement_factor > 0.99
+    assert found.gate_power_w > 0.0
+
+
+def test_full_bridge_of_three_steps_has_no_third_harmonic() -> None:
+    found = full_bridge()
+    for group in ("a", "b"):
+        port = found.outputs[group]
+        rail = found.driver["rails_v"][group][0]
+        assert port.harmonics[0].voltage_v == pytest.approx(4.0 / pi * rail * sqrt(0.75), rel=0.03)
+        assert port.harmonics[2].voltage_v < 0.05 * port.harmonics[0].voltage_v  # dead time leaves some; a square: 1/3
+
+
+# --- power balance -------------------------------------------------------------------------------------------
+
+
+def test_supply_is_losses_and_motor_within_one_per_cent() -> None:
+    linear = report(driver(network="llcc"), match="running")
+    for found in (linear, half_bridge(), full_bridge()):
+        assert abs(found.balance_residual) < 0.01
+        # and without what the report says of stored energy, which has hardly changed
+        spent = sum(found.losses_w.values()) + found.motor_power_w
+        assert spent == pytest.approx(found.power_in_w, rel=0.01)
+        assert found.settling < 0.05  # after 1 ms; the filter's two frequencies beat
+
+
+# --- matching ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("state", "chosen", "settings"),
+    [
+        ("free", driver(), {"contact": None, "duration": 2.5e-3}),
+        # the two-port is linear; so is a contact whose limit of slip, in proportion to the friction, is far away
+        ("preloaded", driver(voltage=0.2, frequency=PRELOADED), {"duration": 3e-3, "friction": 5.0}),
+        ("running", driver(), {"duration": 2.5e-3}),
+    ],
+)
+def test_the_proposed_match_brings_the_power_factor_at_resonance_above_095(
+    state: str, chosen: pr.Driver, settings: dict[str, Any]
+) -> None:
+    without = report(chosen, **settings)
+    matched = report(chosen, match=state, **settings)
+    assert without.power_factor < 0.75
+    assert matched.power_factor >= 0.95
+    for group in ("a", "b"):
+        assert matched.outputs[group].power_factor >= 0.95
+        # the source was set so that the groups keep their voltages; bandwidth and output resistance cost the rest
+        assert matched.groups[group].harmonics[0].voltage_v == pytest.approx(chosen.voltage, rel=0.03)
+    phases = [matched.groups[group].harmonics[0].voltage_phase_deg for group in ("a", "b")]
+    assert (phases[1] - phases[0]) % 360.0 == pytest.approx(90.0, abs=1.5)
+
+
+def test_a_proposed_inductance_cancels_the_reactance_of_the_two_port() -> None:
+    """By hand, from the admittance: Z = U/i of each group with both driven, 90° apart; L = −Im Z/ω."""
+    proposed = pr.propose_matching(motor(), driver(), state="free")
+    spectrum = pr.admittance(motor(), start=0.9 * FREQUENCY, stop=1.1 * FREQUENCY, points=2001)
+    voltages = np.array([1.0, 1j])
+    middle = spectrum.matrix_s[1000] @ voltages
+    impedance = voltages / middle
+    assert spectrum.frequency_hz[1000] == pytest.approx(FREQUENCY)
+    for group, value in zip((proposed.a, proposed.b), impedance, strict=True):
+        assert complex(group.resistance_ohm, group.reactance_ohm) == pytest.approx(value, rel=1e-4)
+    assert proposed.a.inductance_h == 0.0  # group A is inductive: what B drives in the mode comes back to it
+    assert proposed.a.capacitance_f == pytest.approx(1.0 / (2.0 * pi * FREQUENCY * impedance[0].imag), rel=1e-3)
+    assert proposed.b.inductance_h == pytest.approx(-impedance[1].imag / (2.0 * pi * FREQUENCY), rel=1e-3)
+
+
+def test_an_llcc_filter_takes_harmonics_and_reactive_current() -> None:
+    found = full_bridge()
+    # a wave of three steps without its third harmonic and a sine: 3/π = 0.955 at most, of a square wave 0.900;
+    # dead time and the transformer's own current cost the rest
+    assert 0.92 < found.power_factor < 3.0 / pi
+    for group in ("a", "b"):
+        assert found.groups[group].voltage_thd < 0.05
+        assert found.groups[group].harmonics[0].voltage_v == pytest.approx(50.0, rel=0.06)  # less what drops
+        assert found.outputs[group].reactive_power_var == pytest.approx(0.0, abs=0.15 * found.motor_power_w)
+
+
+def test_every_state_has_a_proposal() -> None:
+    found = report(driver("ideal"), proposals=True, duration=1e-3)
+    assert set(found.matching) == {"free", "preloaded", "running"}
+    for proposal in found.matching.values():
+        for group in (proposal.a, proposal.b):
+            assert (group.inductance_h > 0.0) != (group.capacitance_f > 0.0)
+            assert (group.inductance_h > 0.0) == (group.reactance_ohm < 0.0)
+
+
+# --- refusals, files, the command ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"duration": 1e-5}, "duration = 1e-05 s is refused; give at least ten periods"),
+        ({"match": "moving"}, "match = 'moving' is refused; allowed are free, preloaded, running and None."),
+        ({"speed": 1.0, "load_torque": 1e-3}, "speed and load_torque exclude each other"),
+        ({"contact": "glue"}, "contact = 'glue' is refused"),
+        ({"step": 1e-5}, "step = 1e-05 s is refused"),
+    ],
+)
+def test_refusals_name_the_value(settings: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(pr.ParameterError) as caught:
+        report(driver(), **settings)
+    assert sentence in str(caught.value)
+
+
+def test_a_report_is_written_by_the_ending_of_its_file(tmp_path: Path) -> None:
+    found = half_bridge()
+    for ending in ("json", "csv", "cir"):
+        found.save(tmp_path / f"report.{ending}")
+    written = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert written["losses_w"] == found.losses_w
+    header = (tmp_path / "report.csv").read_text(encoding="utf-8").partition("\n")[0]
+    assert header.split(",")[:3] == ["time_s", "output_a_v", "output_a_a"]
+    assert (tmp_path / "report.cir").read_text(encoding="utf-8") == found.deck
+    assert found.plot(tmp_path / "report.png").stat().st_size > 20_000
+
+
+def test_the_command_reports_on_one_driver_and_compares_two(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["drive", "andersen2002", "--duration", "1e-3", "--speed", "0.3"]
+    assert run([*words, "--json", "--output", str(tmp_path / "one.csv")]) == 0
+    one = json.loads(capsys.readouterr().out)
+    assert {"groups", "outputs", "losses_w", "efficiency", "matching", "power_factor"} <= set(one)
+    assert one["mean_rotor_speed_rad_s"] == pytest.approx(0.3)
+    files = ["--output", str(tmp_path / "two.csv"), "--plot", str(tmp_path / "two.png")]
+    assert run([*words, "--driver", "linear+inductor", "--against", "ideal", *files]) == 0
+    assert "series match of" in capsys.readouterr().out
+    table = (tmp_path / "two.csv").read_text(encoding="utf-8").splitlines()
+    assert {len(line.split(",")) for line in table} == {3}
+    assert (tmp_path / "two.png").stat().st_size > 20_000
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--driver", "magic"], "kind = 'magic' is refused"),
+        (["--driver", "linear+magic"], "network = 'magic' is refused"),
+        (["--part", "amplifier.gain"], "is not PART.PARAMETER=VALUE"),
+        (["--part", "amplifier.gain=high"], "'high' is not a number"),
+        (["--part", "bridge.dead_time=1e-6"], "no part 'bridge' in this linear"),
+        (["--against", "ideal", "--output", "deck.cir"], "let it end in .json"),
+    ],
+)
+def test_the_command_refuses(words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["drive", "andersen2002", *words]) == 2
+    assert sentence in " ".join(capsys.readouterr().err.split())

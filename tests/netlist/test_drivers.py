@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Drivers: what they are made of and refuse, the transistor against its data sheet, and that every one powers up."""
+
+from __future__ import annotations
+
+import random
+import re
+from functools import cache
+from math import pi, sqrt
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.netlist.drivers import control_amplitude
+from pyspice_runner.netlist.library import read_library
+from tests.netlist.batch import measured
+from tests.netlist.test_decks import measured as deck_measured
+
+pytestmark = pytest.mark.xdist_group("drivers")
+
+KINDS = ("linear", "half-bridge", "full-bridge")
+NETWORKS = ("none", "inductor", "llcc")
+
+
+def driver(kind: str = "linear", **values: Any) -> pr.Driver:
+    return pr.Driver(**{"kind": kind, "voltage": 50.0, "frequency": 51.7e3, **values})
+
+
+# --- the transistor ------------------------------------------------------------------------------------------
+
+
+@cache
+def transistor() -> str:
+    lines = read_library("driver_half_bridge").subcircuit.splitlines()
+    return next(line for line in lines if line.startswith(".model irf610"))
+
+
+def test_both_bridges_have_the_same_transistor() -> None:
+    assert transistor() in read_library("driver_full_bridge").subcircuit
+
+
+def test_transistor_has_the_static_values_of_its_data_sheet(tmp_path: Path) -> None:
+    """Vishay 91023: at most 1.5 Ω at 10 V, 2 A; at least 0.8 S at 2 A; 2 to 4 V at 250 µA; at most 2.0 V at 3.3 A."""
+    found = measured(
+        f"""static
+{transistor()}
+Vg1 g1 0 10
+I1 0 d1 2
+M1 d1 g1 0 irf610
+I2 0 d2 250u
+M2 d2 d2 0 irf610
+Vd3 d3 0 50
+Vg3 g3 0 PWL(0 7.9 1 8.0)
+M3 d3 g3 0 irf610
+I4 0 s4 3.3
+M4 0 s4 s4 irf610
+.tran 10m 1
+.measure tran on_v FIND v(d1) AT=0.5
+.measure tran threshold_v FIND v(d2) AT=0.5
+.measure tran less_a FIND i(vd3) AT=0
+.measure tran more_a FIND i(vd3) AT=1
+.measure tran diode_v FIND v(s4) AT=0.5
+.end
+""",
+        tmp_path,
+    )
+    assert found["on_v"] / 2.0 == pytest.approx(1.5, rel=0.01)  # the sheet's digits
+    assert 2.0 <= found["threshold_v"] <= 4.0
+    assert -found["more_a"] == pytest.approx(2.0, rel=0.05)  # so that the transconductance is that at 2 A
+    assert (found["less_a"] - found["more_a"]) / 0.1 == pytest.approx(0.8, rel=0.03)
+    assert found["diode_v"] == pytest.approx(2.0, rel=0.03)
+
+
+def test_transistor_has_the_capacitances_of_its_data_sheet(tmp_path: Path) -> None:
+    """Ciss 140 pF, Coss 53 pF, Crss 15 pF, typical, at 25 V; all from what a change of 1 V/µs draws."""
+    found = measured(
+        f"""capacitances
+{transistor()}
+Vd1 d1 0 25
+Vg1 g1 0 PWL(0 -0.05 1n -0.05 101n 0.05)
+M1 d1 g1 0 irf610
+Vd2 d2 0 PWL(0 24.95 1n 24.95 101n 25.05)
+Vg2 g2 0 0
+M2 d2 g2 0 irf610
+.tran 0.1n 100n
+.measure tran gate_a FIND i(vg1) AT=51n
+.measure tran reverse_a FIND i(vd1) AT=51n
+.measure tran output_a FIND i(vd2) AT=51n
+.end
+""",
+        tmp_path,
+    )
+    leakage = 25.0 / 100e6  # the model's, drain to source
+    assert -found["gate_a"] == pytest.approx(140e-6, rel=0.01)  # the sheet's digits
+    assert found["reverse_a"] + leakage == pytest.approx(15e-6, rel=0.01)
+    assert -found["output_a"] - leakage == pytest.approx(53e-6, rel=0.01)
+
+
+def test_transistor_takes_no_more_gate_charge_than_its_data_sheet_allows(tmp_path: Path) -> None:
+    """At most 8.2 nC to 10 V at 160 V and 3.3 A; 1 mA flows into the gate from 2 µs on."""
+    found = measured(
+        f"""gate charge
+{transistor()}
+Vdd dd 0 PWL(0 0 1u 160)
+Rd dd d 48.5
+Ig 0 g PWL(0 0 2u 0 2.001u 1m)
+Shold g 0 control 0 hold
+.model hold sw vt=0.5 ron=1 roff=1e12
+Vcontrol control 0 PWL(0 1 2u 1 2.001u 0)
+M1 d g 0 irf610
+.tran 1n 12u uic
+.measure tran charged_s WHEN v(g)=10 RISE=1
+.end
+""",
+        tmp_path,
+    )
+    assert 3e-9 < (found["charged_s"] - 2e-6) * 1e-3 < 8.2e-9
+
+
+@pytest.mark.parametrize("dead_time", [40e-9, 200e-9, 2e-6])
+def test_dead_time_lies_between_the_gates(dead_time: float, tmp_path: Path) -> None:
+    """Both drives at half their voltage: the one falls, the other rises dead_time later."""
+    library = read_library("driver_half_bridge")
+    found = measured(
+        f"""dead time
+{library.text}
+Vin in 0 PULSE(1 -1 20u 1n 1n 20u 40u)
+Vp vp 0 PWL(0 0 1u 40)
+Xbridge in 0 out vp 0 driver_half_bridge dead_time={dead_time!r}
+Rload out 0 100
+.tran 1n 30u 0 5n uic
+.measure tran between_s TRIG v(xbridge.ramp) VAL=0.8 FALL=1 TARG v(xbridge.drive_low) VAL=6 RISE=2
+.end
+""".replace("RISE=2", "RISE=1"),
+        tmp_path,
+    )
+    # steps of 5 ns, and the gates' own slopes
+    assert found["between_s"] == pytest.approx(dead_time, abs=5e-9)
+
+
+# --- the driver as a description -----------------------------------------------------------------------------
+
+
+def test_supply_follows_from_the_voltage_asked_for() -> None:
+    assert driver("half-bridge").rails("a") == pytest.approx((50 * pi / 4, -50 * pi / 4))
+    full = driver("full-bridge", settings={"transformer.ratio": 4.0, "bridge.level": 0.5})
+    assert full.rails("b") == pytest.approx((50 * pi / 4 / 4 / sqrt(0.75), 0.0))
+    assert driver("linear", supply_v=80.0).rails("a") == (80.0, -80.0)
+    assert driver("ideal").rails("a") == (0.0, 0.0)
+
+
+def test_controls_give_the_voltage_asked_for() -> None:
+    assert control_amplitude(driver("linear", ratio_b=0.5, settings={"amplifier.gain": 10.0}), "b") == 2.5
+    assert control_amplitude(driver("half-bridge"), "a") == 1.0
+    assert control_amplitude(driver("ideal"), "a") == 50.0
+
+
+def test_settings_reach_one_group_or_both() -> None:
+    some = driver("linear", network="inductor", settings={"inductor.resistance": 3.0, "inductor_b.inductance": 2e-3})
+    values = [some.parts(group)[1].values for group in ("a", "b")]
+    assert [value["resistance"] for value in values] == [3.0, 3.0]
+    assert [value["inductance"] for value in values] == [1e-3, 2e-3]
+    assert some.to_dict()["parts"]["b"]["inductor"]["inductance"] == 2e-3
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes", "sentence"),
+    [
+        ("linear", {"frequency": 1.0}, "frequency = 1 Hz is refused; allowed is a number ≥ 1000"),
+        ("quarter-bridge", {}, "kind = 'quarter-bridge' is refused"),
+        ("linear", {"volts": 5.0}, "there is no 'volts'. Did you mean 'voltage'?"),
+        ("linear", {"settings": {"amplifier.slew": 1.0}}, "no parameter 'slew'. Did you mean 'slew_rate'?"),
+        ("linear", {"settings": {"bridge.dead_time": 1e-6}}, "no part 'bridge' in this linear; its parts: amplifier."),
+        ("linear", {"settings": {"amplifier.gain": 0.0}}, "gain = 0 is refused; allowed is 0.1 to 1000."),
+        ("half-bridge", {"settings": {"bridge.dead_time": 1e-9}}, "dead_time = 1e-09 s is refused"),
+        ("half-bridge", {"voltage": 120.0}, "188.5 V between the rails of the half-bridge of group A are refused"),
+        ("half-bridge", {"frequency": 4e5, "settings": {"bridge.dead_time": 6e-7}}, "allowed is a fifth of a period"),
+    ],
+)
+def test_refusals_name_the_value_and_what_is_allowed(kind: str, changes: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(pr.ParameterError) as caught:
+        driver(kind, **changes)
+    assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["amplifier", "half_bridge", "full_bridge", "inductor", "llcc", "transformer"])
+def test_losses_feeds_and_stores_are_nodes(name: str) -> None:
+    library = read_library(f"driver_{name}")
+    assert library.losses
+    for kind, entries in (("loss", library.losses), ("feed", library.feeds), ("store", library.stores)):
+        for entry, meaning in entries:
+            assert f"\nB{kind}_{entry} {kind}_{entry} 0 V=" in library.subcircuit
+            assert meaning
+
+
+# --- decks ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["drive_linear", "drive_half_bridge", "drive_full_bridge", "drive_llcc"])
+def test_powers_of_the_decks_balance_within_one_per_cent(name: str, tmp_path: Path) -> None:
+    found = deck_measured(name, tmp_path)
+    power_in = found["supply_power_w"] + found.get("gate_power_w", 0.0)
+    assert found["driver_loss_w"] + found["motor_power_w"] == pytest.approx(power_in, rel=0.01)
+    for group in ("a", "b"):  # each is made for 50 V at both groups; what parts and harmonics do to that
+        assert found[f"voltage_{group}_rms_v"] == pytest.approx(50 / sqrt(2), rel=0.03)
+
+
+# --- power-up over the whole range ---------------------------------------------------------------------------
+
+
+def ranges(kind: str, network: str) -> dict[str, tuple[float, float]]:
+    """Least and greatest value of everything that a driver may be set to."""
+    plain = driver(kind, network=network)
+    found = {
+        f"{part.label}.{parameter.name}": (parameter.least, parameter.greatest)
+        for part in plain.parts("a")
+        for parameter in part.library.parameters
+    }
+    found["frequency"] = (1e3, 5e5)
+    found["voltage"] = (0.1, 1000.0 if kind == "linear" else 100.0)
+    found["phase_deg"] = (-360.0, 360.0)
+    found["supply_rise_s"] = (1e-6, 1e-2)
+    return found
+
+
+def powered_up(kind: str, network: str, changes: dict[str, float]) -> pr.DriveReport | None:
+    """Run ten periods from power-up; ``None`` where the values exclude each other."""
+    try:
+        chosen = driver(kind, network=network).updated(changes)
+    except pr.ParameterError as error:
+        if not re.search("between the rails|dead_time", str(error)):
+            raise
+        return None
+    motor = pr.load_motor("andersen2002")
+    return pr.drive_report(motor, chosen, duration=10.0 / chosen.frequency, proposals=False, timeout=120.0)
+
+
+@pytest.mark.parametrize("network", NETWORKS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_drivers_power_up_in_corners_of_their_ranges(kind: str, network: str) -> None:
+    """A corner at which everything is at one end of its range at once, frequency aside; 1 kHz would take long."""
+    generator = random.Random(f"{kind} {network}")
+    ends = ranges(kind, network)
+    report = None
+    while report is None:
+        corner = {name: generator.choice(end) for name, end in ends.items()} | {"frequency": 51.7e3}
+        report = powered_up(kind, network, corner)
+    assert abs(report.balance_residual) < 0.01, corner
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "network", "prefixes"),
+    [
+        ("linear", "inductor", ("amplifier.", "inductor.", "frequency", "voltage", "phase_deg", "supply_rise_s")),
+        ("half-bridge", "inductor", ("bridge.", "inductor.", "frequency", "voltage", "phase_deg", "supply_rise_s")),
+        ("half-bridge", "llcc", ("llcc.",)),
+        ("full-bridge", "inductor", ("bridge.level", "transformer.")),
+    ],
+)
+def test_drivers_power_up_at_the_ends_of_every_range(kind: str, network: str, prefixes: tuple[str, ...]) -> None:
+    """Each end by itself, of each part once; `python -m docs.drive_grid` has every kind with every network."""
+    for name, end in ranges(kind, network).items():
+        if name.startswith(prefixes):
+            for value in end:
+                if (name, value) != ("frequency", 1e3):
+                    report = powered_up(kind, network, {name: value})
+                    assert report is None or abs(report.balance_residual) < 0.01, (name, value)
