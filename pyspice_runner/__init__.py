@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from pyspice_runner.model.impact import Throw
     from pyspice_runner.model.load import available_motors, load_motor
     from pyspice_runner.model.motor import Motor
+    from pyspice_runner.model.thermal import Thermal
     from pyspice_runner.model.traction import HertzPatch, microslip_loss, virgin_force
     from pyspice_runner.netlist.drivers import Driver
     from pyspice_runner.netlist.equivalent import circuit_library
@@ -59,6 +60,7 @@ _HOMES = {
     "Spectrum": "analysis.spectrum",
     "SpectrumError": "errors",
     "SpectrumFit": "analysis.fit",
+    "Thermal": "model.thermal",
     "Throw": "model.impact",
     "Tolerance": "analysis.sweep",
     "TwoPhaseDrive": "model.drive",
@@ -103,6 +105,7 @@ __all__ = [
     "Spectrum",
     "SpectrumError",
     "SpectrumFit",
+    "Thermal",
     "Throw",
     "Tolerance",
     "TwoPhaseDrive",

@@ -11,6 +11,7 @@ from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.model.drive import Drive, Tone
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import Discretisation, Motion, add_motor, dielectric_resistance, instantiate
@@ -33,6 +34,7 @@ def transient_bench(
     speed: float | None = None,
     load_torque: float = 0.0,
     discretisation: Discretisation | None = None,
+    thermal: Thermal | None = None,
     title: str = "",
 ) -> Circuit:
     """Drive a motor by ideal voltage sources, its shaft free, loaded or held.
@@ -45,6 +47,7 @@ def transient_bench(
         speed: if given, a source ``Vshaft`` holds the shaft at this speed, rad/s.
         load_torque: torque in N·m that a source ``Iload`` draws from the shaft.
         discretisation: adaptation to a uniform step, if any.
+        thermal: drift of the motor; its losses then heat it through ``Xcooling`` on the nodes heat and temperature.
         title: title line of the deck.
     """
     circuit = Circuit(title or f"{motor.name}: transient")
@@ -54,9 +57,11 @@ def transient_bench(
         circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(speed)!r}")
     elif load_torque:
         circuit.I("load", "shaft", circuit.gnd, f"DC {float(load_torque)!r}")
+    if thermal is not None:
+        add_cooling(circuit, thermal)
     add_motor(
-        circuit, motor, ("a", "b", circuit.gnd, "shaft"),
-        contact=contact, sliders=sliders, discretisation=discretisation,
+        circuit, motor, ("a", "b", circuit.gnd, "shaft", *(("temperature", "heat") if thermal else ())),
+        contact=contact, sliders=sliders, discretisation=discretisation, thermal=thermal,
     )  # fmt: skip
     return circuit
 
@@ -147,6 +152,16 @@ def _add_meters(circuit: Circuit, motor: Motor, lag: dict[str, float]) -> None:
         nodes = (group, f"xmotor.xgroup_{group}.plate")
         resistance = dielectric_resistance(motor, group)
         instantiate(circuit, f"heat_{group}", "piezomotor_heat", nodes, resistance=resistance)
+
+
+def add_cooling(circuit: Circuit, thermal: Thermal) -> None:
+    """Put the heat capacity and the way to the surroundings between the nodes heat and temperature."""
+    circuit.raw_spice += read_library("piezomotor_cooling").subcircuit + "\n"
+    instantiate(
+        circuit, "cooling", "piezomotor_cooling", ("heat", "temperature"),
+        capacity=thermal.heat_capacity_j_per_k, resistance=thermal.thermal_resistance_k_per_w,
+        ambient=thermal.ambient_k, start=thermal.ambient_k,
+    )  # fmt: skip
 
 
 def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circuit:

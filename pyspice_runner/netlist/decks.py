@@ -20,6 +20,7 @@ from pyspice_runner.model.drive import Drive, TwoPhaseDrive, TwoToneDrive
 from pyspice_runner.model.impact import Throw
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import (
     AC_OPTIONS,
     TRANSIENT_OPTIONS,
@@ -234,6 +235,32 @@ def _hysteresis(motor: Motor, swing: float, what: str, remark: str) -> str:
     )
 
 
+def _thermal_drift(motor: Motor) -> str:
+    drive = TwoPhaseDrive(voltage=20.0, frequency=51.7e3, phase_deg=180.0)
+    duration = 10e-3
+    circuit = transient_bench(
+        motor, drive, contact=None, thermal=Thermal(heat_capacity_j_per_k=2.1e-5), title=f"{motor.name}: thermal drift"
+    )
+    early = f"FROM=1e-3 TO={1e-3 + _TAIL_PERIODS * drive.period:.9g}"
+    late = f"FROM={duration - _TAIL_PERIODS * drive.period:.9g} TO={duration:g}"
+    measures = {
+        "current_a_rms_early_a": f"RMS i(va) {early}",
+        "current_a_rms_late_a": f"RMS i(va) {late}",
+        "temperature_early_k": f"AVG v(temperature) {early}",
+        "temperature_late_k": f"AVG v(temperature) {late}",
+        "heat_late_w": f"AVG v(heat) {late}",
+    }
+    simulation = _simulation(circuit, TRANSIENT_OPTIONS, "tran", measures)
+    simulation.transient(step_time=_STEP, end_time=duration, max_time=_STEP, use_initial_condition=True)
+    return _finish(
+        simulation,
+        """Thermal drift. The free stator, driven at its cold resonance, warms up and drifts away from the drive. It
+        is given a hundred thousandth of its heat capacity, so that 1 ms stands for 100 s. To plot, inside ngspice:
+        v(temperature) in K above the surroundings, v(heat) in W, i(va). Without Xcooling the pins stay open, and
+        nothing drifts; a source at temperature holds it.""",
+    )
+
+
 # Networks as `piezomotor drive andersen2002 --frequency 51700` proposes them for the running motor, rounded.
 _INDUCTORS = {
     "voltage": 49.7, "ratio_b": 0.438, "phase_deg": 161.1,
@@ -299,6 +326,7 @@ _DECKS: dict[str, Callable[[Motor], str]] = {
     "hysteresis_varying": lambda motor: _hysteresis(
         motor, 0.6, "varying normal force", "The force swings by 0.6 of the preload, a quarter of a cycle ahead."
     ),
+    "thermal_drift": _thermal_drift,
     "drive_linear": lambda motor: _driver(
         motor,
         _chain("linear", "none", {}),

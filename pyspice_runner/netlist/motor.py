@@ -15,10 +15,12 @@ from PySpice.Spice.Netlist import Netlist, SubCircuit
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
+from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import PINS, SLIDERS, ContactLaw, check_law, contact_library, contact_values
 from pyspice_runner.netlist.library import Library, read_library
 
 SUBCIRCUIT = "piezomotor"
+THERMAL_SUBCIRCUIT = "piezomotor_thermal"
 _PARTS = ("piezomotor_mode", "piezomotor_group", "piezomotor_rotor")
 _SMALLEST_LOSS = 3e-8  # stands for none: SPICE allows no resistor of zero ohm, and a tiny one costs digits
 
@@ -76,7 +78,7 @@ class Motion:
 
 
 class MotorSubCircuit(SubCircuit):
-    """``.subckt piezomotor a b com shaft`` of one motor.
+    """``.subckt piezomotor a b com shaft`` of one motor; a thermal one has the pins temperature and heat besides.
 
     Args:
         motor: the motor.
@@ -85,7 +87,11 @@ class MotorSubCircuit(SubCircuit):
         discretisation: adaptation to a run's time step, if any.
         start: motion with which a run with ``uic`` starts; by default preloaded rest. The plates and the cells of a
             brush are not among it: their voltages are for ``.ic``.
-        name: name of the subcircuit.
+        thermal: drift with the pin ``temperature`` (1 V = 1 K), and a pin ``heat`` (1 V = 1 W). Both pins may be left
+            open, then nothing drifts.
+        approach: whether there is, as the last pin, ``approach`` (1 V = 1 um), by which the tip is moved towards the
+            rotor: the preload changes.
+        name: name of the subcircuit; by default ``piezomotor``, or ``piezomotor_thermal``.
     """
 
     def __init__(
@@ -96,9 +102,14 @@ class MotorSubCircuit(SubCircuit):
         sliders: int = SLIDERS,
         discretisation: Discretisation | None = None,
         start: Motion | None = None,
-        name: str = SUBCIRCUIT,
+        thermal: Thermal | None = None,
+        approach: bool = False,
+        name: str = "",
     ) -> None:
-        super().__init__(name, "a", "b", "com", "shaft")
+        warm = ("temperature", "heat") if thermal else ()
+        kind = "_thermal" if thermal else ""
+        pins = ("a", "b", "com", "shaft", *warm, *(("approach",) if approach else ()))
+        super().__init__(name or (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT), *pins)
         preload = motor.contact.preload_n if contact else 0.0
         adapted = [
             discretisation.mode(mode) if discretisation else (mode.mass_kg, mode.stiffness_n_per_m)
@@ -107,19 +118,24 @@ class MotorSubCircuit(SubCircuit):
         loss = max(motor.piezo.loss_tangent, _SMALLEST_LOSS)
         for group, capacitance in (("a", motor.piezo.capacitance_a_f), ("b", motor.piezo.capacitance_b_f)):
             instantiate(
-                self, f"group_{group}", "piezomotor_group", (group, "com"),
+                self, f"group_{group}", f"piezomotor_group{kind}", (group, "com", *warm),
                 capacitance=capacitance, loss=loss, reference=motor.piezo.loss_reference_hz,
+                **({"capacitance_drift": thermal.capacitance_drift_per_k} if thermal else {}),
             )  # fmt: skip
         for index, (mode, (mass, stiffness)) in enumerate(zip(motor.modes, adapted, strict=True), start=1):
             instantiate(
-                self, f"mode{index}", "piezomotor_mode", ("a", "b", "com", "fx", "fy", "x", "y", "vx", "vy"),
+                self, f"mode{index}", f"piezomotor_mode{kind}",
+                ("a", "b", "com", "fx", "fy", "x", "y", "vx", "vy", *warm),
                 mass=mass, damping=mode.damping_n_s_per_m, stiffness=stiffness,
                 coupling_a=mode.coupling_a_n_per_v, coupling_b=mode.coupling_b_n_per_v,
                 tip_x=mode.tip_x, tip_y=mode.tip_y, preload=preload,
-                **_mode_start(start, index - 1, mode.tip_y * preload / stiffness),
+                **_mode_start(start, index - 1, mode.tip_y * preload / stiffness), **_mode_drift(thermal),
             )  # fmt: skip
         for node in ("x", "y", "vx", "vy"):
             self.R(f"sum_{node}", node, self.gnd, 1)
+        if thermal:
+            self.R("sum_heat", "heat", self.gnd, 1)
+            self.R("open_temperature", "temperature", self.gnd, 1e9)
         if contact:
             deflection = preload * sum(
                 mode.tip_y**2 / stiffness for mode, (_, stiffness) in zip(motor.modes, adapted, strict=True)
@@ -130,7 +146,11 @@ class MotorSubCircuit(SubCircuit):
             )  # fmt: skip
             if start and contact == "spring-slider":
                 values["start"] = 1e6 * start.slider_m
-            instantiate(self, "contact", contact_library(contact, sliders), PINS, **values)
+            if approach:
+                self.VCVS("approach", "pressed", "y", "approach", self.gnd, voltage_gain=1)
+                self.R("open_approach", "approach", self.gnd, 1e9)
+            nodes = [{"y": "pressed"}.get(pin, pin) if approach else pin for pin in PINS]
+            instantiate(self, "contact", contact_library(contact, sliders), nodes, **values)
         else:
             self.R("free_fx", "fx", self.gnd, 1)
             self.R("free_fy", "fy", self.gnd, 1)
@@ -141,9 +161,10 @@ class MotorSubCircuit(SubCircuit):
         )  # fmt: skip
 
 
-def parts_text(contact: ContactLaw | None = "spring-slider", sliders: int = SLIDERS) -> str:
+def parts_text(contact: ContactLaw | None = "spring-slider", sliders: int = SLIDERS, *, thermal: bool = False) -> str:
     """Return the text of the subcircuits that a motor is put together from."""
-    mode, group, rotor = (read_library(part).subcircuit for part in _PARTS)
+    parts = (f"{part}_thermal" if thermal and part != "piezomotor_rotor" else part for part in _PARTS)
+    mode, group, rotor = (read_library(part).subcircuit for part in parts)
     return "\n".join([mode, group, *([contact_library(contact, sliders).subcircuit] if contact else []), rotor])
 
 
@@ -157,33 +178,41 @@ def add_motor(
     sliders: int = SLIDERS,
     discretisation: Discretisation | None = None,
     start: Motion | None = None,
+    thermal: Thermal | None = None,
+    approach: bool = False,
 ) -> None:
     """Put a motor into a PySpice circuit; its definitions are written once, however many copies there are.
 
     Args:
         circuit: the circuit to add to.
         motor: the motor.
-        nodes: the four nodes for the pins a, b, com, shaft.
+        nodes: the four nodes for the pins a, b, com, shaft; those for temperature, heat and approach besides, if there.
         instance: name of the instance (``X`` + this).
         contact: as in :class:`MotorSubCircuit`.
         sliders: as in :class:`MotorSubCircuit`.
         discretisation: as in :class:`MotorSubCircuit`.
         start: as in :class:`MotorSubCircuit`.
+        thermal: as in :class:`MotorSubCircuit`.
+        approach: as in :class:`MotorSubCircuit`.
 
     Raises:
         ParameterError: if the circuit already has a different motor.
     """
-    definition = MotorSubCircuit(motor, contact=contact, sliders=sliders, discretisation=discretisation, start=start)
-    present = [str(subcircuit) for subcircuit in circuit.subcircuits if subcircuit.name == SUBCIRCUIT]
+    definition = MotorSubCircuit(
+        motor, contact=contact, sliders=sliders, discretisation=discretisation, start=start, thermal=thermal,
+        approach=approach,
+    )  # fmt: skip
+    name = definition.name
+    present = [str(subcircuit) for subcircuit in circuit.subcircuits if subcircuit.name == name]
     if not present:
-        circuit.raw_spice += parts_text(contact, sliders) + "\n"
+        circuit.raw_spice += parts_text(contact, sliders, thermal=thermal is not None) + "\n"
         circuit.subcircuit(definition)
     elif present[0] != str(definition):
         raise ParameterError(
-            f"The circuit already has a different {SUBCIRCUIT}; {motor.name} as {instance!r} is refused. "
+            f"The circuit already has a different {name}; {motor.name} as {instance!r} is refused. "
             "Copies in one circuit must have the same values."
         )
-    circuit.X(instance, SUBCIRCUIT, *nodes)
+    circuit.X(instance, name, *nodes)
 
 
 def motor_library(motor: Motor, *, contact: ContactLaw = "spring-slider", sliders: int = SLIDERS) -> str:
@@ -245,6 +274,12 @@ def _mode_start(start: Motion | None, index: int, bending: float) -> dict[str, f
     if start is None:
         return {}
     return {"start": 1e6 * (start.displacements_m[index] + bending), "velocity": start.velocities_m_s[index]}
+
+
+def _mode_drift(thermal: Thermal | None) -> dict[str, float]:
+    if thermal is None:
+        return {}
+    return {"frequency_drift": thermal.frequency_drift_per_k, "coupling_drift": thermal.coupling_drift_per_k}
 
 
 def dielectric_resistance(motor: Motor, group: str) -> float:

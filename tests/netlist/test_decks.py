@@ -32,6 +32,7 @@ NAMES = (
     "impact",
     "preloaded_admittance",
     "spin_up",
+    "thermal_drift",
 )
 
 

@@ -214,6 +214,11 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
     # 1 kohm behind 10 mohm, with 10 mohm of the parallel inductor at a reactance of 3.16 kohm: 1e-5 below 1
     "driver_llcc": {"through_v": (1.0 - 1e-5, 1e-6)},
     "driver_transformer": {"open_v": (4.0 * 0.99, 1e-6)},
+    # as piezomotor_mode, the coupling 5 % greater
+    "piezomotor_mode_thermal": {"peak_velocity_m_s": (1.05 * 0.12 / 15.0, 2e-4)},
+    "piezomotor_group_thermal": {"conductance_s": (1.2 * 2 * pi * 50e3 * 2.2e-9 * 0.02 / (1 + 0.02**2), 1e-6)},
+    # P R (1 − 1/e) after one time constant, 2000 steps of the trapezoidal rule
+    "piezomotor_cooling": {"after_one_time_constant_k": (0.5 * 100.0 * (1 - 1 / e), 1e-5)},
 }
 
 

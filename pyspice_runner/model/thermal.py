@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How a stator warms up and drifts: coefficients with where they come from, and what follows from the structure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import ValidationError
+
+from pyspice_runner.model.motor import Provenance, Structure
+from pyspice_runner.model.parameters import Parameters, quantity
+from pyspice_runner.model.refusal import check_keys, refusal
+
+# Specific heats, J/(kg·K): carbon steel, typical; PZT-5A from the data sheet of CTS 3195STD.
+STEEL_SPECIFIC_HEAT = 470.0
+CERAMIC_SPECIFIC_HEAT = 440.0
+
+PROVENANCE = {
+    "frequency_drift_per_k": Provenance(
+        "derived",
+        "half the drift of Young's modulus of carbon steel, 203.4 GPa at 21 °C to 198.6 GPa at 93 °C (Roark's Formulas "
+        "for Stress and Strain), and half its expansion of 12 ppm/K; the ceramic is taken to drift alike",
+    ),
+    "coupling_drift_per_k": Provenance(
+        "assumed", "d31 of PZT-5A rises with temperature (Hooker, NASA CR-1998-208708, shows how); rounded"
+    ),
+    "capacitance_drift_per_k": Provenance(
+        "assumed", "permittivity of PZT-5A rises with temperature (Hooker, NASA CR-1998-208708, shows how); rounded"
+    ),
+    "heat_capacity_j_per_k": Provenance(
+        "derived", "masses of beam, plates and tip of andersen2002, 470 J/(kg·K) for steel, 440 for the ceramic"
+    ),
+    "thermal_resistance_k_per_w": Provenance("assumed", "5 cm² of surface in still air and two supports"),
+    "ambient_k": Provenance("assumed", "the parameters hold in the surroundings"),
+}
+
+
+class Thermal(Parameters):
+    """Drift of a stator with temperature, and the one body that its losses heat. The defaults are for andersen2002.
+
+    Raises:
+        ParameterError: by the constructor, for a value that is refused.
+    """
+
+    frequency_drift_per_k: float = quantity(
+        "relative drift of all resonance frequencies", "1/K", default=-1.6e-4, ge=-0.01, le=0.01
+    )
+    coupling_drift_per_k: float = quantity("relative drift of all couplings", "1/K", default=1e-3, ge=-0.01, le=0.01)
+    capacitance_drift_per_k: float = quantity(
+        "relative drift of the clamped capacitances", "1/K", default=4e-3, ge=-0.02, le=0.02
+    )
+    heat_capacity_j_per_k: float = quantity("heat capacity of the stator", "J/K", default=2.1, ge=1e-9, le=1e6)
+    thermal_resistance_k_per_w: float = quantity(
+        "thermal resistance to the surroundings", "K/W", default=100.0, ge=1e-3, le=1e6
+    )
+    ambient_k: float = quantity(
+        "temperature of the surroundings above that at which the motor's parameters hold",
+        "K",
+        default=0.0,
+        ge=-200.0,
+        le=500.0,
+    )
+
+    def __init__(self, **values: Any) -> None:
+        check_keys(values, tuple(type(self).model_fields), "Thermal", "")
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise refusal(error, type(self), "", "Thermal") from error
+
+    @property
+    def time_constant(self) -> float:
+        """Time constant of the warming in s."""
+        return self.heat_capacity_j_per_k * self.thermal_resistance_k_per_w
+
+
+def heat_capacity(structure: Structure) -> float:
+    """Return the heat capacity in J/K of beam, plates and tip; the tip as steel."""
+    beam = structure.beam
+    steel = beam.length_m * beam.width_m * beam.thickness_m * beam.density_kg_m3 + structure.tip.mass_kg
+    ceramic = sum(
+        (patch.end_m - patch.start_m)
+        * patch.width_m
+        * patch.thickness_m
+        * (2.0 if patch.faces == "both" else 1.0)
+        * patch.density_kg_m3
+        for patch in structure.patches
+    )
+    return STEEL_SPECIFIC_HEAT * steel + CERAMIC_SPECIFIC_HEAT * ceramic
