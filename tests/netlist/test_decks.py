@@ -18,11 +18,11 @@ from pyspice_runner.netlist.library import data_path
 from tests.reference.row import throw as exact_throw
 
 NAMES = (
-    "dynamometer",
     "drive_full_bridge",
     "drive_half_bridge",
     "drive_linear",
     "drive_llcc",
+    "dynamometer",
     "ellipse",
     "figure_eight",
     "first_resonance",
