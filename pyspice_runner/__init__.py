@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.readers import read_spectrum
     from pyspice_runner.analysis.simulate import simulate
     from pyspice_runner.analysis.spectrum import Spectrum
+    from pyspice_runner.analysis.speed_torque import operating_point, speed_torque
     from pyspice_runner.analysis.sweep import Tolerance, sweep
     from pyspice_runner.analysis.waveforms import Waveforms
     from pyspice_runner.errors import ParameterError, SimulationError, SpectrumError
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from pyspice_runner.netlist.drivers import Driver
     from pyspice_runner.netlist.equivalent import circuit_library
     from pyspice_runner.netlist.motor import motor_library
-    from pyspice_runner.plots import plot_drive, plot_mode_shapes, plot_motors, plot_sweep
+    from pyspice_runner.plots import plot_drive, plot_mode_shapes, plot_motors, plot_speed_torque, plot_sweep
 
 __version__ = "0.1.0"
 
@@ -76,14 +77,17 @@ _HOMES = {
     "load_motor": "model.load",
     "microslip_loss": "model.traction",
     "motor_library": "netlist.motor",
+    "operating_point": "analysis.speed_torque",
     "plot_drive": "plots",
     "plot_mode_shapes": "plots",
     "plot_motors": "plots",
+    "plot_speed_torque": "plots",
     "plot_sweep": "plots",
     "propose_matching": "analysis.matching",
     "read_spectrum": "analysis.readers",
     "resonator_modes": "model.beam",
     "simulate": "analysis.simulate",
+    "speed_torque": "analysis.speed_torque",
     "sweep": "analysis.sweep",
     "virgin_force": "model.traction",
 }
@@ -121,14 +125,17 @@ __all__ = [
     "load_motor",
     "microslip_loss",
     "motor_library",
+    "operating_point",
     "plot_drive",
     "plot_mode_shapes",
     "plot_motors",
+    "plot_speed_torque",
     "plot_sweep",
     "propose_matching",
     "read_spectrum",
     "resonator_modes",
     "simulate",
+    "speed_torque",
     "sweep",
     "virgin_force",
 ]

@@ -21,6 +21,7 @@ from pyspice_runner.commands.fit import fit
 from pyspice_runner.commands.impact import impact
 from pyspice_runner.commands.motors import export, motors, show
 from pyspice_runner.commands.simulate import simulate
+from pyspice_runner.commands.speed_torque import speed_torque
 from pyspice_runner.commands.sweep import sweep
 
 app = typer.Typer(
@@ -32,7 +33,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
 )
 
-for command in (motors, show, simulate, admittance, sweep, drive, impact, fit, export):
+for command in (motors, show, simulate, admittance, speed_torque, sweep, drive, impact, fit, export):
     app.command()(command)
 
 

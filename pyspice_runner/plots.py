@@ -267,6 +267,37 @@ def plot_drive(reports: Sequence[DriveReport], path: str | Path) -> Path:
     return _save(figure, path)
 
 
+def plot_speed_torque(curve: xarray.Dataset, path: str | Path) -> Path:
+    """Draw speed–torque curves: torque, efficiency, electrical power and currents; a ring is a point not settled."""
+    figure, axes = _figure(2, 2)
+    torque, efficiency, power, current = axes.flat
+    speed = curve["speed_rad_s"].values
+    others = [str(name) for name in curve["torque_n_m"].dims if name != "speed_rad_s"]
+    for number, index in enumerate(np.ndindex(*(curve.sizes[name] for name in others))):
+        one = curve.isel(dict(zip(others, index, strict=True)))
+        line = {"color": (BLUE, VERMILION, GREEN, ORANGE)[number % 4], "marker": "."}
+        label = ", ".join(f"{name} = {one[name].item():g}" for name in others)
+        torque.plot(speed, 1e3 * one["torque_n_m"], **line, label=label)
+        unsettled = ~one["settled"].values
+        torque.plot(speed[unsettled], 1e3 * one["torque_n_m"].values[unsettled], "o", mfc="none", mec="black")
+        efficiency.plot(speed, 100.0 * np.maximum(one["efficiency"], 0.0), **line)
+        power.plot(speed, one["power_a_w"] + one["power_b_w"], **line)
+        current.plot(speed, 1e3 * one["current_a_rms_a"], **line)
+        current.plot(speed, 1e3 * one["current_b_rms_a"], "--", **line)
+    torque.set(ylabel="torque on the rotor in mN·m", title="Torque")
+    efficiency.set(ylabel="efficiency in %", title="Efficiency: shaft power over electrical power")
+    power.set(ylabel="electrical power in W", title="Electrical power of both groups")
+    current.set(ylabel="RMS current in mA", title="Currents of group A and (dashed) group B")
+    torque.axhline(0.0, color="0.3", linewidth=0.8)
+    for axis in axes.flat:
+        axis.set(xlabel="speed in rad/s")
+        axis.axvline(0.0, color="0.3", linewidth=0.8)
+    if others:
+        torque.legend(fontsize=7)
+    figure.suptitle(curve.attrs["title"], fontsize=10)
+    return _save(figure, path)
+
+
 def _figure(rows: int, columns: int, *, width: float = 10.0, height: float = 7.0) -> tuple[Figure, Any]:
     with matplotlib.rc_context({"font.size": 9}):
         figure = Figure(figsize=(width, height), layout="constrained")

@@ -87,6 +87,7 @@ def test_every_command_speaks_both_ways(tmp_path: Path, capsys: pytest.CaptureFi
         (["motors"], "csv"),
         (["show", "andersen2002"], "csv"),
         (["admittance", "andersen2002", "--points", "20"], "nc"),
+        (["speed-torque", "andersen2002", "--speeds=0,1", "--patience", "4"], "nc"),
         (["export", "andersen2002"], "lib"),
         (SHORT, "cir"),
     ):
@@ -129,6 +130,9 @@ def test_alone_it_says_what_to_try_first() -> None:
         (["simulate", "andersen2002", "--output", "no/such/run.csv"], "a folder that does not exist"),
         (["simulate", "andersen2002", "--plot", "run.bmp"], "let it end in .png"),
         (["admittance", "andersen2002", "--start", "0"], "start = 0 Hz"),
+        (["speed-torque", "andersen2002", "--speeds", "slow"], "--speeds: 'slow' is refused"),
+        (["speed-torque", "andersen2002", "--over", "contact.preload=5"], "Did you mean"),
+        (["speed-torque", "andersen2002", "--patience", "1"], "patience = 1 is refused"),
         (["simulate", "andersen2002", "--voltage", "much"], "--voltage"),
         (["simulate", "andersen2002", "--volt", "5"], "--volt"),
         (["fly"], "fly"),

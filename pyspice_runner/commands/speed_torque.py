@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``piezomotor speed-torque``: the motor on the dynamometer."""
+
+from __future__ import annotations
+
+import json
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+import pyspice_runner as pr
+from pyspice_runner.commands.common import (
+    JsonOption,
+    MotorArgument,
+    OutputOption,
+    PlotOption,
+    SetOption,
+    TimeoutOption,
+    check_targets,
+    grid,
+    jsonable,
+    load_changed,
+    points_progress,
+    show_result,
+    write_dataset,
+)
+from pyspice_runner.commands.contacting import LawKind, LawOption, SlidersOption
+from pyspice_runner.commands.driving import (
+    DriveKind,
+    DriveOption,
+    Frequency1Option,
+    Frequency2Option,
+    FrequencyOption,
+    PhaseOption,
+    SoftStartOption,
+    Voltage1Option,
+    Voltage2Option,
+    VoltageOption,
+    stated_drive,
+)
+
+if TYPE_CHECKING:
+    import xarray
+
+
+class ModeKind(StrEnum):
+    """How the dynamometer goes through the speeds."""
+
+    hold = "hold"
+    ramp = "ramp"
+
+
+def speed_torque(
+    motor: MotorArgument,
+    speeds: Annotated[
+        str, typer.Option(help="Speeds in rad/s: 0,2.5,5 or -5:10:7 for seven from -5 to 10; write --speeds=-5:10:7.")
+    ] = "-5:10:7",
+    over: Annotated[
+        str | None, typer.Option(metavar="PATH=VALUES", help="A further axis, as drive.voltage=40,60,80.")
+    ] = None,
+    mode: Annotated[ModeKind, typer.Option(help="hold: settle at each speed; ramp: change it slowly.")] = ModeKind.hold,
+    follow: Annotated[
+        str | None, typer.Option(metavar="AXIS", help="Go on from point to point along this axis (shows hysteresis).")
+    ] = None,
+    contact: LawOption = LawKind.spring_slider,
+    sliders: SlidersOption = 8,
+    tolerance: Annotated[float, typer.Option(help="Change from block to block that counts as settled.")] = 1e-3,
+    patience: Annotated[int, typer.Option(help="Blocks after which a point is given up as unsettled.")] = 40,
+    drive: DriveOption = DriveKind.two_phase,
+    voltage: VoltageOption = 50.0,
+    frequency: FrequencyOption = None,
+    phase: PhaseOption = None,
+    voltage_1: Voltage1Option = 50.0,
+    frequency_1: Frequency1Option = None,
+    voltage_2: Voltage2Option = 50.0,
+    frequency_2: Frequency2Option = None,
+    soft_start: SoftStartOption = 0.0,
+    step: Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")] = None,
+    timeout: TimeoutOption = None,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    output: OutputOption = None,
+    plot: PlotOption = None,
+) -> None:
+    """Measure torque, power and losses over speed. Writes .nc, .csv or .json.
+
+    Example: piezomotor speed-torque andersen2002-unintended-mode --voltage 100 --frequency 46e3 --phase 180
+    --speeds=-5:25:13 --plot curve.png
+    """
+    check_targets(output, (".nc", ".csv", ".json"), plot)
+    loaded = load_changed(motor, changes)
+    tones = (voltage_1, frequency_1, voltage_2, frequency_2)
+    excitation = stated_drive(loaded, drive, voltage, frequency, phase, tones, soft_start)
+    path, _, values = (over or "").partition("=")
+    with points_progress() as progress:
+        curve = pr.speed_torque(
+            loaded,
+            excitation,
+            speeds=grid("--speeds", speeds),
+            over={path.strip(): grid(f"--over {path}", values)} if over else None,
+            mode=mode.value,
+            follow=follow,
+            contact=contact.value,
+            sliders=sliders,
+            tolerance=tolerance,
+            patience=patience,
+            step=step,
+            timeout=timeout,
+            progress=progress,
+        )
+    document = _document(curve)
+    if output is not None:
+        write_dataset(output, curve, document)
+    if plot is not None:
+        pr.plot_speed_torque(curve, plot)
+    show_result(document, _table(curve), as_json)
+    if not curve["settled"].all():
+        unsettled = int((~curve["settled"]).sum())
+        message = f"piezomotor: {unsettled} of {curve['settled'].size} points did not settle; see 'settled'."
+        Console(stderr=True, soft_wrap=True).print(message, style="yellow", markup=False)
+
+
+def _document(curve: xarray.Dataset) -> dict[str, Any]:
+    """Return the curve JSON-ready: axes and quantities by name, ``null`` for what is not defined."""
+    attributes = {str(name): value for name, value in curve.attrs.items()}
+    attributes |= {name: json.loads(attributes[name]) for name in ("motor", "drive", "run")}
+    return {
+        "dimensions": {str(name): curve.sizes[name] for name in curve["torque_n_m"].dims},
+        **{str(name): values.values.tolist() for name, values in curve.coords.items()},
+        **{str(name): jsonable(values.values.tolist()) for name, values in curve.data_vars.items()},
+        **attributes,
+    }
+
+
+def _table(curve: xarray.Dataset) -> Table:
+    further = [str(name) for name in curve["torque_n_m"].dims[:-1]]
+    titles = ("rad/s", "mN·m", "F_N / N", "electrical / W", "shaft / W", "efficiency", "stick", "slip", "settled")
+    table = Table(*further, *titles, title=curve.attrs["title"], box=None, padding=(0, 2, 0, 0))
+    for _, point in curve.to_dataframe().reset_index().iterrows():
+        electrical = point["power_a_w"] + point["power_b_w"]
+        values = (point["speed_rad_s"], 1e3 * point["torque_n_m"], point["normal_force_n"], electrical)
+        table.add_row(
+            *(f"{point[name]:g}" for name in further),
+            *(f"{value:.4g}" for value in (*values, point["shaft_power_w"])),
+            *(f"{100.0 * point[name]:.1f} %" for name in ("efficiency", "stick", "slip")),
+            "yes" if point["settled"] else "no",
+        )
+    return table
