@@ -51,6 +51,14 @@ if TYPE_CHECKING:
 
 
 QUANTITIES = ["mean_rotor_speed_rad_s", "mean_torque_n_m"]
+OPERATING_QUANTITIES = ["torque_n_m", "efficiency", "settled"]
+
+
+class AnalysisKind(StrEnum):
+    """What is done at a point."""
+
+    simulate = "simulate"
+    operating_point = "operating-point"
 
 
 class DistributionKind(StrEnum):
@@ -81,8 +89,13 @@ def sweep(
     ] = None,
     quantity: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="What to keep: a name in `simulate --json`. Repeatable."),
+        typer.Option(
+            metavar="NAME", help="What to keep: a name in `simulate --json`, or of `speed-torque`. Repeatable."
+        ),
     ] = None,
+    analysis: Annotated[
+        AnalysisKind, typer.Option(help="simulate: one run from rest; operating-point: settled at a speed.")
+    ] = AnalysisKind.simulate,
     distribution: Annotated[
         DistributionKind, typer.Option(help="Of tolerances; normal: the tolerance is three standard deviations.")
     ] = DistributionKind.uniform,
@@ -105,9 +118,9 @@ def sweep(
     voltage_2: Voltage2Option = 50.0,
     frequency_2: Frequency2Option = None,
     soft_start: SoftStartOption = 0.0,
-    duration: Annotated[float | None, typer.Option(help="Simulated time, s; default: 5e-3.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Simulate: simulated time, s; default: 5e-3.")] = None,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
-    load_torque: Annotated[float | None, typer.Option(help="Torque that a load draws, N.m.")] = None,
+    load_torque: Annotated[float | None, typer.Option(help="Simulate: torque that a load draws, N.m.")] = None,
     timeout: TimeoutOption = None,
     changes: SetOption = None,
     as_json: JsonOption = False,
@@ -131,7 +144,10 @@ def sweep(
         axes[path] = pr.Tolerance(_percent(path, text), distribution.value)
     settings: dict[str, Any] = {"speed": speed, "duration": duration, "load_torque": load_torque, "timeout": timeout}
     run = {name: value for name, value in settings.items() if value is not None}
-    how = {"quantities": quantity or QUANTITIES, "duration": 5e-3, **run}
+    if analysis is AnalysisKind.operating_point:
+        how: dict[str, Any] = {"analysis": pr.operating_point, "quantities": quantity or OPERATING_QUANTITIES, **run}
+    else:
+        how = {"quantities": quantity or QUANTITIES, "duration": 5e-3, **run}
     with _cluster(scheduler, workers) as executor, points_progress() as progress:
         try:
             dataset = pr.sweep(

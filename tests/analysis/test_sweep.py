@@ -76,6 +76,16 @@ def test_each_point_is_the_run_that_simulate_does(threads: Executor, tmp_path: P
             assert point["failure"] == ""
 
 
+def test_a_point_may_be_an_operating_point(threads: Executor, tmp_path: Path) -> None:
+    names = ["torque_n_m", "efficiency", "settled"]
+    found = pr.sweep(
+        MOTOR, DRIVE, over={"run.speed": [0.2]}, analysis=pr.operating_point, quantities=names,
+        executor=threads, store=tmp_path, patience=4, tolerance=0.1,
+    )  # fmt: skip
+    alone = pr.operating_point(MOTOR, DRIVE, speed=0.2, patience=4, tolerance=0.1)
+    assert [found[name].item() for name in names] == [alone[name] for name in names]
+
+
 def test_units_and_provenance_are_told(quick: dict[str, Any]) -> None:
     over = {"modes.1.frequency_hz": [51e3, 52e3], "drive.frequency": [5e4], "run.speed": [1.0, 2.0, 3.0]}
     found = pr.sweep(MOTOR, DRIVE, over=over, **quick | {"quantities": ["torque_n_m", "shares.slip", "duration_s"]})
@@ -545,6 +555,7 @@ def test_progress_tells_the_time_left(tmp_path: Path) -> None:
         (["--tolerance", "run.load_torque=10%"], "has no tolerance"),
         (["--tolerance", "contact.friction=10%", "--over", "contact.friction=1"], "to --over and to --tolerance"),
         (["--over", "drive.voltage=1", "--store", "/dev/null"], "Cannot write the store"),
+        (["--over", "drive.voltage=1", "--analysis", "operating-point"], "There is no parameter 'run.duration'"),
         (["--over", "drive.voltage=1", "--scheduler", "tcp://x:1", "--workers", "1"], "exclude each other"),
         (["--over", "drive.voltage=1", "--scheduler", "somewhere"], "There is no Dask scheduler at somewhere"),
     ],
