@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pyspice_runner.analysis.admittance import Admittance, admittance
     from pyspice_runner.analysis.drive import DriveReport, drive_report
+    from pyspice_runner.analysis.export import export_circuit, export_motor
     from pyspice_runner.analysis.fit import FittedArm, SpectrumFit, fit_spectrum
     from pyspice_runner.analysis.hysteresis import Hysteresis, hysteresis
     from pyspice_runner.analysis.impact import Impact, impact
@@ -27,15 +28,18 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.spectrum import Spectrum
     from pyspice_runner.analysis.speed_torque import operating_point, speed_torque
     from pyspice_runner.analysis.sweep import Tolerance, sweep
+    from pyspice_runner.analysis.twoport import TwoPortFit, fit_two_port
     from pyspice_runner.analysis.waveforms import Waveforms
     from pyspice_runner.errors import ParameterError, SimulationError, SpectrumError
     from pyspice_runner.model.beam import resonator_modes
+    from pyspice_runner.model.circuit_file import circuit_toml, is_circuit_file, load_circuit
     from pyspice_runner.model.drive import TwoPhaseDrive, TwoToneDrive
     from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
     from pyspice_runner.model.impact import Throw
     from pyspice_runner.model.load import available_motors, load_motor
     from pyspice_runner.model.motor import Motor
     from pyspice_runner.model.thermal import Thermal
+    from pyspice_runner.model.save import motor_toml
     from pyspice_runner.model.traction import HertzPatch, microslip_loss, virgin_force
     from pyspice_runner.netlist.drivers import Driver
     from pyspice_runner.netlist.equivalent import circuit_library
@@ -65,20 +69,28 @@ _HOMES = {
     "Throw": "model.impact",
     "Tolerance": "analysis.sweep",
     "TwoPhaseDrive": "model.drive",
+    "TwoPortFit": "analysis.twoport",
     "TwoToneDrive": "model.drive",
     "Waveforms": "analysis.waveforms",
     "admittance": "analysis.admittance",
     "available_motors": "model.load",
     "circuit_library": "netlist.equivalent",
     "drive_report": "analysis.drive",
+    "circuit_toml": "model.circuit_file",
+    "export_circuit": "analysis.export",
+    "export_motor": "analysis.export",
     "fit_spectrum": "analysis.fit",
+    "fit_two_port": "analysis.twoport",
     "hysteresis": "analysis.hysteresis",
     "impact": "analysis.impact",
+    "is_circuit_file": "model.circuit_file",
+    "load_circuit": "model.circuit_file",
     "load_motor": "model.load",
     "microslip_loss": "model.traction",
     "motor_library": "netlist.motor",
     "operating_point": "analysis.speed_torque",
     "plot_drive": "plots",
+    "motor_toml": "model.save",
     "plot_mode_shapes": "plots",
     "plot_motors": "plots",
     "plot_speed_torque": "plots",
@@ -113,20 +125,28 @@ __all__ = [
     "Throw",
     "Tolerance",
     "TwoPhaseDrive",
+    "TwoPortFit",
     "TwoToneDrive",
     "Waveforms",
     "admittance",
     "available_motors",
     "circuit_library",
     "drive_report",
+    "circuit_toml",
+    "export_circuit",
+    "export_motor",
     "fit_spectrum",
+    "fit_two_port",
     "hysteresis",
     "impact",
+    "is_circuit_file",
+    "load_circuit",
     "load_motor",
     "microslip_loss",
     "motor_library",
     "operating_point",
     "plot_drive",
+    "motor_toml",
     "plot_mode_shapes",
     "plot_motors",
     "plot_speed_torque",

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pyspice_runner.analysis.export import circuit_writers
 from pyspice_runner.analysis.identify import COST, GLOBALS, RESONANT_QUALITY, SIGNIFICANT, Problem, Solution, Vector
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.files import save_by_ending, write_csv, write_json
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.spectrum import Spectrum
 
 MOST_MODES = 20  # that may be asked for
+_ANALYSER = 1e-3  # what impedance analysers are accurate to, at best half of it
+_SHARED = "arms share a peak"
 _LEAST_CAPACITANCE = 1e-3  # clamped over motional capacitance; a strongly coupled ceramic has about 2
 
 _GLOBAL_NAMES = ("clamped_capacitance_f", "loss_tangent", "lead_resistance_ohm", "lead_inductance_h")
@@ -63,13 +66,14 @@ class Candidate:
         arms: number of arms.
         criterion: Schwarz's information criterion; the lowest is best.
         rms_relative_error: root mean square of the relative residual's magnitude.
-        distinct: whether all resonances stand apart; if not, two arms stand for one peak that is no circle.
+        note: why it is not taken, however low its criterion: two of its arms stand for one peak that is no circle, or
+            one rings nowhere in the band and takes out what no analyser measures.
     """
 
     arms: int
     criterion: float
     rms_relative_error: float
-    distinct: bool
+    note: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +91,8 @@ class SpectrumFit:
             ``lead_inductance_h``; ``None`` for a value at the limit of its range.
         correlation: matrix of the estimates' correlations, in the order of ``correlation_names``.
         correlation_names: dotted paths such as ``arms.0.resistance_ohm``.
-        candidates: numbers of arms that were tried; of those whose resonances are distinct, the criterion is lowest
-            for the one that was taken.
+        candidates: numbers of arms that were tried; of those without a note, the criterion is lowest for the one that
+            was taken.
         warnings: what to know before using the values.
     """
 
@@ -145,13 +149,14 @@ class SpectrumFit:
         }
 
     def save(self, path: str | Path) -> Path:
-        """Write the fit to a file, by its ending: ``.json`` (values), ``.csv`` (curves) or ``.lib`` (SPICE library).
+        """Write the fit, by the ending of the file.
+
+        ``.json`` (values), ``.csv`` (curves), or for other programs as :func:`export_circuit` does: ``.lib``, ``.asy``,
+        ``.kicad_sym``, ``.s1p`` at the measured frequencies, ``.toml``.
 
         Raises:
             ParameterError: for another ending or a place that cannot be written.
         """
-        from pyspice_runner.netlist.equivalent import circuit_library
-
         fitted = self.admittance(self.frequency_hz)
         columns = {
             "frequency_hz": self.frequency_hz,
@@ -160,11 +165,11 @@ class SpectrumFit:
             "fitted_conductance_s": fitted.real,
             "fitted_susceptance_s": fitted.imag,
         }
-        library = circuit_library(self.circuit, title=f"fitted to {self.source or 'a spectrum'}")
+        title = f"fitted to {self.source or 'a spectrum'}"
         writers = {
             ".json": lambda target: write_json(target, self.to_dict()),
             ".csv": lambda target: write_csv(target, columns),
-            ".lib": lambda target: target.write_text(library, encoding="utf-8"),
+            **circuit_writers(self.circuit, title=title, frequency_hz=self.frequency_hz),
         }
         return save_by_ending(path, writers)
 
@@ -208,10 +213,7 @@ def fit_spectrum(spectrum: Spectrum, modes: int | None = None, *, leads: bool = 
     solutions = problem.search(bare) if modes is None else [problem.fit_exactly(modes, bare)]
     independent = problem.independent_points(min(solutions, key=COST))
     criteria = [problem.criterion(solution, independent) for solution in (bare, *solutions)]
-    candidates = tuple(
-        Candidate(solution.arms, criterion, problem.rms_relative_error(solution), problem.overlap(solution) <= 1.0)
-        for solution, criterion in zip(solutions, criteria[1:], strict=True)
-    )
+    candidates = _candidates(problem, solutions, criteria[1:])
     chosen = _choose(candidates, range(len(solutions)))
     alone = solutions[0] if modes is None else problem.fit(1, bare)
     if not problem.resonances(solutions[chosen]) and problem.resonances(alone):
@@ -238,8 +240,20 @@ def fit_spectrum(spectrum: Spectrum, modes: int | None = None, *, leads: bool = 
 
 
 def _choose(candidates: Sequence[Candidate], among: Sequence[int]) -> int:
-    """Return the candidate with the lowest criterion, of those with distinct resonances if there are any."""
-    return min([k for k in among if candidates[k].distinct] or among, key=lambda k: candidates[k].criterion)
+    """Return the candidate with the lowest criterion, of those without a note if there are any."""
+    return min([k for k in among if not candidates[k].note] or among, key=lambda k: candidates[k].criterion)
+
+
+def _candidates(problem: Problem, solutions: Sequence[Solution], criteria: Sequence[float]) -> tuple[Candidate, ...]:
+    found = list[Candidate]()
+    for solution, criterion in zip(solutions, criteria, strict=True):
+        note = ""
+        if problem.overlap(solution) > 1.0:
+            note = _SHARED
+        elif found and found[-1].rms_relative_error < _ANALYSER and len(problem.resonances(solution)) < solution.arms:
+            note = "an arm follows the background"
+        found.append(Candidate(solution.arms, criterion, problem.rms_relative_error(solution), note))
+    return tuple(found)
 
 
 def _report(spectrum: Spectrum, problem: Problem, solution: Solution, candidates: tuple[Candidate, ...]) -> SpectrumFit:
@@ -347,13 +361,13 @@ def _warnings(
             "meant; try a smaller number of modes."
         )
     share = problem.independent_points(solution) / len(spectrum)
-    if share < 0.5:
+    if share < 0.5 and problem.rms_relative_error(solution) > _ANALYSER:
         said.append(
             f"The circuit does not follow the spectrum to the noise: residuals of "
             f"{100.0 * problem.rms_relative_error(solution):.2g} % remain and are correlated."
         )
     closest = min(candidates, key=lambda candidate: candidate.rms_relative_error)
-    if not closest.distinct and closest.arms > solution.arms:
+    if closest.note == _SHARED and closest.arms > solution.arms and problem.rms_relative_error(solution) > _ANALYSER:
         said.append(
             f"{closest.arms} arms leave {100.0 * closest.rms_relative_error:.2g} %, but some of them share one peak; "
             f"where only the curve matters, ask for modes = {closest.arms}."

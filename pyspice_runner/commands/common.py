@@ -31,6 +31,7 @@ SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="PATH=VALUE", help="Change a parameter, as contact.preload_n=8. Repeatable."),
 ]
+CIRCUIT_ENDINGS = (".lib", ".asy", ".kicad_sym", ".s1p", ".toml")  # of what an equivalent circuit is exported to
 TimeoutOption = Annotated[float | None, typer.Option(help="End ngspice after this many seconds.")]
 
 

@@ -13,6 +13,7 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
+    CIRCUIT_ENDINGS,
     JsonOption,
     OutputOption,
     PlotOption,
@@ -65,11 +66,13 @@ def fit(
     output: OutputOption = None,
     plot: PlotOption = None,
 ) -> None:
-    """Fit an equivalent circuit to a spectrum. Writes .lib (SPICE), .json (values) or .csv (curves).
+    """Fit an equivalent circuit to a spectrum.
+
+    Writes .lib (SPICE), .asy (LTspice), .kicad_sym (KiCad), .s1p (Touchstone), .toml, .json (values) or .csv (curves).
 
     Example: piezomotor fit measured.csv --modes 2 --output stator.lib --plot fit.png
     """
-    check_targets(output, (".lib", ".json", ".csv"), plot)
+    check_targets(output, (*CIRCUIT_ENDINGS, ".json", ".csv"), plot)
     with busy("fitting"):
         result = pr.fit_spectrum(read_one_port(file, trace, connection), modes, leads=leads)
     if output is not None:
@@ -116,7 +119,7 @@ def _tell(result: pr.SpectrumFit) -> None:
     )
     tried = ", ".join(
         f"{item.arms} ({item.criterion:.0f}, {100.0 * item.rms_relative_error:.2g} %"
-        f"{'' if item.distinct else ', arms share a peak'})"
+        f"{', ' if item.note else ''}{item.note})"
         for item in result.candidates
     )
     console.print(f"numbers of arms tried (information criterion, RMS error): {tried}")

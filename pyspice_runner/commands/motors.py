@@ -5,18 +5,22 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
+from typing import Annotated
 
+import typer
+from rich.console import Console
 from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
+    CIRCUIT_ENDINGS,
     JsonOption,
     MotorArgument,
     OutputOption,
     PlotOption,
     SetOption,
     check_targets,
-    guarded,
     leaves,
     load_changed,
     show_result,
@@ -74,7 +78,10 @@ def show(
 
 
 def export(
-    motor: MotorArgument,
+    source: Annotated[
+        str,
+        typer.Argument(metavar="MOTOR|FIT", help="A parameter set, a motor's TOML, or a fit's .json or .toml."),
+    ],
     contact: LawOption = LawKind.spring_slider,
     sliders: SlidersOption = 8,
     changes: SetOption = None,
@@ -82,18 +89,46 @@ def export(
     output: OutputOption = None,
     plot: PlotOption = None,
 ) -> None:
-    """Write a motor as one self-contained SPICE library, .subckt piezomotor a b com shaft. Writes .lib.
+    """Write a motor, or the circuit of a fit, for other programs.
+
+    A motor becomes .subckt piezomotor a b com shaft, a fit .subckt resonator p n. Writes .lib (ngspice and LTspice),
+    .asy (LTspice symbol), .kicad_sym (KiCad symbol), .s2p or .s1p (Touchstone) or .toml; without --output, the .lib.
 
     Example: piezomotor export andersen2002 --output motor.lib
     """
-    check_targets(output, (".lib",), plot)
-    loaded = load_changed(motor, changes)
+    if pr.is_circuit_file(source):
+        _export_circuit(source, changes, as_json, output, plot)
+        return
+    check_targets(output, (".lib", ".asy", ".kicad_sym", ".s2p", ".toml"), plot)
+    loaded = load_changed(source, changes)
     text = pr.motor_library(loaded, contact=contact.value, sliders=sliders)
     if output is not None:
-        guarded(output, lambda: output.write_text(text, encoding="utf-8"))
+        pr.export_motor(loaded, output, contact=contact.value, sliders=sliders)
     if plot is not None:
         pr.plot_mode_shapes(loaded, plot)
+    _show_library("motor", loaded.name, text, as_json, output)
+
+
+def _export_circuit(
+    source: str, changes: list[str] | None, as_json: bool, output: Path | None, plot: Path | None
+) -> None:
+    if changes or plot is not None:
+        raise pr.ParameterError("--set and --plot are for motors; a fit is drawn by `piezomotor fit FILE --plot`.")
+    check_targets(output, CIRCUIT_ENDINGS, None)
+    circuit, name = pr.load_circuit(source), Path(source).name
+    if output is not None:
+        pr.export_circuit(circuit, output, title=f"from {name}")
+    _show_library("circuit", name, pr.circuit_library(circuit, title=f"from {name}"), as_json, output)
+
+
+def _show_library(kind: str, name: str, text: str, as_json: bool, output: Path | None) -> None:
     if as_json:
-        sys.stdout.write(json.dumps({"motor": loaded.name, "library": text}) + "\n")
+        sys.stdout.write(json.dumps({kind: name, "library": text}) + "\n")
     elif output is None:
         sys.stdout.write(text)
+    elif output.suffix in (".asy", ".kicad_sym"):
+        library = output.with_suffix(".lib")
+        if not library.exists():
+            Console(stderr=True, highlight=False, soft_wrap=True).print(
+                f"note: {output.name} names {library.name}; export that too, beside it.", markup=False
+            )

@@ -67,7 +67,6 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
             f"C{index} r{index} n {arm.capacitance_f!r}",
         ]
     lines = [
-        "* SPDX-License-Identifier: GPL-3.0-or-later",
         f"* {name}: piezoelectric resonator, {len(circuit.arms)} motional arm{'s' if len(circuit.arms) > 1 else ''}",
         *([f"* {_plain(title)}"] if title else []),
         "*",

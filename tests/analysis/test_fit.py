@@ -56,7 +56,7 @@ def test_arms_that_share_a_peak_are_shown_but_not_taken() -> None:
     measured = spectrum(circuit, np.linspace(18e3, 23e3, 801), noise=0.001)
     fit = fitted(measured)
     assert len(fit.arms) == 1
-    assert [(candidate.arms, candidate.distinct) for candidate in fit.candidates[:2]] == [(1, True), (2, False)]
+    assert [(item.arms, item.note) for item in fit.candidates[:2]] == [(1, ""), (2, "arms share a peak")]
     assert fit.candidates[1].criterion < fit.candidates[0].criterion
     assert any("where only the curve matters, ask for modes = " in text for text in fit.warnings)
     asked = fitted(measured, 2)
@@ -72,6 +72,14 @@ def test_arms_between_the_points_are_found() -> None:
     for modes in (None, 3):
         fit = fitted(spectrum(circuit, np.linspace(1e4, 2e5, 801)), modes)
         assert values(fit.circuit) == pytest.approx(values(circuit), rel=1e-6)
+
+
+def test_a_loss_tangent_that_is_the_same_at_all_frequencies_makes_no_arm() -> None:
+    """The files of the project's own have it; it differs from the circuit's by less than any analyser shows."""
+    fit = fitted(pr.read_spectrum(Path(__file__).parents[1] / "data" / "spectra" / "plain.csv"))
+    assert [round(arm.series_resonance_hz, -1) for arm in fit.arms] == [100e3, 105e3]
+    assert [candidate.note for candidate in fit.candidates][:3] == ["", "", "an arm follows the background"]
+    assert fit.warnings == ()
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1e6])

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An equivalent circuit as a file: TOML to keep and edit, read back from it or from a fit's JSON."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import fields
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
+
+_ARM = [item.name for item in fields(MotionalArm)]
+_WHOLE = [item.name for item in fields(EquivalentCircuit) if item.name != "arms"]
+_MAY_BE_ZERO = ("loss_tangent", "lead_resistance_ohm", "lead_inductance_h")
+
+
+def circuit_toml(circuit: EquivalentCircuit, *, title: str = "") -> str:
+    """Return an equivalent circuit as TOML, which :func:`load_circuit` reads back without loss.
+
+    Args:
+        circuit: the circuit.
+        title: what it stands for, one line.
+    """
+    lines = [
+        f"# Equivalent circuit{', ' if title else ''}{' '.join(title.split())}",
+        "# USE: piezomotor export THIS.toml --output stator.lib",
+        "# A motor's file takes these [[arms]] too, each with name, coupling_ratio, mass_kg, tip_x and tip_y besides.",
+        "",
+        *(f"{key} = {float(getattr(circuit, key))!r}" for key in _WHOLE),
+    ]
+    for arm in circuit.arms:
+        lines += ["", "[[arms]]", *(f"{key} = {float(getattr(arm, key))!r}" for key in _ARM)]
+    return "\n".join(lines) + "\n"
+
+
+def is_circuit_file(source: str | Path) -> bool:
+    """Tell whether a path is that of an equivalent circuit rather than of a motor."""
+    path = Path(source)
+    if path.suffix == ".json":
+        return True
+    try:
+        return path.suffix == ".toml" and "clamped_capacitance_f" in tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return False
+
+
+def load_circuit(path: str | Path) -> EquivalentCircuit:
+    """Read an equivalent circuit from its TOML, or from the JSON of a fit.
+
+    Raises:
+        ParameterError: for a file that cannot be read, or whose values make no passive circuit.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+        document: Any = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    except OSError as error:
+        raise ParameterError(f"Cannot read {path}: {error.strerror or error}. Give the file of a fit.") from error
+    except (ValueError, RecursionError) as error:
+        kind = "JSON" if path.suffix == ".json" else "TOML"
+        raise ParameterError(f"{path.name} is not valid {kind}: {error}. Save the fit again.") from error
+    arms = document.get("arms") if isinstance(document, dict) else None
+    if not isinstance(arms, list) or not arms or not all(isinstance(arm, dict) for arm in arms):
+        raise ParameterError(f"{path.name} has no arms; give what `piezomotor fit --output` wrote as .json or .toml.")
+    found = [
+        MotionalArm(*(_number(arm, key, f"arms.{index}.{key}", path.name) for key in _ARM))
+        for index, arm in enumerate(arms)
+    ]
+    whole = [_number(document, key, key, path.name) for key in _WHOLE]
+    return EquivalentCircuit(tuple(sorted(found, key=lambda arm: arm.series_resonance_hz)), *whole)
+
+
+def _number(table: dict[str, Any], key: str, path: str, where: str) -> float:
+    value = table.get(key, 0.0 if key.startswith("lead_") else None)
+    if value is None:
+        raise ParameterError(f"{where}: {path} is missing. State it.")
+    least = -inf if isinstance(value, bool) or not isinstance(value, int | float) else float(value)
+    if not (isfinite(least) and (least > 0.0 or (least == 0.0 and key in _MAY_BE_ZERO))):
+        allowed = "≥ 0" if key in _MAY_BE_ZERO else "> 0"
+        raise ParameterError(f"{where}: {path} = {str(value)[:40]!r} is refused; allowed is a number {allowed}.")
+    return least

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Schematic symbols for a library: LTspice ``.asy`` and KiCad ``.kicad_sym``.
+
+Neither program runs where this is developed. Tests hold the files against parsers of the two formats; that the programs
+take them is untested, and the files say so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+UNTESTED = "Untested: written by pyspice-runner and checked by a parser, never opened in"
+
+
+@dataclass(frozen=True)
+class SymbolPin:
+    """A pin of a symbol: its name in the subcircuit, and on which side of the box it stands."""
+
+    name: str
+    side: Literal["left", "right"]
+
+
+MOTOR_PINS = (
+    SymbolPin("a", "left"),
+    SymbolPin("b", "left"),
+    SymbolPin("com", "left"),
+    SymbolPin("shaft", "right"),
+)
+RESONATOR_PINS = (SymbolPin("p", "left"), SymbolPin("n", "right"))
+
+
+def ltspice_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: str) -> str:
+    """Return an LTspice symbol of ``.subckt NAME``, its pins in the order of ``pins``.
+
+    Args:
+        name: name of the subcircuit.
+        pins: its pins.
+        library: file name of the library, which stands beside the schematic.
+        title: what it is, one line.
+    """
+    rows = _rows(pins)
+    bottom = 32 * max(rows) + 32
+    usage = f"Use: put {library} beside the schematic, place X, and plot I(X1:{pins[0].name})"
+    lines = [
+        "Version 4",
+        "SymbolType CELL",
+        f"RECTANGLE Normal -64 -32 64 {bottom}",
+        "WINDOW 0 0 -40 Bottom 2",
+        f"WINDOW 3 0 {bottom + 8} Top 2",
+        f"SYMATTR Value {name}",
+        "SYMATTR Prefix X",
+        f"SYMATTR ModelFile {library}",
+        f"SYMATTR Description {_line(title)}. {usage}. {UNTESTED} LTspice.",
+    ]
+    for order, (pin, row) in enumerate(zip(pins, rows, strict=True), start=1):
+        x = -64 if pin.side == "left" else 64
+        lines += [f"PIN {x} {32 * row} {pin.side.upper()} 8", f"PINATTR PinName {pin.name}"]
+        lines += [f"PINATTR SpiceOrder {order}"]
+    return "\n".join(lines) + "\n"
+
+
+def kicad_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: str) -> str:
+    """Return a KiCad symbol library (format of KiCad 7, which later ones read) with its simulation fields.
+
+    Args:
+        name: name of the subcircuit.
+        pins: its pins.
+        library: file name of the SPICE library, which stands beside the schematic.
+        title: what it is, one line.
+    """
+    rows = _rows(pins)
+    bottom = -2.54 * (max(rows) + 1)
+    fields = [
+        ("Reference", "X", 3.81, False),
+        ("Value", name, bottom - 1.27, False),
+        ("Footprint", "", 0.0, True),
+        ("Datasheet", "", 0.0, True),
+        ("Sim.Device", "SUBCKT", 0.0, True),
+        ("Sim.Library", library, 0.0, True),
+        ("Sim.Name", name, 0.0, True),
+        ("Sim.Pins", " ".join(f"{number}={pin.name}" for number, pin in enumerate(pins, start=1)), 0.0, True),
+        ("ki_description", f"{_line(title)}. {UNTESTED} KiCad.", 0.0, True),
+        ("Usage", f"Put {library} beside the schematic; Inspect, Simulator runs it.", 0.0, True),
+    ]
+    font = "(effects (font (size 1.27 1.27))"
+    lines = [
+        "(kicad_symbol_lib (version 20220914) (generator pyspice_runner)",
+        f'  (symbol "{name}" (pin_names (offset 1.016)) (in_bom no) (on_board no)',
+        *(
+            f'    (property "{key}" "{value}" (at 0 {y:g} 0) {font}{" hide" if hidden else ""}))'
+            for key, value, y, hidden in fields
+        ),
+        f'    (symbol "{name}_0_1"',
+        f"      (rectangle (start -7.62 2.54) (end 7.62 {bottom:g})",
+        "        (stroke (width 0.254) (type default)) (fill (type background))))",
+        f'    (symbol "{name}_1_1"',
+    ]
+    for number, (pin, row) in enumerate(zip(pins, rows, strict=True), start=1):
+        x, angle = (-10.16, 0) if pin.side == "left" else (10.16, 180)
+        lines += [
+            f"      (pin passive line (at {x:g} {0.0 - 2.54 * row:g} {angle}) (length 2.54)",
+            f'        (name "{pin.name}" {font})) (number "{number}" {font})))',
+        ]
+    return "\n".join([*lines, "    )", "  )", ")"]) + "\n"
+
+
+def _rows(pins: Sequence[SymbolPin]) -> list[int]:
+    """Return the row of every pin, counted on each side from the top."""
+    count = {"left": 0, "right": 0}
+    rows = []
+    for pin in pins:
+        rows.append(count[pin.side])
+        count[pin.side] += 1
+    return rows
+
+
+def _line(text: str) -> str:
+    """Return a text as both formats take it: one line of ASCII without quotes and backslashes."""
+    kept = "".join(character if " " <= character <= "~" and character not in '"\\' else "_" for character in text)
+    return kept[:150].rstrip(". ")
