@@ -74,3 +74,66 @@ def test_fit_refuses_in_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "No such file" in capsys.readouterr().err
     assert run(["fit", str(coil), "--output", str(tmp_path / "fit.xyz")]) == 2
     assert "let it end in" in capsys.readouterr().err
+
+
+# --- both groups ---
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The four spectra of the paper's motor, and all in one file."""
+    folder = tmp_path_factory.mktemp("bench")
+    result = pr.admittance(pr.load_motor("andersen2002"), start=8e3, stop=70e3, points=600)
+    spectrum = pr.Spectrum.from_admittance(result.frequency_hz, result.matrix_s)
+    spectrum.to_csv(folder / "both.csv")
+    for connection in ("A", "B", "A+B", "A-B"):
+        spectrum.driven(connection).to_csv(folder / f"{connection}.csv")  # type: ignore[arg-type]
+    return folder
+
+
+def test_four_spectra_and_a_mass_make_a_motor_that_runs(
+    bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motor, expected = str(tmp_path / "motor.toml"), pr.load_motor("andersen2002")
+    masses = ",".join(str(mode.mass_kg) for mode in expected.modes)
+    files = [str(bench / f"{name}.csv") for name in ("A", "B", "A+B", "A-B")]
+    words = ["fit", files[0], "--b", files[1], "--sum", files[2], "--difference", files[3], "--output", motor, "--json"]
+    words += ["--mass-kg", masses, "--tip", "0,1", "--tip", "2.2520976710522804,0"]
+    assert run(words) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [mode["coupling_b"] > 0.0 for mode in document["modes"]] == [True, False]
+    assert [mode["mass_kg"] for mode in document["motor"]["modes"]] == [mode.mass_kg for mode in expected.modes]
+    assert run(["simulate", motor, "--duration", "1e-4", "--json"]) == 0
+    assert run(["simulate", "andersen2002", "--duration", "1e-4", "--json"]) == 0
+    of_fit, of_truth = map(json.loads, capsys.readouterr().out.splitlines())
+    assert of_fit["mean_rotor_speed_rad_s"] == pytest.approx(of_truth["mean_rotor_speed_rad_s"], rel=1e-3)
+
+
+def test_a_two_port_file_does_as_well(bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    both = str(bench / "both.csv")
+    assert run(["fit", both, "--two-port"]) == 0
+    assert "couplings in N/V" in " ".join(capsys.readouterr().out.split())
+    words = ["fit", both, "--two-port", "--velocity-per-current", "31.79", "--output", str(tmp_path / "motor.toml")]
+    assert run(words) == 0
+    mode = pr.load_motor(tmp_path / "motor.toml").modes[0]
+    assert mode.coupling_a_n_per_v == pytest.approx(1.0 / 31.79, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--mass-kg", "1e-3"], "belong to --two-port"),
+        (["--two-port", "--tip", "0,1"], "add --mass-kg or --velocity-per-current"),
+        (["--two-port", "--mass-kg", "1e-3", "--tip", "1"], "write X,Y as 0,1"),
+        (["--two-port", "--mass-kg", "x"], "--mass-kg"),
+        (["--two-port", "--plot", "x.png"], "--plot draws one connection"),
+        (["--two-port", "--output", "x.toml"], "let it end in .json"),
+        (["--two-port", "--b", "both.csv"], "--two-port takes one file"),
+    ],
+)
+def test_words_about_both_groups_that_do_not_fit(
+    words: list[str], says: str, bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(bench)
+    assert run(["fit", "both.csv", *words]) == 2
+    assert says in capsys.readouterr().err

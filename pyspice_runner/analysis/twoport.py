@@ -97,7 +97,7 @@ class TwoPortFit:
         velocity_per_current: float | Sequence[float] | None = None,
         connection: Connection = "A",
         tips: Sequence[tuple[float, float]] | None = None,
-        base: Motor | str = "andersen2002",
+        base: Motor | str | Path = "andersen2002",
         name: str = "measured",
     ) -> Motor:
         """Return a complete motor: the fitted stator, calibrated, with the contact and the rotor of another motor.

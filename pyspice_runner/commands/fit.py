@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -20,6 +21,7 @@ from pyspice_runner.commands.common import (
     busy,
     check_targets,
     engineering,
+    grid,
     show_result,
 )
 
@@ -38,7 +40,40 @@ ModesOption = Annotated[int | None, typer.Option(help="Number of motional arms; 
 ConnectionOption = Annotated[Port, typer.Option(help="Connection of the groups, for the spectrum of a two-port.")]
 LeadsOption = Annotated[bool, typer.Option("--leads/--no-leads", help="Fit the leads, or take them as compensated.")]
 TraceOption = Annotated[str | None, typer.Option(help="Which of several spectra in the file, such as memory.")]
-
+_PANEL = "Both groups, towards a motor"
+TwoPortOption = Annotated[
+    bool, typer.Option("--two-port", help="Fit both groups of a two-port together.", rich_help_panel=_PANEL)
+]
+OtherOption = Annotated[
+    Path | None, typer.Option("--b", help="Spectrum of group B, A shorted; FILE is then A.", rich_help_panel=_PANEL)
+]
+SumOption = Annotated[
+    Path | None, typer.Option("--sum", help="Spectrum of A and B in parallel.", rich_help_panel=_PANEL)
+]
+DifferenceOption = Annotated[
+    Path | None, typer.Option("--difference", help="Spectrum of A against B.", rich_help_panel=_PANEL)
+]
+MassOption = Annotated[
+    str | None,
+    typer.Option("--mass-kg", help="Modal mass in kg: one, or one a mode: 2e-3,3e-3.", rich_help_panel=_PANEL),
+]
+VelocityOption = Annotated[
+    str | None,
+    typer.Option(
+        "--velocity-per-current",
+        help="Instead, the tip's velocity per motional current of --connection, m/s/A: of mode 1, or of each.",
+        rich_help_panel=_PANEL,
+    ),
+]
+TipOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--tip", metavar="X,Y", help="Motion of the tip in a mode, as 0,1. Once a mode.", rich_help_panel=_PANEL
+    ),
+]
+BaseOption = Annotated[
+    str, typer.Option("--base", help="Motor that contact and rotor are taken from.", rich_help_panel=_PANEL)
+]
 
 _COLUMNS = {
     "series_resonance_hz": "Hz",
@@ -62,6 +97,14 @@ def fit(
     connection: ConnectionOption = Port.a,
     leads: LeadsOption = True,
     trace: TraceOption = None,
+    two_port: TwoPortOption = False,
+    other: OtherOption = None,
+    both: SumOption = None,
+    difference: DifferenceOption = None,
+    mass: MassOption = None,
+    velocity: VelocityOption = None,
+    tips: TipOption = None,
+    base: BaseOption = "andersen2002",
     as_json: JsonOption = False,
     output: OutputOption = None,
     plot: PlotOption = None,
@@ -70,8 +113,18 @@ def fit(
 
     Writes .lib (SPICE), .asy (LTspice), .kicad_sym (KiCad), .s1p (Touchstone), .toml, .json (values) or .csv (curves).
 
+    With --two-port, or --b and --sum or --difference, the couplings of every mode to both groups: writes .json, and
+    with --mass-kg or --velocity-per-current a motor .toml.
+
     Example: piezomotor fit measured.csv --modes 2 --output stator.lib --plot fit.png
     """
+    if two_port or other is not None or both is not None or difference is not None:
+        given = {"A": file, "B": other, "A+B": both, "A-B": difference}
+        calibration = _calibration(mass, velocity, connection, tips, base)
+        _fit_two_port(given, two_port, modes, trace, calibration, as_json, output, plot)
+        return
+    if mass or velocity or tips:
+        raise pr.ParameterError("--mass-kg, --velocity-per-current and --tip belong to --two-port or --b; add one.")
     check_targets(output, (*CIRCUIT_ENDINGS, ".json", ".csv"), plot)
     with busy("fitting"):
         result = pr.fit_spectrum(read_one_port(file, trace, connection), modes, leads=leads)
@@ -126,3 +179,63 @@ def _tell(result: pr.SpectrumFit) -> None:
     complain = Console(stderr=True, highlight=False, soft_wrap=True)
     for warning in result.warnings:
         complain.print(f"note: {warning}", markup=False)
+
+
+def _calibration(
+    mass: str | None, velocity: str | None, connection: Port, tips: list[str] | None, base: str
+) -> dict[str, Any]:
+    """Return what makes a motor of the fit, as far as it is given."""
+    found: dict[str, Any] = {}
+    for option, key, text in (
+        ("--mass-kg", "mass_kg", mass),
+        ("--velocity-per-current", "velocity_per_current", velocity),
+    ):
+        if text is not None:
+            values = grid(option, text)
+            found[key] = values[0] if len(values) == 1 else values
+    if not found:
+        if tips:
+            raise pr.ParameterError("--tip belongs to a motor; add --mass-kg or --velocity-per-current.")
+        return found
+    if tips:
+        pairs = [grid("--tip", tip) for tip in tips]
+        if any(len(pair) != 2 for pair in pairs):
+            raise pr.ParameterError(f"--tip {tips[0]!r} is refused; write X,Y as 0,1, once for each mode.")
+        found["tips"] = pairs
+    return {**found, "connection": connection.value, "base": base}
+
+
+def _fit_two_port(
+    files: Mapping[str, Path | None],
+    two_port: bool,
+    modes: int | None,
+    trace: str | None,
+    calibration: Mapping[str, Any],
+    as_json: bool,
+    output: Path | None,
+    plot: Path | None,
+) -> None:
+    if plot is not None:
+        raise pr.ParameterError("--plot draws one connection; leave out --two-port and choose a --connection.")
+    check_targets(output, (".json", ".toml") if calibration else (".json",), None)
+    read = {connection: pr.read_spectrum(file, trace=trace) for connection, file in files.items() if file is not None}
+    if two_port and len(read) > 1:
+        raise pr.ParameterError(
+            "--two-port takes one file with both ports; leave it out to give --b, --sum, --difference."
+        )
+    with busy("fitting"):
+        result = pr.fit_two_port(read["A"] if two_port else read, modes)  # type: ignore[arg-type]
+    motor = result.to_motor(**calibration) if calibration else None
+    if output is not None:
+        result.save(output, **calibration)
+    table = Table("mode", "f", "Q", "coupling A", "coupling B", box=None, padding=(0, 1, 0, 0))
+    table.title = f"{result.source}: {len(result.modes)} modes; couplings in N/V per root kg"
+    for number, mode in enumerate(result.modes, start=1):
+        table.add_row(
+            str(number), engineering(mode.series_resonance_hz, "Hz"), f"{mode.quality_factor:.4g}",
+            f"{mode.coupling_a:.4g}", f"{mode.coupling_b:.4g}",
+        )  # fmt: skip
+    complain = Console(stderr=True, highlight=False, soft_wrap=True)
+    for warning in result.warnings:
+        complain.print(f"note: {warning}", markup=False)
+    show_result({**result.to_dict(), "motor": motor.to_dict() if motor else None}, table, as_json)
