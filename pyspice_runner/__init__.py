@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from pyspice_runner.model.impact import Throw
     from pyspice_runner.model.load import available_motors, load_motor
     from pyspice_runner.model.motor import Motor
-    from pyspice_runner.model.thermal import Thermal
     from pyspice_runner.model.save import motor_toml
+    from pyspice_runner.model.thermal import Thermal
     from pyspice_runner.model.traction import HertzPatch, microslip_loss, virgin_force
     from pyspice_runner.netlist.drivers import Driver
     from pyspice_runner.netlist.equivalent import circuit_library
@@ -75,8 +75,8 @@ _HOMES = {
     "admittance": "analysis.admittance",
     "available_motors": "model.load",
     "circuit_library": "netlist.equivalent",
-    "drive_report": "analysis.drive",
     "circuit_toml": "model.circuit_file",
+    "drive_report": "analysis.drive",
     "export_circuit": "analysis.export",
     "export_motor": "analysis.export",
     "fit_spectrum": "analysis.fit",
@@ -88,9 +88,9 @@ _HOMES = {
     "load_motor": "model.load",
     "microslip_loss": "model.traction",
     "motor_library": "netlist.motor",
+    "motor_toml": "model.save",
     "operating_point": "analysis.speed_torque",
     "plot_drive": "plots",
-    "motor_toml": "model.save",
     "plot_mode_shapes": "plots",
     "plot_motors": "plots",
     "plot_speed_torque": "plots",
@@ -131,8 +131,8 @@ __all__ = [
     "admittance",
     "available_motors",
     "circuit_library",
-    "drive_report",
     "circuit_toml",
+    "drive_report",
     "export_circuit",
     "export_motor",
     "fit_spectrum",
@@ -144,9 +144,9 @@ __all__ = [
     "load_motor",
     "microslip_loss",
     "motor_library",
+    "motor_toml",
     "operating_point",
     "plot_drive",
-    "motor_toml",
     "plot_mode_shapes",
     "plot_motors",
     "plot_speed_torque",

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 from rich.table import Table
@@ -22,7 +21,7 @@ from pyspice_runner.commands.common import (
     load_changed,
     show_result,
 )
-from pyspice_runner.commands.contacting import SlidersOption
+from pyspice_runner.commands.contacting import ContactKind, ContactOption, SlidersOption
 from pyspice_runner.commands.driving import (
     DriveKind,
     DriveOption,
@@ -38,23 +37,6 @@ from pyspice_runner.commands.driving import (
 )
 
 
-class ContactKind(StrEnum):
-    """What the tip touches."""
-
-    spring_slider = "spring-slider"
-    brush = "brush"
-    coulomb = "coulomb"
-    none = "none"
-
-
-LAWS: dict[ContactKind, Literal["spring-slider", "brush", "coulomb"] | None] = {
-    ContactKind.spring_slider: "spring-slider",
-    ContactKind.brush: "brush",
-    ContactKind.coulomb: "coulomb",
-    ContactKind.none: None,
-}
-
-
 def simulate(
     motor: MotorArgument,
     drive: DriveOption = DriveKind.two_phase,
@@ -67,7 +49,7 @@ def simulate(
     frequency_2: Frequency2Option = None,
     soft_start: SoftStartOption = 0.0,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 5e-3,
-    contact: Annotated[ContactKind, typer.Option(help="Contact law; none is a free tip.")] = ContactKind.spring_slider,
+    contact: ContactOption = ContactKind.spring_slider,
     sliders: SlidersOption = 8,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
     load_torque: Annotated[float, typer.Option(help="Torque that a load draws from the shaft, N.m.")] = 0.0,
@@ -91,7 +73,7 @@ def simulate(
             loaded,
             excitation,
             duration=duration,
-            contact=LAWS[contact],
+            contact=contact.law,
             sliders=sliders,
             speed=speed,
             load_torque=load_torque,

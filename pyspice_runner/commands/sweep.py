@@ -32,6 +32,7 @@ from pyspice_runner.commands.common import (
     show_result,
     write_dataset,
 )
+from pyspice_runner.commands.contacting import ContactKind, ContactOption, SlidersOption
 from pyspice_runner.commands.driving import (
     DriveKind,
     DriveOption,
@@ -119,6 +120,8 @@ def sweep(
     frequency_2: Frequency2Option = None,
     soft_start: SoftStartOption = 0.0,
     duration: Annotated[float | None, typer.Option(help="Simulate: simulated time, s; default: 5e-3.")] = None,
+    contact: ContactOption = ContactKind.spring_slider,
+    sliders: SlidersOption = 8,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
     load_torque: Annotated[float | None, typer.Option(help="Simulate: torque that a load draws, N.m.")] = None,
     timeout: TimeoutOption = None,
@@ -143,7 +146,11 @@ def sweep(
             raise pr.ParameterError(f"{path} is given to --over and to --tolerance. Give it to one of them.")
         axes[path] = pr.Tolerance(_percent(path, text), distribution.value)
     settings: dict[str, Any] = {"speed": speed, "duration": duration, "load_torque": load_torque, "timeout": timeout}
+    if contact is ContactKind.brush:
+        settings["sliders"] = sliders
     run = {name: value for name, value in settings.items() if value is not None}
+    if contact is not ContactKind.spring_slider:  # which is the default of the run
+        run["contact"] = contact.law
     if analysis is AnalysisKind.operating_point:
         how: dict[str, Any] = {"analysis": pr.operating_point, "quantities": quantity or OPERATING_QUANTITIES, **run}
     else:

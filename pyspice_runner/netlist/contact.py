@@ -50,7 +50,7 @@ def contact_library(law: ContactLaw, sliders: int = SLIDERS) -> Library:
         raise ParameterError(f"sliders = {sliders} is refused; allowed is a whole number from 1 to {MOST_SLIDERS}.")
     name = LIBRARIES[law]
     if law == "brush" and sliders != SLIDERS:
-        return parse_library(name, brush_library(sliders))
+        return parse_library(name, brush_library(int(sliders)))
     return read_library(name)
 
 

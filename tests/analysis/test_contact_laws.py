@@ -136,6 +136,19 @@ def test_exported_library_runs_by_the_law_it_was_asked_for(
         pr.motor_library(MOTOR, contact=None)  # type: ignore[arg-type]
 
 
+def test_sweep_goes_by_the_law_it_was_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["sweep", "andersen2002", "--over", "drive.voltage=50", "--frequency", "51.7e3"]
+    words += ["--duration", "2e-4", "--store", str(tmp_path), "--workers", "1", "--json"]
+    speeds = {}
+    for law in ("spring-slider", "brush", "none"):
+        assert command([*words, "--contact", law, "--sliders", "4"]) == 0
+        (speeds[law],) = json.loads(capsys.readouterr().out)["quantities"]["mean_rotor_speed_rad_s"]
+    run = pr.simulate(MOTOR, DRIVES["slip"], duration=2e-4, contact="brush", sliders=4)
+    assert speeds["brush"] == pytest.approx(run.mean_rotor_speed_rad_s, rel=1e-9)
+    assert speeds["brush"] != pytest.approx(speeds["spring-slider"], rel=1e-3)
+    assert speeds["none"] == 0.0
+
+
 def test_unknown_law_is_refused() -> None:
     with pytest.raises(pr.ParameterError, match="contact = 'glue' is refused; allowed are 'spring-slider', 'brush', "):
         pr.simulate(MOTOR, DRIVES["slip"], duration=1e-4, contact="glue")  # type: ignore[arg-type]
