@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pyspice_runner.analysis.admittance import Admittance, admittance
+    from pyspice_runner.analysis.compare import Comparison, Trend, compare
     from pyspice_runner.analysis.drive import DriveReport, drive_report
     from pyspice_runner.analysis.export import export_circuit, export_motor
     from pyspice_runner.analysis.fit import FittedArm, SpectrumFit, fit_spectrum
@@ -50,6 +51,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Admittance": "analysis.admittance",
+    "Comparison": "analysis.compare",
     "DriveReport": "analysis.drive",
     "Driver": "netlist.drivers",
     "EquivalentCircuit": "model.equivalent",
@@ -68,6 +70,7 @@ _HOMES = {
     "Thermal": "model.thermal",
     "Throw": "model.impact",
     "Tolerance": "analysis.sweep",
+    "Trend": "analysis.compare",
     "TwoPhaseDrive": "model.drive",
     "TwoPortFit": "analysis.twoport",
     "TwoToneDrive": "model.drive",
@@ -76,6 +79,7 @@ _HOMES = {
     "available_motors": "model.load",
     "circuit_library": "netlist.equivalent",
     "circuit_toml": "model.circuit_file",
+    "compare": "analysis.compare",
     "drive_report": "analysis.drive",
     "export_circuit": "analysis.export",
     "export_motor": "analysis.export",
@@ -106,6 +110,7 @@ _HOMES = {
 
 __all__ = [
     "Admittance",
+    "Comparison",
     "DriveReport",
     "Driver",
     "EquivalentCircuit",
@@ -124,6 +129,7 @@ __all__ = [
     "Thermal",
     "Throw",
     "Tolerance",
+    "Trend",
     "TwoPhaseDrive",
     "TwoPortFit",
     "TwoToneDrive",
@@ -132,6 +138,7 @@ __all__ = [
     "available_motors",
     "circuit_library",
     "circuit_toml",
+    "compare",
     "drive_report",
     "export_circuit",
     "export_motor",

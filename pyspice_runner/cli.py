@@ -2,7 +2,8 @@
 """The command ``piezomotor``.
 
 Standard output carries the result, and with ``--json`` one JSON object and nothing else; progress and complaints go to
-standard error. Exit status: 0 success, 2 refused input, 3 the simulator failed, 130 interrupted.
+standard error. Exit status: 0 success, 1 outside of a tolerance that was given, 2 refused input, 3 the simulator
+failed, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from rich.console import Console
 
 import pyspice_runner as pr
 from pyspice_runner.commands.admittance import admittance
+from pyspice_runner.commands.compare import compare
 from pyspice_runner.commands.drive import drive
 from pyspice_runner.commands.fit import fit
 from pyspice_runner.commands.impact import impact
@@ -33,7 +35,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
 )
 
-for command in (motors, show, simulate, admittance, speed_torque, sweep, drive, impact, fit, export):
+for command in (motors, show, simulate, admittance, speed_torque, sweep, drive, impact, fit, compare, export):
     app.command()(command)
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import xarray
 
     from pyspice_runner.analysis.admittance import Admittance
+    from pyspice_runner.analysis.compare import Comparison, Trend
     from pyspice_runner.analysis.drive import DriveReport
     from pyspice_runner.analysis.fit import SpectrumFit
     from pyspice_runner.analysis.impact import Impact
@@ -90,7 +91,7 @@ def plot_fit(fit: SpectrumFit, path: str | Path) -> Path:
     """Draw measured and fitted |Y| and phase, the G–B circle, and the residuals."""
     figure, axes = _figure(2, 2, width=11.0, height=8.0)
     magnitude, circle, phase, residuals = axes.flat
-    scale, prefix = (1e-6, "M") if fit.frequency_hz[-1] >= 1e6 else (1e-3, "k")
+    scale, prefix = _unit_of_frequency(fit.frequency_hz)
     frequency, fine = scale * fit.frequency_hz, np.linspace(fit.frequency_hz[0], fit.frequency_hz[-1], 4001)
     fine = np.union1d(fine, fit.frequency_hz)
     fitted = fit.admittance(fine)
@@ -120,6 +121,69 @@ def plot_fit(fit: SpectrumFit, path: str | Path) -> Path:
     residuals.legend()
     figure.suptitle(fit.source, fontsize=10)
     return _save(figure, path)
+
+
+def plot_comparison(result: Comparison, path: str | Path) -> Path:
+    """Draw a spectrum over its reference: |Y|, phase, G–B circle, and the deviations of every mode."""
+    figure, axes = _figure(2, 2, width=11.0, height=8.0)
+    magnitude, circle, phase, deviations = axes.flat
+    curves = (
+        (result.reference, {"color": BLUE, "linewidth": 1.2, "label": f"reference: {result.reference.source}"}),
+        (result.measured, {"marker": ".", "markersize": 3, "linestyle": "", "color": VERMILION,
+                           "label": f"measured: {result.measured.source}"}),
+    )  # fmt: skip
+    scale, prefix = _unit_of_frequency(result.measured.frequency_hz)
+    for fit, look in curves:
+        y = fit.measured_s
+        magnitude.semilogy(scale * fit.frequency_hz, 1e3 * np.abs(y), **look)
+        phase.plot(scale * fit.frequency_hz, np.degrees(np.angle(y)), **look)
+        circle.plot(1e3 * y.real, 1e3 * y.imag, **look)
+    for axis in (magnitude, phase):
+        axis.set(xlabel=f"frequency in {prefix}Hz")
+        axis.set_xlim(scale * result.measured.frequency_hz[0], scale * result.measured.frequency_hz[-1])
+    magnitude.set(ylabel="|Y| in mS", title=f"Admittance: {100.0 * result.rms_deviation:.3g} % RMS apart")
+    phase.set(ylabel="phase in degrees", title="Phase")
+    circle.set(xlabel="conductance G in mS", ylabel="susceptance B in mS", title="G–B circle")
+    circle.axis("equal")
+    magnitude.legend(fontsize=7)
+    known = {key: value for key, value in result.deviations().items() if np.isfinite(value)}
+    names = [name.replace("_", " ") + (f", mode {mode}" if mode else "") for name, mode in known]
+    bars = deviations.barh(names, [100.0 * value for value in known.values()], color=BLUE)
+    deviations.bar_label(bars, [f"{100.0 * value:+.2f}" for value in known.values()], padding=3, fontsize=7)
+    deviations.invert_yaxis()
+    deviations.margins(x=0.2)
+    deviations.axvline(0.0, color="0.3", linewidth=0.8)
+    deviations.set(xlabel="deviation in %", title="Measured less reference")
+    return _save(figure, path)
+
+
+def plot_trend(trend: Trend, path: str | Path) -> Path:
+    """Draw the deviations of many spectra from one reference over what they were measured at."""
+    figure, axes = _figure(2, 2, width=10.0, height=7.0)
+    colours, marks = (BLUE, VERMILION, GREEN, ORANGE, GREY), ("o", "s", "^", "D", "v")
+    tables = [item.deviations() for item in trend.comparisons]
+    panels = (
+        ("frequency", "Series resonance"),
+        ("quality_factor", "Quality factor"),
+        ("coupling_factor", "Coupling factor k_eff"),
+        ("clamped_capacitance", "Clamped capacitance"),
+    )
+    for axis, (name, title) in zip(axes.flat, panels, strict=True):
+        for number, key in enumerate(key for key in tables[0] if key[0] == name):
+            values = [100.0 * table[key] if np.isfinite(table[key]) else np.nan for table in tables]
+            look = {"color": colours[number % 5], "marker": marks[number % 5]}
+            axis.plot(trend.at, values, **look, label=f"mode {key[1]}" if key[1] else None)
+        axis.axhline(0.0, color="0.3", linewidth=0.8)
+        if np.ptp(axis.get_ylim()) < 0.01:  # nothing but rounding errors
+            axis.set_ylim(-0.1, 0.1)
+        axis.set(xlabel=trend.label, ylabel="deviation in %", title=title)
+    axes.flat[0].legend()
+    figure.suptitle(f"{len(tables)} spectra against {trend.comparisons[0].reference.source}", fontsize=10)
+    return _save(figure, path)
+
+
+def _unit_of_frequency(frequency_hz: Any) -> tuple[float, str]:
+    return (1e-6, "M") if frequency_hz[-1] >= 1e6 else (1e-3, "k")
 
 
 def plot_impact(result: Impact, path: str | Path) -> Path:

@@ -128,6 +128,11 @@ class SpectrumFit:
         inside = [arm for arm in self.arms if arm.in_band] or list(self.arms)
         return max(inside, key=lambda arm: arm.capacitance_f)
 
+    @property
+    def resonances(self) -> tuple[FittedArm, ...]:
+        """The arms that ring in the band, by rising frequency; the others stand for modes beyond it and for losses."""
+        return tuple(arm for arm in self.arms if arm.in_band and arm.quality_factor >= RESONANT_QUALITY)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the fit JSON-ready, SI throughout."""
         main = self.main_arm.characteristics

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``piezomotor compare``: spectra against a motor or another spectrum."""
+
+from __future__ import annotations
+
+from math import isfinite
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+import pyspice_runner as pr
+from pyspice_runner.commands.admittance import StateKind
+from pyspice_runner.commands.common import (
+    JsonOption,
+    OutputOption,
+    PlotOption,
+    SetOption,
+    busy,
+    check_targets,
+    engineering,
+    grid,
+    load_changed,
+    show_result,
+)
+from pyspice_runner.commands.fit import LeadsOption, ModesOption, Port
+
+_UNITS = {"frequency": "Hz", "quality_factor": "", "coupling_factor": "", "resistance": "Ω"}
+
+
+def compare(
+    files: Annotated[
+        list[str],
+        typer.Argument(metavar="FILE... REFERENCE", help="Spectra, and last a motor or another spectrum."),
+    ],
+    reference: Annotated[
+        str | None, typer.Option(help="The reference, if it is not the last: a motor or a spectrum.")
+    ] = None,
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[NAME=]SHARE",
+            help="Allowed deviation of all but resistance, or of NAME (frequency, quality_factor, coupling_factor, "
+            "resistance, clamped_capacitance): 5% or 0.05. Exit status 1 if it is exceeded. Repeatable.",
+        ),
+    ] = None,
+    modes: ModesOption = None,
+    connection: Annotated[Port, typer.Option(help="Connection of the groups, of a motor and of two-ports.")] = Port.a,
+    state: Annotated[StateKind, typer.Option(help="Tip of a motor: free, or pressed on the rotor.")] = StateKind.free,
+    leads: LeadsOption = True,
+    at: Annotated[
+        str | None, typer.Option(help="What the spectra were measured at, such as temperatures: 20,40,60.")
+    ] = None,
+    label: Annotated[str, typer.Option(help='What --at is: "temperature in °C".')] = "",
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    output: OutputOption = None,
+    plot: PlotOption = None,
+) -> None:
+    """Hold spectra against a motor or another spectrum, mode by mode. Writes .json or .csv.
+
+    One spectrum is drawn over its reference; of many, the trend. Exit status 1 if a --tolerance is exceeded or a mode
+    is missing.
+
+    Example: piezomotor compare measured.csv andersen2002 --tolerance 5% --plot comparison.png
+    """
+    check_targets(output, (".json", ".csv"), plot)
+    tolerances = _tolerances(tolerance)
+    if reference is None:
+        *files, reference = files
+    if not files:
+        raise pr.ParameterError(f"There is nothing to compare with {reference}; give a spectrum, then the reference.")
+    spectra = [pr.read_spectrum(file) for file in files]
+    against = _reference(reference, changes)
+    with busy("fitting"):
+        trend = pr.compare(
+            spectra, against, modes=modes, connection=connection.value, state=state.value, leads=leads,
+            at=grid("--at", at) if at else None, label=label,
+        )  # fmt: skip
+    if output is not None:
+        trend.save(output)
+    if plot is not None:
+        trend.plot(plot)
+    outside = [item.outside(tolerances) if tolerances else () for item in trend.comparisons]
+    document = trend.to_dict()
+    for entry, faults in zip(document["comparisons"], outside, strict=True):
+        entry["outside_tolerance"] = list(faults)
+    document |= {"tolerances": tolerances, "within_tolerance": not any(outside) if tolerances else None}
+    said = [] if as_json else [f"note: {text}" for item in trend.comparisons for text in item.warnings]
+    for item, faults in zip(trend.comparisons, outside, strict=True):
+        said += [f"{item.measured.source}: {text}" for text in faults]
+    show_result(document, _table(trend), as_json)
+    for text in dict.fromkeys(said):
+        Console(stderr=True, highlight=False, soft_wrap=True).print(text, markup=False)
+    if any(outside):
+        raise typer.Exit(1)
+
+
+def _reference(name: str, changes: list[str] | None) -> pr.Motor | pr.Spectrum:
+    """Return a motor, of a parameter set or a TOML file, or else a spectrum."""
+    if name in pr.available_motors() or Path(name).suffix == ".toml":
+        return load_changed(name, changes)
+    if changes:
+        raise pr.ParameterError("--set changes a motor, but the reference is a spectrum; leave it out.")
+    return pr.read_spectrum(name)
+
+
+def _table(trend: pr.Trend) -> Table:
+    table = Table("spectrum", "mode", "f", "Q", "k_eff", "R", "C0", box=None, padding=(0, 1, 0, 0))
+    table.title = f"against {trend.comparisons[0].reference.source}"
+    for item in trend.comparisons:
+        capacitance = _cell(item.measured.circuit.clamped_capacitance_f, "F", item.clamped_capacitance_deviation)
+        for mode in item.modes:
+            cells = ["missing"] + [""] * (len(_UNITS) - 1)
+            if mode.measured is not None:
+                cells = [_cell(mode.measured[name], unit, mode.deviations[name]) for name, unit in _UNITS.items()]
+            table.add_row(item.measured.source, str(mode.mode), *cells, capacitance)
+        for frequency in item.extra_hz:
+            table.add_row(item.measured.source, "extra", engineering(frequency, "Hz"))
+    return table
+
+
+def _cell(value: float, unit: str, deviation: float) -> str:
+    shown = engineering(value, unit) if unit else f"{value:.4g}"
+    return f"{shown} {100.0 * deviation:+.2g}%" if abs(deviation) > 1e-6 else f"{shown} ±0%"
+
+
+def _tolerances(given: list[str] | None) -> dict[str, float]:
+    """Read tolerances: 5%, 5 and 0.05 are all five percent, since a share is below 1."""
+    found: dict[str, float] = {}
+    for text in given or []:
+        name, equals, value = text.rpartition("=")
+        if equals and name not in pr.Comparison.QUANTITIES:
+            raise pr.ParameterError(f"--tolerance has no {name!r}; there are {', '.join(pr.Comparison.QUANTITIES)}.")
+        try:
+            share = float(value.removesuffix("%"))
+        except ValueError:
+            share = -1.0
+        if not (isfinite(share) and share >= 0.0):
+            raise pr.ParameterError(f"--tolerance {text!r} is refused; write it as 5% or 0.05, or quality_factor=20%.")
+        share = share / 100.0 if value.endswith("%") or share >= 1.0 else share
+        found |= {name: share} if equals else {key: share for key in pr.Comparison.JUDGED if key not in found}
+    return found
