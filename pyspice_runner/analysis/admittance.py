@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from pyspice_runner.analysis.audit import audit_two_port
 from pyspice_runner.analysis.spectrum import COUPLING, Connection, columns_of, connect
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.engine.pyspice import BatchSimulator
@@ -84,6 +85,7 @@ class Admittance:
         resonances: connection → its resonances, by rising frequency, of the modes that the connection drives.
         ngspice_version: version of ngspice.
         motor: the motor, JSON-ready.
+        findings: what the audit found amiss (:mod:`.audit`); nothing, unless it was overridden.
     """
 
     frequency_hz: NDArray[np.float64]
@@ -93,6 +95,7 @@ class Admittance:
     resonances: dict[str, tuple[Resonance, ...]]
     ngspice_version: str
     motor: dict[str, Any] = field(repr=False)
+    findings: tuple[str, ...] = ()
 
     def driven(self, connection: Connection = "A") -> NDArray[np.complex128]:
         """Return the admittance in S seen when the groups are connected as ``A``, ``B``, ``A+B`` or ``A-B``."""
@@ -109,6 +112,7 @@ class Admittance:
             "operating_point_normal_force_n": self.normal_force_n,
             "resonances": {key: [asdict(item) for item in items] for key, items in self.resonances.items()},
             "ngspice_version": self.ngspice_version,
+            "audit": {"passed": not self.findings, "findings": list(self.findings)},
         }
 
     def to_xarray(self) -> xarray.Dataset:
@@ -153,6 +157,7 @@ def admittance(
     points: int = 2000,
     state: State = "free",
     timeout: float | None = None,
+    audit: bool = True,
 ) -> Admittance:
     """Compute the two-port admittance by ngspice's AC analysis, and the equivalent circuit of every mode in range.
 
@@ -163,6 +168,7 @@ def admittance(
         points: number of frequencies, evenly spaced.
         state: ``"free"`` tip, or ``"preloaded"`` on the rotor.
         timeout: wall time in s after which ngspice is ended.
+        audit: whether an admittance that is not passive is an error. If not, ``findings`` says where it is not.
 
     Raises:
         ParameterError: for a value that is refused.
@@ -181,6 +187,9 @@ def admittance(
     simulator.options(**AC_OPTIONS)
     normal_force = _operating_force(motor, simulator) if preloaded else 0.0
     frequency, matrix = _sweep(simulator, start, stop, points)
+    findings = audit_two_port(frequency, matrix)
+    if findings and audit:
+        raise SimulationError(f"{' '.join(findings)} The result is withheld; audit = False gives it, marked.")
     resonances = {
         connection: tuple(
             _resonance(simulator, motor, mode, centre, bandwidth, connection)
@@ -189,7 +198,7 @@ def admittance(
         )
         for connection in get_args(Connection)
     }
-    return Admittance(frequency, matrix, state, normal_force, resonances, ngspice_version(), motor.to_dict())
+    return Admittance(frequency, matrix, state, normal_force, resonances, ngspice_version(), motor.to_dict(), findings)
 
 
 def _drives(connection: Connection, mode: Mode) -> bool:

@@ -14,7 +14,8 @@ from math import isfinite, pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.simulate import FEWEST_POINTS_PER_PERIOD, MOST_POINTS, POINTS_PER_PERIOD
+from pyspice_runner.analysis.audit import FEWEST_POINTS_PER_PERIOD
+from pyspice_runner.analysis.simulate import MOST_POINTS, POINTS_PER_PERIOD
 from pyspice_runner.analysis.waveforms import Array
 from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from pyspice_runner.analysis.audit import FEWEST_POINTS_PER_PERIOD, audit_run
 from pyspice_runner.analysis.waveforms import Array, EnergyBalance, Waveforms
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.engine.pyspice import BatchSimulator
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
@@ -23,7 +24,6 @@ from pyspice_runner.netlist.motor import Discretisation
 # The error of the trapezoidal rule with modes exact at resonance falls with the square of the step; with this many
 # points a period of the fastest motion it is below 0.1 % of the tip's motion at all reference points of the tests.
 POINTS_PER_PERIOD = 128
-FEWEST_POINTS_PER_PERIOD = 16  # coarser, the shape of the motion is lost
 MOST_POINTS = 20_000_000  # 4 GB of vectors
 
 
@@ -39,6 +39,7 @@ def simulate(
     step: float | None = None,
     exact_resonance: bool = True,
     timeout: float | None = None,
+    audit: bool = True,
 ) -> Waveforms:
     """Run a motor from its preloaded operating point, at rest, the drive coming on at t = 0.
 
@@ -56,6 +57,8 @@ def simulate(
         exact_resonance: write the modes so that the trapezoidal rule resonates where they do
             (:class:`~pyspice_runner.netlist.motor.Discretisation`).
         timeout: wall time in s after which the run is ended.
+        audit: whether a run that fails the physical audit (:mod:`.audit`) is an error. If not, ``provenance["audit"]``
+            has what was found.
 
     Raises:
         ParameterError: for a value that is refused.
@@ -77,6 +80,18 @@ def simulate(
     assert simulator.result is not None
     samples = {name: _real(values) for name, values in simulator.result.raw.vectors.items()}
     waves = _columns(motor, drive, samples, contact is not None, speed, discretisation)
+    energy = _energy(
+        motor,
+        waves,
+        _penetration(motor, samples, contact is not None),
+        _modal(motor, samples, discretisation, contact is not None),
+        speed,
+        load_torque,
+    )
+    from_load, touching = max(-energy.load, 0.0), contact is not None
+    findings = audit_run(motor, waves, missing_j=energy.missing, from_load_j=from_load, step=step, contact=touching)
+    if findings and audit:
+        raise SimulationError(f"{' '.join(findings)} The run is withheld; audit = False gives it, marked.")
     provenance: dict[str, Any] = {
         "motor": motor.to_dict(),
         "drive": {"kind": type(drive).__name__, "label": drive.label, **drive.model_dump()},
@@ -90,17 +105,11 @@ def simulate(
             "exact_resonance": exact_resonance,
         },
         "deck_sha256": hashlib.sha256(deck.encode()).hexdigest(),
+        "audit": {"passed": not findings, "findings": list(findings)},
     }
     return Waveforms(
         **waves,
-        energy=_energy(
-            motor,
-            waves,
-            _penetration(motor, samples, contact is not None),
-            _modal(motor, samples, discretisation, contact is not None),
-            speed,
-            load_torque,
-        ),
+        energy=energy,
         drive_period_s=drive.period,
         rotor_radius_m=motor.rotor.radius_m,
         solver_seconds=simulator.result.seconds,

@@ -21,8 +21,9 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pyspice_runner.analysis.audit import FEWEST_POINTS_PER_PERIOD
 from pyspice_runner.analysis.dynamometer import UNITS, Bench, Block, quantities, uniform_step
-from pyspice_runner.analysis.simulate import FEWEST_POINTS_PER_PERIOD, shortest_period
+from pyspice_runner.analysis.simulate import shortest_period
 from pyspice_runner.analysis.waveforms import Array
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import ParameterError, SimulationError

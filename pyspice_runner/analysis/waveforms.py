@@ -66,14 +66,18 @@ class EnergyBalance:
     load: float
 
     @property
+    def missing(self) -> float:
+        """Energy supplied less energy found, J."""
+        found: float = sum(getattr(self, item.name) for item in fields(self) if item.name != "electrical")
+        return self.electrical - found
+
+    @property
     def residual(self) -> float:
         """Supplied minus found, relative to the energy put in (by the sources, and by a shaft that is driven)."""
-        found: float = sum(getattr(self, item.name) for item in fields(self) if item.name != "electrical")
         put_in = max(self.electrical, 0.0) + max(-self.load, 0.0)
-        missing = self.electrical - found
         if put_in <= 0.0:
-            return 0.0 if missing == 0.0 else float("inf")
-        return abs(missing) / put_in
+            return 0.0 if self.missing == 0.0 else float("inf")
+        return abs(self.missing) / put_in
 
 
 @dataclass(frozen=True)

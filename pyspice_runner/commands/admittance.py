@@ -11,6 +11,7 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
+    AuditOption,
     JsonOption,
     MotorArgument,
     OutputOption,
@@ -22,6 +23,7 @@ from pyspice_runner.commands.common import (
     engineering,
     load_changed,
     show_result,
+    warn_of,
 )
 
 
@@ -39,6 +41,7 @@ def admittance(
     stop: Annotated[float, typer.Option(help="Last frequency, Hz.")] = 100e3,
     points: Annotated[int, typer.Option(help="Number of frequencies.")] = 2000,
     timeout: TimeoutOption = None,
+    audit: AuditOption = True,
     changes: SetOption = None,
     as_json: JsonOption = False,
     output: OutputOption = None,
@@ -51,8 +54,15 @@ def admittance(
     check_targets(output, (".csv", ".nc", ".json"), plot)
     with busy("ngspice sweeps the frequency"):
         result = pr.admittance(
-            load_changed(motor, changes), start=start, stop=stop, points=points, state=state.value, timeout=timeout
+            load_changed(motor, changes),
+            start=start,
+            stop=stop,
+            points=points,
+            state=state.value,
+            timeout=timeout,
+            audit=audit,
         )
+    warn_of(result.findings)
     if output is not None:
         result.save(output)
     if plot is not None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from math import floor, log10
 from pathlib import Path
@@ -33,6 +33,9 @@ SetOption = Annotated[
 ]
 CIRCUIT_ENDINGS = (".lib", ".asy", ".kicad_sym", ".s1p", ".toml")  # of what an equivalent circuit is exported to
 TimeoutOption = Annotated[float | None, typer.Option(help="End ngspice after this many seconds.")]
+AuditOption = Annotated[
+    bool, typer.Option("--audit/--no-audit", help="Whether a result that fails the physical audit is an error.")
+]
 
 
 def load_changed(motor: str, changes: list[str] | None) -> pr.Motor:
@@ -138,6 +141,13 @@ def engineering(value: float, unit: str) -> str:
     """Write a value with four digits and the prefix of its unit."""
     exponent = 0 if value == 0.0 else min(max(floor(log10(abs(value)) / 3), -5), 3)
     return f"{value / 1000.0**exponent:.4g}\N{NO-BREAK SPACE}{'fpnµm kMG'[exponent + 5].strip()}{unit}"
+
+
+def warn_of(findings: Iterable[str]) -> None:
+    """Say on stderr what the audit found in a result that is given all the same."""
+    complain = Console(stderr=True, soft_wrap=True, highlight=False, emoji=False)
+    for finding in findings:
+        complain.print(f"piezomotor: not to be trusted: {finding}", style="red", markup=False)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
+    AuditOption,
     JsonOption,
     MotorArgument,
     OutputOption,
@@ -20,6 +21,7 @@ from pyspice_runner.commands.common import (
     check_targets,
     load_changed,
     show_result,
+    warn_of,
 )
 from pyspice_runner.commands.contacting import ContactKind, ContactOption, SlidersOption
 from pyspice_runner.commands.driving import (
@@ -55,6 +57,7 @@ def simulate(
     load_torque: Annotated[float, typer.Option(help="Torque that a load draws from the shaft, N.m.")] = 0.0,
     step: Annotated[float | None, typer.Option(help="Uniform time step, s; default: from the fastest motion.")] = None,
     timeout: TimeoutOption = None,
+    audit: AuditOption = True,
     changes: SetOption = None,
     as_json: JsonOption = False,
     output: OutputOption = None,
@@ -79,7 +82,9 @@ def simulate(
             load_torque=load_torque,
             step=step,
             timeout=timeout,
+            audit=audit,
         )
+    warn_of(run.provenance["audit"]["findings"])
     if output is not None:
         run.save(output)
     if plot is not None:
