@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from pyspice_runner.model.contact import linearised_resonances
+from pyspice_runner.model.contact import linearised_resonances, static_deflection
 from pyspice_runner.model.motor import Motor
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ FEWEST_POINTS_PER_PERIOD = 16  # of the fastest motion; coarser, its shape is lo
 # than this is no longer the error of the step that was asked for.
 ENERGY_BOUND = 0.01
 _SLACK = 1e-3  # of a force; Newton's iteration is closed to 1e-6, the points of a slip lie up to half a step beside it
-_NEWTON = 1e-6  # to which the iteration is closed, of the energy that the contact held
+_NEWTON = 1e-6  # to which the iteration is closed, of the energy that pressing tip and rotor together stores
 _PASSIVE = 1e-9  # of the greatest |Y|: rounding
 
 
@@ -45,8 +45,10 @@ def audit_run(
     # the most that the sources had put in at any time: at the end of a short run some of it may be back with them
     scale_j = float(np.max(cumulative_trapezoid(power, waves["time_s"], initial=0.0))) + from_load_j
     greatest = float(waves["normal_force_n"].max()) if contact else 0.0
-    in_contact_j = 0.4 * greatest * (greatest / motor.contact.normal_stiffness_n_per_m15) ** (2.0 / 3.0)
-    if abs(missing_j) > ENERGY_BOUND * scale_j + _NEWTON * in_contact_j:
+    bending = static_deflection(motor.contact.model_copy(update={"preload_n": greatest}), motor.modes)
+    indentation = (greatest / motor.contact.normal_stiffness_n_per_m15) ** (2.0 / 3.0)
+    pressed_j = greatest * (0.5 * bending + 0.4 * indentation)
+    if abs(missing_j) > ENERGY_BOUND * scale_j + _NEWTON * pressed_j:
         findings.append(
             f"The energy balance misses {abs(missing_j):.3g} of {scale_j:.3g} J; allowed is {100 * ENERGY_BOUND:g} %. "
             f"The step of {step:.3g} s is likely too coarse for the contact: halve it."
