@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, canvas, main, motor_words, write
+from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, canvas, draft, main, motor_words, write
 
 import pyspice_runner as pr
 
@@ -46,7 +46,7 @@ def draw(folder: Path) -> list[str]:
         axis.legend(loc="upper left", fontsize=7)
         axis.set_ylim(-1.6, 2.1)
 
-    amplitudes = np.append(np.geomspace(0.05, 1.0, 13), (1.2, 1.5, 2.0))
+    amplitudes = np.append(np.geomspace(0.05, 1.0, 4 if draft() else 13), (1.2, 1.5, 2.0))
     fine = np.geomspace(0.05, 2.0, 200)
     axes[1, 1].loglog(fine, pr.microslip_loss(fine), color=BLACK, lw=4.0, alpha=0.25, label="Mindlin, exact")
     relative = {}

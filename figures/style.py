@@ -126,10 +126,16 @@ def write(figure: Figure, path: Path, title: str, caption: str, legend: Sequence
         raise pr.ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
 
 
+def draft() -> bool:
+    """Whether the picture is only a draft (``--draft``): with few points, quickly done; the tests draw these."""
+    return "--draft" in sys.argv
+
+
 def main(work: Callable[[Path], list[str]], what: str | None) -> None:
     """Run a script: ``--output DIR`` says where pictures go; what was found goes to the terminal."""
     parser = argparse.ArgumentParser(description=(what or "").partition("\n")[0])
     parser.add_argument("--output", type=Path, default=HERE, metavar="DIR", help="where pictures go (%(default)s)")
+    parser.add_argument("--draft", action="store_true", help="only a draft, with fewer points where they cost time")
     folder = parser.parse_args().output
     try:
         print("\n".join(work(folder)))

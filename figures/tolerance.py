@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from style import BLACK, BLUE, GREY, VERMILLION, canvas, drive_words, main, motor_words, write
+from style import BLACK, BLUE, GREY, VERMILLION, canvas, draft, drive_words, main, motor_words, write
 
 import pyspice_runner as pr
 
@@ -21,8 +21,8 @@ TOLERANCES = {
     "modes.*.coupling_a_n_per_v": (0.05, "coupling of A / nominal"),
 }
 SPEEDS = (0.0, 4.5, 9.0)  # rad/s
-SAMPLES = 16
-RUN = {"duration": 5e-3, "step": 3e-7}
+SAMPLES = 4 if draft() else 16
+RUN = {"duration": 1e-3 if draft() else 5e-3, "step": 3e-7}
 
 
 def draw(folder: Path) -> list[str]:
