@@ -21,7 +21,8 @@ figures: setup ## draw every figure of figures/ anew
 test: lint ## lint, then run every test, the wheel's included
 	$(PY) -m pytest -n $(JOBS) --dist loadgroup
 
-bench: setup ## measure speed, accuracy and memory (minutes; nothing else should run meanwhile)
+bench: ## measure speed, accuracy and memory (minutes; nothing else should run meanwhile)
+	@sh scripts/setup.sh test dev bench
 	@$(PY) benchmarks/run.py
 
 lint: setup ## check style, format and types

@@ -220,8 +220,9 @@ def fit_spectrum(spectrum: Spectrum, modes: int | None = None, *, leads: bool = 
     criteria = [problem.criterion(solution, independent) for solution in (bare, *solutions)]
     candidates = _candidates(problem, solutions, criteria[1:])
     chosen = _choose(candidates, range(len(solutions)))
-    alone = solutions[0] if modes is None else problem.fit(1, bare)
-    if not problem.resonances(solutions[chosen]) and problem.resonances(alone):
+    if not problem.resonances(solutions[chosen]) and problem.resonances(
+        solutions[0] if modes is None else problem.fit(1, bare)
+    ):
         # arms have left the band, as they do where it ends amid a resonance; one arm finds what rings
         ringing = [k for k, solution in enumerate(solutions) if problem.resonances(solution)]
         if not ringing:

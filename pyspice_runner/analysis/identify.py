@@ -129,10 +129,12 @@ class Problem:
 
     # --- descent ---
 
-    def descend(self, start: Vector, *, steps: int = 100) -> Solution:
+    def descend(self, start: Vector, *, steps: int = 100, tolerance: float = 1e-8) -> Solution:
         """Descend from start values to the nearest minimum within the bounds."""
         least, greatest = self.bounds((len(start) - GLOBALS) // 3)
-        parameters, cost = descend(self.normal_equations, start, (least, greatest), self._reach, steps=steps)
+        parameters, cost = descend(
+            self.normal_equations, start, (least, greatest), self._reach, steps=steps, tolerance=tolerance
+        )
         return Solution(parameters, cost)
 
     def _reach(self, parameters: Vector) -> Vector:
@@ -180,9 +182,9 @@ class Problem:
         return best
 
     def fit_exactly(self, arms: int, bare: Solution) -> Solution:
-        """Fit a given number of arms: at once, or if that leaves an arm out, one after the other."""
+        """Fit a given number of arms: at once, or if they leave the band, one after the other."""
         best = self.fit(arms, bare if arms == 1 else None)
-        if arms > 1 and not self._settled(best):
+        if arms > 1 and not self.resonances(best):
             chained = bare
             for count in range(1, arms + 1):
                 chained = self.fit(count, chained)
@@ -245,7 +247,7 @@ class Problem:
 
     def _race(self, starts: list[Vector]) -> Solution:
         """Descend a little from every start, and return the one that came lowest."""
-        return min((self.descend(start, steps=15) for start in starts), key=COST)
+        return min((self.descend(start, steps=30, tolerance=1e-3) for start in starts), key=COST)
 
     def _settled(self, solution: Solution) -> bool:
         """Tell whether the residuals hide no further arm: none stands out, and they look like noise."""
@@ -353,12 +355,15 @@ def descend(
     for _ in range(steps):
         held = ((parameters <= least) & (gradient > 0.0)) | ((parameters >= greatest) & (gradient < 0.0))
         step = _damped_step(gradient, hessian, ~held, damping)
+        if damping <= 1.0 and float(-gradient @ step) <= 1e-3 * tolerance * cost:
+            break
         step *= min(1.0, float(np.min(reach(parameters) / np.maximum(np.abs(step), 1e-300))))
         trial = np.clip(parameters + step, least, greatest)
         step = trial - parameters
+        expected = float(-(2.0 * gradient + hessian @ step) @ step)
         trial_cost, trial_gradient, trial_hessian = equations(trial)
         if trial_cost < cost:
-            gain = (cost - trial_cost) / max(float(-(2.0 * gradient + hessian @ step) @ step), 1e-300)
+            gain = (cost - trial_cost) / max(expected, 1e-300)
             converged = cost - trial_cost <= tolerance * cost and damping <= 1e-2
             parameters, cost, gradient, hessian = trial, trial_cost, trial_gradient, trial_hessian
             damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * min(gain, 1.0) - 1.0) ** 3), 1e-12)
