@@ -106,7 +106,8 @@ def brush_library(sliders: int = SLIDERS) -> str:
             f"Bw{number} w{number} 0 V=max(0,{width})",
             f"Bl{number} l{number} 0 V={{mu*ratio}}*{w}*(V(depth)-{{cell}}*({inner**2}+{w}*({inner}+{w}/3)))",
             f"Bc{number} c{number} 0 V=max(-V(l{number}),min(V(l{number}),V(q{number})))",
-            f"Bq{number} 0 q{number} I={w}*V(slip)-{{1e-6/slider_time}}*(V(q{number})-V(c{number}))",
+            f"Bq{number} 0 q{number} I={w}*V(slip)",
+            f"Rpull{number} q{number} c{number} {{1e6*slider_time}}",
             f"Cq{number} q{number} 0 1u",
             f"Rq{number} q{number} 0 1g",
         ]
@@ -189,23 +190,31 @@ damping=0 span=1.6 slider_time=50n
 .param ratio={{compliance*normal_stiffness**(2/3)}}
 .param cell={{span/{square}}}
 .param spring={{1.5e-9*normal_stiffness*cell**0.5/ratio}}
-* normal: penetration in um, 1 + damping * its rate, then force
-Bdelta delta 0 V=(2*{{radius_um}}*(V(y)+{{seat}})-(V(y)+{{seat}})**2-V(x)**2)/({{radius_um}}+sqrt(V(x)**2+\
-({{radius_um}}-{{seat}}-V(y))**2))
-Bhold hold 0 V=max(0,1+{{damping}}*(V(vy)*({{radius_um}}-{{seat}}-V(y))-V(vx)*V(x))/({{radius_um}}-V(delta)))
-Bnormal normal 0 V={{normal_stiffness*1e-9}}*max(V(delta),0)**1.5*V(hold)
+* geometry in um: delta (2 R - delta) = sigma (2 R - sigma) - x^2, of which Newton's iteration finds the small root;
+* sine and versine (1 - cosine) of the angle by which the contact lies off the crown of the rotor
+Vseat sigma y {{seat}}
+Bdelta delta 0 V=V(sigma)+{{0.5/radius_um}}*(V(delta)*V(delta)-V(sigma)*V(sigma)-V(x)*V(x))
+Bsine sine 0 V=V(x)/({{radius_um}}-V(delta))
+Bversine versine 0 V=0.5*(V(sine)*V(sine)+V(versine)*V(versine))
+* normal force: Hertz's, times 1 + damping * approach velocity
+Belastic elastic 0 V={{normal_stiffness*1e-9}}*uramp(V(delta))**1.5
+Bhold hold 0 V=uramp(1+{{damping}}*(V(vy)-V(vx)*V(sine)-V(vy)*V(versine)))
+Bnormal normal 0 V=V(elastic)*V(hold)
 * the edge of the contact, in cells, with a floor under the penetration that keeps the root smooth
 Bdepth depth 0 V=max(V(delta),1e-9)
 Bedge edge 0 V=sqrt(max(V(delta),1e-9)/{{cell}})
 * relative velocity
-Bslip slip 0 V=(V(vx)*({{radius_um}}-{{seat}}-V(y))+V(vy)*V(x))/({{radius_um}}-V(delta))-{{radius}}*V(shaft)
+Gtip 0 slip vx 0 1
+Grotor slip 0 shaft 0 {{radius}}
+Bturn 0 slip I=V(vy)*V(sine)-V(vx)*V(versine)
+Rslip slip 0 1
 * cells, from the centre outwards: w, l, q held inside +-l, q
 {cells}
 * in gross slip the sum is mu ratio depth edge 2/3, and the friction force mu F_N
 Bfriction friction 0 V={{spring}}*V(hold)*({held})
 * forces on the tip and torque on the rotor
-Bfx fx 0 V=(V(normal)*V(x)-V(friction)*({{radius_um}}-{{seat}}-V(y)))/({{radius_um}}-V(delta))
-Bfy fy 0 V=-(V(normal)*({{radius_um}}-{{seat}}-V(y))+V(friction)*V(x))/({{radius_um}}-V(delta))
+Bfx fx 0 V=V(normal)*V(sine)-V(friction)+V(friction)*V(versine)
+Bfy fy 0 V=V(normal)*V(versine)-V(normal)-V(friction)*V(sine)
 Gtorque 0 shaft friction 0 {{radius}}
 * for the eye only: nothing depends on these
 Bslider slider 0 V=V(c1)/max(V(w1),1e-6)
