@@ -12,7 +12,7 @@ setup: ## install what is missing: ngspice, and the package with its test tools 
 	@sh scripts/setup.sh test dev
 
 demo: ## run the motor and draw what it does
-	@sh scripts/setup.sh
+	@sh scripts/setup.sh report
 	@$(PY) figures/demo.py --output demo
 
 figures: setup ## draw every figure of figures/ anew

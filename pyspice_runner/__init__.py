@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.impact import Impact, impact
     from pyspice_runner.analysis.matching import Matching, propose_matching
     from pyspice_runner.analysis.readers import read_spectrum
+    from pyspice_runner.analysis.report import Report, report
     from pyspice_runner.analysis.simulate import simulate
     from pyspice_runner.analysis.spectrum import Spectrum
     from pyspice_runner.analysis.speed_torque import operating_point, speed_torque
@@ -63,6 +64,7 @@ _HOMES = {
     "MotionalArm": "model.equivalent",
     "Motor": "model.motor",
     "ParameterError": "errors",
+    "Report": "analysis.report",
     "SimulationError": "errors",
     "Spectrum": "analysis.spectrum",
     "SpectrumError": "errors",
@@ -101,6 +103,7 @@ _HOMES = {
     "plot_sweep": "plots",
     "propose_matching": "analysis.matching",
     "read_spectrum": "analysis.readers",
+    "report": "analysis.report",
     "resonator_modes": "model.beam",
     "simulate": "analysis.simulate",
     "speed_torque": "analysis.speed_torque",
@@ -122,6 +125,7 @@ __all__ = [
     "MotionalArm",
     "Motor",
     "ParameterError",
+    "Report",
     "SimulationError",
     "Spectrum",
     "SpectrumError",
@@ -160,6 +164,7 @@ __all__ = [
     "plot_sweep",
     "propose_matching",
     "read_spectrum",
+    "report",
     "resonator_modes",
     "simulate",
     "speed_torque",

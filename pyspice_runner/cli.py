@@ -22,6 +22,7 @@ from pyspice_runner.commands.drive import drive
 from pyspice_runner.commands.fit import fit
 from pyspice_runner.commands.impact import impact
 from pyspice_runner.commands.motors import export, motors, show
+from pyspice_runner.commands.report import report
 from pyspice_runner.commands.simulate import simulate
 from pyspice_runner.commands.speed_torque import speed_torque
 from pyspice_runner.commands.sweep import sweep
@@ -35,7 +36,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
 )
 
-for command in (motors, show, simulate, admittance, speed_torque, sweep, drive, impact, fit, compare, export):
+for command in (motors, show, simulate, admittance, speed_torque, sweep, drive, impact, fit, compare, export, report):
     app.command()(command)
 
 

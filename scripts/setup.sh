@@ -1,10 +1,11 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
-# Installs what is missing and nothing else: ngspice, Python's venv module, this package (editable) in .venv.
+# Installs what is missing and nothing else: ngspice, Python's venv module, this package (editable) in .venv, and for
+# the tests Chromium.
 #
-#   scripts/setup.sh            what `make demo` needs
-#   scripts/setup.sh test dev   the same with these extras of pyproject.toml
+#   scripts/setup.sh report     what `make demo` needs
+#   scripts/setup.sh test dev   the package with these extras of pyproject.toml
 #
 # PYTHON=/path/to/python3 chooses the interpreter that .venv is made with. When nothing is missing, this
 # returns at once, without pip or network.
@@ -80,6 +81,17 @@ need_ngspice() {
         fi
     fi
     ngspice --version </dev/null >/dev/null 2>&1 || die "ngspice is installed, but 'ngspice --version' fails."
+}
+
+need_browser() { # for the tests, which open the report in it
+    for browser in chromium chromium-browser google-chrome; do
+        if have $browser; then
+            return
+        fi
+    done
+    have apt-get || die "The tests need Chromium. Install it, then try again."
+    # Ubuntu's package of the other name brings the snap
+    if grep -qi '^ID=ubuntu' /etc/os-release; then apt_install chromium-browser; else apt_install chromium; fi
 }
 
 # --- Python ---
@@ -166,4 +178,5 @@ moved() { # was the tree moved since .venv was made? Its scripts would point to 
 }
 
 need_ngspice
+case " $* " in *" test "*) need_browser ;; esac
 need_package "$@"

@@ -23,8 +23,9 @@ WALLS = {
     "model": {"errors"},
     "netlist": {"errors", "model"},
     "engine": {"errors"},
-    "analysis": {"errors", "files", "model", "netlist", "engine", "plots", ""},
+    "analysis": {"errors", "files", "model", "netlist", "engine", "plots", "pages", ""},
     "plots": {"errors", "files", "model", "netlist", "analysis"},
+    "pages": {"errors", "model", "analysis", ""},
     "commands": {""},
     "cli": {"commands", ""},
     "__main__": {"cli"},
@@ -33,11 +34,13 @@ WALLS = {
 HOMES = {
     "PySpice": {"netlist", "engine"},
     "matplotlib": {"plots"},
+    "plotly": {"pages"},
+    "jinja2": {"pages"},
     "subprocess": {"engine"},
     "typer": {"cli", "commands"},
     "rich": {"cli", "commands"},
 }
-PLOTTING = {"matplotlib"}
+PLOTTING = {"matplotlib", "plotly"}
 HEAVY = ("matplotlib", "scipy", "xarray", "numpy", "PySpice", "pydantic", "pandas", "typer", "rich", "h5netcdf")
 SOURCES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
 OUTSIDE = sorted((ROOT / "figures").glob("*.py"))
@@ -126,12 +129,13 @@ def test_figures_use_public_names_only(path: Path) -> None:
 def test_plots_are_made_on_demand(path: Path) -> None:
     """Whoever may import the plots does so inside the function that draws."""
     part = part_of(path)
-    if part == "plots":
+    if part in ("plots", "pages"):
         return
     for node in ast.iter_child_nodes(read(path)):
         for module, line in imports(node) if isinstance(node, ast.Import | ast.ImportFrom) else ():
             names = {module.partition(".")[0], module}
             assert not names & (PLOTTING | {"pyspice_runner.plots"}), f"{name_of(path)}:{line}: {module}"
+            assert not module.startswith("pyspice_runner.pages"), f"{name_of(path)}:{line}: {module}"
 
 
 def test_import_is_light() -> None:
@@ -147,7 +151,7 @@ def test_no_plotting_library_loads_before_a_plot_is_asked_for() -> None:
         "import sys, pyspice_runner as pr\n"
         "[getattr(pr, name) for name in pr.__all__ if not name.startswith('plot_')]\n"
         "pr.load_motor('andersen2002')\n"
-        "print(*[name for name in sys.modules if name.startswith('matplotlib')])\n"
+        "print(*[name for name in sys.modules if name.startswith(('matplotlib', 'plotly', 'jinja2'))])\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60

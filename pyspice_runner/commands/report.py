@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``piezomotor report``: a motor's datasheet, to look at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+import pyspice_runner as pr
+from pyspice_runner.commands.common import (
+    JsonOption,
+    MotorArgument,
+    PlotOption,
+    SetOption,
+    TimeoutOption,
+    check_targets,
+    engineering,
+    grid,
+    load_changed,
+    points_progress,
+    show_result,
+)
+from pyspice_runner.commands.driving import (
+    DriveKind,
+    DriveOption,
+    Frequency1Option,
+    Frequency2Option,
+    FrequencyOption,
+    PhaseOption,
+    SoftStartOption,
+    Voltage1Option,
+    Voltage2Option,
+    VoltageOption,
+    stated_drive,
+)
+from pyspice_runner.commands.fit import Port
+
+
+def report(
+    motor: MotorArgument,
+    drive: DriveOption = DriveKind.two_phase,
+    voltage: VoltageOption = 50.0,
+    frequency: FrequencyOption = None,
+    phase: PhaseOption = None,
+    voltage_1: Voltage1Option = 50.0,
+    frequency_1: Frequency1Option = None,
+    voltage_2: Voltage2Option = 50.0,
+    frequency_2: Frequency2Option = None,
+    soft_start: SoftStartOption = 0.0,
+    duration: Annotated[float, typer.Option(help="Simulated time of the run from rest, s.")] = 10e-3,
+    speeds: Annotated[
+        str | None, typer.Option(help="Speeds of the curves, rad/s, as 0:10:6; default: from standstill to no load.")
+    ] = None,
+    levels: Annotated[str, typer.Option(help="Shares of the voltage at which a curve is measured.")] = "0.5,1",
+    measured: Annotated[
+        str | None, typer.Option(metavar="FILE", help="A measured spectrum to draw over the computed ones.")
+    ] = None,
+    connection: Annotated[
+        Port, typer.Option(help="How the groups were connected in it, if it is a one-port.")
+    ] = Port.a,
+    timeout: TimeoutOption = None,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    output: Annotated[Path | None, typer.Option("--output", help="The page, .html; or .json.")] = None,
+    plot: PlotOption = None,
+) -> None:
+    """Show a motor on one page: modes that move, the tip's path, impedance, speed and torque. Writes .html or .json.
+
+    The page needs no network and no other file. Without --output it is MOTOR.html.
+
+    Example: piezomotor report andersen2002 --output report.html
+    """
+    loaded = load_changed(motor, changes)
+    target = Path(f"{loaded.name}.html") if output is None and not as_json else output
+    check_targets(target, (".html", ".json"), plot)
+    tones = (voltage_1, frequency_1, voltage_2, frequency_2)
+    excitation = stated_drive(loaded, drive, voltage, frequency, phase, tones, soft_start)
+    spectrum = pr.read_spectrum(measured) if measured else None
+    with points_progress() as progress:
+        result = pr.report(
+            loaded,
+            excitation,
+            duration=duration,
+            speeds=grid("--speeds", speeds) if speeds else None,
+            levels=grid("--levels", levels),
+            measured=spectrum,
+            connection=connection.value,
+            progress=progress,
+            timeout=timeout,
+        )
+    if target is not None:
+        result.save(target)
+    if plot is not None:
+        result.run.plot(plot)
+    show_result(result.to_dict(), _table(result, target), as_json)
+
+
+def _table(result: pr.Report, target: Path | None) -> Table:
+    figures: dict[str, Any] = result.key_figures
+
+    def shown(name: str, unit: str) -> str:
+        return "–" if figures[name] is None else engineering(figures[name], unit)
+
+    table = Table("quantity", "value", title=f"{result.motor.name}, {result.drive.label}")
+    for mode in result.motor.modes:
+        table.add_row(mode.name, f"{engineering(mode.frequency_hz, 'Hz')}, Q {mode.quality_factor:.3g}")
+    table.add_row("stall torque", shown("stall_torque_n_m", "N·m"))
+    table.add_row("no-load speed", shown("no_load_speed_rad_s", "rad/s"))
+    best = figures["best_efficiency"]
+    table.add_row("best efficiency", "–" if best is None else f"{100.0 * best:.3g} %")
+    table.add_row("electrical power", engineering(figures["power_a_w"] + figures["power_b_w"], "W"))
+    table.add_row("error by the step", f"{result.discretisation_error['tip_path']:.1e} of the tip's path")
+    table.add_row("energy residual", f"{result.run.energy_residual:.1e}")
+    if target is not None:
+        table.add_row("page" if target.suffix == ".html" else "file", str(target))
+    return table
