@@ -14,6 +14,7 @@ from typing import Any
 
 import typer
 from rich.console import Console
+from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.admittance import admittance
@@ -29,15 +30,49 @@ from pyspice_runner.commands.sweep import sweep
 
 app = typer.Typer(
     name="piezomotor",
-    help="A SPICE model of a standing-wave piezomotor, run on ngspice.",
-    epilog="Try first: piezomotor simulate andersen2002 --plot run.png",
-    no_args_is_help=True,
+    invoke_without_command=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
 
 for command in (motors, show, simulate, admittance, speed_torque, sweep, drive, impact, fit, compare, export, report):
     app.command()(command)
+
+FIRST_STEPS = (
+    ("Try first", (("report andersen2002", "a motor on one page"),)),
+    (
+        "Then",
+        (
+            ("simulate andersen2002 --plot run.png", "one run, drawn"),
+            ("export andersen2002 --output motor.lib", "a .subckt for SPICE"),
+            ("drive andersen2002 --driver half-bridge", "its driver's losses"),
+            ("admittance andersen2002 --state preloaded", "its impedance"),
+        ),
+    ),
+    (
+        "Help",
+        (
+            ("COMMAND --help", "one command, an example"),
+            ("--help", "all commands"),
+            ("--install-completion", "let Tab complete"),
+        ),
+    ),
+)
+
+
+@app.callback()
+def first_steps(context: typer.Context) -> None:
+    """A SPICE model of a standing-wave piezomotor, run on ngspice."""
+    if context.invoked_subcommand is not None:
+        return
+    table = Table.grid(padding=(0, 3, 0, 0))
+    for heading, lines in FIRST_STEPS:
+        table.add_row(f"[bold]{heading}")
+        for words, meaning in lines:
+            table.add_row(f"  piezomotor {words}", meaning)
+    console = Console(highlight=False)
+    console.print(f"{first_steps.__doc__}\n")
+    console.print(table)
 
 
 def main() -> None:

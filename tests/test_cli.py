@@ -3,19 +3,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import pty
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import typer
 
 import pyspice_runner as pr
-from pyspice_runner.cli import run
+from pyspice_runner.cli import FIRST_STEPS, app, run
 from pyspice_runner.commands.common import engineering
 
+COMMANDS = typer.main.get_command(app).commands
 SHORT = ["simulate", "andersen2002", "--duration", "2e-4"]
 
 
@@ -111,7 +116,75 @@ def test_the_deck_that_simulate_writes_runs_by_itself(tmp_path: Path) -> None:
 
 def test_alone_it_says_what_to_try_first() -> None:
     done = command()
-    assert "Try first" in done.stdout + done.stderr
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.index("Try first") < done.stdout.index("piezomotor report andersen2002")
+    lines = done.stdout.splitlines()
+    assert len(lines) <= 24  # one screen
+    assert all(line.startswith(("  piezomotor", "Try", "Then", "Help", "A SPICE")) for line in lines if line.strip())
+
+
+def parsed(words: list[str]) -> None:
+    """Take a command line apart as the program would, and run nothing."""
+    group = typer.main.get_command(app)
+    name, group_command, rest = group.resolve_command(group.make_context("piezomotor", list(words)), list(words))
+    group_command.make_context(name, rest)
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_every_help_shows_an_example_that_the_command_takes(name: str) -> None:
+    text = " ".join((COMMANDS[name].help or "").split())
+    if name == "motors":  # takes nothing
+        return
+    (example,) = re.findall(r"Example: piezomotor (.+)$", text)
+    assert example.startswith(f"{name} ")
+    parsed(shlex.split(example))
+
+
+def test_the_first_steps_are_commands_that_are_taken() -> None:
+    for _, lines in FIRST_STEPS[:-1]:
+        for words, _ in lines:
+            parsed(shlex.split(words))
+
+
+@pytest.mark.parametrize(
+    ("words", "completed"),
+    [
+        ("piezomotor sim", ["simulate"]),
+        ("piezomotor simulate andersen2002-", ["andersen2002-unintended-mode"]),
+        ("piezomotor simulate mi", ["mine.toml"]),
+        ("piezomotor simulate andersen2002 --dur", ["--duration"]),
+    ],
+)
+def test_tab_completes_commands_motors_and_options(words: str, completed: list[str], tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").touch()
+    shell = {"_PIEZOMOTOR_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)}
+    # the program's name is what the shell knows it by
+    start = "import sys; from pyspice_runner.cli import main; sys.argv = ['piezomotor']; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", start], capture_output=True, text=True, cwd=tmp_path, timeout=60, check=False,
+        env={**os.environ, "PYTHONPATH": str(Path(pr.__file__).parents[1]), **shell},
+    )  # fmt: skip
+    assert done.stdout.split() == completed
+
+
+def test_progress_shows_on_a_terminal_and_nowhere_else(tmp_path: Path) -> None:
+    screen, terminal = pty.openpty()
+    done = subprocess.Popen(
+        [sys.executable, "-m", "pyspice_runner", *SHORT, "--json"],
+        stdout=subprocess.PIPE, stderr=terminal, cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(Path(pr.__file__).parents[1]), "TERM": "xterm"},
+    )  # fmt: skip
+    os.close(terminal)
+    shown = b""
+    with contextlib.suppress(OSError):  # a terminal that nobody writes to any more
+        while piece := os.read(screen, 4096):
+            shown += piece
+    os.close(screen)
+    assert done.stdout is not None
+    assert isinstance(json.loads(done.stdout.read()), dict)
+    done.stdout.close()
+    assert done.wait(timeout=60) == 0
+    assert "ngspice runs the motor" in shown.decode()
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 import pyspice_runner as pr
@@ -23,7 +31,17 @@ import pyspice_runner as pr
 if TYPE_CHECKING:
     import xarray
 
-MotorArgument = Annotated[str, typer.Argument(metavar="MOTOR", help="A parameter set, or the path of a TOML file.")]
+
+def complete_motor(incomplete: str) -> list[str]:
+    """Return the parameter sets and the motors' files here that begin so, for the shell."""
+    files = [str(path) for path in Path().glob(f"{incomplete}*.toml")] if not Path(incomplete).is_absolute() else []
+    return [name for name in (*pr.available_motors(), *sorted(files)) if name.startswith(incomplete)]
+
+
+MotorArgument = Annotated[
+    str,
+    typer.Argument(metavar="MOTOR", help="A parameter set, or the path of a TOML file.", autocompletion=complete_motor),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 OutputOption = Annotated[Path | None, typer.Option("--output", help="Write the result to a file, by its ending.")]
 PlotOption = Annotated[Path | None, typer.Option("--plot", help="Draw the result: a .png, .svg or .pdf file.")]
@@ -152,12 +170,11 @@ def warn_of(findings: Iterable[str]) -> None:
 
 @contextmanager
 def busy(what: str) -> Iterator[None]:
-    """Show on a terminal that something runs."""
+    """Show on a terminal that something runs, and for how long."""
     console = Console(stderr=True)
-    if console.is_terminal:
-        with console.status(f"{what} …"):
-            yield
-    else:
+    columns = (SpinnerColumn(), TextColumn("{task.description} …"), TimeElapsedColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+        bar.add_task(what, total=None)
         yield
 
 

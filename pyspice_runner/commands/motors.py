@@ -20,7 +20,9 @@ from pyspice_runner.commands.common import (
     OutputOption,
     PlotOption,
     SetOption,
+    busy,
     check_targets,
+    complete_motor,
     leaves,
     load_changed,
     show_result,
@@ -80,7 +82,11 @@ def show(
 def export(
     source: Annotated[
         str,
-        typer.Argument(metavar="MOTOR|FIT", help="A parameter set, a motor's TOML, or a fit's .json or .toml."),
+        typer.Argument(
+            metavar="MOTOR|FIT",
+            help="A parameter set, a motor's TOML, or a fit's .json or .toml.",
+            autocompletion=complete_motor,
+        ),
     ],
     contact: LawOption = LawKind.spring_slider,
     sliders: SlidersOption = 8,
@@ -103,7 +109,8 @@ def export(
     loaded = load_changed(source, changes)
     text = pr.motor_library(loaded, contact=contact.value, sliders=sliders)
     if output is not None:
-        pr.export_motor(loaded, output, contact=contact.value, sliders=sliders)
+        with busy("writing"):
+            pr.export_motor(loaded, output, contact=contact.value, sliders=sliders)
     if plot is not None:
         pr.plot_mode_shapes(loaded, plot)
     _show_library("motor", loaded.name, text, as_json, output)

@@ -16,6 +16,7 @@ from pyspice_runner.commands.common import (
     PlotOption,
     SetOption,
     TimeoutOption,
+    busy,
     check_targets,
     engineering,
     grid,
@@ -92,7 +93,8 @@ def report(
             timeout=timeout,
         )
     if target is not None:
-        result.save(target)
+        with busy("writing the page"):
+            result.save(target)
     if plot is not None:
         result.run.plot(plot)
     show_result(result.to_dict(), _table(result, target), as_json)
