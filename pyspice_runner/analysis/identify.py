@@ -416,7 +416,7 @@ def _relocated_poles(s: Complexes, y: Complexes, count: int, rounds: int = 12) -
         scale = np.maximum(np.linalg.norm(triangle[:, :-1], axis=0), 1e-300)
         solution = np.linalg.lstsq(triangle[:, :-1] / scale, triangle[:, -1], rcond=None)[0] / scale
         moved = _only_pairs(_zeros_of_sigma(poles, solution[-2 * count :]), count, s.imag)
-        settled = np.max(np.abs(moved - poles) / np.abs(poles)) < 1e-6
+        settled = np.max(np.abs((moved - poles) / moved.real)) < 0.02  # of half a bandwidth, near enough to descend
         poles = moved
         if settled:
             break
