@@ -50,6 +50,16 @@ def test_fit_prints_a_table_and_writes_what_is_asked(
     assert targets[1].stat().st_size > 20_000
 
 
+def test_fit_of_a_part_of_the_band(measured: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fit", measured, "--start", "28e3", "--stop", "38e3", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["start_hz"], document["stop_hz"]) == (28e3, 38e3)
+    # within a fifth of its bandwidth: what the mode that was cut off leaves in the band biases it
+    assert document["arms"][-1]["series_resonance_hz"] == pytest.approx(33e3, abs=22.0)
+    assert run(["fit", measured, "--start", "50e3"]) == 2
+    assert "fewer than 2 points from 50000 Hz" in capsys.readouterr().err
+
+
 def test_fit_of_a_two_port_takes_a_connection(capsys: pytest.CaptureFixture[str]) -> None:
     found = []
     for connection in ("A", "B"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -38,6 +39,8 @@ class Port(StrEnum):
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A measured spectrum, in any format that is known.")]
 ModesOption = Annotated[int | None, typer.Option(help="Number of motional arms; found if it is not given.")]
 ConnectionOption = Annotated[Port, typer.Option(help="Connection of the groups, for the spectrum of a two-port.")]
+StartOption = Annotated[float, typer.Option(help="First frequency that counts, Hz.")]
+StopOption = Annotated[float | None, typer.Option(help="Last frequency that counts, Hz.")]
 LeadsOption = Annotated[bool, typer.Option("--leads/--no-leads", help="Fit the leads, or take them as compensated.")]
 TraceOption = Annotated[str | None, typer.Option(help="Which of several spectra in the file, such as memory.")]
 _PANEL = "Both groups, towards a motor"
@@ -97,6 +100,8 @@ def fit(
     connection: ConnectionOption = Port.a,
     leads: LeadsOption = True,
     trace: TraceOption = None,
+    start: StartOption = 0.0,
+    stop: StopOption = None,
     two_port: TwoPortOption = False,
     other: OtherOption = None,
     both: SumOption = None,
@@ -127,7 +132,10 @@ def fit(
         raise pr.ParameterError("--mass-kg, --velocity-per-current and --tip belong to --two-port or --b; add one.")
     check_targets(output, (*CIRCUIT_ENDINGS, ".json", ".csv"), plot)
     with busy("fitting"):
-        result = pr.fit_spectrum(read_one_port(file, trace, connection), modes, leads=leads)
+        spectrum = read_one_port(file, trace, connection)
+        if start or stop is not None:
+            spectrum = spectrum.between(start, inf if stop is None else stop)
+        result = pr.fit_spectrum(spectrum, modes, leads=leads)
     if output is not None:
         result.save(output)
     if plot is not None:
