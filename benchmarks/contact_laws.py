@@ -52,7 +52,7 @@ def main() -> None:
             powers = (found["power_a_w"] + found["power_b_w"], *(found[loss] for loss in LOSSES[2:]))
             label = f"{law}, {sliders}" if law == "brush" else law
             print(
-                f"| {name} | {label} | {1e6 * found['stall']:.0f} | {found['no_load']:.2f} | "
+                f"| {name} | {label} | {1e6 * found['stall']:.4g} | {found['no_load']:.2f} | "
                 f"{' | '.join(f'{power:.3f}' for power in powers)} | {cost:.2f} |",
                 flush=True,
             )

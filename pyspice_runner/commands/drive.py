@@ -24,6 +24,7 @@ from pyspice_runner.commands.common import (
     show_result,
     write_table,
 )
+from pyspice_runner.commands.contacting import ContactKind, ContactOption
 
 DRIVERS = "ideal, linear, half-bridge, full-bridge; with +inductor or +llcc a matching network"
 
@@ -63,7 +64,7 @@ def drive(
         ),
     ] = None,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 3e-3,
-    free: Annotated[bool, typer.Option("--free", help="Take the rotor away: a free tip.")] = False,
+    contact: ContactOption = ContactKind.spring_slider,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
     load_torque: Annotated[float, typer.Option(help="Torque that a load draws from the shaft, N.m.")] = 0.0,
     timeout: TimeoutOption = None,
@@ -90,7 +91,7 @@ def drive(
                     loaded,
                     chosen,
                     duration=duration,
-                    contact=None if free else "spring-slider",
+                    contact=contact.law,
                     speed=speed,
                     load_torque=load_torque,
                     match=None if chosen.network == "none" else _STATES[match],

@@ -21,6 +21,7 @@ from pyspice_runner.model import contact as law
 from pyspice_runner.model.beam import clamped_capacitances, resonator_modes, solve_resonator
 from pyspice_runner.model.motor import Structure
 from pyspice_runner.model.parameters import Patch
+from pyspice_runner.netlist.contact import REACH, SLIDERS
 
 PAGE = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs" / "limits.md").read_text(encoding="utf-8"))
 MOTOR = pr.load_motor("andersen2002")
@@ -198,6 +199,15 @@ def test_shape_of_the_contact() -> None:
     g1, g2 = 370e9 / 2.44, 206e9 / 2.6
     dundurs = 0.5 * ((1 - 0.44) / g1 - (1 - 0.6) / g2) / ((1 - 0.22) / g1 + (1 - 0.3) / g2)
     says(f"(Dundurs' β is {dundurs:.2f} here)".replace("-", "−"))
+
+
+def test_least_amplitude_that_costs_a_brush_something() -> None:
+    """The elements of the outermost cell that touches at rest slip, on average, at 1 − x² of the limit."""
+    touching = SLIDERS / sqrt(REACH)
+    inner = 1 - 1 / touching
+    slips = 1 - (1 - inner**3) * touching / 3
+    words = {4: "four"}
+    says(f"with {SLIDERS}, {words[round(touching)]} of which touch at rest, {slips:.2f} of $u_{{\\lim}}$")
 
 
 def test_loss_of_partial_slip() -> None:

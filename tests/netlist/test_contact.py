@@ -8,12 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PySpice.Spice.Netlist import Circuit
 from scipy.optimize import brentq
 
 from pyspice_runner.engine.ngspice import run_deck
+from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as law
 from pyspice_runner.model.load import load_motor
+from pyspice_runner.netlist.benches import AC_OPTIONS
 from pyspice_runner.netlist.contact import (
     LIBRARIES,
     PINS,
@@ -24,7 +27,7 @@ from pyspice_runner.netlist.contact import (
     contact_values,
 )
 from pyspice_runner.netlist.library import data_path, parse_library, read_library
-from pyspice_runner.netlist.motor import MotorSubCircuit
+from pyspice_runner.netlist.motor import MotorSubCircuit, add_motor
 
 
 def test_brush_in_the_folder_is_what_the_package_writes() -> None:
@@ -156,6 +159,24 @@ def test_a_motor_names_its_law_and_what_it_needs() -> None:
     values = contact_values("coulomb", lossy.contact, radius=0.01, preload=5.0)
     assert values["damping"] == pytest.approx(law.hunt_crossley_damping(0.8, 0.1))
     assert motor.to_dict()["contact"].keys() < lossy.to_dict()["contact"].keys()
+
+
+def test_linearised_where_it_sticks_a_brush_is_the_papers_spring() -> None:
+    """Hence the preloaded admittance does not ask for the law."""
+    motor, found = load_motor("andersen2002"), {}
+    for name in ("spring-slider", "brush"):
+        circuit = Circuit("preloaded")
+        circuit.V("a", "a", circuit.gnd, "DC 0 AC 1")
+        circuit.V("b", "b", circuit.gnd, "DC 0 AC 0")
+        add_motor(circuit, motor, ("a", "b", circuit.gnd, "shaft"), contact=name)
+        simulator = BatchSimulator(circuit)
+        simulator.options(**AC_OPTIONS)
+        simulator.save("i(va)", "v(xmotor.friction)")
+        simulator.ac(variation="lin", number_of_points=200, start_frequency=5e3, stop_frequency=100e3)
+        assert simulator.result is not None
+        found[name] = simulator.result.raw.vectors
+    for vector in ("i(va)", "v(xmotor.friction)"):
+        np.testing.assert_allclose(found["brush"][vector], found["spring-slider"][vector], rtol=1e-5)
 
 
 def test_unknown_law_and_impossible_brush_are_refused() -> None:

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What docs/contact.md says of the laws against theory is measured anew; the motor's table in test_contact_laws.py."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from pyspice_runner.model.traction import microslip_loss
+from tests.analysis.test_hysteresis import loss, worst_force, worst_loss
+from tests.analysis.test_impact import worst
+
+pytestmark = pytest.mark.xdist_group("impact")
+
+PAGE = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs" / "contact.md").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("sliders", [4, 8, 16])
+def test_errors_by_the_number_of_sliders(sliders: int) -> None:
+    found = (
+        f"{100 * worst_force(sliders):.2f} % | {100 * worst_loss(sliders):.2f} % | {worst('brush', 0.0, sliders):.4f} |"
+    )
+    assert f"| {sliders} | {found}" in PAGE
+
+
+def test_rebound_of_the_other_laws() -> None:
+    assert f"| {worst('brush', 0.0):.4f} | {worst('spring-slider', 0.0):.2f} | {worst('coulomb', 0.0):.2f} |" in PAGE
+
+
+def test_loss_at_an_amplitude_relative_to_itself() -> None:
+    def off(amplitude: float, sliders: int) -> float:
+        return loss("brush", amplitude, sliders) / float(microslip_loss(amplitude)) - 1.0
+
+    assert "within 6 % from half of $u_{\\lim}$ on" in PAGE
+    assert max(abs(off(amplitude, 8)) for amplitude in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)) == pytest.approx(0.06, abs=0.005)
+    assert "71 % too large at a fifth" in PAGE
+    assert off(0.2, 8) == pytest.approx(0.71, abs=0.01)
+    assert "nothing below an eighth" in PAGE
+    assert off(0.11, 8) == pytest.approx(-1.0, abs=1e-3)
+    assert "32 are right to 2 % from 0.3 $u_{\\lim}$ on" in PAGE
+    assert all(abs(off(amplitude, 32)) < 0.02 for amplitude in (0.3, 0.5))
