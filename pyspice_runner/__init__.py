@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.fit import FittedArm, SpectrumFit, fit_spectrum
     from pyspice_runner.analysis.hysteresis import Hysteresis, hysteresis
     from pyspice_runner.analysis.impact import Impact, impact
+    from pyspice_runner.analysis.loop import LoopDesign, averaged_step, loop_design
     from pyspice_runner.analysis.matching import Matching, propose_matching
     from pyspice_runner.analysis.readers import read_spectrum
     from pyspice_runner.analysis.report import Report, report
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.spectrum import Spectrum
     from pyspice_runner.analysis.speed_torque import operating_point, speed_torque
     from pyspice_runner.analysis.sweep import Tolerance, sweep
+    from pyspice_runner.analysis.track import Tracking, measured_loop_gain, running_resonance, track
     from pyspice_runner.analysis.twoport import TwoPortFit, fit_two_port
     from pyspice_runner.analysis.waveforms import Waveforms
     from pyspice_runner.errors import ParameterError, SimulationError, SpectrumError
@@ -42,11 +44,20 @@ if TYPE_CHECKING:
     from pyspice_runner.model.motor import Motor
     from pyspice_runner.model.save import motor_toml
     from pyspice_runner.model.thermal import Thermal
+    from pyspice_runner.model.tracking import LoopFilter, StatorLag, propose_filter
     from pyspice_runner.model.traction import HertzPatch, microslip_loss, virgin_force
     from pyspice_runner.netlist.drivers import Driver
     from pyspice_runner.netlist.equivalent import circuit_library
     from pyspice_runner.netlist.motor import motor_library
-    from pyspice_runner.plots import plot_drive, plot_mode_shapes, plot_motors, plot_speed_torque, plot_sweep
+    from pyspice_runner.netlist.trackers import Tracker
+    from pyspice_runner.plots import (
+        plot_drive,
+        plot_mode_shapes,
+        plot_motors,
+        plot_speed_torque,
+        plot_sweep,
+        plot_tracking,
+    )
 
 __version__ = "0.1.0"
 
@@ -60,6 +71,8 @@ _HOMES = {
     "HertzPatch": "model.traction",
     "Hysteresis": "analysis.hysteresis",
     "Impact": "analysis.impact",
+    "LoopDesign": "analysis.loop",
+    "LoopFilter": "model.tracking",
     "Matching": "analysis.matching",
     "MotionalArm": "model.equivalent",
     "Motor": "model.motor",
@@ -69,9 +82,12 @@ _HOMES = {
     "Spectrum": "analysis.spectrum",
     "SpectrumError": "errors",
     "SpectrumFit": "analysis.fit",
+    "StatorLag": "model.tracking",
     "Thermal": "model.thermal",
     "Throw": "model.impact",
     "Tolerance": "analysis.sweep",
+    "Tracker": "netlist.trackers",
+    "Tracking": "analysis.track",
     "Trend": "analysis.compare",
     "TwoPhaseDrive": "model.drive",
     "TwoPortFit": "analysis.twoport",
@@ -79,6 +95,7 @@ _HOMES = {
     "Waveforms": "analysis.waveforms",
     "admittance": "analysis.admittance",
     "available_motors": "model.load",
+    "averaged_step": "analysis.loop",
     "circuit_library": "netlist.equivalent",
     "circuit_toml": "model.circuit_file",
     "compare": "analysis.compare",
@@ -92,6 +109,8 @@ _HOMES = {
     "is_circuit_file": "model.circuit_file",
     "load_circuit": "model.circuit_file",
     "load_motor": "model.load",
+    "loop_design": "analysis.loop",
+    "measured_loop_gain": "analysis.track",
     "microslip_loss": "model.traction",
     "motor_library": "netlist.motor",
     "motor_toml": "model.save",
@@ -101,13 +120,17 @@ _HOMES = {
     "plot_motors": "plots",
     "plot_speed_torque": "plots",
     "plot_sweep": "plots",
+    "plot_tracking": "plots",
+    "propose_filter": "model.tracking",
     "propose_matching": "analysis.matching",
     "read_spectrum": "analysis.readers",
     "report": "analysis.report",
     "resonator_modes": "model.beam",
+    "running_resonance": "analysis.track",
     "simulate": "analysis.simulate",
     "speed_torque": "analysis.speed_torque",
     "sweep": "analysis.sweep",
+    "track": "analysis.track",
     "virgin_force": "model.traction",
 }
 
@@ -121,6 +144,8 @@ __all__ = [
     "HertzPatch",
     "Hysteresis",
     "Impact",
+    "LoopDesign",
+    "LoopFilter",
     "Matching",
     "MotionalArm",
     "Motor",
@@ -130,9 +155,12 @@ __all__ = [
     "Spectrum",
     "SpectrumError",
     "SpectrumFit",
+    "StatorLag",
     "Thermal",
     "Throw",
     "Tolerance",
+    "Tracker",
+    "Tracking",
     "Trend",
     "TwoPhaseDrive",
     "TwoPortFit",
@@ -140,6 +168,7 @@ __all__ = [
     "Waveforms",
     "admittance",
     "available_motors",
+    "averaged_step",
     "circuit_library",
     "circuit_toml",
     "compare",
@@ -153,6 +182,8 @@ __all__ = [
     "is_circuit_file",
     "load_circuit",
     "load_motor",
+    "loop_design",
+    "measured_loop_gain",
     "microslip_loss",
     "motor_library",
     "motor_toml",
@@ -162,13 +193,17 @@ __all__ = [
     "plot_motors",
     "plot_speed_torque",
     "plot_sweep",
+    "plot_tracking",
+    "propose_filter",
     "propose_matching",
     "read_spectrum",
     "report",
     "resonator_modes",
+    "running_resonance",
     "simulate",
     "speed_torque",
     "sweep",
+    "track",
     "virgin_force",
 ]
 

@@ -27,6 +27,7 @@ from pyspice_runner.commands.report import report
 from pyspice_runner.commands.simulate import simulate
 from pyspice_runner.commands.speed_torque import speed_torque
 from pyspice_runner.commands.sweep import sweep
+from pyspice_runner.commands.track import track
 
 app = typer.Typer(
     name="piezomotor",
@@ -36,6 +37,7 @@ app = typer.Typer(
 )
 
 for command in (motors, show, simulate, admittance, speed_torque, sweep, drive, impact, fit, compare, export, report):
+for command in (motors, show, simulate, admittance, speed_torque, sweep, drive, track, impact, fit, compare, export):
     app.command()(command)
 
 FIRST_STEPS = (

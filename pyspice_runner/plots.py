@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.drive import DriveReport
     from pyspice_runner.analysis.fit import SpectrumFit
     from pyspice_runner.analysis.impact import Impact
+    from pyspice_runner.analysis.track import Tracking
     from pyspice_runner.analysis.waveforms import Waveforms
     from pyspice_runner.model.motor import Motor
 
@@ -359,6 +360,30 @@ def plot_speed_torque(curve: xarray.Dataset, path: str | Path) -> Path:
     if others:
         torque.legend(fontsize=7)
     figure.suptitle(curve.attrs["title"], fontsize=10)
+    return _save(figure, path)
+
+
+def plot_tracking(results: Sequence[Tracking], path: str | Path) -> Path:
+    """Draw frequency, phase and speed over time of one tracker, or of several on the same motor."""
+    figure, axes = _figure(3, 1, width=8.0, height=8.0)
+    frequency, phase, speed = axes.flat
+    for result, colour in zip(results, (BLUE, VERMILION, GREEN, ORANGE, GREY), strict=False):
+        line: dict[str, Any] = {"color": colour, "linewidth": 1.0, "label": result.settings["tracker"]["kind"]}
+        milliseconds = 1e3 * result.time_s
+        frequency.plot(milliseconds, 1e-3 * result.frequency_hz, **line)
+        phase.plot(milliseconds, result.phase_deg, **line)
+        speed.plot(milliseconds, result.rotor_speed_rad_s, **line)
+    begin = results[0].settings["disturbance"]["begin_s"]
+    for axis in axes.flat:
+        axis.set(xlabel="time in ms")
+        if begin is not None:
+            axis.axvline(1e3 * begin, color=GREY, linestyle=":", linewidth=1.0)
+    frequency.set(ylabel="frequency in kHz")
+    phase.set(ylabel="phase of the mode in degrees", ylim=(-95.0, 95.0))
+    speed.set(ylabel="rotor speed in rad/s")
+    frequency.legend()
+    kind = results[0].settings["disturbance"]["kind"]
+    figure.suptitle(f"{results[0].settings['motor']}: {kind}", fontsize=10)
     return _save(figure, path)
 
 

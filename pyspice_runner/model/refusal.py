@@ -73,7 +73,7 @@ def allowed_range(kind: type[Parameters], name: str) -> str:
     """Say in words what values a field takes, with its unit."""
     schema = kind.model_json_schema()["properties"][name]
     if "enum" in schema:
-        return "one of " + ", ".join(schema["enum"])
+        return "one of " + ", ".join(map(str, schema["enum"]))
     if schema.get("type") == "string":
         return f"a text of at most {schema.get('maxLength', 1000)} {schema.get('made_of', 'characters')}"
     if schema.get("type") == "array":

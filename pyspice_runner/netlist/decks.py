@@ -21,6 +21,7 @@ from pyspice_runner.model.impact import Throw
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
+from pyspice_runner.model.tracking import LoopFilter, StatorLag
 from pyspice_runner.netlist.benches import (
     AC_OPTIONS,
     TRANSIENT_OPTIONS,
@@ -29,9 +30,20 @@ from pyspice_runner.netlist.benches import (
     plate_voltages,
     transient_bench,
 )
+from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.contact_benches import cyclic_bench, impact_bench
 from pyspice_runner.netlist.drivers import GROUPS, SWITCHED_OPTIONS, Driver, driver_bench
 from pyspice_runner.netlist.library import data_path
+from pyspice_runner.netlist.trackers import (
+    TRACKER_OPTIONS,
+    Disturbance,
+    Tracker,
+    add_average,
+    averaged_bench,
+    tracked_lag,
+    tracker_filter,
+    tracking_bench,
+)
 
 MOTOR = "andersen2002"
 _STEP = 100e-9  # s: twice the default slider_time of the contact, 180 points a period at 55 kHz
@@ -311,6 +323,71 @@ def _chain(kind: str, network: str, values: Mapping[str, float]) -> Driver:
     return Driver(kind=kind, network=network, voltage=50.0, frequency=51.7e3).updated(values)
 
 
+def _rounded(lag: StatorLag, loop_filter: LoopFilter) -> tuple[StatorLag, LoopFilter]:
+    """Return what an engineer would write: four digits of the stator, three of the parts."""
+    parts = (loop_filter.resistance_ohm, loop_filter.capacitance_f, loop_filter.ripple_f)
+    return (
+        StatorLag(float(f"{lag.resonance_hz:.4g}"), float(f"{lag.quality:.3g}")),
+        LoopFilter(*(float(f"{part:.3g}") for part in parts)),
+    )
+
+
+def _tracker(motor: Motor, kind: str, duration: float, what: str) -> str:
+    drive = {"kind": kind, "voltage": 50.0, "ratio_b": 2.0, "phase_deg": 90.0}
+    tracker = Tracker(frequency=51.7e3, offset=0.03 if kind == "pll" else 0.01, **drive)
+    contact: ContactLaw | None = "spring-slider" if kind == "pll" else None
+    lag = tracked_lag(motor, tracker, 1, contact=contact is not None)
+    _, loop_filter = _rounded(lag, tracker_filter(tracker, lag))
+    circuit = tracking_bench(
+        motor, tracker, Disturbance("start"), mode=1, loop_filter=loop_filter, step=_STEP, contact=contact,
+        title=f"{motor.name}: {what.split('.')[0]}",
+    )  # fmt: skip
+    tail = f"FROM={duration - 2e-3:g} TO={duration:g}"
+    measures = {
+        "frequency_start_hz": "FIND v(tuned) AT=1u",
+        "frequency_end_hz": f"AVG v(tuned) {tail}",
+        "motional_rms_a": f"RMS v(motional) {tail}",
+        "power_w": f"AVG v(power) {tail}",
+        # power of force and motional current over the product of their RMS values: cosine of the phase between them
+        "force_rms_v": f"RMS v(force) {tail}",
+        "in_phase_va": f"AVG par('v(force)*v(motional)') {tail}",
+    }
+    simulation = _simulation(circuit, TRACKER_OPTIONS, "tran", measures)
+    simulation.initial_condition(**{"xmotor.xgroup_b.plate": 100.0})
+    simulation.transient(step_time=_STEP, end_time=duration, max_time=_STEP, use_initial_condition=True)
+    return _finish(
+        simulation,
+        f"""{what} The groups get {tracker.voltage:g} V and {tracker.voltage * tracker.ratio_b:g} V, 90 degrees apart at
+        any frequency. To plot, inside ngspice: v(tuned) in Hz, v(control), v(motional) in A and v(force) in V, which
+        are in phase at resonance, v(shaft) in rad/s. The parts with A are XSPICE; other simulators need their own.""",
+    )
+
+
+def _tracking_loop(motor: Motor) -> str:
+    tracker = Tracker(kind="pll", voltage=50.0, ratio_b=2.0, frequency=51.7e3)
+    lag = tracked_lag(motor, tracker, 1, contact=True)
+    lag, loop_filter = _rounded(lag, tracker_filter(tracker, lag))
+    circuit = averaged_bench(tracker, lag, loop_filter, closed=False, title=f"{motor.name}: loop gain of the tracker")
+    # FIND takes the real part; a second loop, driven a quarter of a period later, has the imaginary part as its own
+    add_average(circuit, tracker, lag, loop_filter, suffix="_later", source="DC 0 AC 1 -90")
+    measures = {
+        "real": f"FIND v(control) AT={tracker.bandwidth_hz:g}",
+        "imaginary": f"FIND v(control_later) AT={tracker.bandwidth_hz:g}",
+        "loop_gain": "PARAM='sqrt(real*real+imaginary*imaginary)'",
+        "phase_margin_deg": "PARAM='57.29577951308232*atan(imaginary/real)'",
+    }
+    simulation = _simulation(circuit, AC_OPTIONS, "ac", measures)
+    simulation.ac(variation="dec", number_of_points=100, start_frequency=5, stop_frequency=50e3)
+    return _finish(
+        simulation,
+        f"""Loop gain. The phase-locked loop of tracker_pll.cir averaged over a period, cut open in front of its
+        oscillator: -v(control) is the loop gain, and the phase of v(control) the phase margin. Xaverage is stator,
+        detector and oscillator; lag is the time constant of the stator's phase, 2 Q/omega at its loaded Q =
+        {lag.quality:g}. Xfilter is that of tracker_pll.cir. Prints gain and margin at the bandwidth wanted, 500
+        Hz. To plot, inside ngspice: vdb(control), vp(control).""",
+    )
+
+
 _DECKS: dict[str, Callable[[Motor], str]] = {
     "free_admittance": lambda motor: _admittance(motor, preloaded=False),
     "preloaded_admittance": lambda motor: _admittance(motor, preloaded=True),
@@ -347,6 +424,16 @@ _DECKS: dict[str, Callable[[Motor], str]] = {
         _chain("half-bridge", "llcc", _FILTERS),
         "LLCC drive. Two MOSFETs for each group and an LLCC filter that takes harmonics and reactive current.",
     ),
+    "tracker_pll": lambda motor: _tracker(
+        motor, "pll", 8e-3, "Phase-locked loop. It starts 3 % above the resonance of the running motor and locks."
+    ),
+    "tracker_observer": lambda motor: _tracker(
+        motor,
+        "observe-current",
+        14e-3,
+        "Perturb and observe. It starts 1 % above the resonance of the free stator and climbs to the greatest current.",
+    ),
+    "tracking_loop": _tracking_loop,
 }
 
 

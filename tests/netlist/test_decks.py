@@ -33,6 +33,9 @@ NAMES = (
     "preloaded_admittance",
     "spin_up",
     "thermal_drift",
+    "tracker_observer",
+    "tracker_pll",
+    "tracking_loop",
 )
 
 

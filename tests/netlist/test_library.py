@@ -219,6 +219,15 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
     "piezomotor_group_thermal": {"conductance_s": (1.2 * 2 * pi * 50e3 * 2.2e-9 * 0.02 / (1 + 0.02**2), 1e-6)},
     # P R (1 − 1/e) after one time constant, 2000 steps of the trapezoidal rule
     "piezomotor_cooling": {"after_one_time_constant_k": (0.5 * 100.0 * (1 - 1 / e), 1e-5)},
+    "tracker_sense": {"motional_a": (-1e-3, 1e-6), "force_v": (-1.0, 1e-9)},
+    # two edges, each seen up to a step of 10 ns late: 10 ns of the 2 us that it lags
+    "tracker_detector": {"before_v": (4.1, 5e-3), "after_v": (0.5, 5e-3)},
+    # I t/(C + c) + I R C²/(C + c)², by the trapezoidal rule with 27 steps a time constant
+    "tracker_filter": {"end_v": (2e-9 / 3.3e-9 + 0.1 * (3.0 / 3.3) ** 2, 1e-5)},
+    "tracker_oscillator": {"ten_periods_s": (200e-6, 2e-5), "amplitude_v": (1.0, 1e-4)},
+    "tracker_phases": {"mean_product_v2": (0.5 * 2.0 * 3.0 * 0.5, 1e-4)},
+    "tracker_observer": {"control_end_v": (1.2, 1e-3)},
+    "tracker_average": {"phase_rad": (-2.0 * pi * 0.1, 1e-6), "pump_ua": (-20e-6 * 0.1, 1e-6)},
 }
 
 

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The phase-locked loop averaged over a period: loop gain and phase margin from an ``.ac`` run, step responses.
+
+The circuit holds the tracker's own filter; stator, detector and oscillator are ``behavioral/tracker_average.lib``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from math import pi, radians
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.analysis.waveforms import Array
+from pyspice_runner.engine.pyspice import BatchSimulator
+from pyspice_runner.errors import SimulationError
+from pyspice_runner.model.tracking import LoopFilter, StatorLag
+from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS
+from pyspice_runner.netlist.trackers import Tracker, averaged_bench
+
+POINTS_PER_DECADE = 100
+_DECADES = 2  # swept to either side of the bandwidth
+
+
+@dataclass(frozen=True)
+class LoopDesign:
+    """The loop gain of a tracker, and what it says about stability.
+
+    Attributes:
+        loop_filter: the filter.
+        crossover_hz: frequency at which the loop gain is 1.
+        phase_margin_deg: phase of the loop gain there, above −180°.
+        frequency_hz: frequencies.
+        gain: loop gain at them.
+    """
+
+    loop_filter: LoopFilter
+    crossover_hz: float
+    phase_margin_deg: float
+    frequency_hz: Array = field(repr=False)
+    gain: NDArray[np.complex128] = field(repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return filter, crossover and margin, JSON-ready."""
+        return {
+            "filter": asdict(self.loop_filter),
+            "crossover_hz": self.crossover_hz,
+            "phase_margin_deg": self.phase_margin_deg,
+        }
+
+
+def loop_design(tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter) -> LoopDesign:
+    """Return the loop gain of a phase-locked loop.
+
+    Raises:
+        SimulationError: if ngspice fails, or the loop gain does not cross 1 near the bandwidth.
+    """
+    simulator = BatchSimulator(averaged_bench(tracker, lag, loop_filter, closed=False))
+    simulator.options(**AC_OPTIONS)
+    simulator.save("v(control)")
+    simulator.ac(
+        variation="dec", number_of_points=POINTS_PER_DECADE,
+        start_frequency=tracker.bandwidth_hz / 10**_DECADES, stop_frequency=tracker.bandwidth_hz * 10**_DECADES,
+    )  # fmt: skip
+    assert simulator.result is not None
+    frequency = np.asarray(simulator.result.raw.vectors["frequency"].real, dtype=float)
+    gain = -np.asarray(simulator.result.raw.vectors["v(control)"], dtype=complex)
+    level = np.log(np.abs(gain))
+    below = np.flatnonzero((level[:-1] > 0.0) & (level[1:] <= 0.0))
+    if below.size != 1:
+        raise SimulationError(f"The loop gain crosses 1 {below.size} times near {tracker.bandwidth_hz:g} Hz.")
+    near = slice(int(below[0]), int(below[0]) + 2)
+    crossover = float(np.exp(np.interp(0.0, level[near][::-1], np.log(frequency[near])[::-1])))
+    phase = np.unwrap(np.angle(gain))
+    margin = 180.0 + float(np.degrees(np.interp(np.log(crossover), np.log(frequency), phase)))
+    return LoopDesign(loop_filter, crossover, (margin + 180.0) % 360.0 - 180.0, frequency, gain)
+
+
+def averaged_step(
+    tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter, *, step_deg: float, begin: float, duration: float
+) -> tuple[Array, Array]:
+    """Return time in s and deviation of the phase in degrees of the closed averaged loop, its target stepped.
+
+    Raises:
+        SimulationError: if ngspice fails.
+    """
+    target = f"PWL(0 0 {begin!r} 0 {begin + 1e-6!r} {radians(step_deg)!r})"
+    simulator = BatchSimulator(averaged_bench(tracker, lag, loop_filter, closed=True, target=target))
+    simulator.options(**TRANSIENT_OPTIONS)
+    simulator.save("v(phase)")
+    step = 1.0 / (200.0 * 2.0 * pi * tracker.bandwidth_hz)
+    simulator.transient(step_time=step, end_time=duration, max_time=step, use_initial_condition=True)
+    assert simulator.result is not None
+    vectors = simulator.result.raw.vectors
+    return np.asarray(vectors["time"], dtype=float), np.degrees(np.asarray(vectors["v(phase)"], dtype=float))

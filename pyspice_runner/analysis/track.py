@@ -1,0 +1,445 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Resonance tracking: does a tracker find the resonance and stay there, whatever happens to the motor?
+
+It is judged by what it cannot see: the phase of the mode's own velocity against the force of the groups on it, taken
+anew every period. So an error of its sensing counts as an error.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass, field
+from math import isfinite, pi, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pyspice_runner.analysis.loop import LoopDesign, loop_design
+from pyspice_runner.analysis.waveforms import Array
+from pyspice_runner.engine.ngspice import ngspice_version
+from pyspice_runner.engine.pyspice import BatchSimulator
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.files import save_by_ending, write_csv, write_json
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.thermal import Thermal
+from pyspice_runner.model.tracking import LoopFilter, StatorLag
+from pyspice_runner.netlist.contact import ContactLaw, check_law
+from pyspice_runner.netlist.trackers import (
+    TRACKER_OPTIONS,
+    Disturbance,
+    DisturbanceKind,
+    Tracker,
+    tracked_lag,
+    tracker_filter,
+    tracking_bench,
+)
+
+POINTS_PER_PERIOD = 200
+FEWEST_POINTS_PER_PERIOD = 50
+LOCKED_DEG = (
+    20.0  # closer than this to the phase wanted is locked: of a resonator at 0°, 94 % of its greatest amplitude
+)
+LOST_DEG = 60.0  # farther, a tracker that was locked has lost it: half the amplitude
+SMOOTHED_PERIODS = 20  # over which phase and speed are averaged
+STALL_TIME_S = 6e-3
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """How a tracker did.
+
+    Attributes:
+        locked: whether it locked before the disturbance, never lost lock, and is locked at the end.
+        lock_time_s: time from the start, or for a start from far off, after which it stays locked until the
+            disturbance; ``None`` if it does not.
+        kept_lock: whether the phase stayed within 60° of what is wanted from lock to the end.
+        rms_phase_error_deg: of the mode's velocity, from lock to the end; from the start without lock.
+        worst_phase_error_deg: greatest deviation, averaged over 20 periods, in the same time.
+        residual_detuning_hz: mean at the end, by which the drive is above the frequency that the phase wanted asks for.
+        end_frequency_hz: mean frequency at the end.
+        speed_before_rad_s: speed when the disturbance began.
+        speed_after_rad_s: speed at the end.
+        speed_lost_rad_s: from before to the least since the disturbance began.
+        stall_torque_n_m: torque on a shaft that is held, where a load step was to be half of it.
+        lag: resonance and loaded quality factor of the mode that were designed for.
+        loop: the phase-locked loop's design; ``None`` for other trackers.
+        settings: motor, tracker, disturbance and run, JSON-ready.
+        time_s: middle of each period.
+        frequency_hz: frequency of each period.
+        phase_deg: of the mode's velocity ahead of the force, each period.
+        rotor_speed_rad_s: mean of each period.
+        solver_seconds: wall time that ngspice took.
+        ngspice_version: version of ngspice.
+        deck: the netlist that was run.
+    """
+
+    locked: bool
+    lock_time_s: float | None
+    kept_lock: bool
+    rms_phase_error_deg: float
+    worst_phase_error_deg: float
+    residual_detuning_hz: float
+    end_frequency_hz: float
+    speed_before_rad_s: float
+    speed_after_rad_s: float
+    speed_lost_rad_s: float
+    stall_torque_n_m: float | None
+    lag: StatorLag
+    loop: LoopDesign | None
+    settings: dict[str, Any]
+    time_s: Array = field(repr=False)
+    frequency_hz: Array = field(repr=False)
+    phase_deg: Array = field(repr=False)
+    rotor_speed_rad_s: Array = field(repr=False)
+    solver_seconds: float
+    ngspice_version: str
+    deck: str = field(repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result, JSON-ready."""
+        names = (
+            "locked", "lock_time_s", "kept_lock", "rms_phase_error_deg", "worst_phase_error_deg",
+            "residual_detuning_hz", "end_frequency_hz", "speed_before_rad_s", "speed_after_rad_s", "speed_lost_rad_s",
+            "stall_torque_n_m",
+        )  # fmt: skip
+        return {
+            **{name: getattr(self, name) for name in names},
+            "lag": {**asdict(self.lag), "time_constant_s": self.lag.time_constant_s},
+            "loop": None if self.loop is None else self.loop.to_dict(),
+            **self.settings,
+            "periods": len(self.time_s),
+            "solver_seconds": self.solver_seconds,
+            "ngspice_version": self.ngspice_version,
+        }
+
+    def save(self, path: str | Path) -> Path:
+        """Write by the file's ending: ``.json`` (result), ``.csv`` (each period), ``.cir`` (deck).
+
+        Raises:
+            ParameterError: for another ending or a place that cannot be written.
+        """
+        columns = ("time_s", "frequency_hz", "phase_deg", "rotor_speed_rad_s")
+        return save_by_ending(
+            path,
+            {
+                ".json": lambda file: write_json(file, self.to_dict()),
+                ".csv": lambda file: write_csv(file, {name: getattr(self, name) for name in columns}),
+                ".cir": lambda file: file.write_text(self.deck, encoding="utf-8"),
+            },
+        )
+
+    def plot(self, path: str | Path) -> Path:
+        """Draw frequency, phase and speed over time."""
+        from pyspice_runner.plots import plot_tracking
+
+        return plot_tracking([self], path)
+
+
+def track(
+    motor: Motor,
+    tracker: Tracker,
+    *,
+    disturb: DisturbanceKind = "start",
+    mode: int | None = None,
+    contact: ContactLaw | None = "spring-slider",
+    begin: float | None = None,
+    duration: float | None = None,
+    load_torque: float | None = None,
+    preload_change: float = 0.3,
+    drift: float = -0.02,
+    drift_time: float = 50e-3,
+    thermal: Thermal | None = None,
+    target_step: float = 10.0,
+    speed: float | None = None,
+    step: float | None = None,
+    timeout: float | None = None,
+) -> Tracking:
+    """Let a tracker follow a mode of a motor from rest, and disturb it.
+
+    Args:
+        motor: the motor.
+        tracker: the tracker and its two-phase drive; ``tracker.offset`` is by how much it starts off.
+        disturb: ``"start"``: nothing but the start; ``"target"``: a step of the phase wanted; ``"load"``: a torque;
+            ``"preload"``: another static normal force; ``"temperature"``: a drift of all frequencies.
+        mode: index of the mode to follow, from 0; by default the last.
+        contact: law of the contact; ``None`` for a free tip.
+        begin: when the disturbance begins, s; by default when the tracker has settled.
+        duration: simulated time, s; by default some time after the disturbance.
+        load_torque: torque of the load in N·m; by default half the stall torque, which takes a run with the shaft held.
+        preload_change: relative change of the preload.
+        drift: relative drift of the frequencies.
+        drift_time: time that it takes, s.
+        thermal: coefficients of what drifts along with the frequencies; by default nothing does.
+        target_step: step of the phase that a phase-locked loop is to hold, degrees.
+        speed: if given, the shaft is held at this speed, rad/s.
+        step: largest time step, s; by default 1/200 of the period of the fastest mode.
+        timeout: wall time in s after which a run is ended.
+
+    Raises:
+        ParameterError: for a value that is refused.
+        SimulationError: if ngspice fails or its result cannot be trusted.
+    """
+    check_law(contact)
+    mode = len(motor.modes) - 1 if mode is None else mode
+    if mode not in range(len(motor.modes)):
+        raise ParameterError(f"mode = {mode} is refused; {motor.name} has the modes 0 to {len(motor.modes) - 1}.")
+    if contact is None and disturb in ("load", "preload"):
+        raise ParameterError(f"disturb = {disturb!r} needs a rotor; take a law of the contact.")
+    if disturb == "target" and tracker.kind != "pll":
+        raise ParameterError(
+            f"disturb = 'target' is refused for the tracker {tracker.kind!r}; only a pll has a target."
+        )
+    if speed is not None and (disturb == "load" or not abs(speed) <= 1e6):
+        raise ParameterError(f"speed = {speed:g} rad/s is refused; allowed is -1e6 to 1e6 rad/s, and no load besides.")
+    lag = tracked_lag(motor, tracker, mode, contact=contact is not None)
+    begin = _settled(tracker, disturb) if begin is None else begin
+    stall = None
+    if disturb == "load" and load_torque is None:
+        stall = _stall_torque(motor, tracker, lag, mode, contact, step, timeout)
+        load_torque = 0.5 * stall
+    disturbance = Disturbance(
+        disturb, begin, load_torque or 0.0, preload_change, drift, drift_time,
+        thermal if disturb == "temperature" else None, target_step if disturb == "target" else 0.0,
+    )  # fmt: skip
+    if duration is None:
+        duration = begin if disturb == "start" else disturbance.end_s + {"temperature": 2e-3}.get(disturb, 12e-3)
+    loop_filter = tracker_filter(tracker, lag)
+    vectors, seconds, deck = _run(
+        motor, tracker, disturbance, mode, loop_filter, contact, speed, duration, step, timeout
+    )
+    periods = _periods(vectors, mode)
+    return _judge(
+        motor, tracker, disturbance, lag, loop_design(tracker, lag, loop_filter) if tracker.kind == "pll" else None,
+        periods, {"duration_s": duration, "contact": contact, "mode": mode, "speed_rad_s": speed}, stall, seconds, deck,
+    )  # fmt: skip
+
+
+def running_resonance(motor: Motor, tracker: Tracker, *, mode: int | None = None, contact: bool = True) -> StatorLag:
+    """Return resonance and loaded quality factor of a running mode, by harmonic balance.
+
+    Args:
+        motor: the motor.
+        tracker: voltages and phase of its drive.
+        mode: index of the mode, from 0; by default the last.
+        contact: whether the tip is on the rotor.
+    """
+    return tracked_lag(motor, tracker, len(motor.modes) - 1 if mode is None else mode, contact=contact)
+
+
+def measured_loop_gain(
+    motor: Motor,
+    tracker: Tracker,
+    frequency_hz: float,
+    *,
+    mode: int | None = None,
+    contact: ContactLaw | None = "spring-slider",
+    amplitude_hz: float = 40.0,
+    cycles: int = 5,
+    step: float | None = None,
+    timeout: float | None = None,
+) -> complex:
+    """Measure the gain of a phase-locked loop that runs, by a small sine in front of its oscillator.
+
+    Where the loop passes a voltage and nothing loads it, what comes back over what is put in is minus the loop gain
+    (R. D. Middlebrook, Int. J. Electronics 38 (1975) 485).
+
+    Args:
+        motor: the motor.
+        tracker: the tracker, a ``"pll"``.
+        frequency_hz: frequency of the sine.
+        mode: index of the mode to follow, from 0; by default the last.
+        contact: law of the contact; ``None`` for a free tip.
+        amplitude_hz: of the sine, as a frequency of the oscillator.
+        cycles: number of its cycles that are measured, after those that the loop takes to settle.
+        step: largest time step, s.
+        timeout: wall time in s after which the run is ended.
+
+    Raises:
+        ParameterError: for a value that is refused.
+        SimulationError: if ngspice fails or its result cannot be trusted.
+    """
+    if tracker.kind != "pll":
+        raise ParameterError(f"The tracker {tracker.kind!r} has no loop gain; take a pll.")
+    mode = len(motor.modes) - 1 if mode is None else mode
+    lag = tracked_lag(motor, tracker, mode, contact=contact is not None)
+    window = cycles / frequency_hz
+    duration = _settled(tracker, "load") + window
+    vectors, _, _ = _run(
+        motor, tracker, Disturbance("start"), mode, tracker_filter(tracker, lag), contact, None, duration, step,
+        timeout, more=("v(control)", "v(tuning)"),
+        inject=f"SIN(0 {amplitude_hz / tracker.gain_hz_per_v!r} {frequency_hz!r})",
+    )  # fmt: skip
+    time = vectors["time"]
+    begin = time[-1] - window
+    grid = np.linspace(begin, time[-1], 4096 * cycles + 1)
+    turns = np.exp(-2j * pi * frequency_hz * grid)
+    after, before = (
+        np.trapezoid((values - values.mean()) * turns, grid)
+        for values in (np.interp(grid, time, vectors[name]) for name in ("v(control)", "v(tuning)"))
+    )
+    return complex(-after / before)
+
+
+def _settled(tracker: Tracker, disturb: str) -> float:
+    """Return a time after which a tracker should have settled, or for a start, how long to watch it."""
+    if tracker.kind == "pll":
+        return 4e-3 + 12.0 / (2.0 * pi * tracker.bandwidth_hz) + (2e-3 if disturb == "start" else 0.0)
+    if tracker.kind == "none":
+        return 8e-3
+    steps = 12.0 + 1.3 * abs(tracker.offset) * tracker.frequency / tracker.step_hz
+    return steps * tracker.period_s
+
+
+def _stall_torque(
+    motor: Motor, tracker: Tracker, lag: StatorLag, mode: int, contact: ContactLaw | None, step: float | None,
+    timeout: float | None,
+) -> float:  # fmt: skip
+    """Return the mean torque of the contact on a shaft that is held, the tracker at its resonance."""
+    still = tracker.model_copy(update={"offset": 0.0})
+    vectors, _, _ = _run(
+        motor, still, Disturbance("start"), mode, tracker_filter(tracker, lag), contact, 0.0, STALL_TIME_S, step,
+        timeout, more=("v(xmotor.friction)",),
+    )  # fmt: skip
+    time = vectors["time"]
+    late = time > 0.5 * STALL_TIME_S
+    friction = np.trapezoid(vectors["v(xmotor.friction)"][late], time[late]) / (time[late][-1] - time[late][0])
+    return float(motor.rotor.radius_m * friction)
+
+
+def _run(
+    motor: Motor, tracker: Tracker, disturbance: Disturbance, mode: int, loop_filter: LoopFilter,
+    contact: ContactLaw | None, speed: float | None, duration: float, step: float | None, timeout: float | None,
+    *, more: tuple[str, ...] = (), inject: str = "",
+) -> tuple[dict[str, Array], float, str]:  # fmt: skip
+    """Run and return vectors, wall time and deck."""
+    shortest = 1.0 / max(tracker.frequency * (1.0 + tracker.span), *(own.frequency_hz for own in motor.modes))
+    step = shortest / POINTS_PER_PERIOD if step is None else step
+    if not 0.0 < step <= shortest / FEWEST_POINTS_PER_PERIOD:
+        raise ParameterError(
+            f"step = {step:g} s is refused; allowed is a number > 0 s and "
+            f"≤ {shortest / FEWEST_POINTS_PER_PERIOD:.3g} s."
+        )
+    if not (isfinite(duration) and 100.0 * shortest <= duration <= 1e7 * step):
+        raise ParameterError(
+            f"duration = {duration:g} s is refused; allowed is {100.0 * shortest:.3g} to {1e7 * step:.3g} s."
+        )
+    circuit = tracking_bench(
+        motor, tracker, disturbance, mode=mode, loop_filter=loop_filter, step=step, contact=contact, speed=speed,
+        inject=inject,
+    )  # fmt: skip
+    simulator = BatchSimulator(circuit, timeout=timeout)
+    simulator.options(**TRACKER_OPTIONS)
+    # the plates start charged to what the oscillator starts with, cosine 1
+    start = {f"xmotor.xgroup_{group}.plate": volts.imag for group, volts in tracker.phasors().items()}
+    simulator.initial_condition(**{node: volts for node, volts in start.items() if abs(volts) > 1e-9})
+    simulator.save("v(force)", "v(tuned)", "v(shaft)", f"i(v.xmotor.xmode{mode + 1}.vvelocity)", *more)
+    arguments = {"step_time": step, "end_time": duration, "max_time": step, "use_initial_condition": True}
+    deck = str(simulator.prepare("transient", **arguments))
+    simulator.transient(**arguments)
+    assert simulator.result is not None
+    vectors = {name: np.asarray(values, dtype=float) for name, values in simulator.result.raw.vectors.items()}
+    return vectors, simulator.result.seconds, deck
+
+
+@dataclass(frozen=True)
+class _Periods:
+    time: Array
+    frequency: Array
+    phase: Array
+    speed: Array
+
+
+def _periods(vectors: dict[str, Array], mode: int) -> _Periods:
+    """Return, period by period from one rising edge of the force to the next, what its fundamental is."""
+    time, force = vectors["time"], vectors["v(force)"]
+    velocity = vectors[f"i(v.xmotor.xmode{mode + 1}.vvelocity)"]
+    rising = np.flatnonzero((force[:-1] < 0.0) & (force[1:] >= 0.0))
+    if rising.size < 2 * SMOOTHED_PERIODS:
+        raise SimulationError("The oscillator did not oscillate; see the deck.")
+    edges = time[rising] - force[rising] * (time[rising + 1] - time[rising]) / (force[rising + 1] - force[rising])
+    turns = np.exp(-2j * pi * np.interp(time, edges, np.arange(edges.size)))
+
+    def over_periods(values: Array) -> Any:
+        summed = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))))
+        return np.diff(np.interp(edges, time, summed.real) + 1j * np.interp(edges, time, summed.imag))
+
+    length = np.diff(edges)
+    return _Periods(
+        0.5 * (edges[1:] + edges[:-1]),
+        1.0 / length,
+        np.degrees(np.angle(over_periods(velocity * turns) / over_periods(force * turns))),
+        over_periods(vectors["v(shaft)"]).real / length,
+    )
+
+
+def _smoothed(values: Array) -> Array:
+    """Return the mean of the last 20 periods, or of those there are."""
+    summed = np.concatenate(([0.0], np.cumsum(values)))
+    last = np.arange(1, values.size + 1)
+    first = np.maximum(last - SMOOTHED_PERIODS, 0)
+    return np.asarray((summed[last] - summed[first]) / (last - first))
+
+
+def _judge(
+    motor: Motor, tracker: Tracker, disturbance: Disturbance, lag: StatorLag, loop: LoopDesign | None,
+    periods: _Periods, run: dict[str, Any], stall: float | None, seconds: float, deck: str,
+) -> Tracking:  # fmt: skip
+    time = periods.time
+    wanted = tracker.wanted_deg + disturbance.target_step_deg * (time > disturbance.begin_s)
+    error = _smoothed(periods.phase - wanted)
+    speed = _smoothed(periods.speed)
+    disturbed = disturbance.kind != "start"
+    begin = disturbance.begin_s if disturbed else float(time[-1])
+    before = np.flatnonzero(time <= begin)
+    if before.size < 2 * SMOOTHED_PERIODS:
+        raise ParameterError(f"begin = {begin:g} s is refused; the disturbance needs 40 periods before it.")
+    far = np.flatnonzero(np.abs(error[before]) > LOCKED_DEG)
+    first = int(far[-1]) + 1 if far.size else SMOOTHED_PERIODS
+    # locked for the last tenth before the disturbance at least
+    acquired = first < before.size and time[first] <= 0.9 * begin
+    lock_time = float(time[first]) if acquired else None
+    since = slice(first if acquired else 0, None)
+    last = time >= time[-1] - max(0.1 * (time[-1] - (begin if disturbed else 0.0)), SMOOTHED_PERIODS / lag.resonance_hz)
+    kept = bool(acquired and np.all(np.abs(error[since]) < LOST_DEG))
+    locked = bool(kept and np.all(np.abs(error[last]) < LOCKED_DEG))
+    end_phase = float(np.mean((periods.phase)[last]))
+    detuning = lag.detuning_hz(min(max(end_phase, -89.9), 89.9)) - lag.detuning_hz(float(wanted[-1]))
+    speed_before = float(speed[before[-1]])
+    since_begin = speed[before[-1] :] if disturbed else speed[-1:]
+    return Tracking(
+        locked=locked,
+        lock_time_s=lock_time,
+        kept_lock=kept,
+        rms_phase_error_deg=sqrt(float(np.mean((periods.phase - wanted)[since] ** 2))),
+        worst_phase_error_deg=float(np.abs(error[since]).max()),
+        residual_detuning_hz=detuning,
+        end_frequency_hz=float(np.mean(periods.frequency[last])),
+        speed_before_rad_s=speed_before,
+        speed_after_rad_s=float(speed[-1]),
+        speed_lost_rad_s=float(speed_before - since_begin.min()),
+        stall_torque_n_m=stall,
+        lag=lag,
+        loop=loop,
+        settings={
+            "motor": motor.name,
+            "tracker": tracker.model_dump(),
+            "disturbance": {
+                "kind": disturbance.kind,
+                "begin_s": begin if disturbed else None,
+                "load_torque_n_m": disturbance.load_torque_n_m if disturbance.kind == "load" else None,
+                "preload_change": disturbance.preload_change if disturbance.kind == "preload" else None,
+                "drift": disturbance.drift if disturbance.kind == "temperature" else None,
+                "target_step_deg": disturbance.target_step_deg if disturbance.kind == "target" else None,
+                "drift_time_s": disturbance.drift_time_s if disturbance.kind == "temperature" else None,
+            },
+            "run": {**run, "deck_sha256": hashlib.sha256(deck.encode()).hexdigest()},
+        },
+        time_s=time,
+        frequency_hz=periods.frequency,
+        phase_deg=periods.phase,
+        rotor_speed_rad_s=periods.speed,
+        solver_seconds=seconds,
+        ngspice_version=ngspice_version(),
+        deck=deck,
+    )

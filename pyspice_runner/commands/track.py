@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``piezomotor track``: a resonance tracker in front of a motor that is disturbed."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+import pyspice_runner as pr
+from pyspice_runner.commands.common import (
+    JsonOption,
+    MotorArgument,
+    OutputOption,
+    PlotOption,
+    SetOption,
+    TimeoutOption,
+    busy,
+    check_targets,
+    engineering,
+    load_changed,
+    show_result,
+)
+
+
+class TrackerName(StrEnum):
+    """What sets the frequency."""
+
+    none = "none"
+    pll = "pll"
+    observe_current = "observe-current"
+    observe_power = "observe-power"
+
+
+class DisturbName(StrEnum):
+    """What happens to the motor."""
+
+    start = "start"
+    target = "target"
+    load = "load"
+    preload = "preload"
+    temperature = "temperature"
+
+
+def track(
+    motor: MotorArgument,
+    tracker: Annotated[TrackerName, typer.Option(help="What sets the frequency.")] = TrackerName.pll,
+    disturb: Annotated[DisturbName, typer.Option(help="What happens to the motor.")] = DisturbName.start,
+    voltage: Annotated[float, typer.Option(help="Amplitude of group A, V.")] = 50.0,
+    ratio_b: Annotated[float, typer.Option(help="Amplitude of group B over that of group A.")] = 2.0,
+    phase: Annotated[float, typer.Option(help="Phase of group B ahead of group A, degrees.")] = 90.0,
+    frequency: Annotated[
+        float | None, typer.Option(help="Middle of the oscillator's range, Hz; default: the running resonance.")
+    ] = None,
+    span: Annotated[float, typer.Option(help="Half the oscillator's range, relative.")] = 0.07,
+    offset: Annotated[
+        float | None, typer.Option(help="At the start, relative to the middle; default: 0.03 for start, else 0.")
+    ] = None,
+    target: Annotated[float, typer.Option(help="Phase that the loop holds, degrees; 0 is resonance.")] = 0.0,
+    bandwidth: Annotated[float, typer.Option(help="Bandwidth of the phase-locked loop, Hz.")] = 500.0,
+    period: Annotated[float, typer.Option(help="Time between two steps of an observer, s.")] = 0.8e-3,
+    step_size: Annotated[float, typer.Option(help="Size of an observer's steps, Hz.")] = 80.0,
+    reverse: Annotated[bool, typer.Option("--reverse", help="Connect the tracker the wrong way round.")] = False,
+    load_torque: Annotated[float | None, typer.Option(help="Load, N.m; default: half the stall torque.")] = None,
+    preload_change: Annotated[float, typer.Option(help="Relative change of the preload.")] = 0.3,
+    target_step: Annotated[float, typer.Option(help="Step of the target, degrees.")] = 10.0,
+    drift: Annotated[float, typer.Option(help="Relative drift of the frequencies.")] = -0.02,
+    drift_time: Annotated[float, typer.Option(help="Time that the drift takes, s.")] = 50e-3,
+    all_drift: Annotated[
+        bool, typer.Option("--all-drift", help="Couplings and capacitances drift along, by their default coefficients.")
+    ] = False,
+    free: Annotated[bool, typer.Option("--free", help="Take the rotor away: a free tip.")] = False,
+    begin: Annotated[float | None, typer.Option(help="When the disturbance begins, s.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Simulated time, s.")] = None,
+    timeout: TimeoutOption = None,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    output: OutputOption = None,
+    plot: PlotOption = None,
+) -> None:
+    """Let a tracker follow the last mode of a motor, and disturb it. Exit status 0: it ran, whether it locked or not.
+
+    Writes .json (result), .csv (frequency, phase and speed of each period) or .cir (the deck).
+
+    Example: piezomotor track andersen2002 --tracker pll --disturb load --plot track.png
+    """
+    check_targets(output, (".json", ".csv", ".cir"), plot)
+    loaded = load_changed(motor, changes)
+    values = {
+        "kind": tracker.value, "voltage": voltage, "ratio_b": ratio_b, "phase_deg": phase, "span": span,
+        "offset": (0.03 if disturb is DisturbName.start else 0.0) if offset is None else offset, "target_deg": target,
+        "bandwidth_hz": bandwidth, "period_s": period, "step_hz": step_size, "polarity": -1 if reverse else 1,
+    }  # fmt: skip
+    chosen = pr.Tracker(frequency=loaded.modes[-1].frequency_hz if frequency is None else frequency, **values)
+    if frequency is None:
+        chosen = pr.Tracker(frequency=pr.running_resonance(loaded, chosen, contact=not free).resonance_hz, **values)
+    with busy(f"ngspice runs the tracker {tracker.value}"):
+        found = pr.track(
+            loaded,
+            chosen,
+            disturb=disturb.value,
+            contact=None if free else "spring-slider",
+            begin=begin,
+            duration=duration,
+            load_torque=load_torque,
+            preload_change=preload_change,
+            drift=drift,
+            drift_time=drift_time,
+            target_step=target_step,
+            thermal=pr.Thermal() if all_drift else None,
+            timeout=timeout,
+        )
+    if output is not None:
+        found.save(output)
+    if plot is not None:
+        found.plot(plot)
+    show_result(found.to_dict(), _table(loaded, found), as_json)
+
+
+def _table(motor: pr.Motor, found: pr.Tracking) -> Table:
+    table = Table("quantity", "value", title=f"{motor.name}: {found.settings['tracker']['kind']}")
+    table.add_row("locked", "yes" if found.locked else "no")
+    table.add_row("lock time", "–" if found.lock_time_s is None else engineering(found.lock_time_s, "s"))
+    table.add_row("phase error, RMS", f"{found.rms_phase_error_deg:.3g}°")
+    table.add_row("phase error, worst", f"{found.worst_phase_error_deg:.3g}°")
+    table.add_row("residual detuning", engineering(found.residual_detuning_hz, "Hz"))
+    table.add_row("frequency at the end", f"{found.end_frequency_hz / 1e3:.6g} kHz")
+    table.add_row("speed before, after", f"{found.speed_before_rad_s:.3g}, {found.speed_after_rad_s:.3g} rad/s")
+    table.add_row("speed lost", f"{found.speed_lost_rad_s:.3g} rad/s")
+    if found.stall_torque_n_m is not None:
+        table.add_row("stall torque", engineering(found.stall_torque_n_m, "N·m"))
+    table.add_row(
+        "running resonance, by design", f"{found.lag.resonance_hz / 1e3:.6g} kHz, Q = {found.lag.quality:.3g}"
+    )
+    if found.loop is not None:
+        values = found.loop.loop_filter
+        table.add_row(
+            "loop filter",
+            f"{engineering(values.resistance_ohm, 'Ω')}, {engineering(values.capacitance_f, 'F')}, "
+            f"{engineering(values.ripple_f, 'F')}",
+        )
+        margin = f"{found.loop.phase_margin_deg:.1f}° at {found.loop.crossover_hz:.4g} Hz"
+        table.add_row("phase margin", margin)
+    return table

@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Trackers find the resonance, keep it, and are told apart from those that do not; the loop is as it was designed.
+
+Where the mode alone matters, the tip is free: then resonance and quality factor are the parameters' own.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from math import atan, degrees
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.cli import run
+
+pytestmark = pytest.mark.xdist_group("trackers")
+
+COARSE = 1.0 / (100.0 * 55.4e3)  # s, a hundredth of the shortest period: edges are seen 3.6° late at worst
+FAST = {"period_s": 0.8e-3, "step_hz": 100.0}
+
+
+@cache
+def motor() -> pr.Motor:
+    """A light rotor, so that speeds settle within milliseconds."""
+    return pr.load_motor("andersen2002").updated({"rotor.inertia_kg_m2": 1e-7})
+
+
+@cache
+def resonance(contact: bool = True) -> float:
+    return pr.running_resonance(motor(), drive("pll", frequency=50e3), contact=contact).resonance_hz
+
+
+def drive(kind: str, **values: Any) -> pr.Tracker:
+    return pr.Tracker(**{"kind": kind, "voltage": 50.0, "ratio_b": 2.0, **values})
+
+
+def tracker(kind: str = "pll", *, contact: bool = True, **values: Any) -> pr.Tracker:
+    return drive(kind, **{"frequency": resonance(contact), **values})
+
+
+# --- locking -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("offset", [-0.03, 0.03])
+def test_the_phase_locked_loop_locks_from_three_per_cent(offset: float) -> None:
+    found = pr.track(motor(), tracker(offset=offset), duration=6e-3)
+    assert found.locked
+    assert found.lock_time_s is not None
+    assert found.lock_time_s < 3e-3
+    # harmonic balance leaves out the other mode and the turning rotor; 1/200 of a period is 1.8°, or 18 Hz
+    assert found.end_frequency_hz == pytest.approx(resonance(), abs=30.0)
+    assert abs(found.residual_detuning_hz) < 20.0
+
+
+@pytest.mark.parametrize(("kind", "offset"), [("observe-current", -0.03), ("observe-power", 0.03)])
+def test_observers_lock_from_three_per_cent(kind: str, offset: float) -> None:
+    chosen = tracker(kind, contact=False, offset=offset, **FAST)
+    found = pr.track(motor(), chosen, contact=None, duration=19e-3, step=COARSE)
+    assert found.locked
+    # never at rest: two steps to either side at most; coarse steps lower the resonance by (2π/100)²/12
+    assert found.end_frequency_hz == pytest.approx((1.0 - 3.3e-4) * resonance(contact=False), abs=2.0 * FAST["step_hz"])
+
+
+def test_an_untracked_drive_that_is_off_stays_off() -> None:
+    found = pr.track(motor(), tracker("none", contact=False, offset=0.03), contact=None, duration=3e-3, step=COARSE)
+    assert not found.locked
+    assert found.lock_time_s is None
+    # the closed form, the coarse steps lowering the resonance by (2π/100)²/12
+    mode = motor().modes[1]
+    detuned = 1.03 - 1.0 / 1.03 + 2.0 * 3.3e-4
+    assert found.phase_deg[-1] == pytest.approx(-degrees(atan(mode.quality_factor * detuned)), abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "what"),
+    [
+        ("pll", {"frequency": 1.1 * 51.7e3}, "a range that excludes the resonance"),
+        ("pll", {"frequency": 0.9 * 51.7e3}, "a range that excludes the resonance"),
+        ("pll", {"polarity": -1, "offset": 0.01}, "a sign error"),
+        ("pll", {"polarity": -1}, "a sign error, from resonance"),
+        ("observe-current", {"frequency": 1.1 * 51.7e3}, "a range that excludes the resonance"),
+        ("observe-current", {"polarity": -1}, "a sign error, from resonance"),
+        ("observe-power", {"polarity": -1, "offset": -0.01}, "a sign error"),
+    ],
+)
+def test_a_tracker_that_cannot_lock_is_reported_as_not_locked(kind: str, values: dict[str, Any], what: str) -> None:
+    chosen = tracker(kind, **{"contact": False, **({} if kind == "pll" else FAST), **values})
+    duration = 6e-3 if kind == "pll" else 10e-3
+    found = pr.track(motor(), chosen, contact=None, duration=duration, step=COARSE)
+    assert not found.locked, what
+
+
+# --- keeping lock --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("disturb", "values"),
+    [
+        # half of the stall torque that the next test measures
+        ("load", {"load_torque": 0.18e-3, "duration": 9e-3}),
+        ("preload", {"preload_change": 0.3, "duration": 6e-3}),
+        ("preload", {"preload_change": -0.3, "duration": 6e-3}),
+        ("temperature", {"drift": -0.02, "drift_time": 10e-3, "contact": None}),
+    ],
+)
+def test_the_phase_locked_loop_keeps_lock(disturb: Any, values: dict[str, Any]) -> None:
+    """The drift five times as fast as it must be borne."""
+    chosen = tracker(contact="contact" not in values)
+    found = pr.track(motor(), chosen, disturb=disturb, begin=3e-3, step=COARSE, **values)
+    assert found.locked
+    # a ramp of 2 kHz in 10 ms is followed with an error of τ/(loop gain) of it, 7°; coarse edges are 3.6° late at worst
+    assert found.rms_phase_error_deg < 8.0
+    assert abs(found.residual_detuning_hz) < 30.0
+    if disturb == "temperature":
+        assert found.end_frequency_hz == pytest.approx(0.98 * found.lag.resonance_hz, abs=40.0)
+    elif disturb == "load":
+        assert 0.3 * found.speed_before_rad_s < found.speed_lost_rad_s < 0.7 * found.speed_before_rad_s
+
+
+def test_a_load_step_is_half_of_the_stall_torque() -> None:
+    found = pr.track(motor(), tracker("none"), disturb="load", begin=1e-3, duration=2e-3, step=COARSE)
+    assert found.stall_torque_n_m is not None
+    assert found.settings["disturbance"]["load_torque_n_m"] == 0.5 * found.stall_torque_n_m
+    # 0.37 mN·m with fine steps; the torque of a drive that is slightly off resonance changes with its phase
+    assert found.stall_torque_n_m == pytest.approx(0.36e-3, rel=0.05)
+
+
+def test_observers_follow_a_drift() -> None:
+    """As fast as 2 % in 50 ms. 80 Hz every 0.8 ms is 100 Hz/ms; against 21 Hz/ms of drift that is enough."""
+    found = pr.track(
+        motor(), tracker("observe-current", contact=False), disturb="temperature", contact=None, drift=-0.006,
+        drift_time=15e-3, begin=2e-3, duration=18e-3, step=COARSE,
+    )  # fmt: skip
+    assert found.locked
+    assert found.end_frequency_hz == pytest.approx((0.994 - 3.3e-4) * resonance(contact=False), abs=200.0)
+
+
+def test_a_drive_that_is_not_tracked_loses_the_resonance_as_it_drifts() -> None:
+    chosen = tracker("none", contact=False)
+    found = pr.track(
+        motor(), chosen, disturb="temperature", contact=None, drift_time=5e-3, begin=2e-3, duration=9e-3, step=COARSE
+    )
+    assert found.lock_time_s is not None
+    assert not found.kept_lock
+    assert not found.locked
+    detuned = 1.0 / 0.98 - 0.98 + 2.0 * 3.3e-4
+    assert found.phase_deg[-1] == pytest.approx(-degrees(atan(motor().modes[1].quality_factor * detuned)), abs=1.0)
+
+
+# --- the loop as it was designed -----------------------------------------------------------------------------
+
+
+def free(bandwidth: float, ratio: float, **values: Any) -> pr.Tracker:
+    return tracker(contact=False, bandwidth_hz=bandwidth, ripple_ratio=ratio, ratio_b=1.0, **values)
+
+
+@cache
+def design(chosen: pr.Tracker) -> pr.LoopDesign:
+    lag = pr.running_resonance(motor(), chosen, contact=False)
+    return pr.loop_design(chosen, lag, proposed(chosen))
+
+
+def proposed(chosen: pr.Tracker) -> pr.LoopFilter:
+    lag = pr.running_resonance(motor(), chosen, contact=False)
+    return pr.propose_filter(
+        lag, chosen.bandwidth_hz, gain_hz_per_v=chosen.gain_hz_per_v, current_a=chosen.pump_current_a,
+        target_deg=chosen.target_deg, ripple_ratio=chosen.ripple_ratio,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("bandwidth", "ratio"), [(250.0, 4.0), (500.0, 2.0), (1000.0, 1.0)])
+def test_the_phase_margin_moves_with_the_bandwidth_as_predicted(bandwidth: float, ratio: float) -> None:
+    """The pole against ripple stays at 1 kHz. At resonance the margin is 90° less what that pole takes."""
+    chosen = free(bandwidth, ratio)
+    found = design(chosen)
+    assert found.crossover_hz == pytest.approx(bandwidth, rel=1e-3)
+    assert found.phase_margin_deg == pytest.approx(90.0 - degrees(atan(1.0 / ratio)), abs=0.1)
+    gain = pr.measured_loop_gain(motor(), chosen, bandwidth, contact=None, cycles=3)
+    assert abs(gain) == pytest.approx(1.0, rel=0.1)
+    # half a period of delay in the detector, 3.5° at 1 kHz, is not in the averaged loop
+    assert 180.0 + np.degrees(np.angle(gain)) == pytest.approx(found.phase_margin_deg, abs=5.0)
+
+
+def test_the_loop_gain_off_resonance_is_that_of_the_closed_form() -> None:
+    chosen = free(500.0, 6.0, target_deg=-40.0)
+    found = design(chosen)
+    lag, s = pr.running_resonance(motor(), chosen, contact=False), 2j * np.pi * found.frequency_hz
+    tau, off = lag.time_constant_s, np.tan(np.radians(40.0))
+    values = found.loop_filter
+    whole = values.capacitance_f + values.ripple_f
+    parallel = values.resistance_ohm * values.capacitance_f * values.ripple_f / whole
+    impedance = (1.0 + s * values.resistance_ohm * values.capacitance_f) / (s * whole * (1.0 + s * parallel))
+    stator = tau * (1.0 + s * tau) / ((1.0 + s * tau) ** 2 + off**2)
+    expected = chosen.pump_current_a * impedance * chosen.gain_hz_per_v * stator
+    assert found.gain == pytest.approx(expected, rel=1e-4)
+
+
+def features(time: np.ndarray, response: np.ndarray) -> tuple[float, float]:
+    """Rise time from 10 to 90 % and overshoot."""
+
+    def when(level: float) -> float:
+        index = int(np.flatnonzero(response >= level)[0])
+        return float(np.interp(level, response[index - 1 : index + 1], time[index - 1 : index + 1]))
+
+    return when(0.9) - when(0.1), float(response.max()) - 1.0
+
+
+@pytest.mark.parametrize("bandwidth", [500.0, 1000.0, 2000.0])
+def test_the_averaged_loop_steps_like_the_full_transient(bandwidth: float) -> None:
+    """From −10° to 10°, where the stator's phase is linear to 3 %, with a phase margin of 45° to see an overshoot."""
+    chosen = free(bandwidth, 1.0, target_deg=-10.0)
+    begin = 3e-3
+    found = pr.track(
+        motor(), chosen, disturb="target", target_step=20.0, contact=None, begin=begin, duration=begin + 4.0 / bandwidth
+    )
+    lag = pr.running_resonance(motor(), chosen, contact=False)
+    at_resonance = chosen.model_copy(update={"target_deg": 0.0})
+    time, averaged = pr.averaged_step(
+        at_resonance, lag, proposed(chosen), step_deg=20.0, begin=begin, duration=begin + 4.0 / bandwidth
+    )
+    expected = features(time, averaged / 20.0)
+    assert found.locked
+    # a period's phase belongs to its middle; the mean over one lies some 0.1° off, by the edges' resolution
+    before = found.phase_deg[(found.time_s > begin - 0.3e-3) & (found.time_s < begin)].mean()
+    after = found.phase_deg[-10:].mean()
+    part = found.time_s > begin - 2e-5
+    rise, overshoot = features(found.time_s[part], (found.phase_deg[part] - before) / (after - before))
+    assert rise == pytest.approx(expected[0], rel=0.1)
+    assert overshoot == pytest.approx(expected[1], rel=0.1)
+
+
+# --- refusals, files, the command ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"disturb": "earthquake"}, "disturb = 'earthquake' is refused; allowed are start, target, load"),
+        ({"mode": 2}, "mode = 2 is refused; andersen2002 has the modes 0 to 1."),
+        ({"disturb": "load", "contact": None}, "disturb = 'load' needs a rotor"),
+        (
+            {"disturb": "preload", "preload_change": -1.0},
+            "preload_change = -1 is refused; allowed is a",
+        ),
+        ({"disturb": "temperature", "drift": 0.5}, "drift = 0.5 is refused"),
+        ({"step": 1e-6}, "step = 1e-06 s is refused"),
+        ({"duration": 1e-6}, "duration = 1e-06 s is refused"),
+    ],
+)
+def test_refusals_name_the_value(settings: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(pr.ParameterError) as caught:
+        pr.track(motor(), tracker(), **settings)
+    assert sentence in str(caught.value)
+
+
+def test_only_a_loop_has_a_target_and_a_gain() -> None:
+    with pytest.raises(pr.ParameterError, match="only a pll has a target"):
+        pr.track(motor(), tracker("none"), disturb="target")
+    with pytest.raises(pr.ParameterError, match="has no loop gain"):
+        pr.measured_loop_gain(motor(), tracker("none"), 500.0)
+
+
+def test_the_command_tracks_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["track", "andersen2002", "--free", "--duration", "4e-3"]
+    files = ["--output", str(tmp_path / "track.csv"), "--plot", str(tmp_path / "track.png")]
+    assert run([*words, "--json", *files]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["locked"] is True
+    assert {"lock_time_s", "rms_phase_error_deg", "residual_detuning_hz", "speed_lost_rad_s", "loop"} <= set(found)
+    header, *rows = (tmp_path / "track.csv").read_text(encoding="utf-8").splitlines()
+    assert header == "time_s,frequency_hz,phase_deg,rotor_speed_rad_s"
+    assert len(rows) == found["periods"]
+    assert (tmp_path / "track.png").stat().st_size > 20_000
+    assert run([*words, "--reverse"]) == 0
+    shown = capsys.readouterr().out
+    assert "locked" in shown
+    assert "no" in shown.split("lock time")[0]
+    assert run(["track", "andersen2002", "--tracker", "none", "--disturb", "target"]) == 2
+    assert "only a pll has a target" in " ".join(capsys.readouterr().err.split())
