@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 .DEFAULT_GOAL := help
-.PHONY: help setup demo figures test bench lint format clean
+.PHONY: help setup demo figures docs test bench lint format clean
 
 PY := .venv/bin/python
 JOBS ?= 2
@@ -17,6 +17,10 @@ demo: ## run the motor and draw what it does
 
 figures: setup ## draw every figure of figures/ anew
 	@set -e; for script in $(filter-out %/style.py %/demo.py,$(wildcard figures/*.py)); do echo "$$script:"; $(PY) $$script; done
+
+docs: setup ## build the documentation site into site/
+	@NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --quiet
+	@echo "site/index.html"
 
 test: lint ## lint, then run every test, the wheel's included
 	$(PY) -m pytest -n $(JOBS) --dist loadgroup
@@ -35,5 +39,5 @@ format: setup ## put the sources into the project's format
 	$(PY) -m ruff format .
 
 clean: ## remove .venv, build products and caches
-	rm -rf .venv build dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv build dist site .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

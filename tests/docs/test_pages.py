@@ -22,6 +22,10 @@ def commands(page: Path) -> list[str]:
     return re.findall(r"^    (piezomotor .+)$", page.read_text(encoding="utf-8"), re.M)
 
 
+def decks(page: Path) -> list[str]:
+    return re.findall(r"^```spice\n(.*?^\.end\n)```", page.read_text(encoding="utf-8"), re.M | re.S)
+
+
 def snippets(page: Path) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
 
@@ -36,6 +40,15 @@ def test_commands(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         for option in ("--output", "--plot"):
             if option in words:
                 assert (tmp_path / words[words.index(option) + 1]).stat().st_size > 0
+    for deck in decks(page):  # beside what the commands have written
+        (tmp_path / "mine.cir").write_text(deck, encoding="utf-8")
+        done = subprocess.run(
+            ["ngspice", "-b", "mine.cir"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        measured = dict(re.findall(r"^(\w+)\s*=\s*(\S+)", done.stdout, re.M))
+        for name in re.findall(r"^meas \w+ (\w+)", deck, re.M):
+            assert abs(float(measured[name])) > 0.0
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if snippets(page)], ids=lambda page: page.stem)
