@@ -36,8 +36,21 @@ app = typer.Typer(
     rich_markup_mode="rich",
 )
 
-for command in (motors, show, simulate, admittance, speed_torque, sweep, drive, impact, fit, compare, export, report):
-for command in (motors, show, simulate, admittance, speed_torque, sweep, drive, track, impact, fit, compare, export):
+for command in (
+    motors,
+    show,
+    simulate,
+    admittance,
+    speed_torque,
+    sweep,
+    drive,
+    track,
+    impact,
+    fit,
+    compare,
+    export,
+    report,
+):
     app.command()(command)
 
 FIRST_STEPS = (
