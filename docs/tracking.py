@@ -44,8 +44,9 @@ def tracker(kind: str, offset: float = 0.0) -> pr.Tracker:
 def row(case: str, kind: str, found: pr.Tracking) -> str:
     """Return a line of the table."""
     lock = "–" if found.lock_time_s is None else f"{1e3 * found.lock_time_s:.1f} ms"
+    locked = "–" if kind == "none" else "yes" if found.locked else "no"
     return (
-        f"| {case} | {kind} | {'yes' if found.locked else 'no'} | {lock} | {found.rms_phase_error_deg:.1f}°, "
+        f"| {case} | {kind} | {locked} | {lock} | {found.rms_phase_error_deg:.1f}°, "
         f"{found.worst_phase_error_deg:.1f}° | {found.residual_detuning_hz:.0f} Hz | "
         f"{found.speed_before_rad_s:.2f} → {found.speed_after_rad_s:.2f} rad/s | {found.speed_lost_rad_s:.2f} rad/s |"
     )

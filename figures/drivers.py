@@ -6,13 +6,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from style import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, canvas, main, motor_words, write
+from style import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, canvas, draft, main, motor_words, write
 
 import pyspice_runner as pr
 
 FREQUENCY = 51.7e3
 VOLTAGE = 50.0
-DURATION = 1e-3
+DURATION = 0.4e-3 if draft() else 2e-3
 PERIODS = 2.0
 CHAINS = {  # kind, network, settings
     "linear amplifier": ("linear", "none", {}),

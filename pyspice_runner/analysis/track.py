@@ -50,10 +50,11 @@ class Tracking:
     """How a tracker did.
 
     Attributes:
-        locked: whether it locked before the disturbance, never lost lock, and is locked at the end.
+        locked: whether it locked before the disturbance, never lost lock, and is locked at the end; false for a drive
+            that nothing tracks.
         lock_time_s: time from the start, or for a start from far off, after which it stays locked until the
             disturbance; ``None`` if it does not.
-        kept_lock: whether the phase stayed within 60° of what is wanted from lock to the end.
+        kept_lock: whether the phase came within 20° of what is wanted before the disturbance, and stayed within 60°.
         rms_phase_error_deg: of the mode's velocity, from lock to the end; from the start without lock.
         worst_phase_error_deg: greatest deviation, averaged over 20 periods, in the same time.
         residual_detuning_hz: mean at the end, by which the drive is above the frequency that the phase wanted asks for.
@@ -234,7 +235,7 @@ def measured_loop_gain(
     *,
     mode: int | None = None,
     contact: ContactLaw | None = "spring-slider",
-    amplitude_hz: float = 40.0,
+    amplitude_hz: float = 150.0,
     cycles: int = 5,
     step: float | None = None,
     timeout: float | None = None,
@@ -250,7 +251,8 @@ def measured_loop_gain(
         frequency_hz: frequency of the sine.
         mode: index of the mode to follow, from 0; by default the last.
         contact: law of the contact; ``None`` for a free tip.
-        amplitude_hz: of the sine, as a frequency of the oscillator.
+        amplitude_hz: of the sine, as a frequency of the oscillator; large enough that the phase swings by several of
+            the time steps by which edges are seen late.
         cycles: number of its cycles that are measured, after those that the loop takes to settle.
         step: largest time step, s.
         timeout: wall time in s after which the run is ended.
@@ -402,14 +404,15 @@ def _judge(
     since = slice(first if acquired else 0, None)
     last = time >= time[-1] - max(0.1 * (time[-1] - (begin if disturbed else 0.0)), SMOOTHED_PERIODS / lag.resonance_hz)
     kept = bool(acquired and np.all(np.abs(error[since]) < LOST_DEG))
-    locked = bool(kept and np.all(np.abs(error[last]) < LOCKED_DEG))
+    tracked = tracker.kind != "none"
+    locked = bool(tracked and kept and np.all(np.abs(error[last]) < LOCKED_DEG))
     end_phase = float(np.mean((periods.phase)[last]))
     detuning = lag.detuning_hz(min(max(end_phase, -89.9), 89.9)) - lag.detuning_hz(float(wanted[-1]))
     speed_before = float(speed[before[-1]])
     since_begin = speed[before[-1] :] if disturbed else speed[-1:]
     return Tracking(
         locked=locked,
-        lock_time_s=lock_time,
+        lock_time_s=lock_time if tracked else None,
         kept_lock=kept,
         rms_phase_error_deg=sqrt(float(np.mean((periods.phase - wanted)[since] ** 2))),
         worst_phase_error_deg=float(np.abs(error[since]).max()),

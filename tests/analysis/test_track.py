@@ -145,7 +145,7 @@ def test_a_drive_that_is_not_tracked_loses_the_resonance_as_it_drifts() -> None:
     found = pr.track(
         motor(), chosen, disturb="temperature", contact=None, drift_time=5e-3, begin=2e-3, duration=9e-3, step=COARSE
     )
-    assert found.lock_time_s is not None
+    assert abs(found.phase_deg[found.time_s < 2e-3][-1]) < 5.0
     assert not found.kept_lock
     assert not found.locked
     detuned = 1.0 / 0.98 - 0.98 + 2.0 * 3.3e-4
@@ -181,9 +181,9 @@ def test_the_phase_margin_moves_with_the_bandwidth_as_predicted(bandwidth: float
     assert found.crossover_hz == pytest.approx(bandwidth, rel=1e-3)
     assert found.phase_margin_deg == pytest.approx(90.0 - degrees(atan(1.0 / ratio)), abs=0.1)
     gain = pr.measured_loop_gain(motor(), chosen, bandwidth, contact=None, cycles=3)
-    assert abs(gain) == pytest.approx(1.0, rel=0.1)
-    # half a period of delay in the detector, 3.5° at 1 kHz, is not in the averaged loop
-    assert 180.0 + np.degrees(np.angle(gain)) == pytest.approx(found.phase_margin_deg, abs=5.0)
+    assert abs(gain) == pytest.approx(1.0, rel=0.05)
+    # the phase swings by 8 to 17°, of which a step is 1.8°, and the stator is linear to 3 %
+    assert 180.0 + np.degrees(np.angle(gain)) == pytest.approx(found.phase_margin_deg, abs=2.0)
 
 
 def test_the_loop_gain_off_resonance_is_that_of_the_closed_form() -> None:
