@@ -17,7 +17,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.analysis.touchstone import touchstone
 from pyspice_runner.cli import run
-from tests.resonators import resonator, spectrum, values
+from tests.resonators import fitted, resonator, spectrum, values
 
 CIRCUIT = resonator([20e3, 33e3], [120.0, 300.0], [0.05, 0.02], lead_resistance=2.0, lead_inductance=1e-5)
 # what stands behind a word in an .asy file, by the listing of the format: the number of integers
@@ -93,7 +93,7 @@ def test_symbols_name_the_library_and_its_pins_in_order(
 
 def test_a_circuit_is_read_back_without_loss(tmp_path: Path) -> None:
     assert pr.load_circuit(pr.export_circuit(CIRCUIT, tmp_path / "c.toml")) == CIRCUIT
-    fit = pr.fit_spectrum(spectrum(CIRCUIT, np.linspace(15e3, 40e3, 401)), 2)
+    fit = fitted(spectrum(CIRCUIT, np.linspace(15e3, 40e3, 401)), 2)
     for ending in (".json", ".toml"):
         assert pr.load_circuit(fit.save(tmp_path / f"fit{ending}")) == fit.circuit
 
@@ -104,7 +104,7 @@ def test_touchstone_has_the_admittance(motor: pr.Motor, tmp_path: Path) -> None:
     one = skrf.Network(str(pr.export_circuit(CIRCUIT, tmp_path / "c.s1p")))
     assert one.y[:, 0, 0] == pytest.approx(CIRCUIT.admittance(one.f), rel=1e-9)
     assert one.f[0] < 20e3 < 33e3 < one.f[-1]
-    again = pr.fit_spectrum(pr.read_spectrum(tmp_path / "c.s1p"))
+    again = fitted(pr.read_spectrum(tmp_path / "c.s1p"))
     assert values(again.circuit) == pytest.approx(values(CIRCUIT), rel=1e-6)
 
     two = pr.read_spectrum(pr.export_motor(motor, tmp_path / "m.s2p"))

@@ -22,7 +22,7 @@ BAND = np.linspace(8e3, 80e3, 1201)
 # --- values come back ---
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("arms", [1, 2, 3, 4, 5])
 def test_noise_free_values_come_back(arms: int, seed: int) -> None:
     circuit, frequency = random_resonator(100 * arms + seed, arms)
@@ -85,10 +85,10 @@ def test_a_loss_tangent_that_is_the_same_at_all_frequencies_makes_no_arm() -> No
 @pytest.mark.parametrize("unit", [1e-6, 1e6])
 def test_a_fit_knows_no_scale(unit: float) -> None:
     """The same device at a millionth of the frequency, or with a million times the impedance."""
-    plain = pr.fit_spectrum(spectrum(TWO_MODES, BAND), 2)
+    plain = fitted(spectrum(TWO_MODES, BAND), 2)
     y = TWO_MODES.admittance(BAND)
-    slow = pr.fit_spectrum(pr.Spectrum.from_admittance(unit * BAND, y), 2)
-    small = pr.fit_spectrum(pr.Spectrum.from_admittance(BAND, unit * y), 2)
+    slow = fitted(pr.Spectrum.from_admittance(unit * BAND, y), 2)
+    small = fitted(pr.Spectrum.from_admittance(BAND, unit * y), 2)
     for here, there, high in zip(plain.arms, slow.arms, small.arms, strict=True):
         assert there.inductance_h * unit == pytest.approx(here.inductance_h)
         assert there.resistance_ohm == pytest.approx(here.resistance_ohm)
@@ -224,7 +224,7 @@ def test_json_has_what_others_rely_on() -> None:
 
 # --- what is refused, and what is told ---
 
-WIDE = np.geomspace(1e4, 1e6, 801)
+WIDE = np.geomspace(1e4, 1e6, 401)
 S = 2j * np.pi * WIDE
 NOT_PIEZO = {
     "capacitor": 1e-9 * S,
@@ -290,14 +290,14 @@ def test_an_arm_outside_the_band_and_one_between_the_points_are_told() -> None:
 
 def test_warnings_of_the_reader_are_kept() -> None:
     told = pr.Spectrum.from_admittance(BAND, TWO_MODES.admittance(BAND), warnings=("The phase was turned.",))
-    assert pr.fit_spectrum(told, 2).warnings == ("The phase was turned.",)
+    assert fitted(told, 2).warnings == ("The phase was turned.",)
 
 
 # --- files ---
 
 
 def test_files_and_picture(tmp_path: Path) -> None:
-    fit = pr.fit_spectrum(spectrum(TWO_MODES, BAND, noise=0.01), 2)
+    fit = fitted(spectrum(TWO_MODES, BAND, noise=0.01), 2)
     assert json.loads(fit.save(tmp_path / "fit.json").read_text(encoding="utf-8"))["points"] == len(BAND)
     table = np.loadtxt(fit.save(tmp_path / "fit.csv"), delimiter=",", skiprows=1)
     assert table[:, 3] + 1j * table[:, 4] == pytest.approx(fit.admittance(BAND), rel=1e-10)
