@@ -75,6 +75,7 @@ class Problem:
         self.finest = float(np.min(np.diff(np.log(self.w))))  # distance of the closest points, relative
         self.y = y / self.unit_s
         self.log_y = np.log(self.y)
+        self._jacobian: Complexes = np.empty((0, len(y)), dtype=complex)  # kept, since a new one costs page faults
 
     # --- model and its derivatives ---
 
@@ -88,7 +89,12 @@ class Problem:
         lead_l = self.lead_inductance(parameters)
         frequency, reactance, quality = _columns(parameters)
         clamped = np.exp(log_c) / (loss + 1.0 / self.s)
-        arms = 1.0 / (reactance * (1.0 / quality + 1j * (self.w / frequency - frequency / self.w)))
+        # 1/(X (1/Q + j d)), written in its parts: this is where the time goes, and complex division is slow
+        detuning = self.w / frequency - frequency / self.w
+        size = 1.0 / (reactance * (quality**-2 + detuning**2))
+        arms = np.empty(size.shape, dtype=complex)
+        np.multiply(size, 1.0 / quality, out=arms.real)
+        np.multiply(size, -detuning, out=arms.imag)
         device = clamped + arms.sum(axis=0)
         z = lead_r + self.s * lead_l + 1.0 / device
         return clamped, arms, z, 1.0 / (z * device**2)
@@ -102,19 +108,22 @@ class Problem:
         return difference - 2j * pi * np.round(difference.imag / (2.0 * pi))
 
     def linearised(self, parameters: Vector) -> tuple[Complexes, Complexes]:
-        """Return the residual and its derivatives, shape (parameters, points)."""
+        """Return the residual and its derivatives, shape (parameters, points), which the next call overwrites."""
         clamped, arms, z, chain = self._parts(parameters)
         frequency, reactance, quality = _columns(parameters)
-        slope = reactance * arms**2 * chain
-        jacobian = np.empty((len(parameters), len(self.w)), dtype=complex)
+        by_reactance = -arms * chain
+        slope = by_reactance * arms
+        if len(parameters) != len(self._jacobian):
+            self._jacobian = np.empty((len(parameters), len(self.w)), dtype=complex)
+        jacobian = self._jacobian
         inductance_slope = -self.s / (z * np.exp(parameters[0]) * self.w[-1] ** 2)
         jacobian[0] = chain * clamped - inductance_slope * parameters[3]
         jacobian[1] = -chain * clamped**2 * np.exp(-parameters[0])
         jacobian[2] = -1.0 / z
         jacobian[3] = inductance_slope
-        jacobian[GLOBALS::3] = 1j * slope * (self.w / frequency + frequency / self.w)
-        jacobian[GLOBALS + 1 :: 3] = -arms * chain
-        jacobian[GLOBALS + 2 :: 3] = slope / quality
+        jacobian[GLOBALS::3] = slope * (-1j * reactance * (self.w / frequency + frequency / self.w))
+        jacobian[GLOBALS + 1 :: 3] = by_reactance
+        jacobian[GLOBALS + 2 :: 3] = slope * (-reactance / quality)
         return self._wrapped(-np.log(z)), jacobian
 
     def bounds(self, arms: int) -> tuple[Vector, Vector]:
