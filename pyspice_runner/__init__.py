@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.track import Tracking, measured_loop_gain, running_resonance, track
     from pyspice_runner.analysis.twoport import TwoPortFit, fit_two_port
     from pyspice_runner.analysis.waveforms import Waveforms
-    from pyspice_runner.errors import ParameterError, SimulationError, SpectrumError
+    from pyspice_runner.errors import Interrupted, ParameterError, SimulationError, SpectrumError
     from pyspice_runner.model.beam import resonator_modes
     from pyspice_runner.model.circuit_file import circuit_toml, is_circuit_file, load_circuit
     from pyspice_runner.model.drive import TwoPhaseDrive, TwoToneDrive
@@ -73,6 +73,7 @@ _HOMES = {
     "Impact": "analysis.impact",
     "LoopDesign": "analysis.loop",
     "LoopFilter": "model.tracking",
+    "Interrupted": "errors",
     "Matching": "analysis.matching",
     "MotionalArm": "model.equivalent",
     "Motor": "model.motor",
@@ -146,6 +147,7 @@ __all__ = [
     "Impact",
     "LoopDesign",
     "LoopFilter",
+    "Interrupted",
     "Matching",
     "MotionalArm",
     "Motor",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The three ways in which this package says no.
+"""The three ways in which this package says no, and how an interrupted run hands over what it has.
 
 Each message is one or two sentences that name the parameter or file, the value, its unit, what is allowed
 and what to do.
@@ -8,6 +8,7 @@ and what to do.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 
 class ParameterError(ValueError):
@@ -38,3 +39,15 @@ class SimulationError(RuntimeError):
 
 def _rebuild(message: str, deck: Path | None, log: str) -> SimulationError:
     return SimulationError(message, deck=deck, log=log)
+
+
+class Interrupted(KeyboardInterrupt):
+    """A run that was stopped from outside, with what was done until then.
+
+    Attributes:
+        partial: what there is, marked as incomplete.
+    """
+
+    def __init__(self, message: str, partial: Any) -> None:
+        super().__init__(message)
+        self.partial = partial

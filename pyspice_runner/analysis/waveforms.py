@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.errors import ParameterError
 from pyspice_runner.files import save_by_ending, write_csv, write_json
 
 if TYPE_CHECKING:
@@ -80,18 +81,28 @@ class EnergyBalance:
         return abs(self.missing) / put_in
 
 
+class NotRecordedError(AttributeError, ParameterError):
+    """A column that the run was asked to leave out."""
+
+
 @dataclass(frozen=True)
 class Waveforms:
     """One verified run. The arrays share one time axis, uniform but for the first few steps and the last, shorter ones.
 
+    What was not recorded is not there: to ask for it raises :class:`NotRecordedError`.
+
     Attributes:
-        energy: the energy balance of the run.
+        energy: the energy balance of the run, from the first point that is recorded; there if all signals are, at
+            every step.
         drive_period_s: period of the drive, over which means are taken.
         rotor_radius_m: radius at the contact, which turns friction force into torque.
         solver_seconds: wall time that ngspice took.
         ngspice_version: version of ngspice.
         provenance: motor, drive, run settings and hash of the deck, JSON-ready.
         deck: the netlist that was run.
+        error_estimate: estimated error of the tip's trajectory, RMS relative to its motion, if an accuracy was asked
+            for.
+        complete: whether the run reached its end; one that was interrupted did not.
     """
 
     time_s: Array
@@ -113,6 +124,30 @@ class Waveforms:
     ngspice_version: str
     provenance: dict[str, Any] = field(repr=False)
     deck: str = field(repr=False)
+    error_estimate: float | None = None
+    complete: bool = True
+
+    def __post_init__(self) -> None:
+        for name in (*COLUMNS, "energy"):
+            if getattr(self, name) is None:
+                object.__delattr__(self, name)
+
+    if not TYPE_CHECKING:  # so that a misspelt name is found
+
+        def __getattr__(self, name: str) -> Any:
+            if name in COLUMNS:
+                raise NotRecordedError(f"{name} was not recorded in this run; name it among the signals of simulate.")
+            if name == "energy":
+                raise NotRecordedError("An energy balance takes all signals at every step, as simulate records them.")
+            derived = getattr(type(self), name, None)
+            if isinstance(derived, property):  # it failed for want of a column: let it say which
+                return derived.fget(self)
+            raise AttributeError(f"Waveforms have no {name!r}.")
+
+    @property
+    def recorded(self) -> list[str]:
+        """Names of the columns that are there."""
+        return [name for name in COLUMNS if hasattr(self, name)]
 
     @property
     def points(self) -> int:
@@ -170,17 +205,24 @@ class Waveforms:
     def _averaged_from(self) -> float:
         """Time in s at which the last whole drive periods begin."""
         duration = float(self.time_s[-1])
-        periods = min(AVERAGED_PERIODS, int(duration / self.drive_period_s * (1.0 + 1e-9)))
-        return duration - periods * self.drive_period_s if periods else 0.0
+        recorded = duration - float(self.time_s[0])
+        periods = min(AVERAGED_PERIODS, int(recorded / self.drive_period_s * (1.0 + 1e-9)))
+        return duration - periods * self.drive_period_s if periods else float(self.time_s[0])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the summary of the run, JSON-ready."""
+        """Return the summary of the run, JSON-ready; ``None`` stands for what was not recorded."""
+
+        def known(column: str, quantity: str) -> Any:
+            return getattr(self, quantity) if hasattr(self, column) else None
+
         return {
-            "mean_rotor_speed_rad_s": self.mean_rotor_speed_rad_s,
-            "mean_torque_n_m": self.mean_torque_n_m,
-            "state_fractions": self.state_fractions,
-            "energy_residual": self.energy_residual,
-            "energy_j": {item.name: getattr(self.energy, item.name) for item in fields(self.energy)},
+            "mean_rotor_speed_rad_s": known("rotor_speed_rad_s", "mean_rotor_speed_rad_s"),
+            "mean_torque_n_m": known("friction_force_n", "mean_torque_n_m"),
+            "state_fractions": known("contact_state", "state_fractions"),
+            "energy_residual": known("energy", "energy_residual"),
+            "energy_j": asdict(self.energy) if hasattr(self, "energy") else None,
+            "error_estimate": self.error_estimate,
+            "complete": self.complete,
             "points": self.points,
             "solver_seconds": self.solver_seconds,
             "ngspice_version": self.ngspice_version,
@@ -194,6 +236,7 @@ class Waveforms:
         variables = {
             name: ("time_s", getattr(self, name), {"units": unit, "long_name": meaning})
             for name, (unit, meaning) in COLUMNS.items()
+            if name in self.recorded
         }
         time = variables.pop("time_s")
         return xarray.Dataset(variables, coords={"time_s": time}, attrs={"summary": json.dumps(self.to_dict())})
@@ -207,7 +250,7 @@ class Waveforms:
         return save_by_ending(
             path,
             {
-                ".csv": lambda file: write_csv(file, {name: getattr(self, name) for name in COLUMNS}),
+                ".csv": lambda file: write_csv(file, {name: getattr(self, name) for name in self.recorded}),
                 ".nc": lambda file: self.to_xarray().to_netcdf(file, engine="h5netcdf"),
                 ".json": lambda file: write_json(file, self.to_dict()),
                 ".cir": lambda file: file.write_text(self.deck, encoding="utf-8"),

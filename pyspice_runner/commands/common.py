@@ -20,6 +20,7 @@ from rich.progress import (
     MofNCompleteColumn,
     Progress,
     SpinnerColumn,
+    TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -176,6 +177,16 @@ def busy(what: str) -> Iterator[None]:
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
         bar.add_task(what, total=None)
         yield
+
+
+@contextmanager
+def run_progress(what: str) -> Iterator[Callable[[float, float], None]]:
+    """Show on a terminal how far a run is, and how many seconds are left."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[left]}"))
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+        task = bar.add_task(what, total=1.0, left="")
+        yield lambda done, left: bar.update(task, completed=done, left=f"{left:.0f} s left")
 
 
 @contextmanager

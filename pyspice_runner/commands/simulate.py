@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, Any
 
 import typer
 from rich.table import Table
@@ -17,9 +18,9 @@ from pyspice_runner.commands.common import (
     PlotOption,
     SetOption,
     TimeoutOption,
-    busy,
     check_targets,
     load_changed,
+    run_progress,
     show_result,
     warn_of,
 )
@@ -56,6 +57,12 @@ def simulate(
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
     load_torque: Annotated[float, typer.Option(help="Torque that a load draws from the shaft, N.m.")] = 0.0,
     step: Annotated[float | None, typer.Option(help="Uniform time step, s; default: from the fastest motion.")] = None,
+    accuracy: Annotated[
+        float | None, typer.Option(help="Error allowed of the tip's trajectory, as 0.005; chooses the step.")
+    ] = None,
+    signals: Annotated[str | None, typer.Option(help="Columns to record, as tip_x_m,rotor_speed_rad_s.")] = None,
+    record_from: Annotated[float, typer.Option(help="Record from this time on, s.")] = 0.0,
+    record_every: Annotated[int, typer.Option(help="Record every so-many-th step.")] = 1,
     timeout: TimeoutOption = None,
     audit: AuditOption = True,
     changes: SetOption = None,
@@ -71,29 +78,54 @@ def simulate(
     loaded = load_changed(motor, changes)
     tones = (voltage_1, frequency_1, voltage_2, frequency_2)
     excitation = stated_drive(loaded, drive, voltage, frequency, phase, tones, soft_start)
-    with busy("ngspice runs the motor"):
-        run = pr.simulate(
-            loaded,
-            excitation,
-            duration=duration,
-            contact=contact.law,
-            sliders=sliders,
-            speed=speed,
-            load_torque=load_torque,
-            step=step,
-            timeout=timeout,
-            audit=audit,
-        )
+    if plot is not None and signals is not None:
+        raise pr.ParameterError("--plot draws all signals; leave --signals out.")
+    status = 0
+    with run_progress("ngspice runs the motor") as progress:
+        try:
+            run = pr.simulate(
+                loaded,
+                excitation,
+                duration=duration,
+                contact=contact.law,
+                sliders=sliders,
+                speed=speed,
+                load_torque=load_torque,
+                step=step,
+                accuracy=accuracy,
+                signals=None if signals is None else [name.strip() for name in signals.split(",")],
+                record_from=record_from,
+                record_every=record_every,
+                progress=progress,
+                timeout=timeout,
+                audit=audit,
+            )
+        except pr.Interrupted as interrupt:
+            run, status = interrupt.partial, 130
+            warn_of([str(interrupt)])
     warn_of(run.provenance["audit"]["findings"])
     if output is not None:
         run.save(output)
     if plot is not None:
         run.plot(plot)
-    states = run.state_fractions
-    table = Table("quantity", "value", title=f"{loaded.name}, {duration:g} s")
-    table.add_row("mean rotor speed", f"{run.mean_rotor_speed_rad_s:.4g} rad/s")
-    table.add_row("mean torque", f"{run.mean_torque_n_m:.4g} N·m")
-    table.add_row("separated / stick / slip", " / ".join(f"{100 * share:.1f} %" for share in states.values()))
-    table.add_row("energy residual", f"{run.energy_residual:.1e}")
+    summary = run.to_dict()
+    table = Table(
+        "quantity", "value", title=f"{loaded.name}, {run.time_s[-1]:.6g} s{'' if run.complete else ', partial'}"
+    )
+    rows: list[tuple[str, str, Callable[[Any], str]]] = [
+        ("mean_rotor_speed_rad_s", "mean rotor speed", lambda value: f"{value:.4g} rad/s"),
+        ("mean_torque_n_m", "mean torque", lambda value: f"{value:.4g} N·m"),
+        ("state_fractions", "separated / stick / slip", _percentages),
+        ("energy_residual", "energy residual", lambda value: f"{value:.1e}"),
+        ("error_estimate", "estimated error of the tip", lambda value: f"{100 * value:.2g} %"),
+    ]
+    for key, name, written in rows:
+        if summary[key] is not None:
+            table.add_row(name, written(summary[key]))
     table.add_row("points", f"{run.points} in {run.solver_seconds:.2f} s, ngspice {run.ngspice_version}")
-    show_result(run.to_dict(), table, as_json)
+    show_result(summary, table, as_json)
+    raise typer.Exit(status)
+
+
+def _percentages(states: dict[str, float]) -> str:
+    return " / ".join(f"{100 * share:.1f} %" for share in states.values())

@@ -17,20 +17,19 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import IO
 
-import numpy as np
-
 from pyspice_runner.engine.rawfile import RawFile, RawFileError, read_rawfile
 from pyspice_runner.engine.silent import silent_fault
-from pyspice_runner.errors import SimulationError
+from pyspice_runner.errors import Interrupted, SimulationError
 
 OLDEST_VERSION = 36  # behavioural sources and subcircuit parameters as the libraries use them
 _VERSION_TIMEOUT = 20.0  # s; ngspice answers within some 5 ms
+_PROGRESS_PERIOD = 0.2  # s; ngspice itself tells no more often how far it is
 _LONGEST_LOG = 1 << 24  # bytes; a run that ends well writes about 1 kB
 _INSTALL_HINT = "Install it: `sudo apt-get install ngspice` (Debian, Ubuntu), `brew install ngspice` (macOS)."
 
@@ -116,6 +115,8 @@ def run_deck(
     stop_time: float | None = None,
     stop_frequency: float | None = None,
     timeout: float | None = None,
+    progress: Callable[[float], object] | None = None,
+    keep_partial: bool = False,
 ) -> Result:
     """Run a netlist and return its vectors, or raise.
 
@@ -126,9 +127,12 @@ def run_deck(
         stop_time: for a transient, the time in s that it must reach.
         stop_frequency: for an AC analysis, the frequency in Hz that it must reach.
         timeout: wall time in s after which the run is ended.
+        progress: called some times a second with the time in s that a transient has reached.
+        keep_partial: whether a run that is interrupted hands over the points that it has.
 
     Raises:
         SimulationError: with ngspice's own words and, as ``deck``, the file kept for inspection.
+        Interrupted: for ``keep_partial``, when interrupted; ``partial`` is a :class:`Result` that ended too early.
     """
     executable = find_ngspice()
     ngspice_version()
@@ -143,7 +147,13 @@ def run_deck(
         fault = silent_fault(deck)
         if fault:
             raise _Unsound(fault, "")
-        status, log, seconds = _execute(executable, folder, deck_path, timeout)
+        started = time.perf_counter()
+        try:
+            status, log, seconds = _execute(executable, folder, deck_path, timeout, progress)
+        except KeyboardInterrupt as interrupt:
+            if not keep_partial:
+                raise
+            raise _interrupted(folder / "out.raw", vectors, time.perf_counter() - started) from interrupt
         raw = _verified(folder / "out.raw", status, log, vectors)
         _check_end(raw, "time", stop_time, "s", log)
         _check_end(raw, "frequency", stop_frequency, "Hz", log)
@@ -168,7 +178,9 @@ class _Unsound(Exception):
         self.log = log
 
 
-def _execute(executable: str, folder: Path, deck: Path, timeout: float | None) -> tuple[int, str, float]:
+def _execute(
+    executable: str, folder: Path, deck: Path, timeout: float | None, progress: Callable[[float], object] | None
+) -> tuple[int, str, float]:
     """Run ngspice to its end; an interrupt or a timeout ends the child first."""
     environment = {key: value for key, value in os.environ.items() if not key.startswith(("SPICE", "NGSPICE", "LC_"))}
     # without a HOME ngspice 39 crashes, and the user's own must not be read
@@ -184,7 +196,7 @@ def _execute(executable: str, folder: Path, deck: Path, timeout: float | None) -
         except OSError as error:
             raise _Unsound(f"{executable} does not run: {error.strerror}.", "") from None
         try:
-            status = process.wait(timeout=timeout)
+            status = _wait(process, timeout, progress, log_file)
         except subprocess.TimeoutExpired:
             raise _Unsound(f"ngspice did not finish within {timeout:g} s and was stopped.", _read(log_file)) from None
         finally:
@@ -193,6 +205,41 @@ def _execute(executable: str, folder: Path, deck: Path, timeout: float | None) -
                     os.killpg(process.pid, signal.SIGKILL)  # its session is its own, see above
                 process.wait()
         return status, _read(log_file), time.perf_counter() - started
+
+
+def _wait(
+    process: subprocess.Popen[bytes],
+    timeout: float | None,
+    progress: Callable[[float], object] | None,
+    log_file: IO[bytes],
+) -> int:
+    """Wait for the end of ngspice, telling now and then which time it has reached."""
+    if progress is None:
+        return process.wait(timeout=timeout)
+    ends, last = (None if timeout is None else time.monotonic() + timeout), b""
+    while True:
+        left = _PROGRESS_PERIOD if ends is None else max(min(_PROGRESS_PERIOD, ends - time.monotonic()), 0.0)
+        try:
+            return process.wait(timeout=left)
+        except subprocess.TimeoutExpired:
+            if ends is not None and time.monotonic() >= ends:
+                raise
+        told = os.pread(log_file.fileno(), 200, max(os.fstat(log_file.fileno()).st_size - 200, 0))
+        reached = re.findall(rb"Reference value : +(\d\S*e\S+)", told)
+        if reached and reached[-1] != last:
+            last = reached[-1]
+            progress(float(last))
+
+
+def _interrupted(path: Path, vectors: Sequence[str], seconds: float) -> KeyboardInterrupt:
+    """Return the interrupt to raise: with the whole points that are there, or bare if there is nothing to show."""
+    try:
+        raw = read_rawfile(path, partial=True)
+    except RawFileError:
+        return KeyboardInterrupt()
+    if any(raw.find(name) is None for name in vectors) or raw.not_finite(vectors):
+        return KeyboardInterrupt()
+    return Interrupted("The run was interrupted.", Result(raw, seconds, ""))
 
 
 def _read(log_file: IO[bytes]) -> str:
@@ -217,11 +264,11 @@ def _verified(path: Path, status: int, log: str, vectors: Sequence[str]) -> RawF
     except RawFileError as error:
         raise _Unsound(f"ngspice gave no usable result: {error}.", log) from None
     for name in vectors:
-        values = raw.find(name)
-        if values is None:
+        if raw.find(name) is None:
             raise _Unsound(f"ngspice left out the vector {name}; check that the netlist has it.", log)
-        if not np.all(np.isfinite(values)):
-            raise _Unsound(f"ngspice gave values of {name} that are not finite.", log)
+    spoiled = raw.not_finite(vectors)
+    if spoiled:
+        raise _Unsound(f"ngspice gave values of {spoiled} that are not finite.", log)
     return raw
 
 

@@ -7,6 +7,7 @@ netlist that did not parse.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from PySpice.Probe.WaveForm import AcAnalysis, DcAnalysis, OperatingPoint, TransientAnalysis, WaveForm
@@ -65,7 +66,15 @@ class BatchSimulator(CircuitSimulator):
         super()._run(analysis, **arguments)
         return self
 
-    def _run(self, analysis_method: str, *args: Any, **kwargs: Any) -> Any:
+    def verified(
+        self, analysis_method: str, *args: Any, progress: Callable[[float], object] | None = None,
+        keep_partial: bool = False, **kwargs: Any,
+    ) -> Result:  # fmt: skip
+        """Run an analysis as ``transient`` and its like do, and return the vectors as they are in the raw file.
+
+        Nothing is copied into PySpice's waveforms. ``progress`` and ``keep_partial`` are those of
+        :func:`~pyspice_runner.engine.ngspice.run_deck`.
+        """
         self.result = None
         if analysis_method not in _ANALYSES:
             raise ParameterError(f"BatchSimulator does not run {analysis_method}; it runs {', '.join(_ANALYSES)}.")
@@ -79,8 +88,13 @@ class BatchSimulator(CircuitSimulator):
             stop_time=float(parameters.end_time) if analysis_method == "transient" else None,
             stop_frequency=_last_frequency(parameters) if analysis_method == "ac" else None,
             timeout=self._timeout,
+            progress=progress,
+            keep_partial=keep_partial,
         )
-        return self._analysis(analysis_method, self.result)
+        return self.result
+
+    def _run(self, analysis_method: str, *args: Any, **kwargs: Any) -> Any:
+        return self._analysis(analysis_method, self.verified(analysis_method, *args, **kwargs))
 
     def _analysis(self, method: str, result: Result) -> Any:
         vectors = dict(result.raw.vectors)

@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
+import mmap
 import re
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+_CHUNK = 1 << 14  # points; some MB of a file, so that a pass over it stays in the cache
 _HEADER_LIMIT = 1 << 20  # bytes; a header lists the vectors' names, a few dozen bytes each
 
 
@@ -19,11 +22,12 @@ class RawFile:
 
     Attributes:
         plot: ngspice's name of the analysis, such as "Transient Analysis".
-        vectors: lower-case vector name → values (real, or complex for AC), in the file's order.
+        vectors: lower-case vector name → values (real, or complex for AC), in the file's order; views of the file.
     """
 
     plot: str
     vectors: dict[str, NDArray[np.generic]]
+    _pages: mmap.mmap | None = field(default=None, repr=False, compare=False)
 
     @property
     def points(self) -> int:
@@ -38,13 +42,45 @@ class RawFile:
                 return self.vectors[candidate]
         return None
 
+    def not_finite(self, names: Sequence[str]) -> str | None:
+        """Return the first of some vectors that has a value that is not finite."""
+        columns = {name: self.find(name) for name in names}
+        for chunk in self._chunks():
+            for name, values in columns.items():
+                if values is not None and not np.isfinite(values[chunk]).all():
+                    return name
+        return None
+
+    def thinned(self, every: int) -> dict[str, NDArray[np.generic]]:
+        """Return every so-many-th point of the vectors, copied, so that the file may go."""
+        thin = {name: np.empty_like(values[::every]) for name, values in self.vectors.items()}
+        for chunk in self._chunks(every):
+            for name, values in self.vectors.items():
+                copied = values[chunk][::every]
+                first = chunk.start // every
+                thin[name][first : first + len(copied)] = copied
+        return thin
+
+    def _chunks(self, multiple: int = 1) -> Iterator[slice]:
+        """Go through the points, a multiple of a number at a time, and let go of the file's pages behind."""
+        size = max(_CHUNK // multiple, 1) * multiple
+        for start in range(0, self.points, size):
+            yield slice(start, min(start + size, self.points))
+            if self._pages is not None and hasattr(mmap, "MADV_DONTNEED"):
+                self._pages.madvise(mmap.MADV_DONTNEED)
+
 
 class RawFileError(ValueError):
     """The file is not a complete binary raw file."""
 
 
-def read_rawfile(path: Path) -> RawFile:
-    """Read a binary raw file that holds one analysis.
+def read_rawfile(path: Path, *, partial: bool = False) -> RawFile:
+    """Map a binary raw file that holds one analysis: the vectors are views into the file, which may then be deleted.
+
+    Args:
+        path: the file.
+        partial: whether it may be that of an analysis that was stopped, which has not yet written how many points
+            there are; then the whole points that are there count.
 
     Raises:
         RawFileError: if the file is missing, truncated, of another format, or holds more than one analysis.
@@ -68,19 +104,23 @@ def read_rawfile(path: Path) -> RawFile:
         names = [row.split()[1].lower() for row in rows if row.strip()]
     except (ValueError, IndexError) as error:
         raise RawFileError("the raw file's header is broken") from error
+    kind = np.dtype(complex) if "complex" in flags else np.dtype(float)
+    start = marker + len(b"\nBinary:\n")
+    if partial and count > 0:
+        points = (size - start) // (count * kind.itemsize)
     if points < 1:
         raise RawFileError("the raw file holds no points")
     if len(names) != count or len(set(names)) != count:
         raise RawFileError(f"the raw file announces {count} vectors and names {len(set(names))}")
-    kind = np.dtype(complex) if "complex" in flags else np.dtype(float)
-    start = marker + len(b"\nBinary:\n")
-    excess = size - start - count * points * kind.itemsize
+    excess = 0 if partial else size - start - count * points * kind.itemsize
     if excess < 0:
         raise RawFileError(f"the raw file is cut short: it announces {points} points of {count} vectors")
     if excess > 0:
         raise RawFileError("the raw file holds more than one analysis")
-    table = np.fromfile(path, dtype=kind, count=count * points, offset=start).reshape(points, count)
-    return RawFile(plot, {name: table[:, index] for index, name in enumerate(names)})
+    with path.open("rb") as file:
+        pages = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    table = np.frombuffer(pages, dtype=kind, count=count * points, offset=start).reshape(points, count)
+    return RawFile(plot, {name: table[:, index] for index, name in enumerate(names)}, pages)
 
 
 def _field(header: str, key: str) -> str:
