@@ -187,7 +187,9 @@ class Problem:
             rival = self._race(self._smaller(self._race(candidates + self._larger(best))))
             if rival.cost > 0.99 * best.cost:
                 break
-            best, candidates = self.descend(rival.parameters), []
+            before, best, candidates = best.cost, self.descend(rival.parameters), []
+            if best.cost > before / 3.0:  # an arm that was really missing brings far more
+                break
         return best
 
     def fit_exactly(self, arms: int, bare: Solution) -> Solution:
