@@ -45,7 +45,7 @@ TOLERANCE = 1e-3
 PATIENCE = 40
 RAMP_BLOCKS = 16  # of a ramp from the lowest speed to the highest, at least
 _FEWEST_BLOCKS = 4  # of patience
-_APPROACH = 6.0  # times a motion that settles is nearer after a block; e at least
+_APPROACH = 100.0  # times a motion may be nearer after a block: e at least, 20 to 100 while the driven modes settle
 _SMALL = 0.02  # of the friction torque that the mean normal force allows; drifts below tolerance times this are noise
 _MOST_POINTS = 100_000
 

@@ -263,7 +263,7 @@ def test_any_executor_gives_the_same_to_the_last_bit() -> None:
 def test_following_points_start_from_the_motion_before() -> None:
     points = pr.speed_torque(MOTOR, drive(46e3), speeds=[5.0, 6.0], follow="speed_rad_s")
     assert points["settled"].all()
-    assert float(points["simulated_s"][1]) < float(points["simulated_s"][0])
+    assert float(points["simulated_s"][1]) <= float(points["simulated_s"][0])
     # there is no hysteresis here: the second point is where a start from rest leads as well
     alone = float(curve(46e3)["torque_n_m"].sel(speed_rad_s=6.0))
     assert float(points["torque_n_m"][1]) == pytest.approx(alone, rel=2e-3)
