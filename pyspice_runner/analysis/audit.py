@@ -11,7 +11,6 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from pyspice_runner.model.contact import linearised_resonances, static_deflection
 from pyspice_runner.model.motor import Motor
@@ -43,7 +42,8 @@ def audit_run(
     findings = []
     power = waves["voltage_a_v"] * waves["current_a_a"] + waves["voltage_b_v"] * waves["current_b_a"]
     # the most that the sources had put in at any time: at the end of a short run some of it may be back with them
-    scale_j = float(np.max(cumulative_trapezoid(power, waves["time_s"], initial=0.0))) + from_load_j
+    put_in = np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(waves["time_s"]))
+    scale_j = max(float(put_in.max()), 0.0) + from_load_j
     greatest = float(waves["normal_force_n"].max()) if contact else 0.0
     bending = static_deflection(motor.contact.model_copy(update={"preload_n": greatest}), motor.modes)
     indentation = (greatest / motor.contact.normal_stiffness_n_per_m15) ** (2.0 / 3.0)

@@ -20,7 +20,6 @@ from math import cbrt, log1p, pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.optimize import brentq
 
 from pyspice_runner.model.parameters import Contact, Mode, Rotor
 
@@ -79,6 +78,7 @@ def hunt_crossley_damping(restitution: float, velocity_m_s: float) -> float:
     """
     if restitution >= 1.0:
         return 0.0
+    from scipy.optimize import brentq  # half of the time that a first run takes to load, and seldom needed
 
     def mismatch(z: float) -> float:
         return z * (1.0 + restitution) - log1p(z) + log1p(-restitution * z)
