@@ -17,8 +17,8 @@ MOTORS = re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S)
 COMMANDS = re.findall(r"^    (piezomotor .+)$", PAGE, re.M)
 
 
-def test_the_page_shows_two_motors_and_two_commands() -> None:
-    assert (len(MOTORS), len(COMMANDS)) == (2, 2)
+def test_the_page_shows_two_motors_and_three_commands() -> None:
+    assert (len(MOTORS), len(COMMANDS)) == (2, 3)
 
 
 @pytest.mark.parametrize("text", MOTORS, ids=["modes", "arms"])
