@@ -110,14 +110,13 @@ def brush_library(sliders: int = SLIDERS) -> str:
             f"Rpull{number} q{number} c{number} {{1e6*slider_time}}",
             f"Cq{number} q{number} 0 1u",
             f"Rq{number} q{number} 0 1g",
+            f"Gheld{number} 0 held c{number} 0 1",
+            f"Bslips{number} 0 slips I={w}*u(abs(V(q{number}))-V(l{number}))",
         ]
     return _BRUSH.format(
         sliders=sliders,
         square=sliders**2,
         cells="\n".join(cells),
-        held="+".join(f"V(c{number})" for number in numbers),
-        slipping="+".join(f"V(w{number})*u(abs(V(q{number}))-V(l{number}))" for number in numbers),
-        touching="+".join(f"V(w{number})" for number in numbers),
         pins=" ".join(PINS),
     )
 
@@ -208,17 +207,19 @@ Gtip 0 slip vx 0 1
 Grotor slip 0 shaft 0 {{radius}}
 Bturn 0 slip I=V(vy)*V(sine)-V(vx)*V(versine)
 Rslip slip 0 1
-* cells, from the centre outwards: w, l, q held inside +-l, q
+* cells, from the centre outwards: w, l, q held inside +-l, q; their sums, and the number of those that slip
 {cells}
+Rheld held 0 1
+Rslips slips 0 1
 * in gross slip the sum is mu ratio depth edge 2/3, and the friction force mu F_N
-Bfriction friction 0 V={{spring}}*V(hold)*({held})
+Bfriction friction 0 V={{spring}}*V(hold)*V(held)
 * forces on the tip and torque on the rotor
 Bfx fx 0 V=V(normal)*V(sine)-V(friction)+V(friction)*V(versine)
 Bfy fy 0 V=V(normal)*V(versine)-V(normal)-V(friction)*V(sine)
 Gtorque 0 shaft friction 0 {{radius}}
 * for the eye only: nothing depends on these
 Bslider slider 0 V=V(c1)/max(V(w1),1e-6)
-Bstate state 0 V=u(V(delta))*(1+({slipping})/max({touching},1e-6))
+Bstate state 0 V=u(V(delta))*(1+V(slips)/V(edge))
 .ends piezomotor_brush
 """
 
