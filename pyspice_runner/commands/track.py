@@ -23,6 +23,7 @@ from pyspice_runner.commands.common import (
     load_changed,
     show_result,
 )
+from pyspice_runner.commands.contacting import ContactKind, ContactOption
 
 
 class TrackerName(StrEnum):
@@ -71,7 +72,7 @@ def track(
     all_drift: Annotated[
         bool, typer.Option("--all-drift", help="Couplings and capacitances drift along, by their default coefficients.")
     ] = False,
-    free: Annotated[bool, typer.Option("--free", help="Take the rotor away: a free tip.")] = False,
+    contact: ContactOption = ContactKind.spring_slider,
     begin: Annotated[float | None, typer.Option(help="When the disturbance begins, s.")] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated time, s.")] = None,
     timeout: TimeoutOption = None,
@@ -95,13 +96,14 @@ def track(
     }  # fmt: skip
     chosen = pr.Tracker(frequency=loaded.modes[-1].frequency_hz if frequency is None else frequency, **values)
     if frequency is None:
-        chosen = pr.Tracker(frequency=pr.running_resonance(loaded, chosen, contact=not free).resonance_hz, **values)
+        resonance = pr.running_resonance(loaded, chosen, contact=contact is not ContactKind.none)
+        chosen = pr.Tracker(frequency=resonance.resonance_hz, **values)
     with busy(f"ngspice runs the tracker {tracker.value}"):
         found = pr.track(
             loaded,
             chosen,
             disturb=disturb.value,
-            contact=None if free else "spring-slider",
+            contact=contact.law,
             begin=begin,
             duration=duration,
             load_torque=load_torque,

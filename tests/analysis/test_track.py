@@ -266,7 +266,7 @@ def test_only_a_loop_has_a_target_and_a_gain() -> None:
 
 
 def test_the_command_tracks_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["track", "andersen2002", "--free", "--duration", "4e-3"]
+    words = ["track", "andersen2002", "--contact", "none", "--duration", "4e-3"]
     files = ["--output", str(tmp_path / "track.csv"), "--plot", str(tmp_path / "track.png")]
     assert run([*words, "--json", *files]) == 0
     found = json.loads(capsys.readouterr().out)
