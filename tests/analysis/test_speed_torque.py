@@ -89,7 +89,7 @@ def test_power_balances_at_every_point(frequency: float) -> None:
     losses = sum(points[f"{name}_loss_w"] for name in ("dielectric", "damping", "friction", "normal"))
     put_in = electrical + np.maximum(-shaft, 0.0)
     missing = float(np.abs((electrical - losses - shaft) / put_in).max())
-    assert missing < 0.005  # required; measured 2e-5, still settling
+    assert missing < 0.005  # required; measured 3e-4: what is stored still grows
     assert float(np.abs(points["balance_residual"]).max()) < 1e-4  # with what is stored; measured 1e-6
 
 
