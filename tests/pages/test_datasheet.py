@@ -235,14 +235,14 @@ def test_downloads_are_complete(report: pr.Report, desktop: tuple[Page, list[str
         assert (tmp_path / "out.raw").stat().st_size > 10_000
 
 
-def test_print_is_black_on_white_without_controls(browser: Browser, page_file: Path) -> None:
-    page, _ = opened(browser, page_file, color_scheme="dark")
+def test_print_is_black_on_white_without_controls(desktop: tuple[Page, list[str]]) -> None:
+    page, _ = desktop
     page.emulate_media(media="print", color_scheme="dark")
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     assert not page.locator(".player").first.is_visible()
     assert not page.locator("nav").is_visible()
     assert page.locator("#curve .main-svg").first.is_visible()
-    page.close()
+    page.emulate_media(media="screen", color_scheme="light")
 
 
 def test_colours_stand_out_in_light_and_in_dark() -> None:
