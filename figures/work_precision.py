@@ -27,7 +27,7 @@ LOOKS: dict[str, dict[str, Any]] = {
 
 def draw(folder: Path) -> list[str]:
     document = json.loads(MEASURED.read_text(encoding="utf-8"))
-    figure, axes = canvas(1, 2, 4.2, sharey=True)
+    figure, axes = canvas(1, 2, 5.6, sharey=True)
     found = []
     for axis, (case, rows) in zip(axes, document["cases"].items(), strict=True):
         for solver, look in LOOKS.items():
