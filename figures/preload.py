@@ -23,7 +23,7 @@ def draw(folder: Path) -> list[str]:
     torque = curves["load_torque_n_m"].values
     stall = torque[:, 0]
 
-    figure, (speed, holding) = canvas(1, 2, 3.9)
+    figure, (speed, holding) = canvas(1, 2, 5.6)
     stories = []
     for load, colour in LOADS.items():
         at = np.array([_speed(row, load) for row in torque])
