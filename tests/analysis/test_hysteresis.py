@@ -101,7 +101,7 @@ def test_state_tells_how_much_of_the_contact_slips(amplitude: float) -> None:
     just_back = (run.time_s > 0.2505e-3) & (run.time_s < 0.26e-3)
     np.testing.assert_array_equal(run.contact_state[just_back], 1.0)  # all sticks after a reversal
     slid = loop("brush", 1.4)
-    assert np.all(slid.contact_state[(slid.time_s > 0.22e-3) & (slid.time_s < 0.2495e-3)] == 2.0)
+    assert np.all(slid.contact_state[(slid.time_s > 0.22e-3) & (slid.time_s < 0.2495e-3)] > 2.0 - 1e-9)
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ from tests.reference.row import throw as exact_throw
 
 pytestmark = pytest.mark.xdist_group("impact")
 
+GROSS = 2.0 - 1e-9  # all of a brush slips: a sum of its cells, to rounding
 LAWS = get_args(ContactLaw)
 DURATION = (
     2.9432751  # of a Hertz impact in δ_max/v: 2 ∫ dz/√(1 − z^(5/2)); Johnson, Contact Mechanics, §11.4, prints 2.94
@@ -127,7 +128,7 @@ def test_gross_slip_is_exact(law: ContactLaw, poisson: float) -> None:
     for psi in (7.3 / ratio(poisson), 20.0):
         result = rebound(law, psi, poisson)
         assert result.psi_2 == pytest.approx(psi - 7.0 / ratio(poisson), abs=2e-6)
-        assert np.all(result.contact_state[1:-1] == 2.0)
+        assert np.all(result.contact_state[1:-1] > GROSS)
     assert exact(20.0, poisson) == pytest.approx(20.0 - 7.0 / ratio(poisson), abs=1e-5)
 
 
@@ -142,10 +143,10 @@ def test_small_angles_start_in_stick_and_larger_ones_in_slip(law: ContactLaw) ->
 def test_at_the_end_every_impact_slips_from_the_edge_inwards() -> None:
     state = rebound("brush", 0.5, 0.3).contact_state[12:-1]
     assert state[0] == 1.0
-    assert state[-1] == 2.0
-    partial = (state > 1.0) & (state < 2.0)
+    assert state[-1] > GROSS
+    partial = (state > 1.0) & (state <= GROSS)
     assert partial.mean() > 0.2
-    slipping = np.flatnonzero(state == 2.0)
+    slipping = np.flatnonzero(state > GROSS)
     assert np.all(np.diff(slipping) == 1)  # gross slip comes once, at the end
 
 
