@@ -32,7 +32,7 @@ def test_the_estimated_error_is_the_true_one_within_a_factor_of_three(
     true = trajectory_error(name, run)
     assert run.error_estimate is not None
     assert run.error_estimate <= 0.005
-    assert true / 3.0 <= run.error_estimate <= 3.0 * true  # required; measured 0.86 to 1.2 times
+    assert true / 3.0 <= run.error_estimate <= 3.0 * true  # required; at 18 points measured 0.69 to 1.16 times
     assert true <= 0.006
 
 
