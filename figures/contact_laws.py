@@ -21,6 +21,7 @@ DRIVES = {
         np.array([0.0, 4.0]) if draft() else np.linspace(-2.0, 4.0, 4),
     ),
 }
+SETTLING = {"tolerance": 0.05} if draft() else {}
 LOSSES = {"friction_loss_w": (VERMILLION, "friction"), "damping_loss_w": (PURPLE, "modes"),
           "dielectric_loss_w": (GREY, "dielectric")}  # fmt: skip
 
@@ -30,7 +31,7 @@ def draw(folder: Path) -> list[str]:
     figure, axes = canvas(2, 2, 6.6)
     said = []
     for column, (title, (drive, speeds)) in enumerate(DRIVES.items()):
-        curves = {law: pr.speed_torque(motor, drive, speeds=speeds, contact=law) for law in LAWS}
+        curves = {law: pr.speed_torque(motor, drive, speeds=speeds, contact=law, **SETTLING) for law in LAWS}
         torque, losses = axes[:, column]
         for law, (colour, style) in LAWS.items():
             torque.plot(speeds, 1e3 * curves[law]["torque_n_m"], style, color=colour, marker="o", ms=3, label=law)

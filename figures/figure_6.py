@@ -35,7 +35,7 @@ SPEEDS = np.arange(0.0, 22.1, 10.0 if draft() else 2.0)
 SETTLING = {"tolerance": 0.05, "patience": 4} if draft() else {}
 COLOURS = {44.5e3: PURPLE, 46e3: GREY}
 DURATION = (
-    2e-3 if draft() else 8e-3
+    1e-3 if draft() else 8e-3
 )  # of the runs that show the path: six times the 1.3 ms in which the slowest mode decays
 
 

@@ -366,7 +366,7 @@ def test_ctrl_c_ends_all_and_says_how_to_go_on(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_sweep_that_is_killed_ten_times_ends_as_if_left_alone(tmp_path: Path) -> None:
-    kills, values = 10, 60
+    kills, values = 10, 40
     words = ["--over", f"drive.voltage=1:50:{values}", "--over", "contact.preload_n=5,10"]
     finish(start(tmp_path, *words, "--store", "alone", "--output", "alone.nc"))
     moments = random.Random(kills)
@@ -381,7 +381,7 @@ def test_a_sweep_that_is_killed_ten_times_ends_as_if_left_alone(tmp_path: Path) 
             wait_for(lambda: stored() > before)  # noqa: B023
             time.sleep(moments.uniform(0.0, 0.3))
         else:
-            time.sleep(moments.uniform(0.0, 2.5))
+            time.sleep(moments.uniform(0.0, 2.0))
         assert sweeping.poll() is None, "it was finished before it could be killed"
         sweeping.kill()
         sweeping.communicate()
@@ -392,15 +392,6 @@ def test_a_sweep_that_is_killed_ten_times_ends_as_if_left_alone(tmp_path: Path) 
         finish(sweeping)
         assert (tmp_path / f"killed-{number}.nc").read_bytes() == (tmp_path / "alone.nc").read_bytes()
     assert stored() == 2 * values
-
-
-def test_two_sweeps_on_one_store_at_once_do_no_harm(tmp_path: Path) -> None:
-    words = ["--over", "drive.voltage=1:50:6", "--store", "points"]
-    both = [start(tmp_path, *words, "--output", f"{number}.nc") for number in (0, 1)]
-    for sweeping in both:
-        finish(sweeping)
-    assert (tmp_path / "0.nc").read_bytes() == (tmp_path / "1.nc").read_bytes()
-    assert len(list(tmp_path.glob("points/*/*"))) == 6
 
 
 def test_a_worker_does_not_grow(tmp_path: Path) -> None:
