@@ -257,7 +257,7 @@ def test_drivers_power_up_in_corners_of_their_ranges(kind: str, network: str) ->
         ("linear", "inductor", ("amplifier.", "inductor.", "frequency", "voltage", "phase_deg", "supply_rise_s")),
         ("half-bridge", "inductor", ("bridge.", "inductor.", "frequency", "voltage", "phase_deg", "supply_rise_s")),
         ("half-bridge", "llcc", ("llcc.",)),
-        ("full-bridge", "inductor", ("transformer.",)),
+        ("full-bridge", "inductor", ("transformer.ratio",)),
     ],
 )
 def test_drivers_power_up_at_the_ends_of_every_range(kind: str, network: str, prefixes: tuple[str, ...]) -> None:
