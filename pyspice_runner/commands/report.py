@@ -24,33 +24,14 @@ from pyspice_runner.commands.common import (
     points_progress,
     show_result,
 )
-from pyspice_runner.commands.driving import (
-    DriveKind,
-    DriveOption,
-    Frequency1Option,
-    Frequency2Option,
-    FrequencyOption,
-    PhaseOption,
-    SoftStartOption,
-    Voltage1Option,
-    Voltage2Option,
-    VoltageOption,
-    stated_drive,
-)
+from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 from pyspice_runner.commands.fit import Port
 
 
+@with_drive_options
 def report(
     motor: MotorArgument,
-    drive: DriveOption = DriveKind.two_phase,
-    voltage: VoltageOption = 50.0,
-    frequency: FrequencyOption = None,
-    phase: PhaseOption = None,
-    voltage_1: Voltage1Option = 50.0,
-    frequency_1: Frequency1Option = None,
-    voltage_2: Voltage2Option = 50.0,
-    frequency_2: Frequency2Option = None,
-    soft_start: SoftStartOption = 0.0,
+    drive: DriveOptions,
     duration: Annotated[float, typer.Option(help="Simulated time of the run from rest, s.")] = 10e-3,
     speeds: Annotated[
         str | None, typer.Option(help="Speeds of the curves, rad/s, as 0:10:6; default: from standstill to no load.")
@@ -77,8 +58,7 @@ def report(
     loaded = load_changed(motor, changes)
     target = Path(f"{loaded.name}.html") if output is None and not as_json else output
     check_targets(target, (".html", ".json"), plot)
-    tones = (voltage_1, frequency_1, voltage_2, frequency_2)
-    excitation = stated_drive(loaded, drive, voltage, frequency, phase, tones, soft_start)
+    excitation = drive.stated(loaded)
     spectrum = pr.read_spectrum(measured) if measured else None
     with points_progress() as progress:
         result = pr.report(

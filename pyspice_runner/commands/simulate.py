@@ -25,32 +25,13 @@ from pyspice_runner.commands.common import (
     warn_of,
 )
 from pyspice_runner.commands.contacting import ContactKind, ContactOption, SlidersOption
-from pyspice_runner.commands.driving import (
-    DriveKind,
-    DriveOption,
-    Frequency1Option,
-    Frequency2Option,
-    FrequencyOption,
-    PhaseOption,
-    SoftStartOption,
-    Voltage1Option,
-    Voltage2Option,
-    VoltageOption,
-    stated_drive,
-)
+from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 
 
+@with_drive_options
 def simulate(
     motor: MotorArgument,
-    drive: DriveOption = DriveKind.two_phase,
-    voltage: VoltageOption = 50.0,
-    frequency: FrequencyOption = None,
-    phase: PhaseOption = None,
-    voltage_1: Voltage1Option = 50.0,
-    frequency_1: Frequency1Option = None,
-    voltage_2: Voltage2Option = 50.0,
-    frequency_2: Frequency2Option = None,
-    soft_start: SoftStartOption = 0.0,
+    drive: DriveOptions,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 5e-3,
     contact: ContactOption = ContactKind.spring_slider,
     sliders: SlidersOption = 8,
@@ -60,7 +41,7 @@ def simulate(
     accuracy: Annotated[
         float | None, typer.Option(help="Error allowed of the tip's trajectory, as 0.005; chooses the step.")
     ] = None,
-    signals: Annotated[str | None, typer.Option(help="Columns to record, as tip_x_m,rotor_speed_rad_s.")] = None,
+    signals: Annotated[str | None, typer.Option(help="Columns to record, as tip_x_m,tip_y_m.")] = None,
     record_from: Annotated[float, typer.Option(help="Record from this time on, s.")] = 0.0,
     record_every: Annotated[int, typer.Option(help="Record every so-many-th step.")] = 1,
     timeout: TimeoutOption = None,
@@ -76,8 +57,7 @@ def simulate(
     """
     check_targets(output, (".csv", ".nc", ".json", ".cir"), plot)
     loaded = load_changed(motor, changes)
-    tones = (voltage_1, frequency_1, voltage_2, frequency_2)
-    excitation = stated_drive(loaded, drive, voltage, frequency, phase, tones, soft_start)
+    excitation = drive.stated(loaded)
     if plot is not None and signals is not None:
         raise pr.ParameterError("--plot draws all signals; leave --signals out.")
     status = 0

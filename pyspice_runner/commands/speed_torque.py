@@ -28,19 +28,7 @@ from pyspice_runner.commands.common import (
     write_dataset,
 )
 from pyspice_runner.commands.contacting import LawKind, LawOption, SlidersOption
-from pyspice_runner.commands.driving import (
-    DriveKind,
-    DriveOption,
-    Frequency1Option,
-    Frequency2Option,
-    FrequencyOption,
-    PhaseOption,
-    SoftStartOption,
-    Voltage1Option,
-    Voltage2Option,
-    VoltageOption,
-    stated_drive,
-)
+from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 
 if TYPE_CHECKING:
     import xarray
@@ -53,8 +41,10 @@ class ModeKind(StrEnum):
     ramp = "ramp"
 
 
+@with_drive_options
 def speed_torque(
     motor: MotorArgument,
+    drive: DriveOptions,
     speeds: Annotated[
         str, typer.Option(help="Speeds in rad/s: 0,2.5,5 or -5:10:7 for seven from -5 to 10; write --speeds=-5:10:7.")
     ] = "-5:10:7",
@@ -69,15 +59,6 @@ def speed_torque(
     sliders: SlidersOption = 8,
     tolerance: Annotated[float, typer.Option(help="Change from block to block that counts as settled.")] = 1e-3,
     patience: Annotated[int, typer.Option(help="Blocks after which a point is given up as unsettled.")] = 40,
-    drive: DriveOption = DriveKind.two_phase,
-    voltage: VoltageOption = 50.0,
-    frequency: FrequencyOption = None,
-    phase: PhaseOption = None,
-    voltage_1: Voltage1Option = 50.0,
-    frequency_1: Frequency1Option = None,
-    voltage_2: Voltage2Option = 50.0,
-    frequency_2: Frequency2Option = None,
-    soft_start: SoftStartOption = 0.0,
     step: Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")] = None,
     timeout: TimeoutOption = None,
     changes: SetOption = None,
@@ -92,8 +73,7 @@ def speed_torque(
     """
     check_targets(output, (".nc", ".csv", ".json"), plot)
     loaded = load_changed(motor, changes)
-    tones = (voltage_1, frequency_1, voltage_2, frequency_2)
-    excitation = stated_drive(loaded, drive, voltage, frequency, phase, tones, soft_start)
+    excitation = drive.stated(loaded)
     path, _, values = (over or "").partition("=")
     with points_progress() as progress:
         curve = pr.speed_torque(

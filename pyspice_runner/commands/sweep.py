@@ -33,19 +33,7 @@ from pyspice_runner.commands.common import (
     write_dataset,
 )
 from pyspice_runner.commands.contacting import ContactKind, ContactOption, SlidersOption
-from pyspice_runner.commands.driving import (
-    DriveKind,
-    DriveOption,
-    Frequency1Option,
-    Frequency2Option,
-    FrequencyOption,
-    PhaseOption,
-    SoftStartOption,
-    Voltage1Option,
-    Voltage2Option,
-    VoltageOption,
-    stated_drive,
-)
+from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 
 if TYPE_CHECKING:
     import xarray
@@ -76,8 +64,10 @@ class SamplingKind(StrEnum):
     latin_hypercube = "latin-hypercube"
 
 
+@with_drive_options
 def sweep(
     motor: MotorArgument,
+    drive: DriveOptions,
     over: Annotated[
         list[str] | None,
         typer.Option(
@@ -110,15 +100,6 @@ def sweep(
     store: Annotated[
         Path | None, typer.Option(help="Folder of finished points; default: in the user's cache folder.")
     ] = None,
-    drive: DriveOption = DriveKind.two_phase,
-    voltage: VoltageOption = 50.0,
-    frequency: FrequencyOption = None,
-    phase: PhaseOption = None,
-    voltage_1: Voltage1Option = 50.0,
-    frequency_1: Frequency1Option = None,
-    voltage_2: Voltage2Option = 50.0,
-    frequency_2: Frequency2Option = None,
-    soft_start: SoftStartOption = 0.0,
     duration: Annotated[float | None, typer.Option(help="Simulate: simulated time, s; default: 5e-3.")] = None,
     contact: ContactOption = ContactKind.spring_slider,
     sliders: SlidersOption = 8,
@@ -138,8 +119,7 @@ def sweep(
     """
     check_targets(output, (".nc", ".csv", ".json"), plot)
     loaded = load_changed(motor, changes)
-    tones = (voltage_1, frequency_1, voltage_2, frequency_2)
-    excitation = stated_drive(loaded, drive, voltage, frequency, phase, tones, soft_start)
+    excitation = drive.stated(loaded)
     axes: dict[str, Any] = {path: grid(f"--over {path}", text) for path, text in _pairs("--over", over)}
     for path, text in _pairs("--tolerance", tolerance):
         if path in axes:
