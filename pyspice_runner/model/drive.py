@@ -6,12 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from math import radians, sin
-from typing import Any
 
-from pydantic import ValidationError
-
-from pyspice_runner.model.parameters import Parameters, quantity
-from pyspice_runner.model.refusal import check_keys, refusal
+from pyspice_runner.model.parameters import quantity
+from pyspice_runner.model.refusal import Stated
 
 
 @dataclass(frozen=True)
@@ -23,7 +20,7 @@ class Tone:
     phase: float
 
 
-class Drive(Parameters):
+class Drive(Stated):
     """What all drives share: full amplitude from t = 0, unless a soft start is asked for.
 
     Raises:
@@ -33,13 +30,6 @@ class Drive(Parameters):
     soft_start: float = quantity(
         "time over which the amplitude rises linearly from zero", "s", default=0.0, ge=0.0, le=100.0
     )
-
-    def __init__(self, **values: Any) -> None:
-        check_keys(values, tuple(type(self).model_fields), type(self).__name__, "")
-        try:
-            super().__init__(**values)
-        except ValidationError as error:
-            raise refusal(error, type(self), "", type(self).__name__) from error
 
     @property
     def tones_a(self) -> tuple[Tone, ...]:

@@ -16,19 +16,19 @@ spheres", Wear 38 (1976) 101–114.
 from __future__ import annotations
 
 from math import gamma, pi, sqrt
-from typing import Any, Self
+from typing import Self
 
-from pydantic import ValidationError, model_validator
+from pydantic import model_validator
 
 from pyspice_runner.model import contact as law
-from pyspice_runner.model.parameters import Contact, Parameters, quantity
-from pyspice_runner.model.refusal import check_keys, refusal
+from pyspice_runner.model.parameters import Contact, quantity
+from pyspice_runner.model.refusal import Stated
 
 # duration of a Hertz impact in units of δ_max/v: 2 ∫ dz/√(1 − z^(5/2)) from 0 to 1
 DURATION = 0.8 * sqrt(pi) * gamma(0.4) / gamma(0.9)
 
 
-class Throw(Parameters):
+class Throw(Stated):
     """One elastic solid sphere thrown obliquely at an elastic half-space, of the same material unless stated.
 
     Raises:
@@ -50,13 +50,6 @@ class Throw(Parameters):
     half_space_poisson: float | None = quantity(
         "Poisson's ratio of the half-space, if another", "1", ge=0.0, lt=0.5, default=None
     )
-
-    def __init__(self, **values: Any) -> None:
-        check_keys(values, tuple(type(self).model_fields), type(self).__name__, "")
-        try:
-            super().__init__(**values)
-        except ValidationError as error:
-            raise refusal(error, type(self), "", type(self).__name__) from error
 
     @model_validator(mode="after")
     def _check(self) -> Self:

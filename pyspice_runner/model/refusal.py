@@ -16,6 +16,22 @@ from pyspice_runner.model.parameters import Parameters
 _P = TypeVar("_P", bound=Parameters)
 
 
+class Stated(Parameters):
+    """Parameters that a user states by the constructor.
+
+    Raises:
+        ParameterError: by the constructor, for an unknown name or a value that is refused.
+    """
+
+    def __init__(self, **values: Any) -> None:
+        name = type(self).__name__
+        check_keys(values, tuple(type(self).model_fields), name, "")
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise refusal(error, type(self), "", name) from error
+
+
 def build(kind: type[_P], entry: Any, path: str, where: str) -> _P:
     """Return the parameters that a table states.
 

@@ -3,13 +3,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from pydantic import ValidationError
-
 from pyspice_runner.model.motor import Provenance, Structure
-from pyspice_runner.model.parameters import Parameters, quantity
-from pyspice_runner.model.refusal import check_keys, refusal
+from pyspice_runner.model.parameters import quantity
+from pyspice_runner.model.refusal import Stated
 
 # Specific heats, J/(kg·K): carbon steel, typical; PZT-5A from the data sheet of CTS 3195STD.
 STEEL_SPECIFIC_HEAT = 470.0
@@ -35,7 +31,7 @@ PROVENANCE = {
 }
 
 
-class Thermal(Parameters):
+class Thermal(Stated):
     """Drift of a stator with temperature, and the one body that its losses heat. The defaults are for andersen2002.
 
     Raises:
@@ -60,13 +56,6 @@ class Thermal(Parameters):
         ge=-200.0,
         le=500.0,
     )
-
-    def __init__(self, **values: Any) -> None:
-        check_keys(values, tuple(type(self).model_fields), "Thermal", "")
-        try:
-            super().__init__(**values)
-        except ValidationError as error:
-            raise refusal(error, type(self), "", "Thermal") from error
 
     @property
     def time_constant(self) -> float:

@@ -16,13 +16,13 @@ from dataclasses import dataclass
 from math import pi, radians, sqrt
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.parameters import Parameters, quantity
-from pyspice_runner.model.refusal import check_keys, quoted, refusal
+from pyspice_runner.model.parameters import quantity
+from pyspice_runner.model.refusal import Stated, quoted
 from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.library import Library, read_library
 from pyspice_runner.netlist.motor import Discretisation, add_motor, instantiate
@@ -67,7 +67,7 @@ class Part:
     values: dict[str, float]
 
 
-class Driver(Parameters):
+class Driver(Stated):
     """What stands in front of the motor: two equal channels, driven by two sines with a settable phase.
 
     ``voltage`` is what the fundamental of the power stage would be with nothing lost in it, behind the transformer and
@@ -95,11 +95,7 @@ class Driver(Parameters):
     settings: dict[str, float] = Field(default_factory=dict, description="parameters of the parts, by PART.PARAMETER")
 
     def __init__(self, **values: Any) -> None:
-        check_keys(values, tuple(type(self).model_fields), "Driver", "")
-        try:
-            super().__init__(**values)
-        except ValidationError as error:
-            raise refusal(error, type(self), "", "Driver") from error
+        super().__init__(**values)
         self._check()
 
     def _check(self) -> None:

@@ -16,14 +16,14 @@ from math import pi, radians, tan
 from typing import Any, Literal, get_args
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.parameters import Parameters, quantity
-from pyspice_runner.model.refusal import check_keys, refusal
+from pyspice_runner.model.parameters import quantity
+from pyspice_runner.model.refusal import Stated
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.model.tracking import LoopFilter, StatorLag, propose_filter, stator_lag
 from pyspice_runner.netlist.contact import ContactLaw
@@ -40,7 +40,7 @@ TRACKER_OPTIONS = {"reltol": "1e-5", "vntol": "1e-7", "abstol": "1e-8", "trtol":
 STEP_TIME = 0.2e-3  # s, over which a load or a preload steps: faster than any loop, slow for the modes
 
 
-class Tracker(Parameters):
+class Tracker(Stated):
     """A two-phase drive whose frequency a tracker sets; with ``none`` it stays where it is.
 
     Raises:
@@ -70,11 +70,7 @@ class Tracker(Parameters):
     )
 
     def __init__(self, **values: Any) -> None:
-        check_keys(values, tuple(type(self).model_fields), "Tracker", "")
-        try:
-            super().__init__(**values)
-        except ValidationError as error:
-            raise refusal(error, type(self), "", "Tracker") from error
+        super().__init__(**values)
         if abs(self.offset) > self.span:
             raise ParameterError(
                 f"Tracker: offset = {self.offset:g} is refused; the oscillator reaches {self.span:g} either way, so "
