@@ -21,7 +21,7 @@ DRIVES = {
         np.array([0.0, 4.0]) if draft() else np.linspace(-2.0, 4.0, 4),
     ),
 }
-SETTLING = {"tolerance": 0.05} if draft() else {}
+SETTLING = {"tolerance": 0.1} if draft() else {}
 LOSSES = {"friction_loss_w": (VERMILLION, "friction"), "damping_loss_w": (PURPLE, "modes"),
           "dielectric_loss_w": (GREY, "dielectric")}  # fmt: skip
 

@@ -31,8 +31,8 @@ from style import (
 import pyspice_runner as pr
 
 VOLTAGE = 100.0
-SPEEDS = np.arange(0.0, 22.1, 10.0 if draft() else 2.0)
-SETTLING = {"tolerance": 0.05, "patience": 4} if draft() else {}
+SPEEDS = np.arange(0.0, 22.1, 22.0 if draft() else 2.0)
+SETTLING = {"tolerance": 0.1, "patience": 4} if draft() else {}
 COLOURS = {44.5e3: PURPLE, 46e3: GREY}
 DURATION = (
     1e-3 if draft() else 8e-3

@@ -19,9 +19,9 @@ import pyspice_runner as pr
 VOLTAGE = 30.0
 FREQUENCIES = 1e3 * np.array([16.2, 16.4, *np.arange(16.5, 17.01, 0.05), 17.2, 17.5, 17.8, 18.1, 18.4])
 if draft():
-    FREQUENCIES = FREQUENCIES[5::6]
+    FREQUENCIES = FREQUENCIES[5::8]
 SPEEDS = (0.0, 0.4) if draft() else (-0.3, 0.0, 0.4, 0.8)  # rad/s
-SETTLING = {"tolerance": 0.05, "patience": 4} if draft() else {"patience": 8}
+SETTLING = {"tolerance": 0.1, "patience": 4} if draft() else {"patience": 8}
 
 
 def draw(folder: Path) -> list[str]:

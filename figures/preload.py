@@ -11,8 +11,8 @@ from style import BLACK, BLUE, GREY, ORANGE, VERMILLION, canvas, draft, drive_wo
 import pyspice_runner as pr
 
 PRELOADS = (2.0, 10.0) if draft() else (1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 10.0, 13.0, 16.0, 20.0)  # N
-SPEEDS = np.arange(0.0, 36.1, 18.0 if draft() else 4.0)
-SETTLING = {"tolerance": 0.05, "patience": 4} if draft() else {}
+SPEEDS = np.arange(0.0, 36.1, 36.0 if draft() else 4.0)
+SETTLING = {"tolerance": 0.1, "patience": 4} if draft() else {}
 LOADS = {0.0: BLUE, 3e-3: ORANGE, 6e-3: VERMILLION}  # N·m
 
 

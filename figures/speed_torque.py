@@ -16,8 +16,8 @@ from style import BLACK, canvas, draft, drive_words, main, motor_words, write
 import pyspice_runner as pr
 
 VOLTAGES = (60.0, 100.0) if draft() else (40.0, 60.0, 80.0, 100.0, 120.0)
-SPEEDS = np.array([-10.0, -5.0, 0.0, 1.5, 3.0, 6.0, 9.0, 12.0, 15.0, 18.0, 21.0, 26.0, 31.0])[:: 4 if draft() else 1]
-SETTLING = {"tolerance": 0.05, "patience": 4} if draft() else {}
+SPEEDS = np.array([-10.0, -5.0, 0.0, 1.5, 3.0, 6.0, 9.0, 12.0, 15.0, 18.0, 21.0, 26.0, 31.0])[:: 6 if draft() else 1]
+SETTLING = {"tolerance": 0.1, "patience": 4} if draft() else {}
 
 
 def draw(folder: Path) -> list[str]:

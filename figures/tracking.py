@@ -16,8 +16,8 @@ OFFSET = 0.02
 DRIFT, BEGIN, DRIFT_TIME, END = -0.01, 2e-3, 20e-3, 24e-3
 DURATIONS = {"pll": 15e-3, "observe-current": 15e-3, "none": 5e-3}
 if draft():
-    DRIFT_TIME, END = 1e-3, 3.5e-3
-    DURATIONS = dict.fromkeys(NAMES, 3e-3)
+    BEGIN, DRIFT_TIME, END = 0.9e-3, 0.5e-3, 2e-3
+    DURATIONS = dict.fromkeys(NAMES, 2e-3)
 STEP = 1.8e-7
 
 
