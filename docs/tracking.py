@@ -47,7 +47,7 @@ def row(case: str, kind: str, found: pr.Tracking) -> str:
     locked = "–" if kind == "none" else "yes" if found.locked else "no"
     return (
         f"| {case} | {kind} | {locked} | {lock} | {found.rms_phase_error_deg:.1f}°, "
-        f"{found.worst_phase_error_deg:.1f}° | {found.residual_detuning_hz:.0f} Hz | "
+        f"{found.worst_phase_error_deg:.1f}° | {round(found.residual_detuning_hz)} Hz | "
         f"{found.speed_before_rad_s:.2f} → {found.speed_after_rad_s:.2f} rad/s | {found.speed_lost_rad_s:.2f} rad/s |"
     )
 
