@@ -472,7 +472,10 @@ def _dataset(
 
 def _reason(error: BaseException) -> str:
     if isinstance(error, BrokenExecutor | CancelledError):
-        return "The worker was lost: killed, out of memory, or cut off. Begin the sweep again for what is missing."
+        return (
+            "The worker was lost: killed, out of memory, or cut off. Begin the sweep again for what is missing. If all "
+            "are lost, the script lacks `if __name__ == '__main__':`; each worker imports it."
+        )
     return str(error) if isinstance(error, ParameterError | SimulationError) else f"{type(error).__name__}: {error}"
 
 
