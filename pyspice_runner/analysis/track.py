@@ -37,9 +37,7 @@ from pyspice_runner.netlist.trackers import (
 
 POINTS_PER_PERIOD = 200
 FEWEST_POINTS_PER_PERIOD = 50
-LOCKED_DEG = (
-    20.0  # closer than this to the phase wanted is locked: of a resonator at 0°, 94 % of its greatest amplitude
-)
+LOCKED_DEG = 20.0  # closer to the phase wanted is locked: a resonator has 94 % of its greatest amplitude or more
 LOST_DEG = 60.0  # farther, a tracker that was locked has lost it: half the amplitude
 SMOOTHED_PERIODS = 20  # over which phase and speed are averaged
 STALL_TIME_S = 6e-3
