@@ -21,7 +21,8 @@ DRIVES = {
         np.array([0.0, 4.0]) if draft() else np.linspace(-2.0, 4.0, 4),
     ),
 }
-SETTLING = {"tolerance": 0.1} if draft() else {}
+SLIDERS = 4 if draft() else 8
+RUN = {"sliders": SLIDERS, **({"tolerance": 0.1} if draft() else {})}
 LOSSES = {"friction_loss_w": (VERMILLION, "friction"), "damping_loss_w": (PURPLE, "modes"),
           "dielectric_loss_w": (GREY, "dielectric")}  # fmt: skip
 
@@ -31,7 +32,7 @@ def draw(folder: Path) -> list[str]:
     figure, axes = canvas(2, 2, 6.6)
     said = []
     for column, (title, (drive, speeds)) in enumerate(DRIVES.items()):
-        curves = {law: pr.speed_torque(motor, drive, speeds=speeds, contact=law, **SETTLING) for law in LAWS}
+        curves = {law: pr.speed_torque(motor, drive, speeds=speeds, contact=law, **RUN) for law in LAWS}
         torque, losses = axes[:, column]
         for law, (colour, style) in LAWS.items():
             torque.plot(speeds, 1e3 * curves[law]["torque_n_m"], style, color=colour, marker="o", ms=3, label=law)
@@ -61,9 +62,9 @@ def draw(folder: Path) -> list[str]:
             )
     words = ", ".join(f"{title}: {drive_words(drive)}" for title, (drive, _) in DRIVES.items())
     caption = (
-        f"{motor_words(motor)} Means over periods once settled; {words}. Brush of 8 sliders: what slips in part makes "
-        "the motor weaker than the paper's spring and slider do. Without a tangential spring (coulomb) two tones turn "
-        "the rotor the other way, and two phases hardly turn it. ngspice."
+        f"{motor_words(motor)} Means over periods once settled; {words}. Brush of {SLIDERS} sliders: what slips in "
+        "part makes the motor weaker than the paper's spring and slider do. Without a tangential spring (coulomb) two "
+        "tones turn the rotor the other way, and two phases hardly turn it. ngspice."
     )
     write(figure, folder / "contact_laws.png", "What the contact law does to the motor", caption)
     return said

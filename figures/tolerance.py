@@ -22,7 +22,7 @@ TOLERANCES = {
 }
 SPEEDS = (0.0, 4.5, 9.0)  # rad/s
 SAMPLES = 4 if draft() else 16
-RUN = {"duration": 5e-4 if draft() else 5e-3, "step": 3e-7}
+RUN = {"duration": 5e-4 if draft() else 5e-3, "step": 3e-7, "workers": 1 if draft() else None}
 
 
 def draw(folder: Path) -> list[str]:
