@@ -27,15 +27,6 @@ _OUTSIDE = re.compile(r"\]\(\.\./([^)#]+)(#[^)]*)?\)")
 _SHOWN = {"behavioral/CONVENTIONS.md": "CONVENTIONS.md", "behavioral/": "netlists.md", "README.md": "index.md"}
 
 
-def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Put pages that mkdocs.yml has no place for at the end of the navigation, so that none is lost."""
-    placed = str(config.nav)
-    more = [page.name for page in sorted((ROOT / "docs").glob("*.md")) if f"'{page.name}'" not in placed]
-    if more and config.nav is not None:
-        config.nav.append({"More": more})
-    return config
-
-
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages, the pictures, and the sources that pages link to."""
     pages = {

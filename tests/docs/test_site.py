@@ -41,9 +41,9 @@ def text(site: Path, page: str) -> str:
 
 
 def test_every_page_of_docs_is_in_the_navigation(site: Path) -> None:
-    start = text(site, "index")
+    links = re.findall(r'<a href="(\w+)\.html" class="md-nav__link', text(site, "index"))
     for page in [*(ROOT / "docs").glob("*.md"), Path("commands"), Path("api"), Path("netlists"), Path("gallery")]:
-        assert f'href="{page.stem}.html"' in start, page.stem
+        assert page.stem in links, page.stem
 
 
 def test_nothing_comes_from_the_network(site: Path) -> None:
