@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.twoport import TwoPortFit, fit_two_port
     from pyspice_runner.analysis.waveforms import Waveforms
     from pyspice_runner.errors import Interrupted, ParameterError, SimulationError, SpectrumError
+    from pyspice_runner.files import save_by_ending, write_netcdf
     from pyspice_runner.model.beam import resonator_modes
     from pyspice_runner.model.circuit_file import circuit_toml, is_circuit_file, load_circuit
     from pyspice_runner.model.drive import TwoPhaseDrive, TwoToneDrive
@@ -128,11 +129,13 @@ _HOMES = {
     "report": "analysis.report",
     "resonator_modes": "model.beam",
     "running_resonance": "analysis.track",
+    "save_by_ending": "files",
     "simulate": "analysis.simulate",
     "speed_torque": "analysis.speed_torque",
     "sweep": "analysis.sweep",
     "track": "analysis.track",
     "virgin_force": "model.traction",
+    "write_netcdf": "files",
 }
 
 __all__ = [
@@ -202,11 +205,13 @@ __all__ = [
     "report",
     "resonator_modes",
     "running_resonance",
+    "save_by_ending",
     "simulate",
     "speed_torque",
     "sweep",
     "track",
     "virgin_force",
+    "write_netcdf",
 ]
 
 

@@ -3,6 +3,22 @@
 
 from __future__ import annotations
 
-from pyspice_runner.cli import main
+import os
+import sys
 
-main()
+from pyspice_runner.interrupts import end_at_once
+
+
+def main() -> None:
+    """Run the command line and leave with its exit status."""
+    end_at_once()  # also while the rest is loaded, which takes half a second
+    for stream in ("stdout", "stderr"):
+        if getattr(sys, stream) is None:  # closed, as by `>&-`
+            setattr(sys, stream, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
+    from pyspice_runner.cli import run
+
+    sys.exit(run(sys.argv[1:]))
+
+
+if __name__ == "__main__":
+    main()

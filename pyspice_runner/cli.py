@@ -13,11 +13,11 @@ import sys
 from typing import Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.admittance import admittance
+from pyspice_runner.commands.common import complain, say, silence, written
 from pyspice_runner.commands.compare import compare
 from pyspice_runner.commands.drive import drive
 from pyspice_runner.commands.fit import fit
@@ -28,6 +28,7 @@ from pyspice_runner.commands.simulate import simulate
 from pyspice_runner.commands.speed_torque import speed_torque
 from pyspice_runner.commands.sweep import sweep
 from pyspice_runner.commands.track import track
+from pyspice_runner.interrupts import raised
 
 app = typer.Typer(
     name="piezomotor",
@@ -85,37 +86,63 @@ def first_steps(context: typer.Context) -> None:
         table.add_row(f"[bold]{heading}")
         for words, meaning in lines:
             table.add_row(f"  piezomotor {words}", meaning)
-    console = Console(highlight=False)
-    console.print(f"{first_steps.__doc__}\n")
-    console.print(table)
-
-
-def main() -> None:
-    """Run the command line and leave with its exit status."""
-    sys.exit(run(sys.argv[1:]))
+    say(f"{first_steps.__doc__}\n\n")
+    say(table)
 
 
 def run(arguments: list[str]) -> int:
     """Run the command line on the given words and return the exit status."""
-    complain = Console(stderr=True, soft_wrap=True, highlight=False, emoji=False)
+    written.clear()
     try:
-        status = app(arguments, prog_name="piezomotor", standalone_mode=False)
+        with raised():
+            status = _invoked(arguments)
+            sys.stdout.flush()
     except (pr.ParameterError, pr.SpectrumError) as error:
-        complain.print(f"piezomotor: {error}", style="red", markup=False)
+        complain(f"piezomotor: {error}")
         return 2
     except pr.SimulationError as error:
-        complain.print(f"piezomotor: {error}", style="red", markup=False)
+        complain(f"piezomotor: {error}")
         return 3
-    except BrokenPipeError:  # the reader has gone, as with `| head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (BrokenPipeError, SystemExit):  # the reader has gone; by the latter rich says so of a --help
+        silence(sys.stdout)
         return 0
-    except (KeyboardInterrupt, typer.Abort):
-        complain.print("piezomotor: interrupted; nothing was written.", style="red")
-        return 130
+    except (KeyboardInterrupt, typer.Abort) as interrupt:
+        done = f"{' and '.join(written)} {'are' if len(written) > 1 else 'is'} complete" if written else ""
+        complain(f"piezomotor: interrupted; {done or 'nothing was written'}.")
+        return 128 + getattr(interrupt, "number", 2)
+    except MemoryError:
+        complain(f"piezomotor: {OUT_OF_MEMORY}")
+        return 3
+    except OSError as error:
+        complain(f"piezomotor: {_told(error)}")
+        silence(sys.stdout)
+        return 2
     except _usage_error() as error:
         error.show()
         return 2
     return status if isinstance(status, int) else 0
+
+
+def _invoked(arguments: list[str]) -> Any:
+    """Run the command and return what it returns; typer's own way would pass over an interrupt without a word."""
+    if "_PIEZOMOTOR_COMPLETE" in os.environ:  # the shell asks what Tab may complete
+        return app(arguments, prog_name="piezomotor", standalone_mode=False)
+    group = typer.main.get_command(app)
+    try:
+        with group.make_context("piezomotor", list(arguments)) as context:
+            return group.invoke(context)
+    except typer.Exit as end:
+        return end.exit_code
+
+
+OUT_OF_MEMORY = (
+    "Out of memory. Free some, or record less: shorten the run, or see record-from, record-every, signals of simulate."
+)
+
+
+def _told(error: OSError) -> str:
+    place = error.filename or "the standard output"
+    return f"Cannot read or write {place}: {error.strerror or error}. Free it, or choose another place."
 
 
 def _usage_error() -> type[Any]:

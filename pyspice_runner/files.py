@@ -1,21 +1,32 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How results are written to files: by their ending, and with one sentence where that cannot be."""
+"""How results are written to files: by their ending, whole or not at all, with one sentence where that cannot be."""
 
 from __future__ import annotations
 
+import io
 import json
+import os
+import shutil
+import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.interrupts import held
+
+if TYPE_CHECKING:
+    import xarray
 
 
 def save_by_ending(path: str | Path, writers: Mapping[str, Callable[[Path], object]]) -> Path:
     """Write a file by the writer that belongs to its ending, and return its path.
+
+    The file is there when it is complete, in one stroke; until then, and if it cannot be written or the writer is
+    interrupted, an older one of that name stays as it was.
 
     Args:
         path: the file to write.
@@ -28,10 +39,29 @@ def save_by_ending(path: str | Path, writers: Mapping[str, Callable[[Path], obje
     if path.suffix not in writers:
         raise ParameterError(f"Cannot tell a format from {path.name!r}; let it end in {_either(list(writers))}.")
     try:
-        writers[path.suffix](path)
+        _write_whole(path, writers[path.suffix])
     except OSError as error:
         raise ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
     return path
+
+
+def _write_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Write beside the file, under its name in a folder of its own, and move what is complete to its place."""
+    target = path.resolve()  # a link stays one
+    if (target.exists() and not target.is_file()) or not os.access(target.parent, os.W_OK):
+        write(path)  # a device or a pipe, or a file that may be written in a folder that may not
+        return
+    with held() as listening:
+        folder = Path(tempfile.mkdtemp(prefix=".piezomotor-", dir=target.parent))
+        try:
+            begun = folder / path.name
+            with listening():
+                write(begun)
+            if target.exists():
+                shutil.copymode(target, begun)
+            begun.replace(target)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def write_csv(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> None:
@@ -39,6 +69,13 @@ def write_csv(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> None:
     with path.open("w", encoding="utf-8", newline="\n") as file:
         table = np.column_stack(list(columns.values()))
         np.savetxt(file, table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
+
+
+def write_netcdf(path: Path, dataset: xarray.Dataset) -> None:
+    """Write a dataset as NetCDF, put together in memory: HDF5 itself crashes where the disk is full."""
+    content = io.BytesIO()
+    dataset.to_netcdf(content, engine="h5netcdf")
+    path.write_bytes(content.getbuffer())
 
 
 def write_json(path: Path, document: Mapping[str, Any]) -> None:

@@ -159,7 +159,7 @@ def test_tab_completes_commands_motors_and_options(words: str, completed: list[s
     (tmp_path / "mine.toml").touch()
     shell = {"_PIEZOMOTOR_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)}
     # the program's name is what the shell knows it by
-    start = "import sys; from pyspice_runner.cli import main; sys.argv = ['piezomotor']; main()"
+    start = "import sys; from pyspice_runner.__main__ import main; sys.argv = ['piezomotor']; main()"
     done = subprocess.run(
         [sys.executable, "-c", start], capture_output=True, text=True, cwd=tmp_path, timeout=60, check=False,
         env={**os.environ, "PYTHONPATH": str(Path(pr.__file__).parents[1]), **shell},

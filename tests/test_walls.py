@@ -19,16 +19,17 @@ PACKAGE = ROOT / "pyspice_runner"
 # what a part may import of ours, beside itself; "" is the package itself, of which only public names may be used
 WALLS = {
     "errors": set(),
-    "files": {"errors"},
+    "interrupts": set(),
+    "files": {"errors", "interrupts"},
     "model": {"errors"},
     "netlist": {"errors", "model"},
-    "engine": {"errors"},
+    "engine": {"errors", "interrupts"},
     "analysis": {"errors", "files", "model", "netlist", "engine", "plots", "pages", ""},
     "plots": {"errors", "files", "model", "netlist", "analysis"},
     "pages": {"errors", "model", "analysis", ""},
     "commands": {""},
-    "cli": {"commands", ""},
-    "__main__": {"cli"},
+    "cli": {"commands", "interrupts", ""},
+    "__main__": {"cli", "interrupts"},
 }
 # libraries that only some parts may know; ngspice and PySpice end at the engine and the netlists
 HOMES = {

@@ -28,7 +28,7 @@ from pyspice_runner.analysis.spectrum import COUPLING, Connection, columns_of, c
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.files import save_by_ending, write_csv, write_json
+from pyspice_runner.files import save_by_ending, write_csv, write_json, write_netcdf
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
@@ -137,7 +137,7 @@ class Admittance:
             path,
             {
                 ".csv": lambda file: write_csv(file, columns_of(self.frequency_hz, self.matrix_s)),
-                ".nc": lambda file: self.to_xarray().to_netcdf(file, engine="h5netcdf"),
+                ".nc": lambda file: write_netcdf(file, self.to_xarray()),
                 ".json": lambda file: write_json(file, self.to_dict()),
             },
         )

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.files import save_by_ending, write_csv, write_json
+from pyspice_runner.files import save_by_ending, write_csv, write_json, write_netcdf
 
 if TYPE_CHECKING:
     import xarray
@@ -251,7 +251,7 @@ class Waveforms:
             path,
             {
                 ".csv": lambda file: write_csv(file, {name: getattr(self, name) for name in self.recorded}),
-                ".nc": lambda file: self.to_xarray().to_netcdf(file, engine="h5netcdf"),
+                ".nc": lambda file: write_netcdf(file, self.to_xarray()),
                 ".json": lambda file: write_json(file, self.to_dict()),
                 ".cir": lambda file: file.write_text(self.deck, encoding="utf-8"),
             },

@@ -111,6 +111,7 @@ def _begin_worker(sweep_lives: Connection) -> None:
         os._exit(1)
 
     try:
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)  # a terminal that is closed is the sweep's business, too
         signal.signal(signal.SIGTERM, _end_task)  # which the pool sends to all when one of them is gone
         threading.Thread(target=watch, daemon=True).start()
     except SweepEnded:

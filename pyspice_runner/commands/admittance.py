@@ -20,9 +20,9 @@ from pyspice_runner.commands.common import (
     TimeoutOption,
     busy,
     check_targets,
+    deliver,
     engineering,
     load_changed,
-    show_result,
     warn_of,
 )
 
@@ -63,10 +63,6 @@ def admittance(
             audit=audit,
         )
     warn_of(result.findings)
-    if output is not None:
-        result.save(output)
-    if plot is not None:
-        result.plot(plot)
     table = Table("driven", "mode", "fs", "fp", "k_eff", "Qm", "R", "L", "C", box=None, padding=(0, 1, 0, 0))
     table.title = f"{result.motor['name']}, {state.value}"
     for connection, resonances in result.resonances.items():
@@ -81,4 +77,4 @@ def admittance(
                 engineering(item.inductance_h, "H"),
                 engineering(item.capacitance_f, "F"),
             )
-    show_result(result.to_dict(), table, as_json)
+    deliver(result.to_dict(), table, as_json, (output, result.save), (plot, result.plot))

@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from math import floor, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -31,6 +33,12 @@ import pyspice_runner as pr
 
 if TYPE_CHECKING:
     import xarray
+
+Writing = tuple[Path | None, Callable[[Path], object]]  # a file that may be asked for, and what writes it
+
+_ELSEWHERE = " Choose another place."  # the end of the sentence about a file that cannot be written
+
+written: list[str] = []  # the files that this command has completed
 
 
 def complete_motor(incomplete: str) -> list[str]:
@@ -101,32 +109,31 @@ def check_targets(output: Path | None, endings: tuple[str, ...], plot: Path | No
             raise pr.ParameterError(f"Cannot write {path}: permission denied. Choose another place.")
 
 
-def guarded(path: Path, write: Callable[[], object]) -> None:
-    """Write a file; say in a sentence why it cannot be written."""
-    try:
-        write()
-    except OSError as error:
-        raise pr.ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
-
-
 def write_table(path: Path, document: Mapping[str, Any], rows: list[list[str]]) -> None:
     """Write a result as ``.json``, or its rows as ``.csv``."""
-    text = (
-        json.dumps(document, indent=2, allow_nan=False)
-        if path.suffix == ".json"
-        else "\n".join(",".join(row) for row in rows)
+    pr.save_by_ending(
+        path,
+        {
+            ".json": lambda file: _write_text(file, json.dumps(document, indent=2, allow_nan=False)),
+            ".csv": lambda file: _write_text(file, "\n".join(",".join(row) for row in rows)),
+        },
     )
-    guarded(path, lambda: path.write_text(text + "\n", encoding="utf-8"))
 
 
 def write_dataset(path: Path, dataset: xarray.Dataset, document: Mapping[str, Any]) -> None:
     """Write a result as ``.nc`` or ``.csv``, or what is printed of it as ``.json``."""
-    if path.suffix == ".json":
-        write_table(path, document, [])
-    elif path.suffix == ".csv":
-        guarded(path, lambda: dataset.to_dataframe().to_csv(path))
-    else:
-        guarded(path, lambda: dataset.to_netcdf(path, engine="h5netcdf"))
+    pr.save_by_ending(
+        path,
+        {
+            ".nc": lambda file: pr.write_netcdf(file, dataset),
+            ".csv": lambda file: dataset.to_dataframe().to_csv(file),
+            ".json": lambda file: _write_text(file, json.dumps(document, indent=2, allow_nan=False)),
+        },
+    )
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.write_text(text + "\n", encoding="utf-8")
 
 
 def jsonable(values: Any) -> Any:
@@ -136,13 +143,94 @@ def jsonable(values: Any) -> Any:
     return values if np.isfinite(values) else None
 
 
-def show_result(document: Mapping[str, Any], table: Table, as_json: bool) -> None:
-    """Print a result: the JSON object alone, or a table for the eye."""
-    if as_json:
-        sys.stdout.write(json.dumps(document, allow_nan=False) + "\n")
-    else:
-        Console().print(table)
+def deliver(document: Mapping[str, Any], table: Table | str, as_json: bool, *writings: Writing) -> None:
+    """Write a finished result to the files asked for and print it: the JSON object alone, or a table for the eye.
+
+    Whatever fails on the way, or interrupts it, the rest is done; what finds no place is kept in a temporary folder.
+
+    Raises:
+        ParameterError: for what cannot be written; it says where it is kept.
+    """
+    faults: dict[Writing, Exception] = {}
+    try:
+        for path, write in writings:
+            if path is not None:
+                try:
+                    write(path)
+                    written.append(str(path))
+                except Exception as error:  # noqa: BLE001  # whatever it is, the rest comes first
+                    faults[path, write] = error
+    finally:
+        try:
+            _print(document, table, as_json)
+        except pr.ParameterError as error:
+            faults[Path("result.json"), lambda path: write_table(path, document, [])] = error
+    for fault in faults.values():
+        if not isinstance(fault, pr.ParameterError):
+            raise fault
+    if faults:
+        kept = _kept([writing for writing, fault in faults.items() if isinstance(fault.__cause__, OSError)])
+        said = " ".join(map(str, faults.values()))
+        raise pr.ParameterError(f"{said.replace(_ELSEWHERE, '')} It is kept in {kept}." if kept else said)
+
+
+def _print(document: Mapping[str, Any], table: Table | str, as_json: bool) -> None:
+    """Print a result.
+
+    Raises:
+        ParameterError: if the standard output cannot be written.
+    """
+    try:
+        say(json.dumps(document, allow_nan=False) + "\n" if as_json else table)
+    except BrokenPipeError:  # the reader has gone, as with `| head`
+        silence(sys.stdout)
+    except OSError as error:
+        silence(sys.stdout)
+        raise pr.ParameterError(f"Cannot write the standard output: {error.strerror}.{_ELSEWHERE}") from error
+
+
+def _kept(homeless: Sequence[Writing]) -> Path | None:
+    """Write what found no place to a temporary folder and return that, if there is room for all of it."""
+    if not homeless:
+        return None
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="piezomotor-kept-"))
+    except OSError:
+        return None
+    try:
+        for path, write in homeless:
+            write(folder / (path or Path()).name)
+    except (OSError, pr.ParameterError):
+        shutil.rmtree(folder, ignore_errors=True)
+        return None
+    return folder
+
+
+def say(what: Table | str) -> None:
+    """Print a table, or text as it is, to standard output."""
+    if isinstance(what, Table):
+        console = Console()
+        with console.capture() as shown:  # printing it, rich would end the program where nobody reads
+            console.print(what)
+        what = shown.get()
+    sys.stdout.write(what)
     sys.stdout.flush()
+
+
+def complain(text: str, style: str | None = "red") -> None:
+    """Print a sentence to standard error; that nobody may read it is no reason to end."""
+    with suppress(OSError):
+        _Complaints(stderr=True, soft_wrap=True, highlight=False, emoji=False).print(text, style=style, markup=False)
+
+
+class _Complaints(Console):
+    def on_broken_pipe(self) -> None:
+        self.quiet = True
+
+
+def silence(stream: Any) -> None:
+    """Let what a stream still holds go nowhere, so that Python does not try it again at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def leaves(document: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -164,9 +252,8 @@ def engineering(value: float, unit: str) -> str:
 
 def warn_of(findings: Iterable[str]) -> None:
     """Say on stderr what the audit found in a result that is given all the same."""
-    complain = Console(stderr=True, soft_wrap=True, highlight=False, emoji=False)
     for finding in findings:
-        complain.print(f"piezomotor: not to be trusted: {finding}", style="red", markup=False)
+        complain(f"piezomotor: not to be trusted: {finding}")
 
 
 @contextmanager

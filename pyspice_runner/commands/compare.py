@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 import pyspice_runner as pr
@@ -20,10 +19,11 @@ from pyspice_runner.commands.common import (
     SetOption,
     busy,
     check_targets,
+    complain,
+    deliver,
     engineering,
     grid,
     load_changed,
-    show_result,
 )
 from pyspice_runner.commands.fit import LeadsOption, ModesOption, Port
 
@@ -79,10 +79,6 @@ def compare(
             spectra, against, modes=modes, connection=connection.value, state=state.value, leads=leads,
             at=grid("--at", at) if at else None, label=label,
         )  # fmt: skip
-    if output is not None:
-        trend.save(output)
-    if plot is not None:
-        trend.plot(plot)
     outside = [item.outside(tolerances) if tolerances else () for item in trend.comparisons]
     document = trend.to_dict()
     for entry, faults in zip(document["comparisons"], outside, strict=True):
@@ -91,9 +87,9 @@ def compare(
     said = [] if as_json else [f"note: {text}" for item in trend.comparisons for text in item.warnings]
     for item, faults in zip(trend.comparisons, outside, strict=True):
         said += [f"{item.measured.source}: {text}" for text in faults]
-    show_result(document, _table(trend), as_json)
+    deliver(document, _table(trend), as_json, (output, trend.save), (plot, trend.plot))
     for text in dict.fromkeys(said):
-        Console(stderr=True, highlight=False, soft_wrap=True).print(text, markup=False)
+        complain(text, style=None)
     if any(outside):
         raise typer.Exit(1)
 

@@ -19,9 +19,9 @@ from pyspice_runner.commands.common import (
     TimeoutOption,
     busy,
     check_targets,
+    deliver,
     engineering,
     load_changed,
-    show_result,
     write_table,
 )
 from pyspice_runner.commands.contacting import ContactKind, ContactOption
@@ -103,14 +103,11 @@ def drive(
     document: dict[str, Any] = (
         reports[0].to_dict() if against is None else {"drivers": [report.to_dict() for report in reports]}
     )
-    if output is not None:
-        if against is None:
-            reports[0].save(output)
-        else:
-            write_table(output, document, rows)
-    if plot is not None:
-        pr.plot_drive(reports, plot)
-    show_result(document, _table(loaded, reports, rows), as_json)
+    save = reports[0].save if against is None else lambda path: write_table(path, document, rows)
+    deliver(
+        document, _table(loaded, reports, rows), as_json,
+        (output, save), (plot, lambda path: pr.plot_drive(reports, path)),
+    )  # fmt: skip
 
 
 def _driver(words: str, voltage: float, frequency: float, phase: float) -> pr.Driver:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 import pyspice_runner as pr
@@ -21,9 +20,11 @@ from pyspice_runner.commands.common import (
     PlotOption,
     busy,
     check_targets,
+    complain,
+    deliver,
     engineering,
     grid,
-    show_result,
+    say,
 )
 
 
@@ -136,13 +137,9 @@ def fit(
         if start or stop is not None:
             spectrum = spectrum.between(start, inf if stop is None else stop)
         result = pr.fit_spectrum(spectrum, modes, leads=leads)
-    if output is not None:
-        result.save(output)
-    if plot is not None:
-        result.plot(plot)
+    deliver(result.to_dict(), _table(result), as_json, (output, result.save), (plot, result.plot))
     if not as_json:
         _tell(result)
-    show_result(result.to_dict(), _table(result), as_json)
 
 
 def _table(result: pr.SpectrumFit) -> Table:
@@ -172,21 +169,19 @@ def _percent(arm: pr.FittedArm, name: str) -> str:
 def _tell(result: pr.SpectrumFit) -> None:
     """Print what is no arm's, and what to know before using the values."""
     circuit = result.circuit
-    console = Console(highlight=False, soft_wrap=True)
-    console.print(
+    say(
         f"clamped capacitance {engineering(circuit.clamped_capacitance_f, 'F')}, loss tangent "
         f"{circuit.loss_tangent:.3g} at {engineering(circuit.loss_reference_hz, 'Hz')}, leads "
-        f"{engineering(circuit.lead_resistance_ohm, 'Ω')} and {engineering(circuit.lead_inductance_h, 'H')}"
+        f"{engineering(circuit.lead_resistance_ohm, 'Ω')} and {engineering(circuit.lead_inductance_h, 'H')}\n"
     )
     tried = ", ".join(
         f"{item.arms} ({item.criterion:.0f}, {100.0 * item.rms_relative_error:.2g} %"
         f"{', ' if item.note else ''}{item.note})"
         for item in result.candidates
     )
-    console.print(f"numbers of arms tried (information criterion, RMS error): {tried}")
-    complain = Console(stderr=True, highlight=False, soft_wrap=True)
+    say(f"numbers of arms tried (information criterion, RMS error): {tried}\n")
     for warning in result.warnings:
-        complain.print(f"note: {warning}", markup=False)
+        complain(f"note: {warning}", style=None)
 
 
 def _calibration(
@@ -234,8 +229,6 @@ def _fit_two_port(
     with busy("fitting"):
         result = pr.fit_two_port(read["A"] if two_port else read, modes)  # type: ignore[arg-type]
     motor = result.to_motor(**calibration) if calibration else None
-    if output is not None:
-        result.save(output, **calibration)
     table = Table("mode", "f", "Q", "coupling A", "coupling B", box=None, padding=(0, 1, 0, 0))
     table.title = f"{result.source}: {len(result.modes)} modes; couplings in N/V per root kg"
     for number, mode in enumerate(result.modes, start=1):
@@ -243,7 +236,7 @@ def _fit_two_port(
             str(number), engineering(mode.series_resonance_hz, "Hz"), f"{mode.quality_factor:.4g}",
             f"{mode.coupling_a:.4g}", f"{mode.coupling_b:.4g}",
         )  # fmt: skip
-    complain = Console(stderr=True, highlight=False, soft_wrap=True)
     for warning in result.warnings:
-        complain.print(f"note: {warning}", markup=False)
-    show_result({**result.to_dict(), "motor": motor.to_dict() if motor else None}, table, as_json)
+        complain(f"note: {warning}", style=None)
+    document = {**result.to_dict(), "motor": motor.to_dict() if motor else None}
+    deliver(document, table, as_json, (output, lambda path: result.save(path, **calibration)))

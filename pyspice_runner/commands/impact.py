@@ -16,8 +16,8 @@ from pyspice_runner.commands.common import (
     TimeoutOption,
     busy,
     check_targets,
+    deliver,
     engineering,
-    show_result,
 )
 from pyspice_runner.commands.contacting import LawKind, LawOption, SlidersOption
 
@@ -50,10 +50,6 @@ def impact(
     )  # fmt: skip
     with busy("ngspice throws the sphere"):
         result = pr.impact(throw, contact.value, sliders=sliders, timeout=timeout)
-    if output is not None:
-        result.save(output)
-    if plot is not None:
-        result.plot(plot)
     table = Table("quantity", "value", title=f"{contact.value}, Poisson's ratio {poisson:g}")
     table.add_row("ψ₁ → ψ₂", f"{result.psi_1:.4g} → {result.psi_2:.4g}")
     table.add_row("restitution, normal", f"{result.restitution_normal:.4f}")
@@ -62,4 +58,4 @@ def impact(
     table.add_row("greatest force", engineering(result.greatest_force_n, "N"))
     table.add_row("greatest penetration", engineering(result.greatest_penetration_m, "m"))
     table.add_row("spin after it", f"{result.spin_rad_s:.4g} rad/s")
-    show_result(result.to_dict(), table, as_json)
+    deliver(result.to_dict(), table, as_json, (output, result.save), (plot, result.plot))

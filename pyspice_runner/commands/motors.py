@@ -3,13 +3,10 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 import pyspice_runner as pr
@@ -22,10 +19,11 @@ from pyspice_runner.commands.common import (
     SetOption,
     busy,
     check_targets,
+    complain,
     complete_motor,
+    deliver,
     leaves,
     load_changed,
-    show_result,
     write_table,
 )
 from pyspice_runner.commands.contacting import LawKind, LawOption, SlidersOption
@@ -43,13 +41,12 @@ def motors(as_json: JsonOption = False, output: OutputOption = None, plot: PlotO
     table = Table("set", "modes", title="Parameter sets")
     for motor in found:
         table.add_row(motor.name, ", ".join(f"{mode.frequency_hz / 1e3:.4g} kHz" for mode in motor.modes))
-    if output is not None:
-        rows = [["motor", "mode", "frequency_hz"]]
-        rows += [[motor.name, mode.name, f"{mode.frequency_hz:.9g}"] for motor in found for mode in motor.modes]
-        write_table(output, document, rows)
-    if plot is not None:
-        pr.plot_motors(found, plot)
-    show_result(document, table, as_json)
+    rows = [["motor", "mode", "frequency_hz"]]
+    rows += [[motor.name, mode.name, f"{mode.frequency_hz:.9g}"] for motor in found for mode in motor.modes]
+    deliver(
+        document, table, as_json,
+        (output, lambda path: write_table(path, document, rows)), (plot, lambda path: pr.plot_motors(found, path)),
+    )  # fmt: skip
 
 
 def show(
@@ -67,16 +64,16 @@ def show(
     loaded = load_changed(motor, changes)
     document = loaded.to_dict()
     rows = [["parameter", "value"], *([path, f"{value}"] for path, value in leaves(document))]
-    if output is not None:
-        write_table(output, document, rows)
-    if plot is not None:
-        pr.plot_mode_shapes(loaded, plot)
     table = Table("parameter", "value", "from", title=loaded.name)
     for path, value in leaves(document):
         origin = loaded.provenance.get(path)
         shown = f"{value:.6g}" if isinstance(value, float) else str(value)
         table.add_row(path, shown, origin.kind if origin else "derived")
-    show_result(document, table, as_json)
+    deliver(
+        document, table, as_json,
+        (output, lambda path: write_table(path, document, rows)),
+        (plot, lambda path: pr.plot_mode_shapes(loaded, path)),
+    )  # fmt: skip
 
 
 def export(
@@ -108,12 +105,17 @@ def export(
     check_targets(output, (".lib", ".asy", ".kicad_sym", ".s2p", ".toml"), plot)
     loaded = load_changed(source, changes)
     text = pr.motor_library(loaded, contact=contact.value, sliders=sliders)
-    if output is not None:
+
+    def save(path: Path) -> None:
         with busy("writing"):
-            pr.export_motor(loaded, output, contact=contact.value, sliders=sliders)
-    if plot is not None:
-        pr.plot_mode_shapes(loaded, plot)
-    _show_library("motor", loaded.name, text, as_json, output)
+            pr.export_motor(loaded, path, contact=contact.value, sliders=sliders)
+
+    document = {"motor": loaded.name, "library": text}
+    deliver(
+        document, "" if output else text, as_json,
+        (output, save), (plot, lambda path: pr.plot_mode_shapes(loaded, path)),
+    )  # fmt: skip
+    _name_library(as_json, output)
 
 
 def _export_circuit(
@@ -123,19 +125,17 @@ def _export_circuit(
         raise pr.ParameterError("--set and --plot are for motors; a fit is drawn by `piezomotor fit FILE --plot`.")
     check_targets(output, CIRCUIT_ENDINGS, None)
     circuit, name = pr.load_circuit(source), Path(source).name
-    if output is not None:
-        pr.export_circuit(circuit, output, title=f"from {name}")
-    _show_library("circuit", name, pr.circuit_library(circuit, title=f"from {name}"), as_json, output)
+    text = pr.circuit_library(circuit, title=f"from {name}")
+    deliver(
+        {"circuit": name, "library": text}, "" if output else text, as_json,
+        (output, lambda path: pr.export_circuit(circuit, path, title=f"from {name}")),
+    )  # fmt: skip
+    _name_library(as_json, output)
 
 
-def _show_library(kind: str, name: str, text: str, as_json: bool, output: Path | None) -> None:
-    if as_json:
-        sys.stdout.write(json.dumps({kind: name, "library": text}) + "\n")
-    elif output is None:
-        sys.stdout.write(text)
-    elif output.suffix in (".asy", ".kicad_sym"):
+def _name_library(as_json: bool, output: Path | None) -> None:
+    """Say that a symbol needs the library that it names, where that is missing."""
+    if not as_json and output is not None and output.suffix in (".asy", ".kicad_sym"):
         library = output.with_suffix(".lib")
         if not library.exists():
-            Console(stderr=True, highlight=False, soft_wrap=True).print(
-                f"note: {output.name} names {library.name}; export that too, beside it.", markup=False
-            )
+            complain(f"note: {output.name} names {library.name}; export that too, beside it.", style=None)

@@ -18,11 +18,11 @@ from pyspice_runner.commands.common import (
     TimeoutOption,
     busy,
     check_targets,
+    deliver,
     engineering,
     grid,
     load_changed,
     points_progress,
-    show_result,
 )
 from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 from pyspice_runner.commands.fit import Port
@@ -72,12 +72,12 @@ def report(
             progress=progress,
             timeout=timeout,
         )
-    if target is not None:
+
+    def save(path: Path) -> None:
         with busy("writing the page"):
-            result.save(target)
-    if plot is not None:
-        result.run.plot(plot)
-    show_result(result.to_dict(), _table(result, target), as_json)
+            result.save(path)
+
+    deliver(result.to_dict(), _table(result, target), as_json, (target, save), (plot, result.run.plot))
 
 
 def _table(result: pr.Report, target: Path | None) -> Table:

@@ -19,9 +19,9 @@ from pyspice_runner.commands.common import (
     SetOption,
     TimeoutOption,
     check_targets,
+    deliver,
     load_changed,
     run_progress,
-    show_result,
     warn_of,
 )
 from pyspice_runner.commands.contacting import ContactKind, ContactOption, SlidersOption
@@ -84,10 +84,6 @@ def simulate(
             run, status = interrupt.partial, 130
             warn_of([str(interrupt)])
     warn_of(run.provenance["audit"]["findings"])
-    if output is not None:
-        run.save(output)
-    if plot is not None:
-        run.plot(plot)
     summary = run.to_dict()
     table = Table(
         "quantity", "value", title=f"{loaded.name}, {run.time_s[-1]:.6g} s{'' if run.complete else ', partial'}"
@@ -103,7 +99,7 @@ def simulate(
         if summary[key] is not None:
             table.add_row(name, written(summary[key]))
     table.add_row("points", f"{run.points} in {run.solver_seconds:.2f} s, ngspice {run.ngspice_version}")
-    show_result(summary, table, as_json)
+    deliver(summary, table, as_json, (output, run.save), (plot, run.plot))
     raise typer.Exit(status)
 
 

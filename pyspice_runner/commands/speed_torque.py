@@ -8,7 +8,6 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 import pyspice_runner as pr
@@ -20,11 +19,12 @@ from pyspice_runner.commands.common import (
     SetOption,
     TimeoutOption,
     check_targets,
+    complain,
+    deliver,
     grid,
     jsonable,
     load_changed,
     points_progress,
-    show_result,
     write_dataset,
 )
 from pyspice_runner.commands.contacting import LawKind, LawOption, SlidersOption
@@ -92,15 +92,15 @@ def speed_torque(
             progress=progress,
         )
     document = _document(curve)
-    if output is not None:
-        write_dataset(output, curve, document)
-    if plot is not None:
-        pr.plot_speed_torque(curve, plot)
-    show_result(document, _table(curve), as_json)
+    deliver(
+        document, _table(curve), as_json,
+        (output, lambda path: write_dataset(path, curve, document)),
+        (plot, lambda path: pr.plot_speed_torque(curve, path)),
+    )  # fmt: skip
     if not curve["settled"].all():
         unsettled = int((~curve["settled"]).sum())
         message = f"piezomotor: {unsettled} of {curve['settled'].size} points did not settle; see 'settled'."
-        Console(stderr=True, soft_wrap=True).print(message, style="yellow", markup=False)
+        complain(message, style="yellow")
 
 
 def _document(curve: xarray.Dataset) -> dict[str, Any]:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
-from rich.console import Console
 from rich.table import Table
 
 import pyspice_runner as pr
@@ -25,11 +24,12 @@ from pyspice_runner.commands.common import (
     SetOption,
     TimeoutOption,
     check_targets,
+    complain,
+    deliver,
     grid,
     jsonable,
     load_changed,
     points_progress,
-    show_result,
     write_dataset,
 )
 from pyspice_runner.commands.contacting import ContactKind, ContactOption, SlidersOption
@@ -151,17 +151,19 @@ def sweep(
                 progress=progress,
             )
         except KeyboardInterrupt as interrupt:
-            _complain(f"interrupted; {str(interrupt) or 'nothing is lost; the same sweep, begun again, goes on'}.")
+            complain(
+                f"piezomotor: interrupted; {str(interrupt) or 'nothing is lost; the same sweep, begun again, goes on'}."
+            )
             return 130
     document = _document(dataset)
-    if output is not None:
-        write_dataset(output, dataset, document)
-    if plot is not None:
-        pr.plot_sweep(dataset, plot)
-    show_result(document, _summary(dataset, document), as_json)
+    deliver(
+        document, _summary(dataset, document), as_json,
+        (output, lambda path: write_dataset(path, dataset, document)),
+        (plot, lambda path: pr.plot_sweep(dataset, path)),
+    )  # fmt: skip
     if document["failures"]:
         first = document["failures"][0]["reason"]
-        _complain(f"{len(document['failures'])} of {document['points']} points failed; the first: {first}")
+        complain(f"piezomotor: {len(document['failures'])} of {document['points']} points failed; the first: {first}")
         return 3
     return 0
 
@@ -206,12 +208,6 @@ def _cluster(address: str | None, workers: int | None) -> Iterator[Executor | No
         ) from error
     with client:
         yield client.get_executor()
-
-
-def _complain(message: str) -> None:
-    Console(stderr=True, soft_wrap=True, highlight=False, emoji=False).print(
-        f"piezomotor: {message}", style="red", markup=False
-    )
 
 
 def _document(dataset: xarray.Dataset) -> dict[str, Any]:

@@ -19,9 +19,9 @@ from pyspice_runner.commands.common import (
     TimeoutOption,
     busy,
     check_targets,
+    deliver,
     engineering,
     load_changed,
-    show_result,
 )
 from pyspice_runner.commands.contacting import ContactKind, ContactOption
 
@@ -114,11 +114,7 @@ def track(
             thermal=pr.Thermal() if all_drift else None,
             timeout=timeout,
         )
-    if output is not None:
-        found.save(output)
-    if plot is not None:
-        found.plot(plot)
-    show_result(found.to_dict(), _table(loaded, found), as_json)
+    deliver(found.to_dict(), _table(loaded, found), as_json, (output, found.save), (plot, found.plot))
 
 
 def _table(motor: pr.Motor, found: pr.Tracking) -> Table:

@@ -10,6 +10,7 @@ log is clean, every vector asked for is there and finite, and the analysis reach
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
 import shutil
@@ -26,11 +27,14 @@ from typing import IO
 from pyspice_runner.engine.rawfile import RawFile, RawFileError, read_rawfile
 from pyspice_runner.engine.silent import silent_fault
 from pyspice_runner.errors import Interrupted, SimulationError
+from pyspice_runner.interrupts import held
 
 OLDEST_VERSION = 36  # behavioural sources and subcircuit parameters as the libraries use them
 _VERSION_TIMEOUT = 20.0  # s; ngspice answers within some 5 ms
 _PROGRESS_PERIOD = 0.2  # s; ngspice itself tells no more often how far it is
 _LONGEST_LOG = 1 << 24  # bytes; a run that ends well writes about 1 kB
+_FULL = 1 << 16  # bytes; what is free on a disk that ngspice has filled: less than it writes at once
+_FREE_SPACE = "Free some space or set TMPDIR."
 _INSTALL_HINT = "Install it: `sudo apt-get install ngspice` (Debian, Ubuntu), `brew install ngspice` (macOS)."
 
 # Words by which ngspice 36 to 44 tells that something is amiss, on standard output or standard error alike.
@@ -136,37 +140,43 @@ def run_deck(
     """
     executable = find_ngspice()
     ngspice_version()
-    try:
-        folder = Path(tempfile.mkdtemp(prefix="piezomotor-"))
-    except OSError as error:
-        raise SimulationError(f"Cannot write the netlist: {error.strerror}. Free some space or set TMPDIR.") from error
-    deck_path = folder / "deck.cir"
-    keep = False
-    try:
-        deck_path.write_text(deck, encoding="utf-8")
-        fault = silent_fault(deck)
-        if fault:
-            raise _Unsound(fault, "")
-        started = time.perf_counter()
+    with held() as listening:  # while ngspice runs; an interrupt before or after waits until its files are cleared away
         try:
-            status, log, seconds = _execute(executable, folder, deck_path, timeout, progress)
-        except KeyboardInterrupt as interrupt:
-            if not keep_partial:
-                raise
-            raise _interrupted(folder / "out.raw", vectors, time.perf_counter() - started) from interrupt
-        raw = _verified(folder / "out.raw", status, log, vectors)
-        _check_end(raw, "time", stop_time, "s", log)
-        _check_end(raw, "frequency", stop_frequency, "Hz", log)
-    except _Unsound as error:
-        keep = True
-        for scrap in ("out.raw", "log"):
-            (folder / scrap).unlink(missing_ok=True)
-        raise SimulationError(f"{error} The netlist is kept as {deck_path}.", deck=deck_path, log=error.log) from None
-    except OSError as error:
-        raise SimulationError(f"Cannot write to {folder}: {error.strerror}. Free some space or set TMPDIR.") from error
-    finally:
-        if not keep:
-            shutil.rmtree(folder, ignore_errors=True)
+            folder = Path(tempfile.mkdtemp(prefix="piezomotor-"))
+        except OSError as error:
+            raise SimulationError(f"Cannot write the netlist: {error.strerror}. {_FREE_SPACE}") from error
+        deck_path = folder / "deck.cir"
+        keep = False
+        try:
+            deck_path.write_text(deck, encoding="utf-8")
+            fault = silent_fault(deck)
+            if fault:
+                raise _Unsound(fault, "")
+            started = time.perf_counter()
+            try:
+                status, log, seconds = _execute(executable, folder, deck_path, timeout, progress, listening)
+            except KeyboardInterrupt as interrupt:
+                if not keep_partial:
+                    raise
+                raise _interrupted(folder / "out.raw", vectors, time.perf_counter() - started) from interrupt
+            raw = _verified(folder / "out.raw", status, log, vectors)
+            _check_end(raw, "time", stop_time, "s", log)
+            _check_end(raw, "frequency", stop_frequency, "Hz", log)
+        except _Unsound as error:
+            keep = True
+            full = "" if shutil.disk_usage(folder).free > _FULL else f" The disk of {folder} is full. {_FREE_SPACE}"
+            for scrap in ("out.raw", "log"):
+                (folder / scrap).unlink(missing_ok=True)
+            raise SimulationError(
+                f"{error}{full} The netlist is kept as {deck_path}.", deck=deck_path, log=error.log
+            ) from None
+        except OSError as error:
+            if error.errno == errno.ENOMEM:  # a result is mapped, not read
+                raise MemoryError(error.strerror) from error
+            raise SimulationError(f"Cannot write to {folder}: {error.strerror}. {_FREE_SPACE}") from error
+        finally:
+            if not keep:
+                shutil.rmtree(folder, ignore_errors=True)
     return Result(raw, seconds, log)
 
 
@@ -179,7 +189,12 @@ class _Unsound(Exception):
 
 
 def _execute(
-    executable: str, folder: Path, deck: Path, timeout: float | None, progress: Callable[[float], object] | None
+    executable: str,
+    folder: Path,
+    deck: Path,
+    timeout: float | None,
+    progress: Callable[[float], object] | None,
+    listening: Callable[[], contextlib.AbstractContextManager[None]],
 ) -> tuple[int, str, float]:
     """Run ngspice to its end; an interrupt or a timeout ends the child first."""
     environment = {key: value for key, value in os.environ.items() if not key.startswith(("SPICE", "NGSPICE", "LC_"))}
@@ -196,7 +211,8 @@ def _execute(
         except OSError as error:
             raise _Unsound(f"{executable} does not run: {error.strerror}.", "") from None
         try:
-            status = _wait(process, timeout, progress, log_file)
+            with listening():
+                status = _wait(process, timeout, progress, log_file)
         except subprocess.TimeoutExpired:
             raise _Unsound(f"ngspice did not finish within {timeout:g} s and was stopped.", _read(log_file)) from None
         finally:
@@ -255,6 +271,7 @@ def _verified(path: Path, status: int, log: str, vectors: Sequence[str]) -> RawF
         how = f"ended with status {status}"
         if status < 0:
             how = f"was killed by signal {-status} ({signal.strsignal(-status)})"
+            how += ", as the system does when memory runs out" if -status == signal.SIGKILL else ""
         raise _Unsound(f"ngspice {how}{_quoted(_spoken(log))}.", log)
     complaint = _complaint(log)
     if complaint:
