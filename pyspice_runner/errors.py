@@ -25,12 +25,14 @@ class SimulationError(RuntimeError):
     Attributes:
         deck: the netlist that failed, kept for inspection; ``None`` if nothing was run.
         log: ngspice's own words, unabridged.
+        partial: what was finished before, of an analysis of many runs; ``None`` if there is nothing.
     """
 
-    def __init__(self, message: str, *, deck: Path | None = None, log: str = "") -> None:
+    def __init__(self, message: str, *, deck: Path | None = None, log: str = "", partial: Any = None) -> None:
         super().__init__(message)
         self.deck = deck
         self.log = log
+        self.partial = partial
 
     def __reduce__(self) -> tuple[object, ...]:
         """Keep deck and log when the error crosses a process boundary."""

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from functools import partial
 from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
@@ -19,8 +21,8 @@ from pyspice_runner.analysis.spectrum import COUPLING, Connection, Spectrum
 from pyspice_runner.analysis.speed_torque import Progress, speed_torque
 from pyspice_runner.analysis.waveforms import Array, Waveforms
 from pyspice_runner.engine.pyspice import BatchSimulator
-from pyspice_runner.errors import ParameterError
-from pyspice_runner.files import save_by_ending, write_json
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.files import save_by_ending, write_json, write_netcdf
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
@@ -194,7 +196,8 @@ def report(
 
     Raises:
         ParameterError: for a value that is refused.
-        SimulationError: if ngspice fails or its result cannot be trusted.
+        SimulationError: if ngspice fails or its result cannot be trusted; ``partial`` has what was finished, file name
+            → what writes it.
     """
     if connection not in COUPLING:
         raise ParameterError(f"connection = {connection!r} is refused; allowed are {', '.join(COUPLING)}.")
@@ -211,25 +214,42 @@ def report(
 
     advance(0)
     spectra: dict[State, Admittance] = {}
-    for state in get_args(State):
-        spectra[state] = _spectrum(motor, state, timeout)
+    curves: dict[float, xarray.Dataset] = {}
+    with _handing_over() as finished:
+        for state in get_args(State):
+            spectra[state] = _spectrum(motor, state, timeout)
+            finished[f"admittance_{state}.csv"] = spectra[state].save
+            advance()
+        run = simulate(motor, drive, duration=duration, timeout=timeout)
+        finished["run.nc"] = run.save
         advance()
-    run = simulate(motor, drive, duration=duration, timeout=timeout)
-    advance()
-    step = run.provenance["run"]["step_s"]
-    # the audit of the run itself counts; this one is there to be worse
-    coarse = simulate(motor, drive, duration=duration, step=2.0 * step, timeout=timeout, audit=False)
-    advance()
-    if speeds is None:
-        speeds = _speeds(motor, drive, run, 2.0 * step, timeout)
+        step = run.provenance["run"]["step_s"]
+        # the audit of the run itself counts; this one is there to be worse
+        coarse = simulate(motor, drive, duration=duration, step=2.0 * step, timeout=timeout, audit=False)
         advance()
-    curves = {}
-    for level, at_level in scaled.items():
-        curves[level] = speed_torque(
-            motor, at_level, speeds=speeds, step=2.0 * step, patience=PATIENCE, timeout=timeout
-        )
-        advance(np.size(speeds))
+        if speeds is None:
+            speeds = _speeds(motor, drive, run, 2.0 * step, timeout)
+            advance()
+        for level, at_level in scaled.items():
+            curves[level] = speed_torque(
+                motor, at_level, speeds=speeds, step=2.0 * step, patience=PATIENCE, timeout=timeout
+            )
+            finished[f"speed_torque_{100.0 * level:g}.nc"] = partial(write_netcdf, dataset=curves[level])
+            advance(np.size(speeds))
     return Report(motor, drive, spectra, run, coarse, curves, measured, connection)
+
+
+@contextmanager
+def _handing_over() -> Iterator[dict[str, Callable[[Path], object]]]:
+    """Hand over what is finished, file name → what writes it, with the error that ends the rest."""
+    finished: dict[str, Callable[[Path], object]] = {}
+    try:
+        yield finished
+    except SimulationError as error:
+        if error.partial is not None:  # of a curve
+            finished["speed_torque_incomplete.nc"] = partial(write_netcdf, dataset=error.partial)
+        error.partial = finished
+        raise
 
 
 def _scaled(drive: Drive, share: float) -> Drive:

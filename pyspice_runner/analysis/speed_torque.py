@@ -11,8 +11,8 @@ import hashlib
 import json
 import os
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from math import ceil, isfinite
@@ -26,7 +26,7 @@ from pyspice_runner.analysis.dynamometer import UNITS, Bench, Block, quantities,
 from pyspice_runner.analysis.simulate import shortest_period
 from pyspice_runner.analysis.waveforms import Array
 from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import quoted, unit_of
@@ -55,6 +55,7 @@ OUTCOME = {
     "torque_drift_n_m": ("N·m", "change of the mean torque from block to block; of a ramp, half of fall less rise"),
     "simulated_s": ("s", "time that was simulated"),
 }
+_MISSING = dict.fromkeys(OUTCOME, float("nan")) | {"settled": False, "deck_sha256": ""}
 
 
 def speed_torque(
@@ -107,7 +108,8 @@ def speed_torque(
 
     Raises:
         ParameterError: for a value that is refused.
-        SimulationError: if ngspice fails or its result cannot be trusted.
+        SimulationError: if ngspice fails or its result cannot be trusted; ``partial`` has the finished points.
+        Interrupted: when interrupted; ``partial`` has those points, and NaN for the others.
     """
     settling = Settling(tolerance, patience)
     axes = {path: _axis(path, values) for path, values in (over or {}).items()}
@@ -140,13 +142,24 @@ def speed_torque(
         chains = np.moveaxis(places, list(axes).index(follow), -1) if follow else places[..., np.newaxis]
         rows = chains.reshape(-1, chains.shape[-1]).tolist()
         tasks = [_Task(tuple(row), tuple(points[place] for place in row), settling) for row in rows]
-    found: dict[int, dict[str, Any]] = {}
-    for task, outcomes in zip(tasks, _answers(tasks, executor, progress or (lambda *_: None)), strict=True):
-        for place, outcome in zip(task.places, outcomes, strict=True):
-            found[place] = _between(found[place], outcome) if place in found else outcome
-    dataset = _dataset(motor, drive, axes, [found[place] for place in range(len(points))])
+    answers: dict[int, list[dict[str, Any]]] = {}
+    fault: KeyboardInterrupt | SimulationError | None = None
+    try:
+        _answer(tasks, executor, progress or (lambda *_: None), answers)
+    except (KeyboardInterrupt, SimulationError) as error:
+        fault = error
+    found = _found(tasks, answers)
+    if fault is not None and not found:
+        raise fault
+    dataset = _dataset(motor, drive, axes, [found.get(place, _MISSING) for place in range(len(points))])
     dataset.attrs["run"] = json.dumps({"mode": mode, "follow": follow, **settings})
-    return dataset
+    if fault is None:
+        return dataset
+    dataset.attrs["incomplete"] = f"{len(found)} of {len(points)} points are finished."
+    if isinstance(fault, KeyboardInterrupt):
+        raise Interrupted("The curve was interrupted.", dataset) from None
+    fault.partial = dataset
+    raise fault
 
 
 def operating_point(
@@ -322,32 +335,50 @@ def _call(task: _Task) -> list[dict[str, Any]]:
     return task()
 
 
-def _answers(tasks: list[_Task], executor: Executor | None, progress: Progress) -> list[list[dict[str, Any]]]:
-    """Run the tasks; when one fails, or the user interrupts, the others end with their block."""
+def _found(tasks: list[_Task], answers: Mapping[int, list[dict[str, Any]]]) -> dict[int, dict[str, Any]]:
+    """Return by place what is finished there; of a ramp both ways."""
+    ways: dict[int, list[dict[str, Any]]] = {}
+    for number, answer in sorted(answers.items()):
+        for place, outcome in zip(tasks[number].places, answer, strict=True):
+            ways.setdefault(place, []).append(outcome)
+    if not tasks[0].ramp:
+        return {place: outcome for place, (outcome,) in ways.items()}
+    return {place: _between(*both) for place, both in ways.items() if len(both) == 2}
+
+
+def _answer(
+    tasks: list[_Task], executor: Executor | None, progress: Progress, answers: dict[int, list[dict[str, Any]]]
+) -> None:
+    """Run the tasks and put down what they give; when one fails, or the user interrupts, the others end their block."""
     done, total = 0, sum(len(task.places) for task in tasks)
-    answers = []
     progress(0, total)
 
-    def collect(results: Any) -> None:
+    def collect(results: Iterable[list[dict[str, Any]]]) -> None:
         nonlocal done
-        for answer in results:
-            answers.append(answer)
+        for number, answer in enumerate(results):
+            answers[number] = answer
             done += len(answer)
             progress(done, total)
 
     if executor is not None:
         collect(executor.map(_call, tasks))
-        return answers
+        return
     stop = threading.Event()
     workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with ThreadPoolExecutor(min(workers, len(tasks))) as pool:
-        try:
-            collect(pool.map(lambda task: task(stop.is_set), tasks))
-        except BaseException:
-            stop.set()
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return answers
+    futures: list[Future[list[dict[str, Any]]]] = []
+    try:
+        with ThreadPoolExecutor(min(workers, len(tasks))) as pool:
+            try:
+                futures += (pool.submit(task, stop.is_set) for task in tasks)
+                collect(future.result() for future in futures)
+            except BaseException:
+                stop.set()
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+    finally:
+        for number, future in enumerate(futures):
+            if future.done() and not future.cancelled() and future.exception() is None:
+                answers[number] = future.result()
 
 
 # --- axes and dataset ---

@@ -169,7 +169,7 @@ def deliver(document: Mapping[str, Any], table: Table | str, as_json: bool, *wri
         if not isinstance(fault, pr.ParameterError):
             raise fault
     if faults:
-        kept = _kept([writing for writing, fault in faults.items() if isinstance(fault.__cause__, OSError)])
+        kept = keep([writing for writing, fault in faults.items() if isinstance(fault.__cause__, OSError)])
         said = " ".join(map(str, faults.values()))
         raise pr.ParameterError(f"{said.replace(_ELSEWHERE, '')} It is kept in {kept}." if kept else said)
 
@@ -189,7 +189,7 @@ def _print(document: Mapping[str, Any], table: Table | str, as_json: bool) -> No
         raise pr.ParameterError(f"Cannot write the standard output: {error.strerror}.{_ELSEWHERE}") from error
 
 
-def _kept(homeless: Sequence[Writing]) -> Path | None:
+def keep(homeless: Sequence[Writing]) -> Path | None:
     """Write what found no place to a temporary folder and return that, if there is room for all of it."""
     if not homeless:
         return None

@@ -81,24 +81,30 @@ def drive(
     """
     check_targets(output, (".json", ".csv", ".cir") if against is None else (".json", ".csv"), plot)
     loaded = load_changed(motor, changes)
-    reports = []
+    reports: list[pr.DriveReport] = []
+    fault: pr.SimulationError | None = None
     for number, words in enumerate([driver] if against is None else [driver, against]):
         chosen = _driver(words, voltage, loaded.modes[-1].frequency_hz if frequency is None else frequency, phase)
         chosen = chosen.updated(_parts(part, chosen, strict=number == 0))
-        with busy(f"ngspice runs the {words}"):
-            reports.append(
-                pr.drive_report(
-                    loaded,
-                    chosen,
-                    duration=duration,
-                    contact=contact.law,
-                    speed=speed,
-                    load_torque=load_torque,
-                    match=None if chosen.network == "none" else _STATES[match],
-                    proposals=number == 0,
-                    timeout=timeout,
+        try:
+            with busy(f"ngspice runs the {words}"):
+                reports.append(
+                    pr.drive_report(
+                        loaded,
+                        chosen,
+                        duration=duration,
+                        contact=contact.law,
+                        speed=speed,
+                        load_torque=load_torque,
+                        match=None if chosen.network == "none" else _STATES[match],
+                        proposals=number == 0,
+                        timeout=timeout,
+                    )
                 )
-            )
+        except pr.SimulationError as error:
+            if not reports:
+                raise
+            fault = pr.SimulationError(f"Only the {driver} is finished; the {words} failed. {error}")
     rows = _rows(reports)
     document: dict[str, Any] = (
         reports[0].to_dict() if against is None else {"drivers": [report.to_dict() for report in reports]}
@@ -108,6 +114,8 @@ def drive(
         document, _table(loaded, reports, rows), as_json,
         (output, save), (plot, lambda path: pr.plot_drive(reports, path)),
     )  # fmt: skip
+    if fault is not None:
+        raise fault
 
 
 def _driver(words: str, voltage: float, frequency: float, phase: float) -> pr.Driver:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,6 +22,7 @@ from pyspice_runner.commands.common import (
     deliver,
     engineering,
     grid,
+    keep,
     load_changed,
     points_progress,
 )
@@ -58,26 +60,41 @@ def report(
     loaded = load_changed(motor, changes)
     target = Path(f"{loaded.name}.html") if output is None and not as_json else output
     check_targets(target, (".html", ".json"), plot)
+    if target is not None and target.suffix == ".html":
+        _check_tools()
     excitation = drive.stated(loaded)
     spectrum = pr.read_spectrum(measured) if measured else None
     with points_progress() as progress:
-        result = pr.report(
-            loaded,
-            excitation,
-            duration=duration,
-            speeds=grid("--speeds", speeds) if speeds else None,
-            levels=grid("--levels", levels),
-            measured=spectrum,
-            connection=connection.value,
-            progress=progress,
-            timeout=timeout,
-        )
+        try:
+            result = pr.report(
+                loaded,
+                excitation,
+                duration=duration,
+                speeds=grid("--speeds", speeds) if speeds else None,
+                levels=grid("--levels", levels),
+                measured=spectrum,
+                connection=connection.value,
+                progress=progress,
+                timeout=timeout,
+            )
+        except pr.SimulationError as error:
+            kept = keep([(Path(name), save) for name, save in (error.partial or {}).items()])
+            if kept is None:
+                raise
+            raise pr.SimulationError(f"{error} What was finished is kept in {kept}.") from None
 
     def save(path: Path) -> None:
         with busy("writing the page"):
             result.save(path)
 
     deliver(result.to_dict(), _table(result, target), as_json, (target, save), (plot, result.run.plot))
+
+
+def _check_tools() -> None:
+    """Refuse a page that could not be made, before all that it shows is run."""
+    for name in ("plotly", "jinja2"):
+        if find_spec(name) is None:
+            raise pr.ParameterError(f"A report needs {name}. Install it: `pip install 'pyspice-runner[report]'`.")
 
 
 def _table(result: pr.Report, target: Path | None) -> Table:

@@ -65,7 +65,7 @@ def speed_torque(
     as_json: JsonOption = False,
     output: OutputOption = None,
     plot: PlotOption = None,
-) -> None:
+) -> int:
     """Measure torque, power and losses over speed. Writes .nc, .csv or .json.
 
     Example: piezomotor speed-torque andersen2002-unintended-mode --voltage 100 --frequency 46e3 --phase 180
@@ -75,32 +75,41 @@ def speed_torque(
     loaded = load_changed(motor, changes)
     excitation = drive.stated(loaded)
     path, _, values = (over or "").partition("=")
+    status = 0
     with points_progress() as progress:
-        curve = pr.speed_torque(
-            loaded,
-            excitation,
-            speeds=grid("--speeds", speeds),
-            over={path.strip(): grid(f"--over {path}", values)} if over else None,
-            mode=mode.value,
-            follow=follow,
-            contact=contact.value,
-            sliders=sliders,
-            tolerance=tolerance,
-            patience=patience,
-            step=step,
-            timeout=timeout,
-            progress=progress,
-        )
+        try:
+            curve = pr.speed_torque(
+                loaded,
+                excitation,
+                speeds=grid("--speeds", speeds),
+                over={path.strip(): grid(f"--over {path}", values)} if over else None,
+                mode=mode.value,
+                follow=follow,
+                contact=contact.value,
+                sliders=sliders,
+                tolerance=tolerance,
+                patience=patience,
+                step=step,
+                timeout=timeout,
+                progress=progress,
+            )
+        except (pr.Interrupted, pr.SimulationError) as fault:
+            if fault.partial is None:
+                raise
+            curve = fault.partial
+            status = 130 if isinstance(fault, pr.Interrupted) else 3
+            complain(f"piezomotor: {fault} {curve.attrs['incomplete']}")
     document = _document(curve)
     deliver(
         document, _table(curve), as_json,
         (output, lambda path: write_dataset(path, curve, document)),
         (plot, lambda path: pr.plot_speed_torque(curve, path)),
     )  # fmt: skip
-    if not curve["settled"].all():
-        unsettled = int((~curve["settled"]).sum())
+    unsettled = int((~curve["settled"] & curve["torque_n_m"].notnull()).sum())
+    if unsettled:
         message = f"piezomotor: {unsettled} of {curve['settled'].size} points did not settle; see 'settled'."
         complain(message, style="yellow")
+    return status
 
 
 def _document(curve: xarray.Dataset) -> dict[str, Any]:
@@ -119,7 +128,7 @@ def _table(curve: xarray.Dataset) -> Table:
     further = [str(name) for name in curve["torque_n_m"].dims[:-1]]
     titles = ("rad/s", "mN·m", "F_N / N", "electrical / W", "shaft / W", "efficiency", "stick", "slip", "settled")
     table = Table(*further, *titles, title=curve.attrs["title"], box=None, padding=(0, 2, 0, 0))
-    for _, point in curve.to_dataframe().reset_index().iterrows():
+    for _, point in curve.to_dataframe().reset_index().dropna(subset="torque_n_m").iterrows():
         electrical = point["power_a_w"] + point["power_b_w"]
         values = (point["speed_rad_s"], 1e3 * point["torque_n_m"], point["normal_force_n"], electrical)
         table.add_row(
