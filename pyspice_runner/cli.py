@@ -14,6 +14,7 @@ from typing import Any
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 import pyspice_runner as pr
 from pyspice_runner.commands.admittance import admittance
@@ -83,7 +84,7 @@ def first_steps(context: typer.Context) -> None:
         return
     table = Table.grid(padding=(0, 3, 0, 0))
     for heading, lines in FIRST_STEPS:
-        table.add_row(f"[bold]{heading}")
+        table.add_row(Text(heading, style="bold"))
         for words, meaning in lines:
             table.add_row(f"  piezomotor {words}", meaning)
     say(f"{first_steps.__doc__}\n\n")
@@ -118,6 +119,7 @@ def run(arguments: list[str]) -> int:
         silence(sys.stdout)
         return 2
     except _usage_error() as error:
+        error.message = str(pr.ParameterError(error.message))  # as readable as those of ours
         error.show()
         return 2
     return status if isinstance(status, int) else 0

@@ -10,13 +10,21 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+_LONGEST, _TAIL = 1000, 300  # characters of a message; what comes last says what to do
+
 
 class ParameterError(ValueError):
     """Input that is refused before anything runs: a value, a name or a file."""
 
+    def __init__(self, message: str) -> None:
+        super().__init__(_readable(message))
+
 
 class SpectrumError(ValueError):
     """A measured spectrum that cannot be read, or that holds no resonance to identify."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(_readable(message))
 
 
 class SimulationError(RuntimeError):
@@ -29,7 +37,7 @@ class SimulationError(RuntimeError):
     """
 
     def __init__(self, message: str, *, deck: Path | None = None, log: str = "", partial: Any = None) -> None:
-        super().__init__(message)
+        super().__init__(_readable(message))
         self.deck = deck
         self.log = log
         self.partial = partial
@@ -37,6 +45,15 @@ class SimulationError(RuntimeError):
     def __reduce__(self) -> tuple[object, ...]:
         """Keep deck and log when the error crosses a process boundary."""
         return _rebuild, (str(self), self.deck, self.log)
+
+
+def _readable(message: str) -> str:
+    """Return a message that shows whatever it quotes: on one line, nothing that a terminal obeys, not endless."""
+    if len(message) > _LONGEST:
+        message = f"{message[: _LONGEST - _TAIL - 1]}…{message[-_TAIL:]}"
+    if message.isprintable():
+        return message
+    return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in message)
 
 
 def _rebuild(message: str, deck: Path | None, log: str) -> SimulationError:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -120,7 +121,7 @@ def plot_fit(fit: SpectrumFit, path: str | Path) -> Path:
     residuals.set(ylabel="residual in % of |Y|", title=f"Residuals: {error:.3g} % RMS")
     magnitude.legend()
     residuals.legend()
-    figure.suptitle(fit.source, fontsize=10)
+    figure.suptitle(_plain(fit.source), fontsize=10)
     return _save(figure, path)
 
 
@@ -129,9 +130,9 @@ def plot_comparison(result: Comparison, path: str | Path) -> Path:
     figure, axes = _figure(2, 2, width=11.0, height=8.0)
     magnitude, circle, phase, deviations = axes.flat
     curves = (
-        (result.reference, {"color": BLUE, "linewidth": 1.2, "label": f"reference: {result.reference.source}"}),
+        (result.reference, {"color": BLUE, "linewidth": 1.2, "label": _plain(f"reference: {result.reference.source}")}),
         (result.measured, {"marker": ".", "markersize": 3, "linestyle": "", "color": VERMILION,
-                           "label": f"measured: {result.measured.source}"}),
+                           "label": _plain(f"measured: {result.measured.source}")}),
     )  # fmt: skip
     scale, prefix = _unit_of_frequency(result.measured.frequency_hz)
     for fit, look in curves:
@@ -177,9 +178,9 @@ def plot_trend(trend: Trend, path: str | Path) -> Path:
         axis.axhline(0.0, color="0.3", linewidth=0.8)
         if np.ptp(axis.get_ylim()) < 0.01:  # nothing but rounding errors
             axis.set_ylim(-0.1, 0.1)
-        axis.set(xlabel=trend.label, ylabel="deviation in %", title=title)
+        axis.set(xlabel=_plain(trend.label), ylabel="deviation in %", title=title)
     axes.flat[0].legend()
-    figure.suptitle(f"{len(tables)} spectra against {trend.comparisons[0].reference.source}", fontsize=10)
+    figure.suptitle(_plain(f"{len(tables)} spectra against {trend.comparisons[0].reference.source}"), fontsize=10)
     return _save(figure, path)
 
 
@@ -397,5 +398,15 @@ def _figure(rows: int, columns: int, *, width: float = 10.0, height: float = 7.0
     return figure, axes
 
 
+def _plain(text: str) -> str:
+    """Return a text from outside as Matplotlib draws it as it is: a dollar begins no formula."""
+    return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in text).replace("$", r"\$")
+
+
 def _save(figure: Figure, path: str | Path) -> Path:
-    return save_by_ending(path, dict.fromkeys((".png", ".svg", ".pdf"), lambda file: figure.savefig(file, dpi=150)))
+    def write(file: Path) -> None:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Glyph .* missing", UserWarning)  # a box is drawn instead
+            figure.savefig(file, dpi=150)
+
+    return save_by_ending(path, dict.fromkeys((".png", ".svg", ".pdf"), write))

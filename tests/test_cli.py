@@ -152,6 +152,7 @@ def test_the_first_steps_are_commands_that_are_taken() -> None:
         ("piezomotor sim", ["simulate"]),
         ("piezomotor simulate andersen2002-", ["andersen2002-unintended-mode"]),
         ("piezomotor simulate mi", ["mine.toml"]),
+        ("piezomotor simulate **mi", []),  # which is no pattern
         ("piezomotor simulate andersen2002 --dur", ["--duration"]),
     ],
 )
@@ -202,6 +203,9 @@ def test_progress_shows_on_a_terminal_and_nowhere_else(tmp_path: Path) -> None:
         (["simulate", "andersen2002", "--output", "run.doc"], "let it end in .csv"),
         (["simulate", "andersen2002", "--output", "no/such/run.csv"], "a folder that does not exist"),
         (["simulate", "andersen2002", "--plot", "run.bmp"], "let it end in .png"),
+        (["simulate", "andersen2002", "--plot", f"{'x' * 300}.png"], "File name too long. Choose another place."),
+        (["speed-torque", "andersen2002", "--speeds=0:1:9999999999"], "--speeds: '0:1:9999999999' is refused"),
+        (["speed-torque", "andersen2002", "--speeds=0:inf:3"], "--speeds: '0:inf:3' is refused"),
         (["admittance", "andersen2002", "--start", "0"], "start = 0 Hz"),
         (["speed-torque", "andersen2002", "--speeds", "slow"], "--speeds: 'slow' is refused"),
         (["speed-torque", "andersen2002", "--over", "contact.preload=5"], "Did you mean"),

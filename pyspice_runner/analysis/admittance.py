@@ -32,6 +32,7 @@ from pyspice_runner.files import save_by_ending, write_csv, write_json, write_ne
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
+from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.benches import AC_OPTIONS, admittance_bench
 
 if TYPE_CHECKING:
@@ -149,6 +150,7 @@ class Admittance:
         return plot_admittance(self, path)
 
 
+@checked
 def admittance(
     motor: Motor,
     *,

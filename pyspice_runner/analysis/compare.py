@@ -7,6 +7,7 @@ are measured over reference less one.
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import inf, isfinite
@@ -22,6 +23,7 @@ from pyspice_runner.analysis.spectrum import Connection, Spectrum
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.files import save_by_ending, write_json
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
 
 _FARTHEST = 0.2  # relative distance of two frequencies that may belong to one mode
 _MODEL_POINTS = 2000
@@ -172,7 +174,8 @@ class Trend:
         """
 
         def write_csv(target: Path) -> None:
-            target.write_text("\n".join(",".join(row) for row in self.rows()) + "\n", encoding="utf-8", newline="\n")
+            with target.open("w", encoding="utf-8", newline="") as file:
+                csv.writer(file, lineterminator="\n").writerows(self.rows())
 
         return save_by_ending(path, {".json": lambda target: write_json(target, self.to_dict()), ".csv": write_csv})
 
@@ -183,6 +186,7 @@ class Trend:
         return self.comparisons[0].plot(path) if len(self.comparisons) == 1 else plot_trend(self, path)
 
 
+@checked
 def compare(
     measured: Spectrum | Sequence[Spectrum],
     reference: Spectrum | Motor,

@@ -24,6 +24,7 @@ from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.files import save_by_ending, write_csv, write_json
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.drivers import GROUPS, Driver
 
@@ -209,6 +210,7 @@ class DriveReport:
         return plot_drive([self], path)
 
 
+@checked
 def drive_report(
     motor: Motor,
     driver: Driver,

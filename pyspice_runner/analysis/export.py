@@ -14,11 +14,12 @@ from pyspice_runner.files import save_by_ending
 from pyspice_runner.model.circuit_file import circuit_toml
 from pyspice_runner.model.equivalent import EquivalentCircuit
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.save import motor_toml
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw
 from pyspice_runner.netlist.equivalent import RESONATOR, circuit_library
 from pyspice_runner.netlist.motor import SUBCIRCUIT, motor_library
-from pyspice_runner.netlist.symbols import MOTOR_PINS, RESONATOR_PINS, kicad_symbol, ltspice_symbol
+from pyspice_runner.netlist.symbols import MOTOR_PINS, RESONATOR_PINS, kicad_symbol, library_name, ltspice_symbol
 
 Writer = Callable[[Path], object]
 
@@ -26,6 +27,7 @@ _POINTS = 1601
 _NEAR_POINTS = 201  # over ten bandwidths around each resonance
 
 
+@checked
 def export_circuit(
     circuit: EquivalentCircuit,
     path: str | Path,
@@ -50,6 +52,7 @@ def export_circuit(
     return save_by_ending(path, circuit_writers(circuit, title=title, frequency_hz=frequency_hz))
 
 
+@checked
 def export_motor(
     motor: Motor, path: str | Path, *, contact: ContactLaw = "spring-slider", sliders: int = SLIDERS
 ) -> Path:
@@ -74,8 +77,8 @@ def export_motor(
         path,
         {
             ".lib": _text(lambda _: motor_library(motor, contact=contact, sliders=sliders)),
-            ".asy": _text(lambda file: ltspice_symbol(SUBCIRCUIT, MOTOR_PINS, f"{file.stem}.lib", title)),
-            ".kicad_sym": _text(lambda file: kicad_symbol(SUBCIRCUIT, MOTOR_PINS, f"{file.stem}.lib", title)),
+            ".asy": _text(lambda file: ltspice_symbol(SUBCIRCUIT, MOTOR_PINS, library_name(file), title)),
+            ".kicad_sym": _text(lambda file: kicad_symbol(SUBCIRCUIT, MOTOR_PINS, library_name(file), title)),
             ".s2p": _text(lambda _: _stator(motor)),
             ".toml": _text(lambda _: motor_toml(motor, heading=f"The motor {motor.name}, by its modes.")),
         },
@@ -90,8 +93,8 @@ def circuit_writers(
     what = title or "piezoelectric resonator"
     return {
         ".lib": _text(lambda _: circuit_library(circuit, title=title)),
-        ".asy": _text(lambda file: ltspice_symbol(RESONATOR, RESONATOR_PINS, f"{file.stem}.lib", what)),
-        ".kicad_sym": _text(lambda file: kicad_symbol(RESONATOR, RESONATOR_PINS, f"{file.stem}.lib", what)),
+        ".asy": _text(lambda file: ltspice_symbol(RESONATOR, RESONATOR_PINS, library_name(file), what)),
+        ".kicad_sym": _text(lambda file: kicad_symbol(RESONATOR, RESONATOR_PINS, library_name(file), what)),
         ".s1p": _text(lambda _: touchstone(frequency, circuit.admittance(frequency)[:, None, None], title=what)),
         ".toml": _text(lambda _: circuit_toml(circuit, title=title)),
     }

@@ -10,19 +10,18 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from math import pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pyspice_runner.analysis.export import circuit_writers
 from pyspice_runner.analysis.identify import COST, GLOBALS, RESONANT_QUALITY, SIGNIFICANT, Problem, Solution, Vector
+from pyspice_runner.analysis.spectrum import Spectrum
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.files import save_by_ending, write_csv, write_json
 from pyspice_runner.model.equivalent import Characteristics, EquivalentCircuit, MotionalArm
-
-if TYPE_CHECKING:
-    from pyspice_runner.analysis.spectrum import Spectrum
+from pyspice_runner.model.refusal import checked
 
 MOST_MODES = 20  # that may be asked for
 _ANALYSER = 1e-3  # what impedance analysers are accurate to, at best half of it
@@ -185,6 +184,7 @@ class SpectrumFit:
         return plot_fit(self, path)
 
 
+@checked
 def fit_spectrum(spectrum: Spectrum, modes: int | None = None, *, leads: bool = True) -> SpectrumFit:
     """Fit clamped capacitance with loss, motional arms and leads to a one-port spectrum.
 

@@ -17,6 +17,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.files import save_by_ending, write_csv, write_json
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, check_law
 from pyspice_runner.netlist.contact_benches import cyclic_bench
@@ -73,6 +74,7 @@ class Hysteresis:
         )
 
 
+@checked
 def hysteresis(
     motor: Motor,
     amplitude: float,

@@ -15,6 +15,7 @@ from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import save_by_ending, write_csv, write_json
 from pyspice_runner.model.impact import Throw
+from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, check_law
 from pyspice_runner.netlist.contact_benches import impact_bench
@@ -98,6 +99,7 @@ class Impact:
         return plot_impact(self, path)
 
 
+@checked
 def impact(
     throw: Throw,
     contact: ContactLaw = "spring-slider",

@@ -14,6 +14,7 @@ from pyspice_runner.analysis.admittance import admittance
 from pyspice_runner.analysis.driver_run import DriverBench, Window
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.drivers import GROUPS, Driver
 
@@ -112,6 +113,7 @@ class Matching:
         return changes
 
 
+@checked
 def propose_matching(
     motor: Motor,
     driver: Driver,

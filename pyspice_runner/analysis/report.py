@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from pyspice_runner.analysis.admittance import Admittance, State, admittance
 from pyspice_runner.analysis.simulate import simulate
 from pyspice_runner.analysis.spectrum import COUPLING, Connection, Spectrum
-from pyspice_runner.analysis.speed_torque import Progress, speed_torque
+from pyspice_runner.analysis.speed_torque import Progress, axis, speed_torque
 from pyspice_runner.analysis.waveforms import Array, Waveforms
 from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -26,6 +26,7 @@ from pyspice_runner.files import save_by_ending, write_json, write_netcdf
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.benches import AC_OPTIONS, admittance_bench
 
 if TYPE_CHECKING:
@@ -166,6 +167,7 @@ class Report:
         return save_by_ending(path, {".html": page, ".json": lambda file: write_json(file, self.to_dict())})
 
 
+@checked
 def report(
     motor: Motor,
     drive: Drive,
@@ -203,6 +205,7 @@ def report(
         raise ParameterError(f"connection = {connection!r} is refused; allowed are {', '.join(COUPLING)}.")
     if not levels or not all(0.0 < level <= 1.0 for level in levels):
         raise ParameterError(f"levels = {list(levels)} is refused; allowed are numbers > 0 and ≤ 1.")
+    speeds = None if speeds is None else axis("speeds", speeds)
     scaled = {level: _scaled(drive, level) for level in sorted(levels)}
     done, total = 0, _RUNS + len(scaled) * (SPEEDS if speeds is None else np.size(speeds)) + (speeds is None)
     tell = progress or (lambda *_: None)

@@ -21,6 +21,7 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
+from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS, plate_voltages, transient_bench
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, check_law, contact_library
 from pyspice_runner.netlist.motor import Discretisation
@@ -53,6 +54,7 @@ VECTORS: dict[str, tuple[str, ...]] = {
 _OF_CONTACT = ("xmotor.normal", "xmotor.friction", "xmotor.slider", "xmotor.state", "xmotor.xcontact.delta")
 
 
+@checked
 def simulate(
     motor: Motor,
     drive: Drive,

@@ -29,7 +29,7 @@ from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.refusal import quoted, unit_of
+from pyspice_runner.model.refusal import checked, quoted, unit_of
 from pyspice_runner.netlist.benches import SpeedRamp
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, check_law, contact_library
 from pyspice_runner.netlist.motor import Motion
@@ -58,6 +58,7 @@ OUTCOME = {
 _MISSING = dict.fromkeys(OUTCOME, float("nan")) | {"settled": False, "deck_sha256": ""}
 
 
+@checked
 def speed_torque(
     motor: Motor,
     drive: Drive,
@@ -112,8 +113,8 @@ def speed_torque(
         Interrupted: when interrupted; ``partial`` has those points, and NaN for the others.
     """
     settling = Settling(tolerance, patience)
-    axes = {path: _axis(path, values) for path, values in (over or {}).items()}
-    axes[SPEED] = _axis("speeds", speeds)
+    axes = {path: axis(path, values) for path, values in (over or {}).items()}
+    axes[SPEED] = axis("speeds", speeds)
     _check(axes, mode, follow)
     _check_contact(contact, sliders)
     settings = {"contact": contact, "step_s": step, "tolerance": tolerance, "patience": patience}
@@ -162,6 +163,7 @@ def speed_torque(
     raise fault
 
 
+@checked
 def operating_point(
     motor: Motor,
     drive: Drive,
@@ -191,7 +193,7 @@ def operating_point(
         ParameterError: for a value that is refused.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    (speed,) = _axis("speed", [speed])
+    (speed,) = axis("speed", [speed])
     _check_contact(contact, sliders)
     bench = replace(_bench(motor, drive, {}, step, timeout), contact=contact, sliders=sliders)
     outcome, _ = _settle(bench, float(speed), None, Settling(tolerance, patience))
@@ -384,17 +386,22 @@ def _answer(
 # --- axes and dataset ---
 
 
-def _axis(name: str, values: Any) -> Array:
+def axis(name: str, values: Any) -> Array:
+    """Return the values of an axis as an array.
+
+    Raises:
+        ParameterError: for what is not numbers, or no speeds.
+    """
     try:
-        axis = np.atleast_1d(np.asarray(values, dtype=float))
-    except (TypeError, ValueError):
-        axis = np.array([])
-    if axis.ndim != 1 or not axis.size or not np.all(np.isfinite(axis)):
+        given = np.atleast_1d(np.asarray(values, dtype=float))
+    except (TypeError, ValueError, OverflowError):
+        given = np.array([])
+    if given.ndim != 1 or not given.size or not np.all(np.isfinite(given)):
         raise ParameterError(f"{name} = {quoted(values)} is refused; allowed are one or more numbers.")
-    if name in ("speed", "speeds") and np.abs(axis).max() > 1e6:
-        worst = axis[np.abs(axis).argmax()]
+    if name in ("speed", "speeds") and np.abs(given).max() > 1e6:
+        worst = given[np.abs(given).argmax()]
         raise ParameterError(f"{name} has {worst:g} rad/s, which is refused; allowed is from -1e6 to 1e6 rad/s.")
-    return axis
+    return given
 
 
 def _check(axes: Mapping[str, Array], mode: str, follow: str | None) -> None:

@@ -39,7 +39,7 @@ from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.refusal import quoted, unit_of
+from pyspice_runner.model.refusal import as_number, checked, quoted, unit_of
 from pyspice_runner.netlist.library import data_path
 
 if TYPE_CHECKING:
@@ -74,8 +74,10 @@ class Tolerance:
     distribution: Distribution = "uniform"
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.relative < 1.0:
-            raise ParameterError(f"A tolerance of ±{100.0 * self.relative:g} % is refused; allowed is > 0 and < 100 %.")
+        share = as_number(self.relative)
+        if share is None or not 0.0 < share < 1.0:
+            given = quoted(self.relative) if share is None else f"±{100.0 * share:g} %"
+            raise ParameterError(f"A tolerance of {given} is refused; allowed is > 0 and < 100 %.")
         _one_of("distribution", self.distribution, ("uniform", "normal"))
 
     def factors(self, quantiles: Array) -> Array:
@@ -88,6 +90,7 @@ class Tolerance:
         return 1.0 + self.relative / 3.0 * np.asarray(norm.ppf(inside))
 
 
+@checked
 def sweep(
     motor: Motor,
     drive: Drive,
@@ -140,6 +143,13 @@ def sweep(
     functions = {name: function for name, function in wanted.items() if not isinstance(function, str)}
     origin = _identity(analysis)
     _check_settings({path[4:] for path in over if path.startswith("run.")} | set(run), analysis)
+    for name, value in run.items():
+        try:
+            fingerprint(value)
+        except (TypeError, ValueError, AttributeError, RecursionError):
+            raise ParameterError(
+                f"run.{name} = {quoted(value)} is refused; allowed are numbers, texts, and lists of them."
+            ) from None
     plan = _plan(over, {path: _find(path, motor, drive, run) for path in over}, samples, sampling, seed)
     versions = _versions()
     tasks = [_task(analysis, motor, drive, run, change, functions, versions) for change in plan.changes]
@@ -366,7 +376,7 @@ def _scatter(parameter: _Parameter, tolerance: Tolerance, factors: Array) -> tup
 def _grid(path: str, values: Any) -> Array:
     try:
         grid = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         grid = np.array([])
     if grid.ndim != 1 or not grid.size or not np.all(np.isfinite(grid)):
         raise ParameterError(f"{path} = {quoted(values)} is refused; allowed are one or more numbers, or a Tolerance.")
@@ -378,8 +388,8 @@ def _quantiles(parameters: int, samples: int, sampling: Sampling, seed: int) -> 
     from scipy.stats import qmc
 
     _one_of("sampling", sampling, ("sobol", "latin-hypercube"))
-    if samples < 1:
-        raise ParameterError(f"samples = {samples} is refused; allowed is a whole number > 0.")
+    if not 1 <= samples <= MOST_POINTS:
+        raise ParameterError(f"samples = {samples} is refused; allowed is a whole number > 0 and ≤ {MOST_POINTS}.")
     if sampling == "latin-hypercube":
         return np.asarray(qmc.LatinHypercube(parameters, rng=seed).random(samples))
     if samples & (samples - 1):

@@ -22,6 +22,7 @@ from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import save_by_ending, write_csv, write_json
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.model.tracking import LoopFilter, StatorLag
 from pyspice_runner.netlist.contact import ContactLaw, check_law
@@ -135,6 +136,7 @@ class Tracking:
         return plot_tracking([self], path)
 
 
+@checked
 def track(
     motor: Motor,
     tracker: Tracker,
@@ -214,6 +216,7 @@ def track(
     )  # fmt: skip
 
 
+@checked
 def running_resonance(motor: Motor, tracker: Tracker, *, mode: int | None = None, contact: bool = True) -> StatorLag:
     """Return resonance and loaded quality factor of a running mode, by harmonic balance.
 
@@ -226,6 +229,7 @@ def running_resonance(motor: Motor, tracker: Tracker, *, mode: int | None = None
     return tracked_lag(motor, tracker, len(motor.modes) - 1 if mode is None else mode, contact=contact)
 
 
+@checked
 def measured_loop_gain(
     motor: Motor,
     tracker: Tracker,

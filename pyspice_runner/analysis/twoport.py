@@ -35,6 +35,7 @@ from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.files import save_by_ending, write_json
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor, Provenance, assemble
+from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.save import motor_toml
 
 _GLOBALS = 3  # ln C_A, ln C_B, tan δ
@@ -209,6 +210,7 @@ class TwoPortFit:
         return values, Provenance("given" if mass_kg is not None else "derived", f"calibration by {what}")
 
 
+@checked
 def fit_two_port(spectra: Spectrum | Mapping[Connection, Spectrum], modes: int | None = None) -> TwoPortFit:
     """Fit modes with their couplings to both groups. Leads are taken as compensated.
 

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import csv
+import glob
+import io
 import json
 import os
 import shutil
@@ -10,7 +13,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from math import floor, log10
+from math import floor, isfinite, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -43,7 +46,8 @@ written: list[str] = []  # the files that this command has completed
 
 def complete_motor(incomplete: str) -> list[str]:
     """Return the parameter sets and the motors' files here that begin so, for the shell."""
-    files = [str(path) for path in Path().glob(f"{incomplete}*.toml")] if not Path(incomplete).is_absolute() else []
+    begun = f"{glob.escape(incomplete)}*.toml"
+    files = [str(path) for path in Path().glob(begun)] if not Path(incomplete).is_absolute() else []
     return [name for name in (*pr.available_motors(), *sorted(files)) if name.startswith(incomplete)]
 
 
@@ -58,6 +62,7 @@ SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="PATH=VALUE", help="Change a parameter, as contact.preload_n=8. Repeatable."),
 ]
+MOST_VALUES = 1_000_000  # of an axis
 CIRCUIT_ENDINGS = (".lib", ".asy", ".kicad_sym", ".s1p", ".toml")  # of what an equivalent circuit is exported to
 TimeoutOption = Annotated[float | None, typer.Option(help="End ngspice after this many seconds.")]
 AuditOption = Annotated[
@@ -88,6 +93,8 @@ def grid(option: str, text: str) -> list[float]:
         if ":" not in text:
             return [float(value) for value in text.split(",")]
         start, stop, count = text.split(":")
+        if not 0 <= int(count) <= MOST_VALUES or not isfinite(float(stop) - float(start)):
+            raise ValueError
         return [float(value) for value in np.linspace(float(start), float(stop), int(count))]
     except ValueError:
         raise pr.ParameterError(
@@ -102,11 +109,16 @@ def check_targets(output: Path | None, endings: tuple[str, ...], plot: Path | No
             continue
         if path.suffix not in allowed:
             raise pr.ParameterError(f"Cannot tell a format from {path.name!r}; let it end in {', '.join(allowed)}.")
-        if path.is_dir() or not path.absolute().parent.is_dir():
-            what = "is a folder" if path.is_dir() else "is in a folder that does not exist"
-            raise pr.ParameterError(f"Cannot write {path}: it {what}. Choose another place.")
-        if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
-            raise pr.ParameterError(f"Cannot write {path}: permission denied. Choose another place.")
+        try:
+            what = None
+            if path.is_dir() or not path.absolute().parent.is_dir():
+                what = "it is a folder" if path.is_dir() else "it is in a folder that does not exist"
+            elif not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
+                what = "permission denied"
+        except (OSError, ValueError) as error:  # such as a name that is too long, or has a zero in it
+            what = getattr(error, "strerror", None) or str(error)
+        if what:
+            raise pr.ParameterError(f"Cannot write {path}: {what}. Choose another place.")
 
 
 def write_table(path: Path, document: Mapping[str, Any], rows: list[list[str]]) -> None:
@@ -114,8 +126,8 @@ def write_table(path: Path, document: Mapping[str, Any], rows: list[list[str]]) 
     pr.save_by_ending(
         path,
         {
-            ".json": lambda file: _write_text(file, json.dumps(document, indent=2, allow_nan=False)),
-            ".csv": lambda file: _write_text(file, "\n".join(",".join(row) for row in rows)),
+            ".json": lambda file: file.write_text(_json(document), encoding="utf-8"),
+            ".csv": lambda file: file.write_text(_csv(rows), encoding="utf-8"),
         },
     )
 
@@ -127,13 +139,19 @@ def write_dataset(path: Path, dataset: xarray.Dataset, document: Mapping[str, An
         {
             ".nc": lambda file: pr.write_netcdf(file, dataset),
             ".csv": lambda file: dataset.to_dataframe().to_csv(file),
-            ".json": lambda file: _write_text(file, json.dumps(document, indent=2, allow_nan=False)),
+            ".json": lambda file: file.write_text(_json(document), encoding="utf-8"),
         },
     )
 
 
-def _write_text(path: Path, text: str) -> None:
-    path.write_text(text + "\n", encoding="utf-8")
+def _json(document: Mapping[str, Any]) -> str:
+    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+
+
+def _csv(rows: list[list[str]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def jsonable(values: Any) -> Any:
@@ -209,7 +227,7 @@ def keep(homeless: Sequence[Writing]) -> Path | None:
 def say(what: Table | str) -> None:
     """Print a table, or text as it is, to standard output."""
     if isinstance(what, Table):
-        console = Console()
+        console = Console(markup=False, emoji=False)  # names of files may look like either
         with console.capture() as shown:  # printing it, rich would end the program where nobody reads
             console.print(what)
         what = shown.get()

@@ -39,6 +39,8 @@ class BatchSimulator(CircuitSimulator):
     SIMULATOR = "ngspice"
 
     def __init__(self, circuit: Circuit, *, timeout: float | None = None, **kwargs: Any) -> None:
+        if timeout is not None and not timeout > 0.0:
+            raise ParameterError(f"timeout = {timeout:g} s is refused; allowed is a number > 0 s.")
         super().__init__(circuit, **kwargs)
         for keyword, option in (("temperature", "TEMP"), ("nominal_temperature", "TNOM")):
             if keyword not in kwargs:  # both are then ngspice's 27 degrees, and the deck stays short

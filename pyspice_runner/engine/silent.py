@@ -59,10 +59,16 @@ def _statements(deck: str) -> list[str]:
 
 
 def _without_expressions(line: str) -> str:
-    previous = ""
-    while previous != line:
-        previous, line = line, re.sub(r"\{[^{}]*\}|'[^']*'|\"[^\"]*\"", "0", line)
-    return line
+    kept, depth = [], 0
+    for piece in re.split(r"([{}])", re.sub(r"'[^']*'|\"[^\"]*\"", "0", line)):
+        if piece == "{":
+            kept += [] if depth else ["0"]
+            depth += 1
+        elif piece == "}":
+            depth = max(depth - 1, 0)
+        elif not depth:
+            kept.append(piece)
+    return "".join(kept)
 
 
 def _names(words: list[str]) -> list[str]:
@@ -94,8 +100,7 @@ def _unknown_parameter(lines: list[str]) -> str | None:
         if not line.startswith("x"):
             continue
         words = line.split()
-        plain = [word for word in words if "=" not in word and word != "params:"]
-        subcircuit = plain[-1]
+        subcircuit = next((word for word in reversed(words) if "=" not in word and word != "params:"), "")
         for name in _names(words):
             if subcircuit in known and name not in known[subcircuit] | {"m"}:  # m multiplies any instance
                 has = ", ".join(sorted(known[subcircuit])) or "none"

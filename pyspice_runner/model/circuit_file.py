@@ -6,15 +6,17 @@ from __future__ import annotations
 import json
 import tomllib
 from dataclasses import fields
-from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.document import read_document
 from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
+from pyspice_runner.model.refusal import checked, quoted
 
 _ARM = [item.name for item in fields(MotionalArm)]
 _WHOLE = [item.name for item in fields(EquivalentCircuit) if item.name != "arms"]
+_LEAST, _MOST = 1e-30, 1e18  # beyond any circuit, and far from where numbers end
 _MAY_BE_ZERO = ("loss_tangent", "lead_resistance_ohm", "lead_inductance_h")
 
 
@@ -26,7 +28,7 @@ def circuit_toml(circuit: EquivalentCircuit, *, title: str = "") -> str:
         title: what it stands for, one line.
     """
     lines = [
-        f"# Equivalent circuit{', ' if title else ''}{' '.join(title.split())}",
+        f"# Equivalent circuit{', ' if title else ''}{_comment(title)}",
         "# USE: piezomotor export THIS.toml --output stator.lib",
         "# A motor's file takes these [[arms]] too, each with name, coupling_ratio, mass_kg, tip_x and tip_y besides.",
         "",
@@ -37,17 +39,24 @@ def circuit_toml(circuit: EquivalentCircuit, *, title: str = "") -> str:
     return "\n".join(lines) + "\n"
 
 
+def _comment(text: str) -> str:
+    """Return a text as it can stand in a comment of TOML: one line, no control characters."""
+    return "".join(sign if sign.isprintable() else "_" for sign in " ".join(text.split()))
+
+
+@checked
 def is_circuit_file(source: str | Path) -> bool:
     """Tell whether a path is that of an equivalent circuit rather than of a motor."""
     path = Path(source)
     if path.suffix == ".json":
         return True
     try:
-        return path.suffix == ".toml" and "clamped_capacitance_f" in tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        return path.suffix == ".toml" and "clamped_capacitance_f" in tomllib.loads(read_document(path, ""))
+    except (ValueError, RecursionError):
         return False
 
 
+@checked
 def load_circuit(path: str | Path) -> EquivalentCircuit:
     """Read an equivalent circuit from its TOML, or from the JSON of a fit.
 
@@ -55,11 +64,9 @@ def load_circuit(path: str | Path) -> EquivalentCircuit:
         ParameterError: for a file that cannot be read, or whose values make no passive circuit.
     """
     path = Path(path)
+    text = read_document(path, "the file of a fit")
     try:
-        text = path.read_text(encoding="utf-8")
         document: Any = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except OSError as error:
-        raise ParameterError(f"Cannot read {path}: {error.strerror or error}. Give the file of a fit.") from error
     except (ValueError, RecursionError) as error:
         kind = "JSON" if path.suffix == ".json" else "TOML"
         raise ParameterError(f"{path.name} is not valid {kind}: {error}. Save the fit again.") from error
@@ -78,8 +85,8 @@ def _number(table: dict[str, Any], key: str, path: str, where: str) -> float:
     value = table.get(key, 0.0 if key.startswith("lead_") else None)
     if value is None:
         raise ParameterError(f"{where}: {path} is missing. State it.")
-    least = -inf if isinstance(value, bool) or not isinstance(value, int | float) else float(value)
-    if not (isfinite(least) and (least > 0.0 or (least == 0.0 and key in _MAY_BE_ZERO))):
-        allowed = "≥ 0" if key in _MAY_BE_ZERO else "> 0"
-        raise ParameterError(f"{where}: {path} = {str(value)[:40]!r} is refused; allowed is a number {allowed}.")
-    return least
+    least = 0.0 if key in _MAY_BE_ZERO else _LEAST
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= _MOST:
+        allowed = f"a number ≥ {least:g} and ≤ {_MOST:g}"
+        raise ParameterError(f"{where}: {path} = {quoted(value)} is refused; allowed is {allowed}.")
+    return float(value)

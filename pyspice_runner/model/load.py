@@ -26,9 +26,20 @@ from pydantic import ValidationError
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import beam as beam_model
 from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.document import read_document
 from pyspice_runner.model.motor import Motor, Provenance, Structure, assemble, stiffness_for
 from pyspice_runner.model.parameters import Beam, Contact, Damping, Mode, Parameters, Patch, Rotor, Tip, label, quantity
-from pyspice_runner.model.refusal import allowed_range, as_table, build, check_keys, limited, positive, quoted, unit_of
+from pyspice_runner.model.refusal import (
+    allowed_range,
+    as_table,
+    build,
+    check_keys,
+    checked,
+    limited,
+    positive,
+    quoted,
+    unit_of,
+)
 
 SETS = Path(__file__).parent / "sets"
 
@@ -91,6 +102,7 @@ def available_motors() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in SETS.glob("*.toml")))
 
 
+@checked
 def load_motor(source: str | Path) -> Motor:
     """Read a motor.
 
@@ -101,15 +113,15 @@ def load_motor(source: str | Path) -> Motor:
         ParameterError: for an unknown name, an unreadable file, a misspelt or missing entry, or a refused value.
     """
     path = _find(source)
+    text = read_document(path, "a readable TOML file")
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ParameterError(f"{path.name} is not valid TOML: {error}. Mend that line.") from error
     except RecursionError:
         raise ParameterError(f"{path.name} nests its values too deeply. Write them as a motor's TOML does.") from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise ParameterError(f"Cannot read {path}: {reason}. Give a readable TOML file.") from error
+    except ValueError as error:  # a number of more digits than Python reads
+        raise ParameterError(f"{path.name} holds a number of thousands of digits. Write it as 1e-3 is.") from error
     return _from_document(document, path.name)
 
 

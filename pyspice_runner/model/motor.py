@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
@@ -14,7 +15,7 @@ from pydantic import Field, ValidationError, model_validator
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.parameters import Beam, Contact, Damping, Mode, Parameters, Patch, Piezo, Rotor, Tip
-from pyspice_runner.model.refusal import allowed_range, build, limited, positive, quoted, refusal
+from pyspice_runner.model.refusal import allowed_range, build, checked, limited, positive, quoted, refusal
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,7 @@ class Motor(Parameters):
         ]
         return document
 
+    @checked
     def updated(self, changes: Mapping[str, Any]) -> Motor:
         """Return a motor with some values changed.
 
@@ -166,7 +168,7 @@ def _set_path(document: dict[str, Any], path: str, value: Any) -> str:
     if section == "modes":
         which, _, key = rest.partition(".")
         names = [mode["name"] for mode in document["modes"]]
-        index = names.index(which) if which in names else int(which) if which.isdecimal() else -1
+        index = names.index(which) if which in names else int(which) if re.fullmatch("[0-9]{1,3}", which) else -1
         if not 0 <= index < len(names):
             raise ParameterError(
                 f"There is no mode {quoted(which)} in {quoted(path)}; there are {', '.join(names)}, numbered from 0."

@@ -4,9 +4,14 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import date
-from typing import Any, TypeVar
+from functools import wraps
+from numbers import Real
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import ValidationError
 
@@ -14,6 +19,8 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.parameters import Parameters
 
 _P = TypeVar("_P", bound=Parameters)
+_Arguments = ParamSpec("_Arguments")
+_Result = TypeVar("_Result")
 
 
 class Stated(Parameters):
@@ -65,7 +72,9 @@ def refusal(error: ValidationError, kind: type[Parameters], path: str, where: st
         unit = f", in{_unit(field)}" if _unit(field) else ""
         meaning = f" ({field.description}{unit})" if field else ""
         return ParameterError(f"{where}: {full} is missing{meaning}. State it.")
-    return _refused(first["input"], full, where, allowed_range(kind, name) if field else first["msg"], _unit(field))
+    kinds = {"float_type": "a number", "string_type": "a text"}  # of what stands within a field
+    allowed = allowed_range(kind, name) if field else kinds.get(first["type"], first["msg"])
+    return _refused(first["input"], full, where, allowed, _unit(field))
 
 
 def limited(kind: type[Parameters], name: str, value: Any, path: str, where: str) -> float:
@@ -149,5 +158,108 @@ def _refused(value: Any, path: str, where: str, allowed: str, unit: str) -> Para
 
 def quoted(value: Any) -> str:
     """Return a value as it was written, made short and printable."""
-    text = f"{value:g}" if isinstance(value, float) else str(value) if isinstance(value, date) else repr(value)
+    try:
+        text = f"{value:g}" if isinstance(value, float) else str(value) if isinstance(value, date) else repr(value)
+    except (ValueError, RecursionError):  # such as an integer of five thousand digits, which Python does not write
+        return f"{type(value).__name__} too large to be shown"
     return text if len(text) <= 60 else text[:57] + "…"
+
+
+_PLAIN: dict[Any, str] = {
+    float: "a number", int: "a whole number", bool: "True or False", str: "a text", NoneType: "None",
+    Mapping: "a dictionary", Callable: "a function", Path: "a path",
+}  # fmt: skip
+
+
+def checked(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
+    """Hold the arguments of a function to the types that its signature states; their ranges are its own business.
+
+    Where a number is asked for it gets one of Python's, whatever kind of number was given.
+
+    Raises:
+        ParameterError: by the function, for an argument of another type.
+    """
+    signature = inspect.signature(function)
+    stated = {name: hint for name, hint in function.__annotations__.items() if name != "return"}  # which may be a name
+    holder = type("Stated", (), {"__annotations__": stated})  # that only a type checker imports
+    every = get_type_hints(holder, globalns=getattr(function, "__globals__", None))
+    hints = {name: hint for name, hint in every.items() if all(map(_tells, _choices(hint)))}
+
+    @wraps(function)
+    def held(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> _Result:
+        bound = signature.bind(*args, **kwargs)
+        for name, value in bound.arguments.items():
+            if name in hints and signature.parameters[name].kind is not inspect.Parameter.VAR_KEYWORD:
+                if not _fits(value, hints[name]):
+                    raise ParameterError(f"{name} = {quoted(value)} is refused; allowed {_words(hints[name])}.")
+                bound.arguments[name] = _as_python(value, hints[name])
+        return function(*bound.args, **bound.kwargs)
+
+    return held
+
+
+def _choices(hint: Any) -> tuple[Any, ...]:
+    """Return what a type is a choice of: itself, if it is none."""
+    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+
+
+def _tells(hint: Any) -> bool:
+    """Whether one can tell by looking at a value that it is of a type; what is like an array, one cannot."""
+    kind = get_origin(hint) or hint
+    return kind in (Literal, Sequence, *_PLAIN) or str(getattr(kind, "__module__", "")).startswith("pyspice_runner.")
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    """Whether a value is of a type; one of several texts is any text here."""
+    return any(_fits_one(value, one) for one in _choices(hint))
+
+
+def _fits_one(value: Any, hint: Any) -> bool:
+    if hint in (float, int):
+        number = as_number(value)
+        return number is not None and (hint is float or number.is_integer())
+    origin, inside = get_origin(hint), get_args(hint)
+    if origin is Literal:
+        return isinstance(value, str) or any(value is one for one in inside)
+    if origin is Sequence:
+        if not isinstance(value, Iterable) or isinstance(value, str | bytes | Mapping) or not hasattr(value, "__len__"):
+            return False
+        return all(_fits(item, inside[0]) for item in value)
+    kind = origin or hint
+    return isinstance(value, kind) if isinstance(kind, type) else True
+
+
+def _as_python(value: Any, hint: Any) -> Any:
+    """Return a number as the kind of number that is asked for."""
+    number = as_number(value)
+    if number is not None:
+        if float in _choices(hint):
+            return number
+        if int in _choices(hint):
+            return int(value)
+    return value
+
+
+def as_number(value: Any) -> float | None:
+    """Return a number as one of Python's, ``None`` for what is none or too large."""
+    if isinstance(value, bool):
+        return None
+    try:
+        return float(value) if isinstance(value, Real) else None
+    except OverflowError:
+        return None
+
+
+def _words(hint: Any) -> str:
+    """Say in words what a type is."""
+    said = []
+    for one in _choices(hint):
+        origin, inside = get_origin(one), get_args(one)
+        if origin is Literal:
+            said += [repr(item) for item in inside]
+        elif origin is Sequence:
+            said.append("a list")
+        else:
+            kind = origin or one
+            said.append(_PLAIN.get(kind) or f"a {kind.__name__}")
+    return f"are {', '.join(said[:-1])} and {said[-1]}" if len(said) > 1 else f"is {said[0]}"

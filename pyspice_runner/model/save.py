@@ -18,7 +18,7 @@ def motor_toml(motor: Motor, *, heading: str = "") -> str:
         heading: words for the first lines, as a comment.
     """
     lines = [*(f"# {line}".rstrip() for line in heading.splitlines()), "# USE: piezomotor simulate THIS.toml"]
-    lines += ["", f"name = {json.dumps(motor.name)}"]
+    lines += ["", f"name = {_written(motor.name)}"]
     document = motor.model_dump()
     for index, mode in enumerate(document["modes"]):
         lines += ["", "[[modes]]", *_entries(motor, f"modes.{index}", mode)]
@@ -32,8 +32,14 @@ def _entries(motor: Motor, path: str, table: dict[str, object]) -> list[str]:
 
 
 def _value(motor: Motor, path: str, value: object) -> str:
-    text = json.dumps(value, ensure_ascii=False)
+    text = _written(value)
     origin = motor.provenance.get(path)
     if origin is None or origin.kind not in _KINDS:
         return text
-    return f"{{ value = {text}, {origin.kind} = {json.dumps(origin.note, ensure_ascii=False)} }}"
+    return f"{{ value = {text}, {origin.kind} = {_written(origin.note)} }}"
+
+
+def _written(value: object) -> str:
+    """Return a number or a text as TOML; JSON writes them alike, but for what no file can hold and for DEL."""
+    kept = value.encode("utf-8", "replace").decode() if isinstance(value, str) else value
+    return json.dumps(kept, ensure_ascii=False).replace("\x7f", "\\u007f")

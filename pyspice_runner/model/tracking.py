@@ -21,6 +21,7 @@ from math import atan, pi, sqrt, tan
 import numpy as np
 from scipy.optimize import brentq
 
+from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Contact
@@ -79,8 +80,13 @@ def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True)
         mode: index of the mode, from 0.
         force_n: amplitude of the modal force of both groups.
         contact: whether the tip is on the rotor.
+
+    Raises:
+        ParameterError: for no force.
     """
     own = motor.modes[mode]
+    if not force_n > 0.0:
+        raise ParameterError(f"Nothing drives mode {own.name}; choose another mode, or another phase of the groups.")
     if not contact:
         return StatorLag(
             own.frequency_hz, own.quality_factor, force_n / own.damping_n_s_per_m / (2.0 * pi * own.frequency_hz)
@@ -89,11 +95,14 @@ def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True)
 
     def state(amplitude: float) -> tuple[float, float]:
         """Angular frequency of resonance, and the loss per amplitude in N/m."""
-        stiffness, loss = slider_cycle(motor.contact, abs(own.tip_x) * amplitude)
+        stiffness, loss = slider_cycle(motor.contact, abs(own.tip_x) * amplitude) if own.tip_x else (0.0, 0.0)
         omega = sqrt((own.stiffness_n_per_m + normal + own.tip_x**2 * stiffness) / own.mass_kg)
         return omega, omega * own.damping_n_s_per_m + own.tip_x**2 * loss
 
     highest = force_n / own.damping_n_s_per_m / (2.0 * pi * own.frequency_hz)
+    if not own.tip_x:  # it does not rub, and its loss does not depend on how far it moves
+        omega, loss = state(highest)
+        return StatorLag(omega / (2.0 * pi), own.mass_kg * omega**2 / loss, force_n / loss)
     amplitude = brentq(lambda r: state(r)[1] * r - force_n, 1e-9 * highest, highest, xtol=1e-9 * highest)
     omega, loss = state(amplitude)
     return StatorLag(omega / (2.0 * pi), own.mass_kg * omega**2 / loss, amplitude)

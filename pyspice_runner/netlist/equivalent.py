@@ -10,6 +10,7 @@ import numpy as np
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.equivalent import EquivalentCircuit
+from pyspice_runner.model.refusal import checked
 
 RESONATOR = "resonator"
 _LEAST = 1e-9
@@ -28,6 +29,7 @@ def check_name(name: str) -> str:
     return name
 
 
+@checked
 def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title: str = "") -> str:
     """Return a library of one equivalent circuit: header, usage and ``.subckt NAME p n``.
 

@@ -14,6 +14,7 @@ import re
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
+from math import inf, isfinite
 from pathlib import Path
 
 from pyspice_runner.errors import ParameterError
@@ -99,13 +100,13 @@ def read_library(name: str) -> Library:
     Raises:
         ParameterError: if there is no such library, or its header and its ``.subckt`` line disagree.
     """
-    path = data_path("behavioral") / f"{name}.lib"
-    if not path.is_file():
+    if name not in library_names():
         names = ", ".join(library_names())
         raise ParameterError(f"There is no library {name!r} in behavioral/; there are {names}.")
-    return parse_library(name, path.read_text(encoding="utf-8"))
+    return parse_library(name, (data_path("behavioral") / f"{name}.lib").read_text(encoding="utf-8"))
 
 
+@cache
 def library_names() -> tuple[str, ...]:
     """Return the names of all libraries in ``behavioral/``."""
     return tuple(sorted(path.stem for path in data_path("behavioral").glob("*.lib")))
@@ -123,16 +124,20 @@ def parse_library(name: str, text: str) -> Library:
         for match in re.findall(r"^\* PAR +(\S+) +(\S+) +(\S+) +(\S+) +(\S+) +(.+)$", text, re.M)
     )
     title = re.search(rf"^\* {re.escape(name)}: (.+)$", text, re.M)
-    subcircuit = re.search(rf"^\.subckt {re.escape(name)} (.+?)$.*?^\.ends {re.escape(name)}$", text, re.M | re.S)
+    subcircuit = re.search(rf"^\.subckt {re.escape(name)} (.+)$", text, re.M)
+    end = re.compile(rf"^\.ends {re.escape(name)}$", re.M).search(text, subcircuit.end() if subcircuit else 0)
     usage = re.search(r"^\* USE$\n(.*?)^\* END USE$", text, re.M | re.S)
     facts = {key: re.search(rf"^\* {key} +(.+)$", text, re.M) for key in ("SOURCE", "OMITS", "TESTED WITH")}
     missing = [
-        key for key, match in {"title": title, ".subckt": subcircuit, "USE": usage, **facts}.items() if not match
+        key
+        for key, match in {"title": title, ".subckt": subcircuit and end, "USE": usage, **facts}.items()
+        if not match
     ]
     if missing:
         raise ParameterError(f"behavioral/{name}.lib lacks {', '.join(missing)}; see behavioral/CONVENTIONS.md.")
     assert title is not None
     assert subcircuit is not None
+    assert end is not None
     assert usage is not None
     words = subcircuit.group(1).split()
     declared = [word for word in words if "=" not in word]
@@ -156,7 +161,7 @@ def parse_library(name: str, text: str) -> Library:
         omits=facts["OMITS"].group(1),  # type: ignore[union-attr]
         tested_with=facts["TESTED WITH"].group(1),  # type: ignore[union-attr]
         usage=re.sub(r"^\*(   ?)?", "", usage.group(1), flags=re.M),
-        subcircuit=subcircuit.group(0),
+        subcircuit=text[subcircuit.start() : end.end()],
         text=text,
         losses=_powers("LOSS", text),
         feeds=_powers("FEED", text),
@@ -192,6 +197,10 @@ def number(text: str) -> float:
         ParameterError: for any other text.
     """
     match = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)(t|g|meg|k|m|u|n|p|f)?", text.lower(), re.A)
-    if not match:
+    try:  # in decimals, so that 40n is 4e-8 to the last digit
+        value = float(Decimal(match.group(1)).scaleb(_EXPONENTS[match.group(2) or ""])) if match else inf
+    except ArithmeticError:
+        value = inf
+    if not isfinite(value):
         raise ParameterError(f"{text!r} is not a SPICE number.")
-    return float(Decimal(match.group(1)).scaleb(_EXPONENTS[match.group(2) or ""]))  # 40n is 4e-8 to the last digit
+    return value

@@ -15,6 +15,7 @@ from PySpice.Spice.Netlist import Netlist, SubCircuit
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
+from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import PINS, SLIDERS, ContactLaw, check_law, contact_library, contact_values
 from pyspice_runner.netlist.library import Library, read_library
@@ -215,6 +216,7 @@ def add_motor(
     circuit.X(instance, name, *nodes)
 
 
+@checked
 def motor_library(motor: Motor, *, contact: ContactLaw = "spring-slider", sliders: int = SLIDERS) -> str:
     """Return a self-contained library of one motor: header, parts and ``.subckt piezomotor a b com shaft``.
 

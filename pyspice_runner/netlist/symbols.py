@@ -9,7 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
+
+from pyspice_runner.errors import ParameterError
 
 UNTESTED = "Untested: written by pyspice-runner and checked by a parser, never opened in"
 
@@ -114,6 +117,20 @@ def _rows(pins: Sequence[SymbolPin]) -> list[int]:
         rows.append(count[pin.side])
         count[pin.side] += 1
     return rows
+
+
+def library_name(file: Path) -> str:
+    """Return the name of the library beside a symbol's file.
+
+    Raises:
+        ParameterError: for a name that would end the text that it stands in.
+    """
+    if not file.stem.isprintable() or set(file.stem) & set('"\\'):
+        raise ParameterError(
+            f"A symbol names the .lib beside it, and cannot name {file.stem!r}; "
+            "choose a name without quotes, backslashes and control characters."
+        )
+    return f"{file.stem}.lib"
 
 
 def _line(text: str) -> str:

@@ -245,6 +245,17 @@ def test_decks_of_failing_points_do_not_pile_up(
     assert not list(tmp_path.glob("piezomotor-*"))
 
 
+@pytest.mark.parametrize("relative", ["10 %", None, [0.1], 10**400, float("nan")])
+def test_a_tolerance_that_is_no_share_is_refused(relative: Any) -> None:
+    with pytest.raises(pr.ParameterError, match=r"A tolerance of .* is refused; allowed is > 0 and < 100 %"):
+        pr.Tolerance(relative)
+
+
+def test_a_setting_that_cannot_be_stored_is_refused(quick: dict[str, Any]) -> None:
+    with pytest.raises(pr.ParameterError, match=r"run.speed = 1j is refused; allowed are numbers, texts, and lists"):
+        pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": [5.0]}, speed=1j, **quick)
+
+
 def test_a_sweep_of_nothing_but_refused_points_is_refused(quick: dict[str, Any]) -> None:
     with pytest.raises(pr.ParameterError, match="duration = 1 s is refused"):
         pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": [5.0, 9.0]}, **quick | {"analysis": points.refuses})

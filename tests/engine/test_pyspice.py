@@ -208,3 +208,9 @@ print(admittance_bench(motor, preloaded=True))
     }  # fmt: skip
     assert len(decks) == 1
     assert ".tran 1e-07s 0.001s" in decks.pop()
+
+
+@pytest.mark.parametrize("timeout", [0.0, -1.0, float("nan")])
+def test_a_timeout_that_is_none_is_refused(timeout: float) -> None:
+    with pytest.raises(ParameterError, match=r"timeout = .* s is refused; allowed is a number > 0 s"):
+        BatchSimulator(Circuit("empty"), timeout=timeout)

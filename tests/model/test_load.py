@@ -353,6 +353,11 @@ TOML = "mine.toml is not valid TOML:"
         (b"name = 'x'\nmass = = 3\n", f"{TOML} Invalid value (at line 2, column 8). Mend that line."),
         (b"[a\n", f"{TOML} Expected ']' at the end of a table declaration (at line 1, column 3). Mend that line."),
         (b"a = 1\na = 2\n", f"{TOML} Cannot overwrite a value (at line 2, column 6). Mend that line."),
+        (b"a = " + b"9" * 5000, "mine.toml holds a number of thousands of digits. Write it as 1e-3 is."),
+        (
+            b"name = 0x" + b"f" * 5000 + b"\n[contact]\n[rotor]\n[piezo]\n[[modes]]\nmass_kg = 0x" + b"f" * 5000,
+            "mine.toml: rotor.radius_m is missing (radius R at the contact, in m). State it.",
+        ),
         (b"a = " + b"[" * 5000, "mine.toml nests its values too deeply. Write them as a motor's TOML does."),
         (b"", "mine.toml must state its modes by exactly one of [beam], [[modes]] or [[arms]]; it has none of them."),
     ],

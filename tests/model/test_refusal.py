@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from datetime import date
 from typing import Annotated, Any, Literal
 
+import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from pyspice_runner.errors import ParameterError
@@ -155,3 +158,64 @@ def test_single_value_is_held_to_the_range_of_its_field(value: Any) -> None:
     with pytest.raises(ParameterError) as caught:
         refusal.limited(Thing, "size", value, "things.0.size", "shelf.toml")
     assert str(caught.value) == said(GOOD | {"size": value})
+
+
+def test_what_python_cannot_write_is_named_all_the_same() -> None:
+    assert refusal.quoted(10**5000) == "int too large to be shown"
+    assert refusal.quoted([10**5000]) == "list too large to be shown"
+
+
+class _Part:
+    pass
+
+
+_Part.__module__ = "pyspice_runner.model.part"
+
+
+@refusal.checked
+def held(
+    part: _Part,
+    size: float,
+    *,
+    count: int = 1,
+    way: Literal["up", "down"] | None = None,
+    names: Sequence[str] | None = None,
+    tables: Mapping[str, float] | None = None,
+    tell: Callable[[], object] | None = None,
+    like: ArrayLike = (),
+    whole: bool = True,
+    **rest: Any,
+) -> tuple[Any, ...]:
+    return part, size, count, way, names, tables, tell, like, whole, rest
+
+
+def test_right_types_pass_and_numbers_become_those_of_python() -> None:
+    found = held(_Part(), np.float32(0.5), count=np.int64(3), names=("a", "b"), like=[[1.0]], rest={"x": 1})
+    assert [type(value) for value in found[1:3]] == [float, int]
+    assert held(_Part(), 2, count=4.0)[1:3] == (2.0, 4)  # type: ignore[arg-type]
+    assert held(_Part(), float("nan"), way="sideways")[3] == "sideways"  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"part": 5}, "part = 5 is refused; allowed is a _Part."),
+        ({"size": "1"}, "size = '1' is refused; allowed is a number."),
+        ({"size": True}, "size = True is refused; allowed is a number."),
+        ({"size": None}, "size = None is refused; allowed is a number."),
+        ({"size": 10**400}, "size = 1000"),
+        ({"size": 1j}, "size = 1j is refused; allowed is a number."),
+        ({"count": 2.5}, "count = 2.5 is refused; allowed is a whole number."),
+        ({"count": float("inf")}, "count = inf is refused; allowed is a whole number."),
+        ({"way": 3}, "way = 3 is refused; allowed are 'up', 'down' and None."),
+        ({"names": "abc"}, "names = 'abc' is refused; allowed are a list and None."),
+        ({"names": [1]}, "names = [1] is refused; allowed are"),
+        ({"tables": [1]}, "tables = [1] is refused; allowed are a dictionary and None."),
+        ({"tell": 1}, "tell = 1 is refused; allowed are a function and None."),
+        ({"whole": 1}, "whole = 1 is refused; allowed is True or False."),
+    ],
+)
+def test_an_argument_of_another_type_is_refused(given: dict[str, Any], says: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        held(**{"part": _Part(), "size": 1.0, **given})
+    assert str(caught.value).startswith(says)

@@ -58,3 +58,22 @@ def test_the_proposed_filter_gives_the_bandwidth_and_the_margin(target: float, r
     if target == 0.0:  # elsewhere the zero does not lie on the lag
         assert 180.0 + degrees(np.angle(gain)) == pytest.approx(predicted_margin_deg(ratio), abs=1e-9)
     assert proposed.resistance_ohm * proposed.capacitance_f == pytest.approx(lag.time_constant_s)
+
+
+def test_a_mode_that_does_not_rub_keeps_its_own_damping() -> None:
+    motor = MOTOR.updated({"modes.0.tip_x": 0.0})
+    mode = motor.modes[0]
+    lag = stator_lag(motor, 0, 3.0)
+    stiffness = mode.stiffness_n_per_m + contact_law.normal_stiffness_at_preload(CONTACT) * mode.tip_y**2
+    omega = sqrt(stiffness / mode.mass_kg)
+    assert lag.resonance_hz == pytest.approx(omega / (2.0 * pi))
+    assert lag.quality == pytest.approx(mode.mass_kg * omega / mode.damping_n_s_per_m)
+    assert lag.amplitude_m == pytest.approx(3.0 / (mode.damping_n_s_per_m * omega))
+
+
+@pytest.mark.parametrize("contact", [True, False])
+def test_a_mode_that_nothing_drives_is_refused(contact: bool) -> None:
+    tracker = pr.Tracker(kind="none", voltage=50.0, frequency=5e4)
+    motor = MOTOR.updated({"modes.1.coupling_a_n_per_v": 0.0, "modes.1.coupling_b_n_per_v": 0.0})
+    with pytest.raises(pr.ParameterError, match=r"Nothing drives mode .*; choose another mode"):
+        pr.running_resonance(motor, tracker, contact=contact)

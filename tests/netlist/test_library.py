@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+import time
 from collections.abc import Callable
 from math import e, inf, nan, pi, tanh
 from pathlib import Path
@@ -396,8 +397,23 @@ def test_spice_number(text: str, value: float) -> None:
     assert number(text) == pytest.approx(value, rel=1e-15)
 
 
-@pytest.mark.parametrize("text", ["", ".", "1.2.3", "k", "1x", "1 k", "nan", "inf", "{r}", "1e", "--1", "１"])
+@pytest.mark.parametrize(
+    "text", ["", ".", "1.2.3", "k", "1x", "1 k", "nan", "inf", "{r}", "1e", "--1", "１", "1e400", f"1e{'9' * 20}k"]
+)
 def test_text_that_is_no_spice_number_is_refused(text: str) -> None:
     with pytest.raises(ParameterError) as caught:
         number(text)
     assert str(caught.value) == f"{text!r} is not a SPICE number."
+
+
+def test_a_name_leads_out_of_no_folder() -> None:
+    with pytest.raises(ParameterError, match=r"There is no library '\.\./behavioral/piezomotor_mode'"):
+        read_library("../behavioral/piezomotor_mode")
+
+
+def test_a_header_that_never_ends_is_refused_at_once() -> None:
+    text = ".subckt thing a\n" * 20_000
+    start = time.perf_counter()
+    with pytest.raises(ParameterError, match="lacks"):
+        parse_library("thing", text)
+    assert time.perf_counter() - start < 1.0

@@ -20,11 +20,13 @@ from pyspice_runner.analysis.readers.repair import spectrum_of
 from pyspice_runner.analysis.readers.text import clean, load
 from pyspice_runner.analysis.spectrum import Spectrum
 from pyspice_runner.errors import SpectrumError
+from pyspice_runner.model.refusal import checked
 
 READERS = (hp4294a, e4990a, mfia, touchstone, bode100, waveforms, nanovna, aim, plain)  # asked in this order
 _WITH_TRACES = (hp4294a, e4990a, mfia)
 
 
+@checked
 def read_spectrum(path: str | Path, *, trace: str | None = None) -> Spectrum:
     """Read a measured spectrum; the format is found by the file's content, whatever its name.
 

@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whatever a message quotes, it can be shown: on one line, with nothing in it that a terminal obeys."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+
+import pyspice_runner as pr
+
+KINDS = (pr.ParameterError, pr.SpectrumError, pr.SimulationError)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_signs_that_do_not_show_are_written_out(kind: type[Exception]) -> None:
+    error = kind("There is no file \x1b]0;x\x07\n\u202e\udcff.toml. Give another, Ω ≥ 1.")
+    assert str(error) == "There is no file \\x1b]0;x\\x07\\n\\u202e\\udcff.toml. Give another, Ω ≥ 1."
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_message_keeps_its_beginning_and_its_end(kind: type[Exception]) -> None:
+    said = str(kind(f"name = {'x' * 10**6} is refused; allowed are at most 60 letters."))
+    assert len(said) == 1000
+    assert said.startswith("name = xxx")
+    assert said.endswith("xxx is refused; allowed are at most 60 letters.")
