@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 .DEFAULT_GOAL := help
-.PHONY: help setup demo figures docs test bench lint format clean
+.PHONY: help setup demo figures docs test fuzz bench lint format clean
 
 PY := .venv/bin/python
 JOBS ?= 2
@@ -24,6 +24,9 @@ docs: setup ## build the documentation site into site/
 
 test: lint ## lint, then run every test, the wheel's included
 	$(PY) -m pytest -n $(JOBS) --dist loadgroup
+
+fuzz: setup ## give every door of the package 10,000 inputs gone wrong (half an hour)
+	$(PY) -m tests.fuzz
 
 bench: ## measure speed, accuracy and memory (minutes; nothing else should run meanwhile)
 	@sh scripts/setup.sh test dev bench
