@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import os
@@ -47,7 +48,10 @@ def save_by_ending(path: str | Path, writers: Mapping[str, Callable[[Path], obje
 
 def _write_whole(path: Path, write: Callable[[Path], object]) -> None:
     """Write beside the file, under its name in a folder of its own, and move what is complete to its place."""
-    target = path.resolve()  # a link stays one
+    try:
+        target = path.resolve()  # a link stays one
+    except ValueError as error:  # a name with a zero in it
+        raise OSError(errno.EINVAL, str(error)) from error
     if (target.exists() and not target.is_file()) or not os.access(target.parent, os.W_OK):
         write(path)  # a device or a pipe, or a file that may be written in a folder that may not
         return
