@@ -54,8 +54,8 @@ def _statements(deck: str) -> list[str]:
         elif line.startswith(".endc"):
             control = False
         elif not control:
-            statements.append(re.sub(r"\s*=\s*", "=", _without_expressions(line)))
-    return statements
+            statements.append(re.sub(r"\s*=\s*", "=", _without_expressions(line)).strip())
+    return [statement for statement in statements if statement]
 
 
 def _without_expressions(line: str) -> str:

@@ -17,6 +17,7 @@ from pyspice_runner.engine.silent import silent_fault
         ("Xa n part r={f(a b=1", None),  # ngspice itself refuses what is not closed
         ("Xa n part b=1", "Subcircuit part has no parameter b"),
         ("x=1 y=2", None),  # names no subcircuit
+        ("}", None),
     ],
 )
 def test_an_instance_is_held_to_the_parameters_of_its_subcircuit(line: str, fault: str | None) -> None:
