@@ -242,6 +242,8 @@ def _as_python(value: Any, hint: Any) -> Any:
 
 def as_number(value: Any) -> float | None:
     """Return a number as one of Python's, ``None`` for what is none or too large."""
+    if getattr(value, "ndim", None) == 0:  # an array of one number
+        value = value.item()
     if isinstance(value, bool):
         return None
     try:

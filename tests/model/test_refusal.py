@@ -190,6 +190,7 @@ def held(
 
 
 def test_right_types_pass_and_numbers_become_those_of_python() -> None:
+    assert held(_Part(), np.array(0.5))[1] == 0.5  # type: ignore[arg-type]
     found = held(_Part(), np.float32(0.5), count=np.int64(3), names=("a", "b"), like=[[1.0]], rest={"x": 1})
     assert [type(value) for value in found[1:3]] == [float, int]
     assert held(_Part(), 2, count=4.0)[1:3] == (2.0, 4)  # type: ignore[arg-type]
