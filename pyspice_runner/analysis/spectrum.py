@@ -60,7 +60,8 @@ class Spectrum:
     metadata: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check the arrays and lock them."""
+        """Check the arrays and lock them, and leave out of the name what no file can hold."""
+        object.__setattr__(self, "source", self.source.encode("utf-8", "replace").decode())
         frequency = np.array(self.frequency_hz, dtype=np.float64)
         matrix = np.array(self.matrix_s, dtype=np.complex128)
         points = frequency.size

@@ -25,6 +25,10 @@ class Provenance:
     kind: str
     note: str
 
+    def __post_init__(self) -> None:
+        """Leave out of the note what no file can hold, half a pair of UTF-16."""
+        object.__setattr__(self, "note", self.note.encode("utf-8", "replace").decode())
+
 
 class Structure(Parameters):
     """The stator that modes are computed from; kept beside them for figures of the mode shapes."""

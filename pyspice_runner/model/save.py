@@ -40,6 +40,5 @@ def _value(motor: Motor, path: str, value: object) -> str:
 
 
 def _written(value: object) -> str:
-    """Return a number or a text as TOML; JSON writes them alike, but for what no file can hold and for DEL."""
-    kept = value.encode("utf-8", "replace").decode() if isinstance(value, str) else value
-    return json.dumps(kept, ensure_ascii=False).replace("\x7f", "\\u007f")
+    """Return a number or a text as TOML; JSON writes them alike, but for DEL."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

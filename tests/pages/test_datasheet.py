@@ -17,8 +17,10 @@ import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
 import pyspice_runner as pr
+from pyspice_runner.model.motor import Provenance
 from pyspice_runner.pages import charts
 from pyspice_runner.pages.datasheet import HERE, datasheet, downloads, parameter_rows
+from tests.fuzz.nasty import ATTEMPTS
 from tests.motors import motor as motor_without_a_beam
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("report")]
@@ -66,6 +68,7 @@ def opened(browser: Browser, file: Path, **settings: Any) -> tuple[Page, list[st
     page.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("request", lambda asked: wrong.append(asked.url) if not asked.url.startswith(("file:", "data:")) else None)
+    page.on("dialog", lambda dialog: (wrong.append(dialog.message), dialog.dismiss()))
     page.context.set_offline(True)
     page.goto(file.as_uri())
     page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
@@ -286,11 +289,27 @@ def test_a_motor_without_a_beam_says_why_no_shape_moves(report: pr.Report) -> No
     assert "so their shapes are not known" in page
 
 
-def test_names_cannot_break_the_page(report: pr.Report) -> None:
+def test_no_text_from_outside_runs_in_the_page(
+    report: pr.Report, browser: Browser, desktop: tuple[Page, list[str]], tmp_path: Path
+) -> None:
+    """Where values come from, and the name of a spectrum, are the texts that may be any."""
+    count = "document.querySelectorAll('script, img, iframe, link, [onerror]').length"
+    usual = desktop[0].evaluate(count)
+    words = "\n".join(ATTEMPTS.values())[:20_000]
+    origins = dict.fromkeys(report.motor.provenance, Provenance("given", words))
     assert report.measured is not None
-    measured = replace(report.measured, source="</script><script>alert(1)</script>")
-    page = datasheet(replace(report, measured=measured))
-    assert "<script>alert" not in page
+    hostile = replace(
+        report,
+        motor=report.motor.model_copy(update={"provenance": origins}),
+        measured=replace(report.measured, source=words),
+    )
+    file = hostile.save(tmp_path / "report.html")
+    assert "<script>alert" not in file.read_text(encoding="utf-8")
+    page, wrong = opened(browser, file, reduced_motion="reduce")
+    assert page.evaluate(count) == usual
+    assert "<img src=x onerror=alert(1)>" in page.inner_text("#parameters")
+    assert wrong == []
+    page.close()
 
 
 def test_the_files_name_each_other(report: pr.Report) -> None:
