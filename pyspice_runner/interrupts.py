@@ -95,7 +95,10 @@ def raised() -> Iterator[None]:
     After :func:`end_at_once` they end the process still, but now there is something done.
     """
 
+    came: list[int] = []
+
     def stop(number: int, _: FrameType | None) -> None:
+        came.append(number)
         raise Stopped(number)
 
     def remind(unraisable: sys.UnraisableHookArgs) -> None:
@@ -109,10 +112,20 @@ def raised() -> Iterator[None]:
     before = _handle(stop)
     try:
         yield
+    except Exception as error:
+        if came and (isinstance(error, ImportError) or _comes_of_a_signal(error)):  # an extension that was being loaded
+            raise Stopped(came[-1]) from None
+        raise
     finally:
         for number, handler in before.items():
             signal.signal(number, _leave_done if handler is _leave else handler)
         sys.unraisablehook = complain
+
+
+def _comes_of_a_signal(error: BaseException | None) -> bool:
+    while error is not None and not isinstance(error, Stopped):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 class Stopped(KeyboardInterrupt):

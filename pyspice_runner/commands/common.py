@@ -173,11 +173,11 @@ def deliver(document: Mapping[str, Any], table: Table | str, as_json: bool, *wri
     try:
         for path, write in writings:
             if path is not None:
-                try:
-                    write(path)
-                    written.append(str(path))
-                except Exception as error:  # noqa: BLE001  # whatever it is, the rest comes first
-                    faults[path, write] = error
+                with _noted(path):
+                    try:
+                        write(path)
+                    except Exception as error:  # noqa: BLE001  # whatever it is, the rest comes first
+                        faults[path, write] = error
     finally:
         try:
             _print(document, table, as_json)
@@ -190,6 +190,21 @@ def deliver(document: Mapping[str, Any], table: Table | str, as_json: bool, *wri
         kept = keep([writing for writing, fault in faults.items() if isinstance(fault.__cause__, OSError)])
         said = " ".join(map(str, faults.values()))
         raise pr.ParameterError(f"{said.replace(_ELSEWHERE, '')} It is kept in {kept}." if kept else said)
+
+
+@contextmanager
+def _noted(path: Path) -> Iterator[None]:
+    """Note among what is written a file that is another one afterwards, even if an interrupt came right behind it."""
+
+    def stamp() -> tuple[int, int] | None:
+        return (path.stat().st_ino, path.stat().st_mtime_ns) if path.is_file() else None
+
+    before = stamp()
+    try:
+        yield
+    finally:
+        if stamp() != before:
+            written.append(str(path))
 
 
 def _print(document: Mapping[str, Any], table: Table | str, as_json: bool) -> None:

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command in a process of its own, and what processes do and leave behind."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+LONGEST = 120.0  # s; far beyond what anything here takes on a loaded machine
+
+
+@contextmanager
+def begun(*words: str, cwd: Path, shell: bool = False, **environment: str) -> Iterator[subprocess.Popen[str]]:
+    """Begin the command as a user does; it and its group end with the block, whatever happens in it."""
+    start = [sys.executable, "-m", "pyspice_runner"]
+    process = subprocess.Popen(
+        words if shell else [*start, *words], cwd=cwd, text=True, errors="replace", start_new_session=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "PIEZOMOTOR": " ".join(start), **environment},
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def command(*words: str, cwd: Path, shell: bool = False, **environment: str) -> tuple[int, str, str]:
+    """Run the command to its end; exit status, output, complaints."""
+    with begun(*words, cwd=cwd, shell=shell, **environment) as process:
+        output, said = process.communicate(timeout=LONGEST)
+    return process.returncode, output, said
+
+
+def wait_for(condition: Callable[[], object], process: subprocess.Popen[str]) -> None:
+    """Wait until a condition holds, or the process that is to bring it about has ended."""
+    end = time.monotonic() + LONGEST
+    while not condition():
+        assert process.poll() is None, f"it ended before: {process.communicate()}"
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.005)
+
+
+def working_in(folder: Path) -> list[int]:
+    """The processes that work in a folder or below, by what /proc says."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            inside = (entry / "cwd").readlink().is_relative_to(folder)
+        except OSError:  # it has just ended, or is another user's
+            continue
+        if inside and int(entry.name) != os.getpid():
+            found.append(int(entry.name))
+    return found
+
+
+def handles(process: subprocess.Popen[str], number: int) -> bool:
+    """Whether a process has a handler for a signal, by what /proc says."""
+    try:
+        status = Path(f"/proc/{process.pid}/status").read_text(encoding="ascii")
+    except OSError:
+        return False
+    caught = re.search(r"^SigCgt:\s*(\w+)$", status, re.MULTILINE)
+    return caught is not None and bool(int(caught[1], 16) >> (number - 1) & 1)
