@@ -94,7 +94,6 @@ def raised() -> Iterator[None]:
 
     After :func:`end_at_once` they end the process still, but now there is something done.
     """
-
     came: list[int] = []
 
     def stop(number: int, _: FrameType | None) -> None:
