@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import subprocess
 import sys
 import time
@@ -18,7 +19,7 @@ LONGEST = 120.0  # s; far beyond what anything here takes on a loaded machine
 
 @contextmanager
 def begun(*words: str, cwd: Path, shell: bool = False, **environment: str) -> Iterator[subprocess.Popen[str]]:
-    """Begin the command as a user does; it and its group end with the block, whatever happens in it."""
+    """Begin the command as a user does; it ends with the block, and if that fails, so does its ngspice."""
     start = [sys.executable, "-m", "pyspice_runner"]
     process = subprocess.Popen(
         words if shell else [*start, *words], cwd=cwd, text=True, errors="replace", start_new_session=True,
@@ -27,6 +28,11 @@ def begun(*words: str, cwd: Path, shell: bool = False, **environment: str) -> It
     )  # fmt: skip
     try:
         yield process
+    except BaseException:
+        process.kill()
+        for left in working_in(cwd.parent):  # which would work on for hours
+            os.kill(left, signal.SIGKILL)
+        raise
     finally:
         process.kill()
         process.communicate()

@@ -289,6 +289,37 @@ def test_a_full_disk_for_temporary_files_is_named(folder: Path) -> None:
         assert "File size limit exceeded" in said
 
 
+SPECTRUM = str(ROOT / "tests/data/spectra/plain.csv")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["motors"],
+        ["show", "andersen2002"],
+        ["admittance", *RUNS["admittance"]],
+        ["speed-torque", *RUNS["speed-torque"]],
+        ["drive", *RUNS["drive"], "--driver", "ideal"],
+        ["impact"],
+        ["fit", SPECTRUM],
+        ["compare", SPECTRUM, SPECTRUM],
+    ],
+    ids=lambda words: words[0],
+)
+def test_every_command_prints_what_finds_no_place(
+    words: list[str], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And keeps it; the other commands are above."""
+    (folder / "x.json").symlink_to("/dev/full")
+    assert run([*words, "--json", "--output", "x.json", "--plot", "x.png"]) == 2
+    output, said = capsys.readouterr()
+    assert isinstance(json.loads(output), dict)
+    kept = re.search(r"piezomotor: Cannot write x\.json: No space left on device\. It is kept in (.*)\.\n", said)
+    assert kept, said
+    assert isinstance(json.loads(Path(kept[1], "x.json").read_text(encoding="utf-8")), dict)
+    assert whole(folder / "x.png")
+
+
 def test_standard_output_on_a_full_disk(folder: Path) -> None:
     words = f"$PIEZOMOTOR {shlex.join(SIMULATE)} --json >/dev/full"
     status, _, said = command("bash", "-c", words, cwd=folder, shell=True)
@@ -304,7 +335,7 @@ TARGETS = [
     ["export", "andersen2002", "--output", "x.lib"],
     ["show", "andersen2002", "--plot", "x.png"],
     ["motors", "--output", "x.csv"],
-    ["fit", str(ROOT / "tests/data/spectra/plain.csv"), "--output", "x.json"],
+    ["fit", SPECTRUM, "--output", "x.json"],
     ["report", "andersen2002"],
 ]
 

@@ -4,11 +4,7 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +12,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.waveforms import COLUMNS
+from tests.processes import begun, wait_for
 
 MOTOR = pr.load_motor("andersen2002")
 DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
@@ -106,14 +103,8 @@ def test_progress_rises_and_what_it_raises_stops_the_run_with_what_was_done() ->
 def test_ctrl_c_keeps_what_the_command_has_done(tmp_path: Path) -> None:
     target = tmp_path / "run.csv"
     words = ["simulate", "andersen2002", "--duration", "1", "--json", "--output", str(target)]
-    with subprocess.Popen(
-        [sys.executable, "-m", "pyspice_runner", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env=os.environ | {"TMPDIR": str(tmp_path)},
-    ) as command:  # fmt: skip
-        until = time.monotonic() + 60.0
-        while not any(raw.stat().st_size > 100_000 for raw in tmp_path.glob("*/out.raw")):
-            assert time.monotonic() < until
-            time.sleep(0.05)
+    with begun(*words, cwd=tmp_path, TMPDIR=str(tmp_path)) as command:
+        wait_for(lambda: any(raw.stat().st_size > 100_000 for raw in tmp_path.glob("*/out.raw")), command)
         command.send_signal(signal.SIGINT)
         out, err = command.communicate(timeout=60)
     assert command.returncode == 130, err

@@ -7,7 +7,7 @@ Against the independent integrator: :mod:`.test_speed_torque_reference`.
 from __future__ import annotations
 
 import json
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
@@ -320,3 +320,20 @@ def test_refusals_say_what_is_allowed(settings: dict[str, object], says: str) ->
 def test_a_failure_ends_the_other_points_at_once() -> None:
     with pytest.raises(pr.SimulationError, match=r"did not finish within 0\.05 s"):
         pr.speed_torque(MOTOR, drive(46e3), speeds=np.linspace(0.0, 1.0, 50), timeout=0.05)
+
+
+def test_an_interrupt_hands_over_the_points_that_are_finished() -> None:
+    def interrupt(done: int, _: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    drive = pr.TwoPhaseDrive(voltage=50.0, frequency=46e3, phase_deg=90.0)
+    with (
+        ThreadPoolExecutor(1) as one,  # at a time
+        pytest.raises(pr.Interrupted, match=r"The curve was interrupted\.") as stopped,
+    ):
+        pr.speed_torque(MOTOR, drive, speeds=[0.0, 1.0, 2.0, 3.0], patience=4, progress=interrupt, executor=one)
+    partial = stopped.value.partial
+    assert partial["torque_n_m"].notnull().values.tolist() == [True, False, False, False]
+    assert partial["settled"].values.tolist()[1:] == [False, False, False]
+    assert partial.attrs["incomplete"] == "1 of 4 points are finished."

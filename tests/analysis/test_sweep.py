@@ -438,8 +438,8 @@ def test_a_worker_does_not_grow(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[str]:
-    """Address of a Dask scheduler with two workers, each a process of its own, on the loopback."""
+def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Address of a Dask scheduler on the loopback, and its two workers, each a process of its own."""
     place = tmp_path / "scheduler.json"
     common = {
         "cwd": tmp_path,
@@ -456,7 +456,7 @@ def cluster(tmp_path: Path) -> Iterator[str]:
         assert wait_for(lambda: place.exists() and place.stat().st_size, 60.0)
         worker = [*dask, "worker", *here, "--nthreads", "1", "--no-nanny", *quiet]
         processes += [subprocess.Popen(worker, **common) for _ in range(2)]
-        yield str(json.loads(place.read_text(encoding="utf-8"))["address"])
+        yield str(json.loads(place.read_text(encoding="utf-8"))["address"]), processes[1:]
     finally:
         for process in processes:
             process.kill()
@@ -464,9 +464,17 @@ def cluster(tmp_path: Path) -> Iterator[str]:
 
 
 @pytest.mark.slow
-def test_a_dask_cluster_gives_the_same(cluster: str, tmp_path: Path) -> None:
-    words = ["--over", "drive.voltage=10:50:6"]
-    finish(start(tmp_path, *words, "--store", "there", "--output", "there.nc", "--scheduler", cluster))
+def test_a_dask_cluster_gives_the_same_and_may_lose_a_worker(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+) -> None:
+    address, (lost, _) = cluster
+    words = ["--over", "drive.voltage=10:50:16"]
+    sweeping = start(tmp_path, *words, "--store", "there", "--output", "there.nc", "--scheduler", address)
+    assert wait_for(lambda: list(tmp_path.glob("there/*/*.json")) or sweeping.poll() is not None)
+    lost.kill()
+    stored = len(list(tmp_path.glob("there/*/*.json")))
+    finish(sweeping)
+    assert 0 < stored < 16, "the worker was lost too late to matter"
     finish(start(tmp_path, *words, "--store", "here", "--output", "here.nc"))
     assert (tmp_path / "there.nc").read_bytes() == (tmp_path / "here.nc").read_bytes()
 

@@ -91,7 +91,7 @@ def processes_in(folder: Path) -> list[int]:
     return found
 
 
-def wait_until(condition: Callable[[], object], seconds: float = 20.0) -> None:
+def wait_until(condition: Callable[[], object], seconds: float = 60.0) -> None:
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"
@@ -377,7 +377,7 @@ def test_timeout_ends_ngspice_and_its_children(fake: Callable[..., Path], scratc
     fake("sleep 300 & wait")
     started = time.monotonic()
     assert message(fails(GOOD, timeout=0.3)) == "ngspice did not finish within 0.3 s and was stopped."
-    assert time.monotonic() - started < 5.0
+    assert time.monotonic() - started < 100.0  # and not the 300 s that its child sleeps
     wait_until(lambda: not processes_in(scratch))  # a killed grandchild is reaped by init in its own time
 
 
@@ -398,15 +398,20 @@ def test_interrupt_ends_ngspice_and_clears_up(scratch: Path) -> None:
         [sys.executable, "-c", script], env=os.environ | {"TMPDIR": str(scratch)},
         stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     ) as python:  # fmt: skip
-        assert python.stdin is not None
-        python.stdin.write(ENDLESS)
-        python.stdin.close()
-        wait_until(lambda: any(folder.joinpath("out.raw").exists() for folder in scratch.iterdir()))
-        assert processes_in(scratch)
-        python.send_signal(signal.SIGINT)
-        assert python.wait(timeout=20) == -signal.SIGINT
-        assert python.stderr is not None
-        assert python.stderr.read().rstrip().endswith("KeyboardInterrupt")
+        try:
+            assert python.stdin is not None
+            python.stdin.write(ENDLESS)
+            python.stdin.close()
+            wait_until(lambda: any(folder.joinpath("out.raw").exists() for folder in scratch.iterdir()))
+            assert processes_in(scratch)
+            python.send_signal(signal.SIGINT)
+            assert python.wait(timeout=60) == -signal.SIGINT
+            assert python.stderr is not None
+            assert python.stderr.read().rstrip().endswith("KeyboardInterrupt")
+        finally:  # what a test that failed leaves behind would run for hours
+            python.kill()
+            for left in processes_in(scratch):
+                os.kill(left, signal.SIGKILL)
     assert processes_in(scratch) == []
     assert list(scratch.iterdir()) == []
 
