@@ -138,7 +138,7 @@ def _invoked(arguments: list[str]) -> Any:
 
 
 OUT_OF_MEMORY = (
-    "Out of memory. Free some, or record less: shorten the run, or see record-from, record-every, signals of simulate."
+    "Out of memory. Free some, shorten the run, or record less of it by --record-from, --record-every or --signals."
 )
 
 

@@ -32,7 +32,7 @@ def held() -> Iterator[Callable[[], AbstractContextManager[None]]]:
     ...     with listening():
     ...         pass  # the part that takes long; what came before it is raised at its beginning
     """
-    if threading.current_thread() is not threading.main_thread():  # nothing is raised elsewhere
+    if not _signals_come_here():
         yield nullcontext
         return
     handlers: dict[int, Any] = {}
@@ -94,6 +94,9 @@ def raised() -> Iterator[None]:
 
     After :func:`end_at_once` they end the process still, but now there is something done.
     """
+    if not _signals_come_here():
+        yield
+        return
     came: list[int] = []
 
     def stop(number: int, _: FrameType | None) -> None:
@@ -137,6 +140,11 @@ class Stopped(KeyboardInterrupt):
     def __init__(self, number: int) -> None:
         super().__init__()
         self.number = number
+
+
+def _signals_come_here() -> bool:
+    """Whether this is the thread in which Python calls the handlers of signals; elsewhere nothing is raised."""
+    return threading.current_thread() is threading.main_thread()
 
 
 def _handle(handler: Callable[[int, FrameType | None], None] | signal.Handlers) -> dict[int, Any]:

@@ -159,7 +159,7 @@ sys.exit(run(words))
     status, output, said = command(sys.executable, "-c", script, cwd=folder, shell=True)
     assert status == 3
     assert TABLE not in output
-    assert re.fullmatch("piezomotor: Out of memory. Free some, or record less: .*\n", said)
+    assert re.fullmatch(r"piezomotor: Out of memory\. Free some, shorten the run, or record less of it .*\n", said)
     assert temporary(folder) == []
 
 
