@@ -21,10 +21,10 @@ from pyspice_runner.analysis.spectrum import Spectrum
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.files import save_by_ending, write_csv, write_json
 from pyspice_runner.model.equivalent import Characteristics, EquivalentCircuit, MotionalArm
-from pyspice_runner.model.refusal import checked
 
 MOST_MODES = 20  # that may be asked for
 _ANALYSER = 1e-3  # what impedance analysers are accurate to, at best half of it
+_LEAST_ADMITTANCE = 1e-30  # S; below it, and above its inverse, is no device, and squares leave the range of numbers
 _SHARED = "arms share a peak"
 _LEAST_CAPACITANCE = 1e-3  # clamped over motional capacitance; a strongly coupled ceramic has about 2
 
@@ -184,7 +184,6 @@ class SpectrumFit:
         return plot_fit(self, path)
 
 
-@checked
 def fit_spectrum(spectrum: Spectrum, modes: int | None = None, *, leads: bool = True) -> SpectrumFit:
     """Fit clamped capacitance with loss, motional arms and leads to a one-port spectrum.
 
@@ -204,6 +203,10 @@ def fit_spectrum(spectrum: Spectrum, modes: int | None = None, *, leads: bool = 
     if not np.all(np.abs(y) > 0.0):
         zero = spectrum.frequency_hz[np.abs(y) == 0.0][0]
         raise SpectrumError(f"{name} has an admittance of zero at {zero:g} Hz; leave that point out.")
+    beyond = (np.abs(y) < _LEAST_ADMITTANCE) | (np.abs(y) > 1.0 / _LEAST_ADMITTANCE)
+    if beyond.any():
+        value, place = np.abs(y)[beyond][0], spectrum.frequency_hz[beyond][0]
+        raise SpectrumError(f"{name} has an admittance of {value:.3g} S at {place:g} Hz; leave that point out.")
     if 2 * len(y) < GLOBALS + 3 * (modes or 1) + 1:
         raise SpectrumError(
             f"{name} has {len(y)} points, too few for {modes or 1} arms; "

@@ -427,7 +427,7 @@ def _relocated_poles(s: Complexes, y: Complexes, count: int, rounds: int = 12) -
         scale = np.maximum(np.linalg.norm(triangle[:, :-1], axis=0), 1e-300)
         solution = np.linalg.lstsq(triangle[:, :-1] / scale, triangle[:, -1], rcond=None)[0] / scale
         moved = _only_pairs(_zeros_of_sigma(poles, solution[-2 * count :]), count, s.imag)
-        settled = np.max(np.abs((moved - poles) / moved.real)) < 0.02  # of half a bandwidth, near enough to descend
+        settled = np.all(np.abs(moved - poles) < 0.02 * np.abs(moved.real))  # half a bandwidth: near enough to descend
         poles = moved
         if settled:
             break
@@ -454,7 +454,7 @@ def _zeros_of_sigma(poles: Complexes, residues: Vector) -> Complexes:
 def _only_pairs(values: Complexes, count: int, w: Vector) -> Complexes:
     """Return stable pole pairs by rising frequency; a real pole becomes a broad pair in the band."""
     pairs = values[values.imag > 0.0]
-    pairs = -np.abs(pairs.real) + 1j * pairs.imag
+    pairs = -np.maximum(np.abs(pairs.real), 1e-9 * pairs.imag) + 1j * pairs.imag  # none may lie on a point
     real = np.sort(np.abs(values[values.imag == 0.0].real))[: count - len(pairs)]
     spread = 1.0 + 0.01 * np.arange(len(real))  # two of them must not coincide
     pairs = np.concatenate([pairs, (-0.05 + 1j) * np.clip(real, w[0], w[-1]) * spread])

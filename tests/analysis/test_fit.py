@@ -11,6 +11,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.identify import Problem
+from tests.data.spectra import make
 from tests.resonators import extras, fitted, random_resonator, resonator, spectrum, values
 
 TWO_MODES = resonator(
@@ -273,8 +274,16 @@ def test_other_spectra_that_cannot_be_fitted() -> None:
     y[600] = 0.0
     with pytest.raises(pr.SpectrumError, match="an admittance of zero at 44000 Hz; leave that point out"):
         pr.fit_spectrum(pr.Spectrum.from_admittance(BAND, y))
+    y[600] = 1e-150
+    with pytest.raises(pr.SpectrumError, match="an admittance of 1e-150 S at 44000 Hz; leave that point out"):
+        pr.fit_spectrum(pr.Spectrum.from_admittance(BAND, y))
     with pytest.raises(pr.SpectrumError, match=r"two ports; choose one of A, B, A\+B, A-B"):
         pr.fit_spectrum(pr.Spectrum.from_admittance(BAND, np.ones((len(BAND), 2, 2))))
+
+
+def test_a_spectrum_without_loss_is_fitted_without_a_warning_of_numpy() -> None:
+    lossless = pr.Spectrum.from_admittance(make.FREQUENCY, 1j * make.admittance().imag)
+    assert pr.fit_spectrum(lossless, 1).main_arm.series_resonance_hz == pytest.approx(make.ARMS[0][0], rel=1e-2)
 
 
 def test_an_arm_outside_the_band_and_one_between_the_points_are_told() -> None:
