@@ -60,7 +60,7 @@ def keep(into: Path, door: Door, seed: int, number: int, content: Any, words: st
 
 
 def main(
-    count: Annotated[int, typer.Option(help="Inputs per door.")] = 10_000,
+    count: Annotated[int, typer.Option(help="Inputs per door; of a slow one a tenth.")] = 10_000,
     seed: Annotated[int, typer.Option(help="Seed; the same gives the same inputs.")] = 0,
     door: Annotated[list[str] | None, typer.Option(help=f"Of {', '.join(DOORS)}; default: all. Repeatable.")] = None,
     first: Annotated[int, typer.Option(help="Number of the first input, to begin at a failing one.")] = 0,
@@ -84,11 +84,12 @@ def main(
     )
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
         for name in door or DOORS:
-            task, came, slowest, began = bar.add_task(name, total=count), Counter[str](), 0.0, perf_counter()
+            total = max(1, round(count * DOORS[name].share))
+            task, came, slowest, began = bar.add_task(name, total=total), Counter[str](), 0.0, perf_counter()
             root = Path(tempfile.mkdtemp(prefix="fuzz-"))
             os.environ["XDG_CACHE_HOME"] = os.environ["TMPDIR"] = str(root / "out")
             tempfile.tempdir = None
-            for number in range(first, first + count):
+            for number in range(first, first + total):
                 folder = root / "out"
                 shutil.rmtree(folder, ignore_errors=True)
                 folder.mkdir()
@@ -107,8 +108,8 @@ def main(
             failed += came["failed"]
             shown = (came["taken"], came["refused"], came["failed"])
             if not console.is_terminal:
-                console.print(f"{name}: {count} inputs, {came['failed']} failed, {perf_counter() - began:.0f} s")
-            table.add_row(name, str(count), *map(str, shown), f"{slowest:.2f}", f"{perf_counter() - began:.0f}")
+                console.print(f"{name}: {total} inputs, {came['failed']} failed, {perf_counter() - began:.0f} s")
+            table.add_row(name, str(total), *map(str, shown), f"{slowest:.2f}", f"{perf_counter() - began:.0f}")
     Console().print(table)
     raise typer.Exit(1 if failed else 0)
 

@@ -57,11 +57,13 @@ class Door:
         name: of the door.
         draw: makes an input at random.
         enter: takes it, in a folder that it may write to.
+        share: of the inputs asked for, where each takes long.
     """
 
     name: str
     draw: Callable[[random.Random], Any]
     enter: Callable[[Any, Path], object]
+    share: float = 1.0
 
 
 def attempt(door: Door, drawn: Any, folder: Path) -> bool:
@@ -238,6 +240,43 @@ def _enter_spectrum(content: bytes, folder: Path) -> None:
     spectrum.to_csv(folder / "again.csv")
     if not np.array_equal(pr.read_spectrum(folder / "again.csv").matrix_s, spectrum.matrix_s):
         raise Unclear("the spectrum comes back otherwise out of its own file")
+
+
+@np.errstate(all="ignore")
+def _draw_points(rng: random.Random) -> tuple[Any, Any, int | None]:
+    """A spectrum that is well written, and not that of a resonator, or only just; and a number of arms."""
+    frequency, y = make.FREQUENCY.copy(), make.admittance()
+    noise = np.random.default_rng(rng.randrange(2**32))
+    for _ in range(rng.choice([1, 2, 3])):
+        size = len(frequency)
+        deed = rng.randrange(12)
+        if deed == 0:
+            kept = sorted(rng.sample(range(size), min(size, rng.choice([2, 3, 5, 8, 15, 30]))))
+            frequency, y = frequency[kept], y[kept]
+        elif deed == 1:
+            frequency = frequency * 10.0 ** rng.uniform(-6.0, 8.0)
+        elif deed == 2:
+            y = np.full_like(y, rng.choice([0.0, 1.0, 1j, -1.0, 1e-300, 1e300]))
+        elif deed == 3:
+            y[rng.randrange(size)] = rng.choice([0.0, 1e9, -1e9, 1e-30, 1e150])
+        elif deed == 4:
+            y = y + noise.normal(size=size) * np.abs(y).max() * 10.0 ** rng.uniform(-4.0, 2.0)
+        elif deed == 5:
+            y = noise.normal(size=size) + 0j
+        elif deed == 6:
+            y = 1.0 / np.where(y == 0.0, 1e-300, y)
+        else:
+            changes = (y * 10.0 ** rng.uniform(-14.0, 14.0), -y, y.conj(), 1j * y.imag, y.real + 0j)
+            y = changes[deed - 7]
+    return frequency, y, rng.choice([None, None, 1, 2, 5, 20])
+
+
+def _enter_points(drawn: tuple[Any, Any, int | None], folder: Path) -> None:
+    fit = pr.fit_spectrum(pr.Spectrum.from_admittance(*drawn[:2]), drawn[2])
+    for ending in (".json", ".lib", ".toml", ".csv"):
+        fit.save(folder / f"fit{ending}")
+    if set(pr.load_circuit(folder / "fit.json").arms) != set(fit.circuit.arms):
+        raise Unclear("the circuit comes back otherwise out of the fit's JSON")
 
 
 # --- what ngspice writes ---
@@ -667,6 +706,7 @@ DOORS = {
         Door("command", _draw_command, _enter_command),
         Door("python", _draw_call, _enter_call),
         Door("spectrum", _draw_spectrum, _enter_spectrum),
+        Door("fit", _draw_points, _enter_points, share=0.1),
         Door("circuit", _draw_circuit, _enter_circuit),
         Door("rawfile", lambda rng: mutate.data(_raw(), rng), _enter_raw),
         Door("library", _draw_library, _enter_library),
