@@ -24,7 +24,7 @@ WALLS = {
     "model": {"errors"},
     "netlist": {"errors", "model"},
     "engine": {"errors", "interrupts"},
-    "analysis": {"errors", "files", "model", "netlist", "engine", "plots", "pages", ""},
+    "analysis": {"errors", "files", "interrupts", "model", "netlist", "engine", "plots", "pages", ""},
     "plots": {"errors", "files", "model", "netlist", "analysis"},
     "pages": {"errors", "model", "analysis", ""},
     "commands": {""},

@@ -17,6 +17,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.interrupts import held
 
 Task = Callable[[], dict[str, Any]]
 Outcome = dict[str, Any] | BaseException
@@ -96,9 +97,10 @@ def _processes(number: int) -> Iterator[Executor]:
         yield pool
         pool.shutdown()
     finally:
-        ours.close()
-        pool.shutdown(cancel_futures=True)
-        theirs.close()
+        with held():  # who presses Ctrl-C twice would leave workers in the middle of their start
+            ours.close()
+            pool.shutdown(cancel_futures=True)
+            theirs.close()
 
 
 def _begin_worker(sweep_lives: Connection) -> None:
