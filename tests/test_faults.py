@@ -463,8 +463,7 @@ def test_ctrl_c_at_any_moment(name: str, life: float, folder: Path) -> None:
                 if process.poll() is None:
                     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
             _, said = process.communicate()
-        assert "Traceback" not in said, said
-        assert "Exception" not in said, said
+        assert not re.search("Traceback|Exception", said), said
         found = {path.name for path in folder.iterdir()}
         if process.returncode == 0:
             assert found == complete
@@ -472,8 +471,8 @@ def test_ctrl_c_at_any_moment(name: str, life: float, folder: Path) -> None:
             assert process.returncode == 130, said
             assert found <= complete, found
         assert all(whole(folder / one) for one in found), found
-        assert temporary(folder) == []
         gone(folder)
+        assert temporary(folder) == []
 
 
 def gone(folder: Path) -> None:
@@ -494,8 +493,8 @@ def test_a_terminal_that_is_closed_ends_command_and_ngspice(folder: Path) -> Non
         assert (process.returncode, output) == (129, "")
         assert said == "piezomotor: interrupted; nothing was written.\n"
         assert list(folder.iterdir()) == []
-        assert temporary(folder) == []
         gone(folder)
+        assert temporary(folder) == []
 
 
 # --- languages ---
