@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from pyspice_runner.analysis.audit import audit_two_port
+from pyspice_runner.analysis.audit import audit_two_port, mark, withhold
 from pyspice_runner.analysis.spectrum import COUPLING, Connection, columns_of, connect
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.engine.pyspice import BatchSimulator
@@ -83,7 +83,8 @@ class Admittance:
         matrix_s: admittance matrix in S, shape (points, 2, 2); [.., 0, 1] is the current into A per volt on B.
         state: ``"free"`` or ``"preloaded"``.
         normal_force_n: normal force at the operating point, as ngspice found it; 0 when free.
-        resonances: connection → its resonances, by rising frequency, of the modes that the connection drives.
+        resonances: connection → its resonances, by rising frequency, of the modes that the connection drives and that
+            neighbours do not bury.
         ngspice_version: version of ngspice.
         motor: the motor, JSON-ready.
         findings: what the audit found amiss (:mod:`.audit`); nothing, unless it was overridden.
@@ -113,7 +114,7 @@ class Admittance:
             "operating_point_normal_force_n": self.normal_force_n,
             "resonances": {key: [asdict(item) for item in items] for key, items in self.resonances.items()},
             "ngspice_version": self.ngspice_version,
-            "audit": {"passed": not self.findings, "findings": list(self.findings)},
+            "audit": mark(self.findings),
         }
 
     def to_xarray(self) -> xarray.Dataset:
@@ -190,13 +191,14 @@ def admittance(
     normal_force = _operating_force(motor, simulator) if preloaded else 0.0
     frequency, matrix = _sweep(simulator, start, stop, points)
     findings = audit_two_port(frequency, matrix)
-    if findings and audit:
-        raise SimulationError(f"{' '.join(findings)} The result is withheld; audit = False gives it, marked.")
+    if audit:
+        withhold(findings, "result")
     resonances = {
         connection: tuple(
-            _resonance(simulator, motor, mode, centre, bandwidth, connection)
+            found
             for mode, centre, bandwidth in _expected(motor, preloaded)
             if _drives(connection, mode) and start < centre < stop
+            if (found := _resonance(simulator, motor, mode, centre, bandwidth, connection))
         )
         for connection in get_args(Connection)
     }
@@ -259,11 +261,16 @@ def _distance(frequency: float, mode: Mode, motor: Motor) -> float:
 
 def _resonance(
     simulator: BatchSimulator, motor: Motor, mode: Mode, centre: float, bandwidth: float, connection: Connection
-) -> Resonance:
-    """Zoom in on one resonance and its antiresonance, and read their frequencies and the motional arm."""
+) -> Resonance | None:
+    """Zoom in on one resonance and its antiresonance, and read their frequencies and the motional arm.
+
+    A mode that its neighbours bury, so that no arm of positive resistance fits there, has none.
+    """
     frequency, y = _zoom(simulator, centre, bandwidth, connection)
     fs = _peak(frequency, y.real)
     resistance, inductance, capacitance = _motional_arm(frequency, y, fs, bandwidth)
+    if resistance <= 0.0:
+        return None
     weight_a, weight_b = COUPLING[connection]
     clamped = weight_a**2 * motor.piezo.capacitance_a_f + weight_b**2 * motor.piezo.capacitance_b_f
     frequency_anti, y_anti = _zoom(simulator, fs * sqrt(1.0 + capacitance / clamped), bandwidth, connection)

@@ -8,10 +8,12 @@ way, gives curves that look right. What no motor can do is looked for here, and 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.errors import SimulationError
 from pyspice_runner.model.contact import linearised_resonances, static_deflection
 from pyspice_runner.model.motor import Motor
 
@@ -21,6 +23,13 @@ FEWEST_POINTS_PER_PERIOD = 16  # of the fastest motion; coarser, its shape is lo
 # At 16 points a period the balance of a smooth motion closes to 0.3 %, at the default step to 0.01 %; what is worse
 # than this is no longer the error of the step that was asked for.
 ENERGY_BOUND = 0.01
+# The wattmeters' sums are those of the very steps that were taken: settled points close to 1e-4, and what the contact
+# stores from block to block is not among the powers. What is worse than this is an error.
+POWER_BOUND = 0.01
+# A bridge's edges have steps of their own, and powers are read from the points by the trapezoidal rule; over all
+# drivers and corners of their parameters (docs/drive_grid.py) that closes to better than 1 %.
+DRIVER_BOUND = 0.02
+_WATTMETER = 1e-4  # of the apparent power: what iteration and rule leave of a power that only goes to and fro
 _SLACK = 1e-3  # of a force; Newton's iteration is closed to 1e-6, the points of a slip lie up to half a step beside it
 _NEWTON = 1e-6  # to which the iteration is closed, of the energy that pressing tip and rotor together stores
 _PASSIVE = 1e-9  # of the greatest |Y|: rounding
@@ -41,10 +50,11 @@ def audit_run(
     """
     findings = []
     power = waves["voltage_a_v"] * waves["current_a_a"] + waves["voltage_b_v"] * waves["current_b_a"]
-    # the most that the sources had put in at any time: at the end of a short run some of it may be back with them
+    # the most that had passed between sources and motor at any time, either way: at the end of a short run some of it
+    # may be back, and plates that start charged may only have given
     put_in = np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(waves["time_s"]))
-    scale_j = max(float(put_in.max()), 0.0) + from_load_j
-    greatest = float(waves["normal_force_n"].max()) if contact else 0.0
+    scale_j = float(np.abs(put_in).max()) + from_load_j
+    greatest = float(np.abs(waves["normal_force_n"]).max()) if contact else 0.0
     bending = static_deflection(motor.contact.model_copy(update={"preload_n": greatest}), motor.modes)
     indentation = (greatest / motor.contact.normal_stiffness_n_per_m15) ** (2.0 / 3.0)
     pressed_j = greatest * (0.5 * bending + 0.4 * indentation)
@@ -55,27 +65,127 @@ def audit_run(
         )
     if not contact:
         return tuple(findings)
-    normal, friction = waves["normal_force_n"], np.abs(waves["friction_force_n"])
-    if normal.min() < -_SLACK * greatest:
+    findings += audit_contact(motor.contact.friction, waves["normal_force_n"], waves["friction_force_n"])
+    findings += _step_finding(motor, greatest, "greatest", step)
+    return tuple(findings)
+
+
+def audit_contact(friction: float, normal_n: Array, friction_n: Array) -> tuple[str, ...]:
+    """Return what cannot be true about the forces of a contact, a sentence each; none if they pass.
+
+    Args:
+        friction: coefficient of friction.
+        normal_n: normal force over time.
+        friction_n: friction force over time.
+    """
+    findings = []
+    greatest = float(np.abs(normal_n).max())
+    if normal_n.min() < -_SLACK * greatest:
         findings.append(
-            f"The contact pulls with {-normal.min():.3g} N, which no contact does. Its law was taken beyond its range: "
-            "halve the step, or lower the drive."
+            f"The contact pulls with {-normal_n.min():.3g} N, which no contact does. Its law was taken beyond its "
+            "range: halve the step, or lower the drive."
         )
-    excess = float(np.max(friction - motor.contact.friction * np.maximum(normal, 0.0)))
-    if excess > _SLACK * motor.contact.friction * greatest:
+    excess = float(np.max(np.abs(friction_n) - friction * np.maximum(normal_n, 0.0)))
+    if excess > _SLACK * friction * greatest:
         findings.append(
             f"Friction exceeds mu F_N by {excess:.3g} N, which no dry contact does. The slider was not held to its "
             "limit: halve the step."
         )
-    loaded = motor.contact.model_copy(update={"preload_n": max(greatest, motor.contact.preload_n)})
-    fastest = float(linearised_resonances(loaded, motor.modes, motor.rotor)[-1])
-    if step * fastest * FEWEST_POINTS_PER_PERIOD > 1.0 + 1e-9:
-        allowed = 0.995 / (FEWEST_POINTS_PER_PERIOD * fastest)  # so that three digits of it will do
-        findings.append(
-            f"Under the greatest force, {greatest:.3g} N, the motor swings at {fastest:.4g} Hz, of which the step of "
-            f"{step:.3g} s sees fewer than {FEWEST_POINTS_PER_PERIOD} points a period. Give step <= {allowed:.3g} s."
-        )
     return tuple(findings)
+
+
+def audit_point(motor: Motor, point: Mapping[str, float], step: float) -> tuple[str, ...]:
+    """Return what cannot be true about the means of a point on the dynamometer, a sentence each; none if they pass.
+
+    Args:
+        motor: the motor.
+        point: the quantities of ``speed_torque``.
+        step: time step in s.
+    """
+    findings = []
+    electrical, shaft = point["power_a_w"] + point["power_b_w"], point["shaft_power_w"]
+    losses = {name: point[name] for name in ("dielectric_loss_w", "damping_loss_w", "friction_loss_w", "normal_loss_w")}
+    found = shaft + sum(losses.values()) + point["stored_power_w"]
+    scale = max(electrical, 0.0) + max(-shaft, 0.0) + abs(point["stored_power_w"])
+    reactive = point["apparent_power_a_va"] + point["apparent_power_b_va"]
+    if abs(electrical - found) > POWER_BOUND * scale + _WATTMETER * reactive:
+        findings.append(
+            f"The powers miss {abs(electrical - found):.3g} of {scale:.3g} W; allowed is {100 * POWER_BOUND:g} %. "
+            f"The step of {step:.3g} s is likely too coarse for the contact: halve it."
+        )
+    normal = point["normal_force_n"]
+    if normal < -_SLACK * motor.contact.preload_n:
+        findings.append(
+            f"On average the contact pulls with {-normal:.3g} N, which no contact does. Its law was taken beyond its "
+            "range: halve the step, or lower the drive."
+        )
+    limit = motor.contact.friction * max(normal, 0.0) * motor.rotor.radius_m
+    if abs(point["torque_n_m"]) > limit + _SLACK * max(
+        limit, motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    ):
+        findings.append(
+            f"The mean torque of {point['torque_n_m']:.3g} N.m exceeds the {limit:.3g} N.m that the mean normal force "
+            "can drag, which no dry contact does. The slider was not held to its limit: halve the step."
+        )
+    findings += _step_finding(motor, normal, "mean", step)
+    return tuple(findings)
+
+
+def audit_power(put_in_w: float, found_w: float, reactive_va: float) -> tuple[str, ...]:
+    """Return what cannot be true about the powers of a driver and its motor; nothing if they pass.
+
+    Args:
+        put_in_w: power of supplies and gate drivers.
+        found_w: losses, what is stored, and what the motor takes.
+        reactive_va: apparent power at the motor's pins.
+    """
+    missing = abs(put_in_w - found_w)
+    if missing <= DRIVER_BOUND * abs(put_in_w) + _WATTMETER * reactive_va:
+        return ()
+    finding = (
+        f"The powers miss {missing:.3g} of {put_in_w:.3g} W; allowed is {100 * DRIVER_BOUND:g} %. The step is likely "
+        "too coarse for the driver's edges: halve it."
+    )
+    return (finding,)
+
+
+def audit_impact(before_j: float, after_j: float) -> tuple[str, ...]:
+    """Return what cannot be true about the energy of an impact; nothing if it passes."""
+    if after_j <= (1.0 + _SLACK) * before_j:
+        return ()
+    finding = (
+        f"The sphere leaves with {after_j:.4g} J and came with {before_j:.4g} J; no impact gives energy. The steps are "
+        "likely too coarse: double their number."
+    )
+    return (finding,)
+
+
+def withhold(findings: tuple[str, ...], what: str) -> None:
+    """Raise what an audit found.
+
+    Raises:
+        SimulationError: if it found anything.
+    """
+    if findings:
+        raise SimulationError(f"{' '.join(findings)} The {what} is withheld; audit = False gives it, marked.")
+
+
+def mark(findings: tuple[str, ...]) -> dict[str, Any]:
+    """Return what a result says of its audit, JSON-ready."""
+    return {"passed": not findings, "findings": list(findings)}
+
+
+def _step_finding(motor: Motor, force: float, which: str, step: float) -> tuple[str, ...]:
+    loaded = motor.contact.model_copy(update={"preload_n": max(force, motor.contact.preload_n)})
+    fastest = float(linearised_resonances(loaded, motor.modes, motor.rotor)[-1])
+    if step * fastest * FEWEST_POINTS_PER_PERIOD <= 1.0 + 1e-9:
+        return ()
+    allowed = 0.995 / (FEWEST_POINTS_PER_PERIOD * fastest)  # so that three digits of it will do
+    finding = (
+        f"Under the {which} force, {force:.3g} N, the motor swings at {fastest:.4g} Hz, of which the step of "
+        f"{step:.3g} s sees fewer than {FEWEST_POINTS_PER_PERIOD} points a period. Give step <= {allowed:.3g} s."
+    )
+    return (finding,)
 
 
 def audit_two_port(frequency_hz: Array, y: NDArray[np.complex128]) -> tuple[str, ...]:

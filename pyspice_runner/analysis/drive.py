@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from cmath import phase
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from math import degrees
 from pathlib import Path
 from typing import Any, get_args
@@ -17,6 +17,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.analysis.audit import audit_contact, audit_power, mark, withhold
 from pyspice_runner.analysis.driver_run import DriverBench, Window, power_at, voltage_at
 from pyspice_runner.analysis.matching import Matching, State, proposal
 from pyspice_runner.analysis.waveforms import Array
@@ -106,6 +107,7 @@ class DriveReport:
         solver_seconds: wall time that ngspice took.
         ngspice_version: version of ngspice.
         deck: the netlist that was run.
+        findings: what the audit found amiss (:mod:`.audit`); nothing, unless it was overridden.
     """
 
     motor: str
@@ -129,6 +131,7 @@ class DriveReport:
     solver_seconds: float
     ngspice_version: str
     deck: str = field(repr=False)
+    findings: tuple[str, ...] = ()
 
     @property
     def power_in_w(self) -> float:
@@ -186,6 +189,7 @@ class DriveReport:
             "points": len(self.waveforms["time_s"]),
             "solver_seconds": self.solver_seconds,
             "ngspice_version": self.ngspice_version,
+            "audit": mark(self.findings),
         }
 
     def save(self, path: str | Path) -> Path:
@@ -223,6 +227,7 @@ def drive_report(
     proposals: bool = True,
     step: float | None = None,
     timeout: float | None = None,
+    audit: bool = True,
 ) -> DriveReport:
     """Run a driver and its motor from power-up and report on both.
 
@@ -237,6 +242,7 @@ def drive_report(
         proposals: whether to propose a matching for every state; it takes one more run.
         step: uniform time step in s, or with a bridge the largest; by default from the fastest motion.
         timeout: wall time in s after which a run is ended.
+        audit: whether a report that fails the physical audit is an error. If not, ``findings`` has what was found.
 
     Raises:
         ParameterError: for a value that is refused.
@@ -275,7 +281,7 @@ def drive_report(
     }
     pin_a, pin_b = (power_at(samples, driver, f"pin_{group}", group) for group in GROUPS)
     torque = motor.rotor.radius_m * samples.get("v(xmotor.friction)", np.zeros_like(samples["time"]))
-    return DriveReport(
+    report = DriveReport(
         motor=motor.name,
         driver=driver.to_dict(),
         run={
@@ -308,6 +314,20 @@ def drive_report(
         ngspice_version=ngspice_version(),
         deck=deck,
     )
+    findings = _audited(motor, report, samples)
+    if audit:
+        withhold(findings, "report")
+    return replace(report, findings=findings)
+
+
+def _audited(motor: Motor, report: DriveReport, samples: dict[str, Array]) -> tuple[str, ...]:
+    """Return what cannot be true about the powers and the contact."""
+    reactive = sum(port.apparent_power_va for port in report.groups.values())
+    found = sum(report.losses_w.values()) + report.stored_power_w + report.motor_power_w
+    findings = audit_power(report.power_in_w, found, reactive)
+    if "v(xmotor.normal)" in samples:
+        findings += audit_contact(motor.contact.friction, samples["v(xmotor.normal)"], samples["v(xmotor.friction)"])
+    return findings
 
 
 def _supplies(samples: dict[str, Array]) -> list[tuple[Array, Array, str]]:

@@ -20,6 +20,7 @@ from pyspice_runner.analysis.waveforms import Array
 from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.drive import check_shaft
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS
 from pyspice_runner.netlist.contact import ContactLaw, check_law
@@ -51,18 +52,7 @@ class DriverBench:
                 f"duration = {self.duration:g} s is refused; give at least ten periods of the driver, "
                 f"{10.0 * self.driver.period:.3g} s."
             )
-        if self.speed is not None and not abs(self.speed) <= 1e6:
-            raise ParameterError(
-                f"speed = {self.speed:g} rad/s is refused; allowed is a number from -1e6 to 1e6 rad/s."
-            )
-        if not abs(self.load_torque) <= 1e6:
-            raise ParameterError(
-                f"load_torque = {self.load_torque:g} N·m is refused; allowed is a number from -1e6 to 1e6 N·m."
-            )
-        if self.speed is not None and self.load_torque:
-            raise ParameterError(
-                "speed and load_torque exclude each other: a shaft held at a speed takes any torque. Give one."
-            )
+        check_shaft(self.motor, self.speed, self.load_torque)
 
     def run(self, step: float | None) -> tuple[dict[str, Array], float, str, float]:
         """Run from power-up; return vectors, wall time, deck and (largest) step."""
@@ -181,7 +171,7 @@ def power_at(samples: dict[str, Array], driver: Driver, place: str, group: str) 
 
 
 def _saved(driver: Driver, contact: bool) -> list[str]:
-    names = ["v(shaft)", *(["v(xmotor.friction)"] if contact else [])]
+    names = ["v(shaft)", *(["v(xmotor.friction)", "v(xmotor.normal)"] if contact else [])]
     for group in GROUPS:
         names += [f"v({group})", f"i(vpin_{group})", f"v(line_{group})", f"i(vout_{group})"]
         if driver.kind == "full-bridge":

@@ -16,7 +16,7 @@ from pyspice_runner.analysis.simulate import POINTS_PER_PERIOD, shortest_period
 from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS, SpeedRamp, dynamometer_bench, start_voltages
+from pyspice_runner.netlist.benches import SpeedRamp, dynamometer_bench, start_voltages, transient_options
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw
 from pyspice_runner.netlist.motor import Discretisation, Motion
 
@@ -62,6 +62,7 @@ class Bench:
         timeout: wall time in s after which ngspice is ended, a block.
         contact: law of the contact.
         sliders: number of sliders of the brush.
+        audit: whether means that fail the physical audit are an error.
     """
 
     motor: Motor
@@ -70,6 +71,7 @@ class Bench:
     timeout: float | None = None
     contact: ContactLaw = "spring-slider"
     sliders: int = SLIDERS
+    audit: bool = True
 
     @property
     def decay_time(self) -> float:
@@ -116,7 +118,7 @@ class Bench:
             step=self.step, discretisation=self.discretisation, start=start, begun=begun,
         )  # fmt: skip
         simulator = BatchSimulator(circuit, timeout=self.timeout)
-        simulator.options(**TRANSIENT_OPTIONS)
+        simulator.options(**transient_options(self.motor, self.contact))
         simulator.initial_condition(**start_voltages(start))
         simulator.save(*self._vectors(meters))
         times = {"step_time": self.step, "end_time": self.duration, "max_time": self.step}

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pyspice_runner.analysis.audit import audit_contact, mark, withhold
 from pyspice_runner.analysis.waveforms import Array
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.engine.pyspice import BatchSimulator
@@ -85,6 +86,7 @@ def hysteresis(
     harmonic: int = 1,
     sliders: int = SLIDERS,
     timeout: float | None = None,
+    audit: bool = True,
 ) -> Hysteresis:
     """Move a motor's tip to and fro along a rotor that stands, at a constant or a swinging normal force.
 
@@ -100,6 +102,8 @@ def hysteresis(
         harmonic: number n of swings of the force a cycle.
         sliders: number of sliders of the brush.
         timeout: wall time in s after which ngspice is ended.
+        audit: whether forces that fail the physical audit are an error. If not, ``provenance["audit"]`` has what was
+            found.
 
     Raises:
         ParameterError: for a value that is refused.
@@ -131,6 +135,9 @@ def hysteresis(
     displacement = amplitude * limit * np.sin(2.0 * pi * FREQUENCY * time)
     first = motor.contact.preload_n * (1.0 + swing * np.sin(radians(phase_deg)))
     friction = np.concatenate(([0.0], raw["v(friction)"]))
+    findings = audit_contact(motor.contact.friction, raw["v(normal)"], raw["v(friction)"])
+    if audit:
+        withhold(findings, "loop")
     cycle = slice(int(np.searchsorted(time, (PERIODS - 1) / FREQUENCY - 0.5 * step)), None)
     return Hysteresis(
         time_s=time,
@@ -149,6 +156,7 @@ def hysteresis(
             "harmonic": harmonic,
             **({"sliders": sliders} if contact == "brush" else {}),
             "ngspice_version": ngspice_version(),
+            "audit": mark(findings),
         },
         deck=deck,
     )

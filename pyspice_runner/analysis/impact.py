@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pyspice_runner.analysis.audit import audit_contact, audit_impact, mark, withhold
 from pyspice_runner.analysis.waveforms import Array
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.engine.pyspice import BatchSimulator
@@ -107,6 +108,7 @@ def impact(
     sliders: int = SLIDERS,
     steps: int = STEPS,
     timeout: float | None = None,
+    audit: bool = True,
 ) -> Impact:
     """Throw a sphere at a half-space and follow it until it lifts off.
 
@@ -116,6 +118,8 @@ def impact(
         sliders: number of sliders of the brush.
         steps: number of time steps of an impact without loss.
         timeout: wall time in s after which ngspice is ended.
+        audit: whether an impact that fails the physical audit is an error. If not, ``provenance["audit"]`` has what
+            was found.
 
     Raises:
         ParameterError: for a value that is refused.
@@ -143,7 +147,22 @@ def impact(
     start = {"time": 0.0, "v(vy)": throw.velocity_m_s, "v(vx)": throw.patch_velocity_m_s,
              "v(centre)": throw.centre_velocity_m_s, "v(spin)": throw.spin_rad_s}  # fmt: skip
     samples = {name: np.concatenate(([start.get(name, 0.0)], values.real)) for name, values in raw.items()}
-    return _read(throw, samples, simulator.result.seconds, {"contact": contact, "sliders": sliders}, deck)
+    findings = _audited(throw, samples)
+    if audit:
+        withhold(findings, "impact")
+    settings = {"contact": contact, "sliders": sliders, "audit": mark(findings)}
+    return _read(throw, samples, simulator.result.seconds, settings, deck)
+
+
+def _audited(throw: Throw, samples: dict[str, Array]) -> tuple[str, ...]:
+    """Return what cannot be true about the forces and the energy of an impact."""
+    before, after = (
+        0.5 * throw.mass_kg * (samples["v(vy)"][at] ** 2 + samples["v(centre)"][at] ** 2)
+        + 0.5 * throw.inertia_kg_m2 * samples["v(spin)"][at] ** 2
+        for at in (0, -1)
+    )
+    forces = audit_contact(throw.friction, samples["v(normal)"], samples["v(friction)"])
+    return forces + audit_impact(float(before), float(after))
 
 
 def _read(throw: Throw, samples: dict[str, Array], seconds: float, settings: dict[str, Any], deck: str) -> Impact:

@@ -21,13 +21,13 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pyspice_runner.analysis.audit import FEWEST_POINTS_PER_PERIOD
+from pyspice_runner.analysis.audit import FEWEST_POINTS_PER_PERIOD, audit_point, mark, withhold
 from pyspice_runner.analysis.dynamometer import UNITS, Bench, Block, quantities, uniform_step
 from pyspice_runner.analysis.simulate import shortest_period
 from pyspice_runner.analysis.waveforms import Array
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
-from pyspice_runner.model.drive import Drive
+from pyspice_runner.model.drive import Drive, check_shaft
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked, quoted, unit_of
 from pyspice_runner.netlist.benches import SpeedRamp
@@ -52,10 +52,13 @@ _MOST_POINTS = 100_000
 OUTCOME = {
     **UNITS,
     "settled": ("1", "whether the means stayed the same from block to block"),
+    "audit_passed": ("1", "whether the means passed the physical audit"),
     "torque_drift_n_m": ("N·m", "change of the mean torque from block to block; of a ramp, half of fall less rise"),
     "simulated_s": ("s", "time that was simulated"),
 }
-_MISSING = dict.fromkeys(OUTCOME, float("nan")) | {"settled": False, "deck_sha256": ""}
+_MISSING = dict.fromkeys(OUTCOME, float("nan")) | {
+    "settled": False, "audit_passed": False, "findings": (), "deck_sha256": "",
+}  # fmt: skip
 
 
 @checked
@@ -75,6 +78,7 @@ def speed_torque(
     executor: Executor | None = None,
     progress: Progress | None = None,
     timeout: float | None = None,
+    audit: bool = True,
 ) -> xarray.Dataset:
     """Measure torque, power and losses over speed, in all four quadrants.
 
@@ -103,6 +107,8 @@ def speed_torque(
         executor: what runs the points; by default one thread a core, each with an ngspice process of its own.
         progress: called with the number of points that are finished and of all.
         timeout: wall time in s after which ngspice is ended, a block.
+        audit: whether a point that fails the physical audit (:mod:`.audit`) is an error. If not, ``audit_passed`` is
+            false there, and the attribute ``audit`` has what was found.
 
     Returns:
         The quantities over the axes, the speed last, with units and provenance.
@@ -128,7 +134,8 @@ def speed_torque(
         key = tuple(combination.values())
         if key not in benches:
             bench = _bench(motor, drive, combination, step, timeout)
-            benches[key] = replace(bench, contact=contact, sliders=sliders)
+            benches[key] = replace(bench, contact=contact, sliders=sliders, audit=audit)
+        check_shaft(benches[key].motor, speed)
         points.append((benches[key], speed))
     shape = tuple(len(axis) for axis in axes.values())
     places = np.arange(len(points)).reshape(shape)
@@ -175,6 +182,7 @@ def operating_point(
     tolerance: float = TOLERANCE,
     patience: int = PATIENCE,
     timeout: float | None = None,
+    audit: bool = True,
 ) -> dict[str, Any]:
     """Return the quantities of :func:`speed_torque` at one speed, plain and JSON-ready; ``sweep`` takes it as analysis.
 
@@ -188,6 +196,7 @@ def operating_point(
         tolerance: as in :func:`speed_torque`.
         patience: as in :func:`speed_torque`.
         timeout: as in :func:`speed_torque`.
+        audit: as in :func:`speed_torque`; ``audit`` of the result has what was found.
 
     Raises:
         ParameterError: for a value that is refused.
@@ -195,9 +204,11 @@ def operating_point(
     """
     (speed,) = axis("speed", [speed])
     _check_contact(contact, sliders)
-    bench = replace(_bench(motor, drive, {}, step, timeout), contact=contact, sliders=sliders)
+    bench = replace(_bench(motor, drive, {}, step, timeout), contact=contact, sliders=sliders, audit=audit)
+    check_shaft(motor, float(speed))
     outcome, _ = _settle(bench, float(speed), None, Settling(tolerance, patience))
-    return outcome
+    passed, findings = outcome.pop("audit_passed"), outcome.pop("findings")
+    return {**outcome, "audit": {"passed": passed, "findings": list(findings)}}
 
 
 # --- how a motion settles ---
@@ -267,9 +278,18 @@ def _settle(
 def _outcome(now: list[Block], settled: bool, before: list[Block], blocks: int) -> dict[str, Any]:
     drift = now[-1].torque - before[-1].torque
     return {
-        **quantities(now), "settled": settled, "torque_drift_n_m": drift,
+        **_audited(now), "settled": settled, "torque_drift_n_m": drift,
         "simulated_s": blocks * now[0].bench.duration, "deck_sha256": now[-1].deck_sha256,
     }  # fmt: skip
+
+
+def _audited(blocks: list[Block]) -> dict[str, Any]:
+    """Return the quantities over blocks, and what the audit found."""
+    bench, means = blocks[0].bench, quantities(blocks)
+    findings = audit_point(bench.motor, means, bench.step)
+    if bench.audit:
+        withhold(findings, f"point at {blocks[-1].end.speed_rad_s:.4g} rad/s")
+    return {**means, "audit_passed": not findings, "findings": findings}
 
 
 def _ramp(
@@ -291,10 +311,12 @@ def _ramp(
         if stop():
             raise SimulationError("The run was stopped because another one failed.")
         last = bench.run(last.end, SpeedRamp(before, after, bench.duration), last.ended)
-        found.append(quantities([last]))
+        found.append(_audited([last]))
     if falling:
         found.reverse()
     curves = {name: np.interp(speeds, middles, [means[name] for means in found]) for name in UNITS}
+    findings = tuple(dict.fromkeys(finding for means in found for finding in means["findings"]))
+    first |= {"audit_passed": not findings, "findings": findings}
     of_run = first | {"torque_drift_n_m": 0.0, "simulated_s": last.ended, "deck_sha256": last.deck_sha256}
     return [of_run | {name: float(curve[index]) for name, curve in curves.items()} for index in range(len(speeds))]
 
@@ -302,7 +324,9 @@ def _ramp(
 def _between(up: dict[str, Any], down: dict[str, Any]) -> dict[str, Any]:
     """Return the mean of a rising and a falling ramp; the lag of the motion behind the speed drops out of it."""
     outcome = up | {name: 0.5 * (up[name] + down[name]) for name in UNITS}
-    outcome["settled"] = up["settled"] and down["settled"]
+    for name in ("settled", "audit_passed"):
+        outcome[name] = up[name] and down[name]
+    outcome["findings"] = tuple(dict.fromkeys((*up["findings"], *down["findings"])))
     outcome["torque_drift_n_m"] = 0.5 * (down["torque_n_m"] - up["torque_n_m"])
     outcome["simulated_s"] = up["simulated_s"] + down["simulated_s"]
     return outcome
@@ -456,7 +480,9 @@ def _dataset(motor: Motor, drive: Drive, axes: Mapping[str, Array], outcomes: li
     coordinates = {path: (path, axis, {"units": _unit(path, motor, drive)}) for path, axis in axes.items()}
     swept = any(path.startswith("drive.") for path in axes)
     decks = "".join(outcome["deck_sha256"] for outcome in outcomes)
+    findings = dict.fromkeys(finding for outcome in outcomes for finding in outcome["findings"])
     attributes = {
+        "audit": json.dumps(mark(tuple(findings))),
         "title": f"{motor.name}: {', '.join(['speed and torque', *([] if swept else [drive.label])])}",
         "parameter_set": motor.name,
         "motor": json.dumps(motor.to_dict()),

@@ -8,13 +8,14 @@ anew every period. So an error of its sensing counts as an error.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from math import isfinite, pi, sqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pyspice_runner.analysis.audit import audit_contact, mark, withhold
 from pyspice_runner.analysis.loop import LoopDesign, loop_design
 from pyspice_runner.analysis.waveforms import Array
 from pyspice_runner.engine.ngspice import ngspice_version
@@ -72,6 +73,7 @@ class Tracking:
         solver_seconds: wall time that ngspice took.
         ngspice_version: version of ngspice.
         deck: the netlist that was run.
+        findings: what the audit found amiss (:mod:`.audit`); nothing, unless it was overridden.
     """
 
     locked: bool
@@ -95,6 +97,7 @@ class Tracking:
     solver_seconds: float
     ngspice_version: str
     deck: str = field(repr=False)
+    findings: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result, JSON-ready."""
@@ -111,6 +114,7 @@ class Tracking:
             "periods": len(self.time_s),
             "solver_seconds": self.solver_seconds,
             "ngspice_version": self.ngspice_version,
+            "audit": mark(self.findings),
         }
 
     def save(self, path: str | Path) -> Path:
@@ -155,6 +159,7 @@ def track(
     speed: float | None = None,
     step: float | None = None,
     timeout: float | None = None,
+    audit: bool = True,
 ) -> Tracking:
     """Let a tracker follow a mode of a motor from rest, and disturb it.
 
@@ -176,6 +181,8 @@ def track(
         speed: if given, the shaft is held at this speed, rad/s.
         step: largest time step, s; by default 1/200 of the period of the fastest mode.
         timeout: wall time in s after which a run is ended.
+        audit: whether a run whose contact fails the physical audit is an error. If not, ``findings`` has what was
+            found.
 
     Raises:
         ParameterError: for a value that is refused.
@@ -207,13 +214,21 @@ def track(
         duration = begin if disturb == "start" else disturbance.end_s + {"temperature": 2e-3}.get(disturb, 12e-3)
     loop_filter = tracker_filter(tracker, lag)
     vectors, seconds, deck = _run(
-        motor, tracker, disturbance, mode, loop_filter, contact, speed, duration, step, timeout
-    )
+        motor, tracker, disturbance, mode, loop_filter, contact, speed, duration, step, timeout,
+        more=("v(xmotor.normal)", "v(xmotor.friction)") if contact else (),
+    )  # fmt: skip
+    findings: tuple[str, ...] = ()
+    if contact:
+        forces = (vectors["v(xmotor.normal)"], vectors["v(xmotor.friction)"])
+        findings = audit_contact(motor.contact.friction, *forces)
+    if audit:
+        withhold(findings, "run")
     periods = _periods(vectors, mode)
-    return _judge(
+    found = _judge(
         motor, tracker, disturbance, lag, loop_design(tracker, lag, loop_filter) if tracker.kind == "pll" else None,
         periods, {"duration_s": duration, "contact": contact, "mode": mode, "speed_rad_s": speed}, stall, seconds, deck,
     )  # fmt: skip
+    return replace(found, findings=findings)
 
 
 @checked

@@ -11,6 +11,7 @@ from rich.table import Column, Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
+    AuditOption,
     JsonOption,
     MotorArgument,
     OutputOption,
@@ -22,6 +23,7 @@ from pyspice_runner.commands.common import (
     deliver,
     engineering,
     load_changed,
+    warn_of,
     write_table,
 )
 from pyspice_runner.commands.contacting import ContactKind, ContactOption
@@ -68,6 +70,7 @@ def drive(
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
     load_torque: Annotated[float, typer.Option(help="Torque that a load draws from the shaft, N.m.")] = 0.0,
     timeout: TimeoutOption = None,
+    audit: AuditOption = True,
     changes: SetOption = None,
     as_json: JsonOption = False,
     output: OutputOption = None,
@@ -99,8 +102,10 @@ def drive(
                         match=None if chosen.network == "none" else _STATES[match],
                         proposals=number == 0,
                         timeout=timeout,
+                        audit=audit,
                     )
                 )
+            warn_of(reports[-1].findings)
         except pr.SimulationError as error:
             if not reports:
                 raise

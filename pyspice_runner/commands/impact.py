@@ -10,6 +10,7 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
+    AuditOption,
     JsonOption,
     OutputOption,
     PlotOption,
@@ -18,6 +19,7 @@ from pyspice_runner.commands.common import (
     check_targets,
     deliver,
     engineering,
+    warn_of,
 )
 from pyspice_runner.commands.contacting import LawKind, LawOption, SlidersOption
 
@@ -35,6 +37,7 @@ def impact(
     youngs_modulus: Annotated[float, typer.Option(help="Young's modulus of sphere and half-space, Pa.")] = 206e9,
     sliders: SlidersOption = 8,
     timeout: TimeoutOption = None,
+    audit: AuditOption = True,
     as_json: JsonOption = False,
     output: OutputOption = None,
     plot: PlotOption = None,
@@ -49,7 +52,8 @@ def impact(
         radius_m=radius, density_kg_m3=density, youngs_modulus_pa=youngs_modulus, poisson=poisson,
     )  # fmt: skip
     with busy("ngspice throws the sphere"):
-        result = pr.impact(throw, contact.value, sliders=sliders, timeout=timeout)
+        result = pr.impact(throw, contact.value, sliders=sliders, timeout=timeout, audit=audit)
+    warn_of(result.provenance["audit"]["findings"])
     table = Table("quantity", "value", title=f"{contact.value}, Poisson's ratio {poisson:g}")
     table.add_row("ψ₁ → ψ₂", f"{result.psi_1:.4g} → {result.psi_2:.4g}")
     table.add_row("restitution, normal", f"{result.restitution_normal:.4f}")

@@ -12,6 +12,7 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
+    AuditOption,
     JsonOption,
     MotorArgument,
     OutputOption,
@@ -25,6 +26,7 @@ from pyspice_runner.commands.common import (
     jsonable,
     load_changed,
     points_progress,
+    warn_of,
     write_dataset,
 )
 from pyspice_runner.commands.contacting import LawKind, LawOption, SlidersOption
@@ -61,6 +63,7 @@ def speed_torque(
     patience: Annotated[int, typer.Option(help="Blocks after which a point is given up as unsettled.")] = 40,
     step: Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")] = None,
     timeout: TimeoutOption = None,
+    audit: AuditOption = True,
     changes: SetOption = None,
     as_json: JsonOption = False,
     output: OutputOption = None,
@@ -91,6 +94,7 @@ def speed_torque(
                 patience=patience,
                 step=step,
                 timeout=timeout,
+                audit=audit,
                 progress=progress,
             )
         except (pr.Interrupted, pr.SimulationError) as fault:
@@ -100,6 +104,7 @@ def speed_torque(
             status = 130 if isinstance(fault, pr.Interrupted) else 3
             complain(f"piezomotor: {fault} {curve.attrs['incomplete']}")
     document = _document(curve)
+    warn_of(document["audit"]["findings"])
     deliver(
         document, _table(curve), as_json,
         (output, lambda path: write_dataset(path, curve, document)),
@@ -115,7 +120,7 @@ def speed_torque(
 def _document(curve: xarray.Dataset) -> dict[str, Any]:
     """Return the curve JSON-ready: axes and quantities by name, ``null`` for what is not defined."""
     attributes = {str(name): value for name, value in curve.attrs.items()}
-    attributes |= {name: json.loads(attributes[name]) for name in ("motor", "drive", "run")}
+    attributes |= {name: json.loads(attributes[name]) for name in ("motor", "drive", "run", "audit")}
     return {
         "dimensions": {str(name): curve.sizes[name] for name in curve["torque_n_m"].dims},
         **{str(name): values.values.tolist() for name, values in curve.coords.items()},

@@ -11,6 +11,7 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
+    AuditOption,
     JsonOption,
     MotorArgument,
     OutputOption,
@@ -22,6 +23,7 @@ from pyspice_runner.commands.common import (
     deliver,
     engineering,
     load_changed,
+    warn_of,
 )
 from pyspice_runner.commands.contacting import ContactKind, ContactOption
 
@@ -76,6 +78,7 @@ def track(
     begin: Annotated[float | None, typer.Option(help="When the disturbance begins, s.")] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated time, s.")] = None,
     timeout: TimeoutOption = None,
+    audit: AuditOption = True,
     changes: SetOption = None,
     as_json: JsonOption = False,
     output: OutputOption = None,
@@ -113,7 +116,9 @@ def track(
             target_step=target_step,
             thermal=pr.Thermal() if all_drift else None,
             timeout=timeout,
+            audit=audit,
         )
+    warn_of(found.findings)
     deliver(found.to_dict(), _table(loaded, found), as_json, (output, found.save), (plot, found.plot))
 
 

@@ -98,6 +98,16 @@ def static_deflection(contact: Contact, modes: tuple[Mode, ...]) -> float:
     return contact.preload_n * sum(mode.tip_y**2 / mode.stiffness_n_per_m for mode in modes)
 
 
+def static_sway(contact: Contact, modes: tuple[Mode, ...]) -> float:
+    """Sideways displacement x = −F₀ Σ X_n Y_n/k_n of the tip under the preload, in m; 0 for a symmetric stator.
+
+    The rotor's crown stands over the tip as it rests: what is 0 but for the rounding of the modes is 0.
+    """
+    shares = [mode.tip_x * mode.tip_y / mode.stiffness_n_per_m for mode in modes]
+    sizes = [(mode.tip_x**2 + mode.tip_y**2) / mode.stiffness_n_per_m for mode in modes]
+    return -contact.preload_n * sum(shares) if abs(sum(shares)) > 1e-12 * sum(sizes) else 0.0
+
+
 def normal_stiffness_at_preload(contact: Contact) -> float:
     """Normal contact stiffness k_c = dF_N/dδ = 3F₀/(2δ₀) at the operating point, in N/m."""
     return 1.5 * contact.preload_n / static_penetration(contact)

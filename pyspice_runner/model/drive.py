@@ -3,12 +3,23 @@
 
 from __future__ import annotations
 
+from cmath import exp
 from dataclasses import dataclass
 from fractions import Fraction
-from math import radians, sin
+from math import hypot, pi, radians, sin
 
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import quantity
 from pyspice_runner.model.refusal import Stated
+
+# What a drive must be to its motor. Modes answer to a thousandth of their frequency as a spring does, and to a hundred
+# times it by 1e-4 of that: farther off, a drive in another unit is meant.
+SLOWEST_DRIVE, FASTEST_DRIVE = 1e-3, 1e2
+# m/s, of a tip: strain is its velocity over that of sound, some 5000 m/s, and 2 % are beyond every stator
+FASTEST_TIP = 100.0
+FASTEST_SHAFT, FASTEST_SURFACE = 1e6, 1e3  # rad/s; m/s at the rim, where the strongest flywheels burst
+WIDEST_SWING = 0.1  # of a tip, over the rotor's radius: the tip stays near the rotor's crown
 
 
 @dataclass(frozen=True)
@@ -72,7 +83,7 @@ class Drive(Stated):
 class TwoPhaseDrive(Drive):
     """Eq. (1): U_A = U sin(2πft), U_B = U sin(2πft + φ)."""
 
-    voltage: float = quantity("amplitude U of both groups", "V", ge=0.0, le=1e5)
+    voltage: float = quantity("amplitude U of both groups", "V", ge=0.0, le=1e4)
     frequency: float = quantity("frequency f", "Hz", ge=1.0, le=1e8)
     phase_deg: float = quantity("phase φ of group B ahead of group A", "°", default=90.0, ge=-360.0, le=360.0)
 
@@ -99,9 +110,9 @@ class TwoToneDrive(Drive):
     other and moves it along the rotor. With f₂ = 2 f₁ the tip writes a figure eight.
     """
 
-    voltage_1: float = quantity("amplitude U₁ of the common tone", "V", ge=0.0, le=1e5)
+    voltage_1: float = quantity("amplitude U₁ of the common tone", "V", ge=0.0, le=1e4)
     frequency_1: float = quantity("frequency f₁ of the common tone", "Hz", ge=1.0, le=1e8)
-    voltage_2: float = quantity("amplitude U₂ of the opposed tone", "V", ge=0.0, le=1e5)
+    voltage_2: float = quantity("amplitude U₂ of the opposed tone", "V", ge=0.0, le=1e4)
     frequency_2: float = quantity("frequency f₂ of the opposed tone", "Hz", ge=1.0, le=1e8)
     phase_deg: float = quantity("phase φ of the opposed tone", "°", default=0.0, ge=-360.0, le=360.0)
 
@@ -128,3 +139,69 @@ class TwoToneDrive(Drive):
 
 def _at_zero(tones: tuple[Tone, ...]) -> float:
     return sum(tone.amplitude * sin(tone.phase) for tone in tones)
+
+
+def free_tip(motor: Motor, drive: Drive) -> tuple[float, float]:
+    """Return bounds on the velocity (m/s) and swing (m) of a tip that touches nothing, once it swings steadily."""
+    velocity = swing = 0.0
+    for tone_a, tone_b in zip(drive.tones_a, drive.tones_b, strict=True):
+        omega = 2.0 * pi * tone_a.frequency
+        along = towards = 0.0
+        for mode in motor.modes:
+            force = sum(
+                coupling * tone.amplitude * exp(1j * tone.phase)
+                for coupling, tone in ((mode.coupling_a_n_per_v, tone_a), (mode.coupling_b_n_per_v, tone_b))
+            )
+            stiffness = mode.stiffness_n_per_m - mode.mass_kg * omega**2 + 1j * omega * mode.damping_n_s_per_m
+            along += abs(mode.tip_x * force / stiffness)
+            towards += abs(mode.tip_y * force / stiffness)
+        swing += hypot(along, towards)
+        velocity += omega * hypot(along, towards)
+    return velocity, swing
+
+
+def check_together(motor: Motor, drive: Drive) -> None:
+    """Refuse a drive that no motor of this kind is driven by, whatever door it comes by.
+
+    Raises:
+        ParameterError: for a frequency far from the modes, or a voltage that no stator stands.
+    """
+    lowest, highest = (bound(mode.frequency_hz for mode in motor.modes) for bound in (min, max))
+    for frequency in drive.frequencies:
+        if not SLOWEST_DRIVE * lowest <= frequency <= FASTEST_DRIVE * highest:
+            raise ParameterError(
+                f"A drive at {frequency:g} Hz is refused for {motor.name}, whose modes lie from {lowest:.4g} to "
+                f"{highest:.4g} Hz; allowed is a frequency ≥ {SLOWEST_DRIVE * lowest:.3g} and ≤ "
+                f"{FASTEST_DRIVE * highest:.3g} Hz."
+            )
+    velocity, swing = free_tip(motor, drive)
+    furthest = WIDEST_SWING * motor.rotor.radius_m
+    if velocity > FASTEST_TIP or swing > furthest:
+        raise ParameterError(
+            f"The drive ({drive.label}) is refused for {motor.name}: it would swing the free tip by {swing:.3g} m at "
+            f"{velocity:.3g} m/s; allowed are ≤ {furthest:.3g} m, a tenth of the rotor's radius, and ≤ "
+            f"{FASTEST_TIP:g} m/s, since no stator stands more. Lower the voltage, or mend the couplings."
+        )
+
+
+def check_shaft(motor: Motor, speed: float | None, load_torque: float = 0.0) -> None:
+    """Refuse what no shaft is held at or loaded with, whatever door it comes by.
+
+    Raises:
+        ParameterError: naming what is allowed.
+    """
+    if speed is not None:
+        if not abs(speed) <= FASTEST_SHAFT:
+            raise ParameterError(f"speed = {speed:g} rad/s is refused; allowed is a number from -1e6 to 1e6 rad/s.")
+        surface, radius = abs(speed) * motor.rotor.radius_m, motor.rotor.radius_m
+        if surface > FASTEST_SURFACE:
+            raise ParameterError(
+                f"speed = {speed:g} rad/s is refused for rotor.radius_m = {radius:g} m: its rim would move at "
+                f"{surface:.3g} m/s, where every rotor bursts; allowed is up to {FASTEST_SURFACE / radius:.3g} rad/s."
+            )
+    if not abs(load_torque) <= 1e6:
+        raise ParameterError(f"load_torque = {load_torque:g} N·m is refused; allowed is a number from -1e6 to 1e6 N·m.")
+    if speed is not None and load_torque:
+        raise ParameterError(
+            "speed and load_torque exclude each other: a shaft held at a speed takes any torque. Give one."
+        )

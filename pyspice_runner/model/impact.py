@@ -38,7 +38,7 @@ class Throw(Stated):
     psi: float = quantity("incidence ψ₁ of the contact patch", "1", gt=0.0, le=1e3, default=1.0)
     velocity_m_s: float = quantity("approach velocity v_n along the normal", "m/s", ge=1e-4, le=1e3, default=1.0)
     spin_rad_s: float = quantity("spin, positive where it moves the patch forward", "rad/s", ge=-1e7, le=1e7, default=0)
-    friction: float = quantity("coefficient of friction μ", "1", ge=1e-6, le=5.0, default=0.2)
+    friction: float = quantity("coefficient of friction μ", "1", ge=1e-4, le=5.0, default=0.2)
     restitution: float = quantity("coefficient of restitution along the normal", "1", ge=0.05, le=1.0, default=1.0)
     radius_m: float = quantity("radius of the sphere", "m", ge=1e-6, le=10.0, default=5e-3)
     density_kg_m3: float = quantity("density of the sphere", "kg/m³", ge=1.0, le=1e5, default=7850.0)

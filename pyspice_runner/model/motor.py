@@ -17,6 +17,13 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.parameters import Beam, Contact, Damping, Mode, Parameters, Patch, Piezo, Rotor, Tip
 from pyspice_runner.model.refusal import allowed_range, build, checked, limited, positive, quoted, refusal
 
+# What a motor's values must be to each other, so that it is one.
+LOWEST_FREQUENCY, HIGHEST_FREQUENCY = 10.0, 1e7  # Hz, of a mode: from large quasi-static stages to MEMS
+LOWEST_QUALITY, HIGHEST_QUALITY = 0.5, 1e6  # below it does not ring; quartz in vacuum, the best there is, has 1e6
+WIDEST_SPREAD = 1e3  # of the modes' frequencies: a beam's 20th, and there may be no more, is 400 times its first
+CLOSEST_COUPLING = 0.9  # k², of the best single crystals (k₃₃ = 0.95)
+STIFFEST_CONTACT = 100.0  # fastest motion in contact over that of the stator: what touches weighs 1e-4 of the stator
+
 
 @dataclass(frozen=True)
 class Provenance:
@@ -65,18 +72,49 @@ class Motor(Parameters):
         if len(set(names)) != len(names):
             raise ValueError(f"two modes share a name in {names}; give each its own")
         for mode in self.modes:
-            if mode.quality_factor <= 0.5:
-                raise ValueError(
-                    f"mode {mode.name} does not ring: quality factor {mode.quality_factor:.3g}; "
-                    "it must exceed 0.5, so lower its damping"
-                )
+            _check_mode(mode)
+        lowest, highest = (bound(mode.frequency_hz for mode in self.modes) for bound in (min, max))
+        if highest > WIDEST_SPREAD * lowest:
+            raise ValueError(
+                f"the modes reach from {lowest:.4g} to {highest:.4g} Hz; a stator's are at most a factor "
+                f"{WIDEST_SPREAD:g} apart, so leave out those that do not take part"
+            )
+        self._check_groups(highest)
         seat = contact_law.static_penetration(self.contact) + contact_law.static_deflection(self.contact, self.modes)
         if seat > 0.1 * self.rotor.radius_m:
             raise ValueError(
                 f"contact.preload_n = {self.contact.preload_n:g} N presses the tip {seat:.3g} m into the rotor; "
                 f"at most a tenth of rotor.radius_m = {self.rotor.radius_m:g} m is allowed, so lower the preload"
             )
+        fastest = float(contact_law.linearised_resonances(self.contact, self.modes, self.rotor)[-1])
+        if fastest > STIFFEST_CONTACT * highest:
+            raise ValueError(
+                f"pressed on the rotor the tip swings at {fastest:.4g} Hz, more than {STIFFEST_CONTACT:g} times the "
+                f"highest mode's {highest:.4g} Hz: it has next to no mass, or the rotor at its rim; mend tip_x and "
+                "tip_y, contact.normal_stiffness_n_per_m15 or rotor.inertia_kg_m2"
+            )
         return self
+
+    def _check_groups(self, highest: float) -> None:
+        for group in ("a", "b"):
+            clamped: float = getattr(self.piezo, f"capacitance_{group}_f")
+            motional = sum(
+                getattr(mode, f"coupling_{group}_n_per_v") ** 2 / mode.stiffness_n_per_m for mode in self.modes
+            )
+            coupling = motional / (clamped + motional)
+            if coupling > CLOSEST_COUPLING:
+                raise ValueError(
+                    f"the modes give group {group.upper()} a coupling k_eff² = {coupling:.3g}, the share of Σ θ²/k in "
+                    f"it and piezo.capacitance_{group}_f; no ceramic exceeds {CLOSEST_COUPLING:g}, so mend "
+                    f"coupling_{group}_n_per_v or the capacitance"
+                )
+        loss = self.piezo.loss_tangent * highest / self.piezo.loss_reference_hz
+        if loss > 1.0:
+            raise ValueError(
+                f"piezo.loss_tangent = {self.piezo.loss_tangent:g} at piezo.loss_reference_hz = "
+                f"{self.piezo.loss_reference_hz:g} Hz makes {loss:.3g} at the highest mode's {highest:.4g} Hz, since "
+                "it rises with frequency; no dielectric exceeds 1, so state it where the motor works"
+            )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the motor as JSON-ready SI values (the shape of ``piezomotor show --json``).
@@ -123,6 +161,25 @@ class Motor(Parameters):
                 mode["stiffness_n_per_m"] = stiffness_for(mode["mass_kg"], mode.pop("frequency_hz"), path, where)
         changed_modes = any(path.startswith("modes.") for path in changed)
         return assemble(document, None if changed_modes else self.structure, provenance, where=where)
+
+
+def _check_mode(mode: Mode) -> None:
+    if not LOWEST_FREQUENCY <= mode.frequency_hz <= HIGHEST_FREQUENCY:
+        raise ValueError(
+            f"mode {mode.name} swings at {mode.frequency_hz:.4g} Hz by its mass and stiffness; a piezo motor's modes "
+            f"lie from {LOWEST_FREQUENCY:g} to {HIGHEST_FREQUENCY:g} Hz, so mend one of them"
+        )
+    quality = mode.quality_factor
+    if quality <= LOWEST_QUALITY:
+        raise ValueError(
+            f"mode {mode.name} does not ring: quality factor {quality:.3g}; "
+            f"it must exceed {LOWEST_QUALITY:g}, so lower its damping"
+        )
+    if quality > HIGHEST_QUALITY:
+        raise ValueError(
+            f"mode {mode.name} rings too well: quality factor {quality:.3g}; no solid exceeds {HIGHEST_QUALITY:g}, "
+            "so raise its damping"
+        )
 
 
 def assemble(

@@ -13,8 +13,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-# Ranges are those of motors that fit on a desk, from MEMS to a few kilograms: wide enough for any device that
-# the theory fits, narrow enough to catch a value given in mm, kHz or GPa.
+# Ranges are those of piezo motors that can be built, from MEMS to some kilograms: wide enough for any device that the
+# theory fits, narrow enough to catch a value given in mm, kHz or GPa. What the values must be to each other stands
+# beside them, in this module, in Motor and in model/drive.py; `make soak` runs motors drawn from all of it.
 
 
 def quantity(description: str, unit: str, **limits: Any) -> Any:
@@ -104,6 +105,8 @@ class Mode(Parameters):
     m r̈ + c ṙ + k r = θ_A U_A + θ_B U_B + X F_x + Y F_y, with r the modal coordinate (m).
     """
 
+    # A mass from a MEMS plate 10 µm across to the 1 kg of modes normalised by their mass, and beyond. Couplings and tip
+    # motions depend on the normalisation; what they may be, Motor says by what does not: coupling factor and stiffness.
     name: str = label("name of the mode")
     mass_kg: float = quantity("modal mass m, the arm's inductance", "kg", gt=1e-12, le=1e3)
     damping_n_s_per_m: float = quantity("modal damping c, the arm's resistance", "N·s/m", ge=1e-12, le=1e9)
@@ -133,17 +136,25 @@ class Piezo(Parameters):
     loss_reference_hz: float = quantity("frequency at which the loss tangent holds", "Hz", ge=1.0, le=1e8)
 
 
+# K_t K_N^(2/3) = E*/G*, of elastic bodies with Poisson's ratios from 0 to 0.5: 1 to 1.5. A layer that only shears makes
+# it larger, a value identified from a run may be smaller; a factor of ten each way, and ten more for soft layers.
+SOFTNESS = (0.1, 100.0)
+
+
 class Contact(Parameters):
     """Hertz normal contact with a spring–slider along the tangent (paper eqs. 13–18, corrected)."""
 
-    normal_stiffness_n_per_m15: float = quantity("K_N of F_N = K_N δ^(3/2)", "N/m^1.5", ge=1e3, le=1e15)
+    # 4/3 E* √R* of rubber (1e6 Pa) round to a micrometre: 1e3; of diamond (1e12 Pa) on a flat slide (R* = 10 m): 4e12
+    normal_stiffness_n_per_m15: float = quantity("K_N of F_N = K_N δ^(3/2)", "N/m^1.5", ge=1e3, le=1e13)
     tangential_compliance_tip_m_per_n23: float = quantity(
         "K_t1 of u₁ = μ K_t1 F_N^(2/3) at the limit of stick, tip side", "m/N^(2/3)", ge=0.0, le=1e-2
     )
     tangential_compliance_rotor_m_per_n23: float = quantity(
         "K_t2, the same on the rotor's side", "m/N^(2/3)", ge=0.0, le=1e-2
     )
-    friction: float = quantity("coefficient of friction μ", "1", ge=1e-6, le=5.0)
+    # graphite at its most slippery has 1e-4 and more, clean rubber up to 4
+    friction: float = quantity("coefficient of friction μ", "1", ge=1e-4, le=5.0)
+    # micronewtons press a MEMS rotor, kilonewtons the largest ring motors
     preload_n: float = quantity("static normal force F₀", "N", ge=1e-6, le=1e5)
     restitution: float = quantity(
         "coefficient of restitution of an impact along the normal; 1 is no loss", "1", ge=0.05, le=1.0, default=1.0
@@ -155,10 +166,17 @@ class Contact(Parameters):
     @model_validator(mode="after")
     def _check(self) -> Self:
         total = self.tangential_compliance_tip_m_per_n23 + self.tangential_compliance_rotor_m_per_n23
-        if not 1e-12 <= total <= 1e-2:
+        if not 2.2e-10 <= total <= 1e-2:
             raise ValueError(
                 "tangential_compliance_tip_m_per_n23 and tangential_compliance_rotor_m_per_n23 add up to "
-                f"{total:g} m/N^(2/3); allowed is a sum ≥ 1e-12 and ≤ 0.01 m/N^(2/3)"
+                f"{total:g} m/N^(2/3); allowed is a sum ≥ 2.2e-10 and ≤ 0.01 m/N^(2/3)"
+            )
+        softness = total * self.normal_stiffness_n_per_m15 ** (2.0 / 3.0)
+        if not SOFTNESS[0] <= softness <= SOFTNESS[1]:
+            raise ValueError(
+                "normal_stiffness_n_per_m15 and the tangential compliances do not go together: K_t K_N^(2/3) = "
+                f"{softness:.3g}; of two elastic bodies it is 1 to 1.5, and allowed is {SOFTNESS[0]:g} to "
+                f"{SOFTNESS[1]:g}, so state [contact.materials] or mend the one that is off"
             )
         return self
 

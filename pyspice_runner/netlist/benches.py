@@ -9,20 +9,48 @@ from math import degrees, pi
 
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.model.drive import Drive, Tone
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.drive import Drive, Tone, check_together
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw
 from pyspice_runner.netlist.library import read_library
-from pyspice_runner.netlist.motor import Discretisation, Motion, add_motor, dielectric_resistance, instantiate
+from pyspice_runner.netlist.motor import (
+    Discretisation,
+    Motion,
+    add_motor,
+    crown_node,
+    dielectric_resistance,
+    instantiate,
+)
 
 # Newton's iteration is closed to a part in 10⁶, so that its error stays far below that of the time step. Nodes carry
 # V, N, µm, m/s and rad/s of order one; a nanovolt and a nanoampere stand for nothing. The step is uniform: trtol takes
 # the truncation-error control, which would shorten steps, out of play.
 TRANSIENT_OPTIONS = {"reltol": "1e-6", "vntol": "1e-9", "abstol": "1e-9", "trtol": "1e9", "method": "trap"}
+_SMALL = 1e-5  # of the smallest of a motor's own forces and displacements: below it, a nanovolt is too much
 # ngspice ends a sweep within reltol of a frequency step: much smaller, and round-off may drop the last frequency.
 AC_OPTIONS = {"reltol": "1e-6", "vntol": "1e-12", "abstol": "1e-12"}
 _METERS = ("piezomotor_contactmeter", "piezomotor_wattmeter", "piezomotor_heat")
+
+
+def transient_options(motor: Motor, contact: ContactLaw | None = "spring-slider") -> dict[str, str]:
+    """Return :data:`TRANSIENT_OPTIONS`, with tolerances to suit a motor whose contact is that of a MEMS.
+
+    What a nanovolt and a nanoampere stand for is nothing in a motor on a desk; a contact of micronewtons with little
+    friction is lost in it.
+    """
+    if contact is None:
+        return TRANSIENT_OPTIONS
+    depth = 1e6 * contact_law.static_penetration(motor.contact)
+    friction = motor.contact.friction * motor.contact.preload_n
+    volts = (motor.contact.preload_n, friction, depth, contact_law.limit_ratio(motor.contact) * depth)
+    amperes = motor.rotor.radius_m * friction
+    return TRANSIENT_OPTIONS | {
+        name: f"{_SMALL * least:.3g}"
+        for name, least in (("vntol", min(volts)), ("abstol", amperes))
+        if _SMALL * least < float(TRANSIENT_OPTIONS[name])
+    }
 
 
 def transient_bench(
@@ -50,6 +78,7 @@ def transient_bench(
         thermal: drift of the motor; its losses then heat it through ``Xcooling`` on the nodes heat and temperature.
         title: title line of the deck.
     """
+    check_together(motor, drive)
     circuit = Circuit(title or f"{motor.name}: transient")
     _drive_group(circuit, "a", drive.tones_a, drive.soft_start)
     _drive_group(circuit, "b", drive.tones_b, drive.soft_start)
@@ -115,6 +144,7 @@ def dynamometer_bench(
         begun: time in s since the drive came on: the phases go on from there.
         title: title line of the deck.
     """
+    check_together(motor, drive)
     circuit = Circuit(title or f"{motor.name}: dynamometer")
     parts = ("piezomotor_dynamometer", *(_METERS if meters else ()))
     circuit.raw_spice += "\n".join(read_library(name).subcircuit for name in parts) + "\n"
@@ -140,7 +170,7 @@ def dynamometer_bench(
 
 
 def _add_meters(circuit: Circuit, motor: Motor, lag: dict[str, float]) -> None:
-    inside = [f"xmotor.{name}" for name in ("x", "vx", "vy", "normal", "friction", "state")]
+    inside = [f"xmotor.{name}" for name in (crown_node(motor), "vx", "vy", "normal", "friction", "state")]
     nodes: tuple[str | int, ...] = ("shaft", *inside)
     instantiate(circuit, "contactmeter", "piezomotor_contactmeter", nodes, radius=motor.rotor.radius_m, **lag)
     for index, mode in enumerate(motor.modes, start=1):

@@ -155,9 +155,9 @@ _BRUSH = """\
 * PIN  state     out    1      0 separated, 1 stick, 2 gross slip, between them 1 + the part of the contact that slips
 *
 *      name              unit       default  min   max   meaning
-* PAR  normal_stiffness  N/m^1.5    7e9      1e3   1e15  K_N of the Hertz law
-* PAR  compliance        m/N^(2/3)  3.3e-7   1e-12 1e-2  tangential compliance K_t of tip and rotor together
-* PAR  mu                1          0.3      1e-6  5     coefficient of friction
+* PAR  normal_stiffness  N/m^1.5    7e9      1e3   1e13  K_N of the Hertz law
+* PAR  compliance        m/N^(2/3)  3.3e-7   2.2e-10 1e-2  tangential compliance K_t of tip and rotor together
+* PAR  mu                1          0.3      1e-4  5     coefficient of friction
 * PAR  radius            m          0.01     1e-4  10    radius of the rotor
 * PAR  preload           N          5        1e-6  1e5   static normal force F_0
 * PAR  deflection        um         0        0     1e6   static bending of the stator under the preload

@@ -13,6 +13,7 @@ from math import cos, pi, sin
 from PySpice.Spice.Netlist import Netlist, SubCircuit
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
 from pyspice_runner.model.refusal import checked
@@ -21,9 +22,11 @@ from pyspice_runner.netlist.contact import PINS, SLIDERS, ContactLaw, check_law,
 from pyspice_runner.netlist.library import Library, read_library
 
 SUBCIRCUIT = "piezomotor"
+CROWN = "crown"  # node inside a motor whose preload bends the tip sideways: the tip's x from there, in µm
 THERMAL_SUBCIRCUIT = "piezomotor_thermal"
 _PARTS = ("piezomotor_mode", "piezomotor_group", "piezomotor_rotor")
-_SMALLEST_LOSS = 3e-8  # stands for none: SPICE allows no resistor of zero ohm, and a tiny one costs digits
+# at the highest mode's frequency; it stands for none: SPICE allows no resistor of zero ohm, and a tiny one costs digits
+_SMALLEST_LOSS = 3e-8
 
 
 @dataclass(frozen=True)
@@ -116,7 +119,7 @@ class MotorSubCircuit(SubCircuit):
             discretisation.mode(mode) if discretisation else (mode.mass_kg, mode.stiffness_n_per_m)
             for mode in motor.modes
         ]
-        loss = max(motor.piezo.loss_tangent, _SMALLEST_LOSS)
+        loss = _loss_tangent(motor)
         for group, capacitance in (("a", motor.piezo.capacitance_a_f), ("b", motor.piezo.capacitance_b_f)):
             instantiate(
                 self, f"group_{group}", f"piezomotor_group{kind}", (group, "com", *warm),
@@ -145,12 +148,16 @@ class MotorSubCircuit(SubCircuit):
                 contact, motor.contact, radius=motor.rotor.radius_m, preload=preload, deflection=deflection,
                 slider_time=discretisation.slider_time if discretisation else None,
             )  # fmt: skip
+            sway = contact_law.static_sway(motor.contact, _softened(motor, discretisation))
+            if sway:  # the rotor's crown stands over the tip as it rests
+                self.V("sway", "x", CROWN, f"DC {float(f'{1e6 * sway:.10g}')!r}")
             if start and contact == "spring-slider":
                 values["start"] = 1e6 * start.slider_m
             if approach:
                 self.VCVS("approach", "pressed", "y", "approach", self.gnd, voltage_gain=1)
                 self.R("open_approach", "approach", self.gnd, 1e9)
-            nodes = [{"y": "pressed"}.get(pin, pin) if approach else pin for pin in PINS]
+            moved = {"y": "pressed" if approach else "y", "x": CROWN if sway else "x"}
+            nodes = [moved.get(pin, pin) for pin in PINS]
             instantiate(self, "contact", contact_library(contact, sliders), nodes, **values)
         else:
             self.R("free_fx", "fx", self.gnd, 1)
@@ -160,6 +167,18 @@ class MotorSubCircuit(SubCircuit):
             inertia=motor.rotor.inertia_kg_m2, bearing=motor.rotor.bearing_damping_n_m_s,
             **({"start": start.speed_rad_s} if start else {}),
         )  # fmt: skip
+
+
+def crown_node(motor: Motor) -> str:
+    """Return the node inside a motor at which the tip's sideways displacement from the rotor's crown stands."""
+    return CROWN if contact_law.static_sway(motor.contact, motor.modes) else "x"
+
+
+def _softened(motor: Motor, discretisation: Discretisation | None) -> tuple[Mode, ...]:
+    """Return the modes with the stiffness that is written for them."""
+    if discretisation is None:
+        return motor.modes
+    return tuple(mode.model_copy(update={"stiffness_n_per_m": discretisation.mode(mode)[1]}) for mode in motor.modes)
 
 
 def parts_text(contact: ContactLaw | None = "spring-slider", sliders: int = SLIDERS, *, thermal: bool = False) -> str:
@@ -287,7 +306,13 @@ def _mode_drift(thermal: Thermal | None) -> dict[str, float]:
 def dielectric_resistance(motor: Motor, group: str) -> float:
     """Return the resistance in Ω that stands for the dielectric loss of group ``"a"`` or ``"b"`` in the netlist."""
     capacitance: float = getattr(motor.piezo, f"capacitance_{group}_f")
-    return max(motor.piezo.loss_tangent, _SMALLEST_LOSS) / (2.0 * pi * motor.piezo.loss_reference_hz * capacitance)
+    return _loss_tangent(motor) / (2.0 * pi * motor.piezo.loss_reference_hz * capacitance)
+
+
+def _loss_tangent(motor: Motor) -> float:
+    """Return the loss tangent to write, at the reference frequency."""
+    highest = max(mode.frequency_hz for mode in motor.modes)
+    return max(motor.piezo.loss_tangent, _SMALLEST_LOSS * motor.piezo.loss_reference_hz / highest)
 
 
 def instantiate(

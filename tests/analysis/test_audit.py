@@ -4,12 +4,29 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.audit import ENERGY_BOUND, audit_run, audit_two_port
+from pyspice_runner.analysis import drive as drive_module
+from pyspice_runner.analysis import hysteresis as hysteresis_module
+from pyspice_runner.analysis import impact as impact_module
+from pyspice_runner.analysis import speed_torque as speed_torque_module
+from pyspice_runner.analysis import track as track_module
+from pyspice_runner.analysis.audit import (
+    DRIVER_BOUND,
+    ENERGY_BOUND,
+    POWER_BOUND,
+    audit_contact,
+    audit_impact,
+    audit_point,
+    audit_power,
+    audit_run,
+    audit_two_port,
+)
 from pyspice_runner.analysis.simulate import shortest_period
 from pyspice_runner.cli import run
 
@@ -119,3 +136,152 @@ def test_an_admittance_that_gives_power_is_found() -> None:
 def test_the_motor_is_passive() -> None:
     for state in ("free", "preloaded"):
         assert pr.admittance(MOTOR, start=10e3, stop=60e3, points=301, state=state).to_dict()["audit"]["passed"]
+
+
+def test_sources_that_only_take_back_are_balanced_by_what_they_took() -> None:
+    """Plates that start charged may give all along: the sources put nothing in, and the scale is what they took."""
+    backwards = waves()
+    backwards["current_a_a"] *= -1.0
+    settings: dict[str, Any] = {"from_load_j": 0.0, "step": 1e-7, "contact": True}
+    assert audit_run(MOTOR, backwards, missing_j=0.99 * ENERGY_BOUND * 1e-3, **settings) == ()
+    (finding,) = audit_run(MOTOR, backwards, missing_j=1.01 * ENERGY_BOUND * 1e-3, **settings)
+    assert finding.startswith("The energy balance misses")
+
+
+def test_a_contact_that_pulls_throughout_is_found() -> None:
+    pulls = np.full(9, -5.0)
+    assert audit_run(MOTOR, waves() | {"normal_force_n": -waves()["normal_force_n"]}, missing_j=0.0, from_load_j=0.0,
+                     step=1e-7, contact=True)[0].startswith("The contact pulls with 5 N")  # fmt: skip
+    assert audit_contact(0.3, pulls, 0.0 * pulls)[0].startswith("The contact pulls with 5 N")
+
+
+# --- points on the dynamometer ---
+
+
+def point(**changed: float) -> dict[str, float]:
+    """A made-up point: 10 W in, of which 4 W are on the shaft."""
+    return {
+        "power_a_w": 6.0, "power_b_w": 4.0, "shaft_power_w": 4.0, "dielectric_loss_w": 1.0, "damping_loss_w": 2.0,
+        "friction_loss_w": 3.0, "normal_loss_w": 0.0, "stored_power_w": 0.0, "apparent_power_a_va": 0.0,
+        "apparent_power_b_va": 0.0, "normal_force_n": 5.0, "torque_n_m": 0.012, **changed,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("changed", "found"), [
+    ({}, ""),
+    ({"power_a_w": 6.0 + 9.9 * POWER_BOUND}, ""),
+    ({"power_a_w": 6.0 + 10.2 * POWER_BOUND}, "The powers miss 0.102 of 10.1 W; allowed is 1 %."),
+    ({"damping_loss_w": 2.11}, "The powers miss 0.11 of 10 W"),
+    ({"damping_loss_w": 2.11, "apparent_power_a_va": 400.0}, ""),  # little beside what goes to and fro
+    ({"torque_n_m": 0.01501}, ""),
+    ({"torque_n_m": -0.0151}, "The mean torque of -0.0151 N.m exceeds the 0.015 N.m"),
+    ({"normal_force_n": -0.01, "torque_n_m": 0.0}, "On average the contact pulls with 0.01 N"),
+])  # fmt: skip
+def test_means_that_cannot_be_true_are_found(changed: dict[str, float], found: str) -> None:
+    findings = audit_point(MOTOR, point(**changed), 1e-7)
+    assert [finding[: len(found)] for finding in findings] == ([found] if found else [])
+
+
+def test_a_point_whose_step_is_too_coarse_is_found() -> None:
+    (finding,) = audit_point(MOTOR, point(), 1.2e-6)
+    assert finding.startswith("Under the mean force, 5 N, the motor swings at")
+
+
+def test_powers_of_a_driver_and_the_energy_of_an_impact_are_held_to_their_bounds() -> None:
+    assert audit_power(10.0, 10.0 * (1.0 - 0.99 * DRIVER_BOUND), 0.0) == ()
+    (finding,) = audit_power(10.0, 10.0 * (1.0 - 1.01 * DRIVER_BOUND), 0.0)
+    assert finding.startswith("The powers miss 0.202 of 10 W; allowed is 2 %.")
+    assert audit_impact(1.0, 1.0009) == ()
+    (finding,) = audit_impact(1.0, 1.0011)
+    assert finding.startswith("The sphere leaves with 1.001 J and came with 1 J")
+
+
+# --- runs made false behind the simulator's back: each is withheld, or given and marked ---
+
+SPEED: dict[str, Any] = {"speed": 2.0, "patience": 4, "tolerance": 0.1}
+DAMPED = MOTOR.updated({f"modes.{n}.damping_n_s_per_m": 200.0 for n in range(2)})  # decays in no time
+DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3)
+
+
+def falsify(monkeypatch: pytest.MonkeyPatch, module: Any, name: str, change: Callable[[Any], Any]) -> None:
+    """Change what a function of a module returns."""
+    true = getattr(module, name)
+    monkeypatch.setattr(module, name, lambda *given, **named: change(true(*given, **named)))
+
+
+def lossless(means: dict[str, float]) -> dict[str, float]:
+    return means | {"damping_loss_w": 0.0}
+
+
+def test_a_point_that_is_not_true_is_withheld_or_marked(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert pr.operating_point(DAMPED, DRIVE, **SPEED)["audit"] == {"passed": True, "findings": []}
+    falsify(monkeypatch, speed_torque_module, "quantities", lossless)
+    with pytest.raises(pr.SimulationError, match=r"The powers miss .* The point at 2 rad/s is withheld; audit = False"):
+        pr.operating_point(DAMPED, DRIVE, **SPEED)
+    marked = pr.operating_point(DAMPED, DRIVE, **SPEED, audit=False)["audit"]
+    assert (marked["passed"], marked["findings"][0][:15]) == (False, "The powers miss")
+    curve = pr.speed_torque(DAMPED, DRIVE, speeds=[2.0], patience=4, tolerance=0.1, audit=False)
+    assert not curve["audit_passed"].any()
+    assert json.loads(curve.attrs["audit"]) == marked
+    words = ["speed-torque", "andersen2002", "--frequency", "51700", "--speeds", "2", "--patience", "4", "--json"]
+    words += ["--tolerance", "0.1", *(f"--set=modes.{n}.damping_n_s_per_m=200" for n in range(2))]
+    assert run(words) == 3
+    assert capsys.readouterr().out == ""
+    assert run([*words, "--no-audit"]) == 0
+    captured = capsys.readouterr()
+    document = json.loads(captured.out)
+    assert document["audit_passed"] == [False]
+    assert document["audit"] == marked
+    assert captured.err.startswith("piezomotor: not to be trusted: The powers miss")
+
+
+def test_a_ramp_is_audited_all_along(monkeypatch: pytest.MonkeyPatch) -> None:
+    ramp: dict[str, Any] = {"speeds": [1.0, 2.0], "mode": "ramp", "patience": 4, "tolerance": 0.1}
+    blocks = iter(range(1000))
+    falsify(
+        monkeypatch, speed_torque_module, "quantities",
+        lambda means: means | ({"normal_force_n": -1.0} if next(blocks) == 7 else {}),
+    )  # fmt: skip
+    curve = pr.speed_torque(DAMPED, DRIVE, **ramp, audit=False)
+    assert not curve["audit_passed"].any()
+    assert "On average the contact pulls with 1 N" in curve.attrs["audit"]
+
+
+def test_a_driver_whose_powers_do_not_balance_is_withheld_or_marked(monkeypatch: pytest.MonkeyPatch) -> None:
+    driver = pr.Driver(kind="linear", voltage=50.0, frequency=51.7e3)
+    settings: dict[str, Any] = {"duration": 2e-4, "proposals": False}
+    assert pr.drive_report(MOTOR, driver, **settings).to_dict()["audit"]["passed"]
+    falsify(monkeypatch, drive_module, "_supplies", lambda rails: [(1.1 * u, i, name) for u, i, name in rails])
+    with pytest.raises(pr.SimulationError, match=r"The powers miss .* The report is withheld"):
+        pr.drive_report(MOTOR, driver, **settings)
+    told = pr.drive_report(MOTOR, driver, **settings, audit=False).to_dict()["audit"]
+    assert (told["passed"], told["findings"][0][:15]) == (False, "The powers miss")
+
+
+def test_a_tracked_motor_whose_contact_pulls_is_withheld_or_marked(monkeypatch: pytest.MonkeyPatch) -> None:
+    tracker = pr.Tracker(kind="none", voltage=50.0, frequency=55.4e3)
+    settings: dict[str, Any] = {"duration": 2e-3, "begin": 2e-3}
+    assert pr.track(MOTOR, tracker, **settings).to_dict()["audit"]["passed"]
+    falsify(
+        monkeypatch, track_module, "_run",
+        lambda found: (found[0] | {"v(xmotor.normal)": found[0]["v(xmotor.normal)"] - 6.0}, *found[1:]),
+    )  # fmt: skip
+    with pytest.raises(pr.SimulationError, match=r"The contact pulls .* The run is withheld"):
+        pr.track(MOTOR, tracker, **settings)
+    told = pr.track(MOTOR, tracker, **settings, audit=False).to_dict()["audit"]
+    assert (told["passed"], told["findings"][0][:17]) == (False, "The contact pulls")
+
+
+def test_a_loop_and_an_impact_beyond_coulomb_are_withheld_or_marked(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert pr.hysteresis(MOTOR, 0.8).to_dict()["audit"]["passed"]
+    assert pr.impact(pr.Throw()).provenance["audit"]["passed"]
+    for module in (hysteresis_module, impact_module):
+        monkeypatch.setattr(module, "audit_contact", lambda mu, *forces: audit_contact(0.5 * mu, *forces))
+    with pytest.raises(pr.SimulationError, match=r"Friction exceeds mu F_N .* The loop is withheld"):
+        pr.hysteresis(MOTOR, 1.8)
+    with pytest.raises(pr.SimulationError, match=r"Friction exceeds mu F_N .* The impact is withheld"):
+        pr.impact(pr.Throw(psi=15.0))
+    assert not pr.hysteresis(MOTOR, 1.8, audit=False).to_dict()["audit"]["passed"]
+    assert not pr.impact(pr.Throw(psi=15.0), audit=False).provenance["audit"]["passed"]

@@ -12,6 +12,7 @@ import xarray
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.waveforms import COLUMNS
+from tests.motors import motor as asymmetric
 
 DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
 
@@ -42,6 +43,39 @@ def test_an_undriven_motor_stays_where_it_is(motor: pr.Motor) -> None:
     assert run.normal_force_n == pytest.approx(motor.contact.preload_n, rel=1e-6)
     assert np.abs(run.rotor_speed_rad_s).max() < 1e-9
     assert run.energy_residual == 0.0 or abs(run.energy.electrical) < 1e-15
+
+
+def test_an_asymmetric_stator_rests_under_its_preload_too() -> None:
+    """Its preload bends the tip sideways as well; the rotor's crown stands over the tip as it rests."""
+    subject = asymmetric()
+    sway = -8.0 * sum(mode.tip_x * mode.tip_y / mode.stiffness_n_per_m for mode in subject.modes)
+    assert abs(sway) > 1e-9
+    drive = pr.TwoPhaseDrive(voltage=0.0, frequency=30e3)
+    for law in ("spring-slider", "brush", "coulomb"):
+        run = pr.simulate(subject, drive, duration=1e-4, contact=law)
+        assert run.tip_x_m == pytest.approx(sway, rel=1e-3)  # the netlist's stiffness is adapted to the step
+        assert np.ptp(run.tip_x_m) < 1e-6 * abs(sway)
+        assert run.normal_force_n == pytest.approx(8.0, rel=1e-6)
+        assert np.abs(run.friction_force_n).max() < 1e-5
+    preloaded = pr.admittance(subject, start=20e3, stop=70e3, points=51, state="preloaded")
+    assert preloaded.normal_force_n == pytest.approx(8.0)
+
+
+def test_balance_of_a_dielectric_without_loss() -> None:
+    """What stands for no loss is none at the motor's frequencies, wherever the loss tangent is stated."""
+    for reference in (1.0, 1e8):
+        lossless = asymmetric().updated({"piezo.loss_tangent": 0.0, "piezo.loss_reference_hz": reference})
+        run = pr.simulate(lossless, pr.TwoPhaseDrive(voltage=50.0, frequency=41e3), duration=3e-4)
+        assert run.energy_residual < 1e-3
+
+
+def test_a_contact_of_micronewtons_with_little_friction_is_not_lost_in_the_tolerances() -> None:
+    tiny = asymmetric().updated({"contact.preload_n": 6e-6, "contact.friction": 1e-3})
+    run = pr.simulate(tiny, pr.TwoPhaseDrive(voltage=1e-7, frequency=41e3), duration=2e-4, speed=0.01)
+    assert ".options vntol = 6e-14" in run.deck
+    limit = 1e-3 * run.normal_force_n
+    assert np.all(np.abs(run.friction_force_n) <= limit + 1e-3 * limit.max())
+    assert run.friction_force_n[-1] == pytest.approx(-limit[-1], rel=1e-3)  # it slips, dragged back
 
 
 def test_a_free_tip_rings_at_the_closed_form_amplitude(motor: pr.Motor) -> None:

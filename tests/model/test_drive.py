@@ -13,8 +13,17 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import Drive, Tone, TwoPhaseDrive, TwoToneDrive
+from pyspice_runner.model.drive import (
+    Drive,
+    Tone,
+    TwoPhaseDrive,
+    TwoToneDrive,
+    check_shaft,
+    check_together,
+    free_tip,
+)
 from tests.model.toml_text import reads_well
+from tests.motors import mode, motor
 
 Array = NDArray[np.float64]
 
@@ -72,7 +81,7 @@ def test_tones_without_a_short_common_period_give_that_of_the_lower() -> None:
 
 @settings(max_examples=50, deadline=None)
 @given(
-    voltage=st.floats(0.0, 1e5),
+    voltage=st.floats(0.0, 1e4),
     frequency=st.floats(1.0, 1e8),
     phase=st.floats(-360.0, 360.0),
     start=st.floats(0.0, 1.0),
@@ -116,7 +125,7 @@ GOOD: dict[type[Drive], dict[str, Any]] = {
     },
 }  # fmt: skip
 LIMITS = {
-    "voltage": ("V", "≥ 0 and ≤ 100000 V"),
+    "voltage": ("V", "≥ 0 and ≤ 10000 V"),
     "frequency": ("Hz", "≥ 1 and ≤ 1e+08 Hz"),
     "phase_deg": ("°", "≥ -360 and ≤ 360 °"),
     "soft_start": ("s", "≥ 0 and ≤ 100 s"),
@@ -154,3 +163,56 @@ def test_missing_or_misspelt_argument_is_named(arguments: dict[str, Any], senten
     with pytest.raises(ParameterError) as caught:
         TwoPhaseDrive(**arguments)
     assert str(caught.value) == sentence
+
+
+# --- a drive and its motor -----------------------------------------------------------------------------------
+
+
+def test_free_tip_at_resonance_is_force_over_damping() -> None:
+    """One mode that moves the tip along 3:4, driven by both groups in phase at its resonance."""
+    alone = mode("m", 2e4, 0.003, 50.0, coupling_a_n_per_v=0.2, coupling_b_n_per_v=0.1, tip_x=3.0, tip_y=4.0)
+    drive = TwoPhaseDrive(voltage=10.0, frequency=2e4, phase_deg=0.0)
+    velocity, swing = free_tip(motor(modes=(alone,)), drive)
+    assert velocity == pytest.approx(5.0 * 0.3 * 10.0 / alone.damping_n_s_per_m)
+    assert swing == pytest.approx(velocity / (2.0 * pi * 2e4))
+    opposed = TwoPhaseDrive(voltage=10.0, frequency=2e4, phase_deg=180.0)
+    assert free_tip(motor(modes=(alone,)), opposed)[0] == pytest.approx(velocity / 3.0)
+
+
+@pytest.mark.parametrize(
+    ("drive", "sentence"),
+    [
+        (
+            TwoPhaseDrive(voltage=1.0, frequency=21.9),
+            (
+                "A drive at 21.9 Hz is refused for off the defaults, whose modes lie from 2.2e+04 to 6.6e+04 Hz; "
+                "allowed is a frequency ≥ 22 and ≤ 6.6e+06 Hz."
+            ),
+        ),
+        (
+            TwoToneDrive(voltage_1=1.0, frequency_1=2e4, voltage_2=0.0, frequency_2=7e6),
+            (
+                "A drive at 7e+06 Hz is refused for off the defaults, whose modes lie from 2.2e+04 to 6.6e+04 Hz; "
+                "allowed is a frequency ≥ 22 and ≤ 6.6e+06 Hz."
+            ),
+        ),
+        (
+            TwoPhaseDrive(voltage=9e3, frequency=22e3),
+            "The drive (9000 V at 22 kHz, 90° apart) is refused for off the defaults: it would swing the free tip by",
+        ),
+    ],
+)
+def test_a_drive_that_no_motor_of_this_kind_has_is_refused(drive: Drive, sentence: str) -> None:
+    check_together(motor(), TwoPhaseDrive(voltage=100.0, frequency=22e3))
+    with pytest.raises(ParameterError) as caught:
+        check_together(motor(), drive)
+    assert str(caught.value).startswith(sentence)
+    assert reads_well(str(caught.value))
+
+
+def test_a_rotor_is_not_held_where_it_bursts() -> None:
+    check_shaft(motor(), 7e4)
+    with pytest.raises(ParameterError, match=r"its rim would move at 1\.04e\+03 m/s, .* up to 7\.69e\+04 rad/s\.$"):
+        check_shaft(motor(), -8e4)
+    with pytest.raises(ParameterError, match=r"speed = nan rad/s is refused"):
+        check_shaft(motor(), float("nan"))

@@ -202,6 +202,54 @@ MODES = "there are push, pull, turn, numbered from 0."
             "mode pull does not ring: quality factor 7.73e-06; it must exceed 0.5, so lower its damping.",
         ),
         (
+            {"modes.1.damping_n_s_per_m": 1e-6},
+            "mode pull rings too well: quality factor 7.73e+08; no solid exceeds 1e+06, so raise its damping.",
+        ),
+        (
+            {"modes.0.frequency_hz": 9.0},
+            (
+                "mode push swings at 9 Hz by its mass and stiffness; a piezo motor's modes lie from 10 to 1e+07 Hz, so "
+                "mend one of them."
+            ),
+        ),
+        (
+            {"modes.0.frequency_hz": 60.0, "modes.0.damping_n_s_per_m": 0.01},
+            (
+                "the modes reach from 60 to 6.6e+04 Hz; a stator's are at most a factor 1000 apart, so leave out those "
+                "that do not take part."
+            ),
+        ),
+        (
+            {"modes.0.coupling_b_n_per_v": 2.0},
+            (
+                "the modes give group B a coupling k_eff² = 0.96, the share of Σ θ²/k in it and piezo.capacitance_b_f; "
+                "no ceramic exceeds 0.9, so mend coupling_b_n_per_v or the capacitance."
+            ),
+        ),
+        (
+            {"piezo.loss_reference_hz": 1e3},
+            (
+                "piezo.loss_tangent = 0.03 at piezo.loss_reference_hz = 1000 Hz makes 1.98 at the highest mode's "
+                "6.6e+04 Hz, since it rises with frequency; no dielectric exceeds 1, so state it where the motor works."
+            ),
+        ),
+        (
+            {"rotor.inertia_kg_m2": 5e-13},
+            (
+                "pressed on the rotor the tip swings at 8.692e+06 Hz, more than 100 times the highest mode's 6.6e+04 "
+                "Hz: it has next to no mass, or the rotor at its rim; mend tip_x and tip_y, "
+                "contact.normal_stiffness_n_per_m15 or rotor.inertia_kg_m2."
+            ),
+        ),
+        (
+            {"contact.tangential_compliance_tip_m_per_n23": 5e-3},
+            (
+                "contact.normal_stiffness_n_per_m15 and the tangential compliances do not go together: K_t K_N^(2/3) = "
+                "1.26e+04; of two elastic bodies it is 1 to 1.5, and allowed is 0.1 to 100, so state "
+                "[contact.materials] or mend the one that is off."
+            ),
+        ),
+        (
             {"contact.preload_n": 9e4},
             (
                 "contact.preload_n = 90000 N presses the tip 0.00183 m into the rotor; at most a "
