@@ -163,3 +163,12 @@ def test_refusals_say_what_is_allowed(settings: dict[str, object], says: str) ->
     with pytest.raises(pr.ParameterError) as refusal:
         pr.admittance(pr.load_motor("andersen2002"), **settings)  # type: ignore[arg-type]
     assert says in str(refusal.value)
+
+
+def test_a_mode_that_its_neighbours_bury_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no arm of positive resistance fits there is no motional arm to tell of, and no error."""
+    motor = pr.load_motor("andersen2002")
+    found = pr.admittance(motor, start=10e3, stop=60e3, points=51)
+    assert [item.mode for item in found.resonances["A"]] == [mode.name for mode in motor.modes]
+    monkeypatch.setattr("pyspice_runner.analysis.admittance._motional_arm", lambda *_: (-1.0, 1.0, 1.0))
+    assert pr.admittance(motor, start=10e3, stop=60e3, points=51).resonances == dict.fromkeys(found.resonances, ())
