@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 .DEFAULT_GOAL := help
-.PHONY: help setup demo figures docs test fuzz bench lint format clean
+.PHONY: help setup demo figures docs test soak fuzz bench lint format clean
 
 PY := .venv/bin/python
 JOBS ?= 2
@@ -27,6 +27,9 @@ test: lint ## lint, then run every test, the wheel's included
 
 fuzz: setup ## give every door of the package 10,000 inputs gone wrong (half an hour)
 	$(PY) -m tests.fuzz
+
+soak: setup ## run 2,000 random motors (a quarter of an hour; goes on where it was interrupted)
+	$(PY) -m tests.soak
 
 bench: ## measure speed, accuracy and memory (minutes; nothing else should run meanwhile)
 	@sh scripts/setup.sh test dev bench

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -64,6 +64,16 @@ def working_in(folder: Path) -> list[int]:
             continue
         if inside and int(entry.name) != os.getpid():
             found.append(int(entry.name))
+    return found
+
+
+def simulators_in(folder: Path) -> list[int]:
+    """Those of ngspice among them; a process that is to become one works there already, but is Python's still."""
+    found = []
+    for number in working_in(folder):
+        with suppress(OSError):  # it has just ended
+            if Path(f"/proc/{number}/comm").read_text(encoding="utf-8").startswith("ngspice"):
+                found.append(number)
     return found
 
 

@@ -26,7 +26,7 @@ import xarray
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from tests.processes import ROOT, begun, command, handles, wait_for, working_in
+from tests.processes import LONGEST, ROOT, begun, command, handles, simulators_in, wait_for, working_in
 
 RUNS = {  # the commands that run ngspice, as short as they can be
     "simulate": ["andersen2002", "--duration", "2e-4"],
@@ -126,9 +126,9 @@ def test_ngspice_that_is_killed(
 def test_ngspice_that_is_killed_or_hangs_in_its_run(number: signal.Signals, says: str, folder: Path) -> None:
     with begun("simulate", "andersen2002", "--duration", "2", "--timeout", "3", cwd=folder) as process:
         at_work: list[int] = []
-        wait_for(lambda: at_work.extend(working_in(folder.parent / "tmp")) or at_work, process)
+        wait_for(lambda: at_work.extend(simulators_in(folder.parent / "tmp")) or at_work, process)
         os.kill(at_work[0], number)
-        output, said = process.communicate()
+        output, said = process.communicate(timeout=LONGEST)
     assert (process.returncode, output) == (3, "")
     assert says in said
     assert working_in(folder.parent / "tmp") == []
@@ -425,7 +425,7 @@ def test_ctrl_c_between_two_files_keeps_the_first_and_prints_the_result(folder: 
     with begun(*SIMULATE, "--json", "--output", "run.csv", "--plot", "run.png", cwd=folder) as process:
         wait_for(lambda: (folder / "run.csv").exists(), process)
         process.send_signal(signal.SIGINT)
-        output, said = process.communicate()
+        output, said = process.communicate(timeout=LONGEST)
     assert (process.returncode, said) == (130, "piezomotor: interrupted; run.csv is complete.\n")
     assert json.loads(output)["points"] + 1 == len((folder / "run.csv").read_text(encoding="utf-8").splitlines())
     assert temporary(folder) == []
@@ -462,7 +462,7 @@ def test_ctrl_c_at_any_moment(name: str, life: float, folder: Path) -> None:
             for _ in range(1 + moment % 2):  # who is impatient presses twice
                 if process.poll() is None:
                     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-            _, said = process.communicate()
+            _, said = process.communicate(timeout=LONGEST)
         assert not re.search("Traceback|Exception", said), said
         found = {path.name for path in folder.iterdir()}
         if process.returncode == 0:
@@ -489,7 +489,7 @@ def test_a_terminal_that_is_closed_ends_command_and_ngspice(folder: Path) -> Non
     with begun(*words, cwd=folder) as process:
         wait_for(lambda: working_in(folder.parent / "tmp"), process)
         process.send_signal(signal.SIGHUP)
-        output, said = process.communicate()
+        output, said = process.communicate(timeout=LONGEST)
         assert (process.returncode, output) == (129, "")
         assert said == "piezomotor: interrupted; nothing was written.\n"
         assert list(folder.iterdir()) == []

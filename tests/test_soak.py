@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A small seeded part of ``make soak``, and that a soak can fail."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.analysis import simulate
+from pyspice_runner.analysis.waveforms import Waveforms
+from pyspice_runner.model.parameters import Contact, Mode, Parameters, Piezo, Rotor
+from tests import soak
+
+SEED = 20
+NUMBERS = [field for field in Contact.model_json_schema()["properties"].values() if field["type"] == "number"]
+
+
+@pytest.mark.parametrize("index", range(12))
+def test_a_random_motor_gives_a_result_that_passes_the_audit(index: int) -> None:
+    found = soak.outcome(SEED, index)
+    assert found.kind == "result", found.said
+
+
+def test_a_case_is_the_same_whenever_it_is_drawn() -> None:
+    assert soak.case(SEED, 3) == soak.case(SEED, 3) != soak.case(SEED, 4)
+
+
+@pytest.mark.parametrize("schema", [*NUMBERS, Mode.model_json_schema()["properties"]["tip_x"]])
+def test_values_come_from_the_whole_range(schema: dict[str, Any]) -> None:
+    rng = np.random.default_rng(0)
+    values = np.array([soak.value(rng, {key: item for key, item in schema.items() if key != "default"})
+                       for _ in range(2000)])  # fmt: skip
+    low, high = (schema.get(name, schema.get(f"exclusive{name.capitalize()}")) for name in ("minimum", "maximum"))
+    assert low <= values.min() <= values.max() <= high
+    positive = values[values > 0.0]
+    decades = math.log10(high / (low if low > 0.0 else positive.min()))
+    assert math.log10(high / positive.max()) < 0.02 * decades
+    if low > 0.0:
+        assert math.log10(values.min() / low) < 0.02 * decades
+    else:
+        assert (values == 0.0).any()
+        assert (values < 0.0).any() == (low < 0.0)
+
+
+# --- what must be told apart ---
+
+
+FIRST = next(index for index in range(50) if soak.case(SEED, index).asked == "simulate, spring-slider")
+
+
+def falsified(monkeypatch: pytest.MonkeyPatch, change: Callable[[dict[str, Any]], object]) -> soak.Outcome:
+    """The outcome of a run whose waveforms were changed behind ngspice's back."""
+    columns = simulate.Recording.columns
+
+    def changed(*arguments: Any) -> dict[str, Any]:
+        waves = columns(*arguments)
+        change(waves)
+        return waves
+
+    monkeypatch.setattr(simulate.Recording, "columns", changed)
+    return soak.outcome(SEED, FIRST)
+
+
+def test_a_result_made_false_is_counted_as_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert soak.outcome(SEED, FIRST).kind == "result"
+    found = falsified(monkeypatch, lambda waves: waves.update(current_a_a=1e3 * np.sign(waves["voltage_a_v"])))
+    assert (found.kind, found.said[:25]) == ("simulation error", "The energy balance misses")
+    found = falsified(monkeypatch, lambda waves: waves.update(normal_force_n=-waves["normal_force_n"]))
+    assert (found.kind, "contact pulls" in found.said) == ("simulation error", True)
+
+
+def test_what_is_no_result_is_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Waveforms, "to_dict", lambda _: {"audit": {"passed": False, "findings": ["x"]}})
+    assert soak.outcome(SEED, FIRST).kind == "not audited"
+    monkeypatch.setattr(Waveforms, "to_dict", lambda _: {})
+    assert soak.outcome(SEED, FIRST).kind == "not audited"
+    for raised, kind in (
+        (ZeroDivisionError("x"), "traceback"),
+        (pr.ParameterError("x"), "refused"),
+        (pr.SimulationError("ngspice did not finish within 120 s and was stopped."), "hang"),
+        (pr.SimulationError("ngspice gave up."), "simulation error"),
+    ):
+
+        def fails(*_: Any, error: Exception = raised, **__: Any) -> Any:
+            raise error
+
+        monkeypatch.setattr(soak, "_run", fails)
+        assert soak.outcome(SEED, FIRST).kind == kind
+
+
+def made_up(index: int, kind: str = "result", said: str = "") -> soak.Outcome:
+    return soak.Outcome(index, kind, "simulate, brush", said, "stuck", 0.1, {"modes": 1.0})
+
+
+@pytest.mark.parametrize(("kind", "number", "passes"), [
+    ("simulation error", 2, True), ("simulation error", 3, False), ("traceback", 1, False), ("hang", 1, False),
+    ("refused", 1, False), ("not audited", 1, False),
+])  # fmt: skip
+def test_two_in_a_hundred_may_be_errors_that_name_their_cause(kind: str, number: int, passes: bool) -> None:
+    failed = [made_up(index, kind, f"It stopped at {index} s.") for index in range(number)]
+    outcomes = [*failed, *(made_up(index) for index in range(number, 100))]
+    found = soak.summary(outcomes, SEED)
+    assert found["results"] == 100 - number
+    assert [(one["kind"], one["cause"], one["count"]) for one in found["failures"]] == [
+        (kind, "It stopped at # s.", number)
+    ]
+    assert soak.passes(found) is passes
+
+
+def test_an_interrupted_soak_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ran: list[int] = []
+
+    def note(_: int, index: int) -> soak.Outcome:
+        ran.append(index)
+        return made_up(index)
+
+    def threads(workers: int) -> Executor:
+        return ThreadPoolExecutor(workers)
+
+    monkeypatch.setattr(soak, "outcome", note)
+    monkeypatch.setattr(soak, "ProcessPoolExecutor", threads)
+    notes = tmp_path / "notes.jsonl"
+    begun = soak.soak(9, SEED, 1, notes)
+    assert next(begun).index in range(9)
+    begun.close()
+    done = [json.loads(line)["index"] for line in notes.read_text(encoding="utf-8").splitlines()]
+    assert done
+    ran.clear()
+    assert sorted(one.index for one in soak.soak(9, SEED, 2, notes)) == list(range(9))
+    assert sorted(ran) == sorted(set(range(9)) - set(done))
+
+
+def test_the_soak_that_is_committed_passes_and_is_what_the_page_tells() -> None:
+    found = json.loads(soak.RESULT.read_text(encoding="utf-8"))
+    assert (found["cases"], found["seed"]) == (soak.COUNT, soak.SEED)
+    assert soak.passes(found)
+    page = (soak.RESULT.parents[1] / "docs" / "robustness.md").read_text(encoding="utf-8")
+    errors = found["kinds"].get("simulation error", 0)
+    share = f"{found['results'] / found['cases']:.1%}".replace("%", " %")
+    assert f"| {found['cases']:,} | {found['results']:,} ({share}) | {errors} | 0 | 0 | 0 |" in page
+    seen = found["seen"]
+    assert (
+        f"stuck throughout in {seen['stuck']}, slipped in {seen['slipped']} and lifted off in {seen['lifted off']}"
+        in page
+    )
+    for failure in found["failures"]:
+        assert f"| {failure['count']} of {found['cases']:,} |" in page
+
+
+def test_every_parameter_was_drawn_near_both_ends_of_its_range() -> None:
+    ranges = json.loads(soak.RESULT.read_text(encoding="utf-8"))["drawn"]
+    kinds: dict[str, type[Parameters]] = {"mode": Mode, "contact": Contact, "piezo": Piezo, "rotor": Rotor}
+    kinds |= {kind.__name__: kind for kind in soak.DRIVES}
+    for part, kind in kinds.items():
+        for name, schema in kind.model_json_schema()["properties"].items():
+            if schema["type"] != "number":
+                continue
+            low, high = (schema.get(end, schema.get(f"exclusive{end.capitalize()}")) for end in ("minimum", "maximum"))
+            least, greatest = ranges[f"{part}.{name}"]
+            assert greatest > 0.5 * high, name
+            assert least <= 0.5 * low if low <= 0.0 else least < 10.0 * low, name
