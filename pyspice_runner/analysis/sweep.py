@@ -347,8 +347,8 @@ def _plan(
             steps[path] = [dict.fromkeys(parameters[path].nominal, float(value)) for value in grid]
     tolerances = {path: values for path, values in over.items() if isinstance(values, Tolerance)}
     if tolerances:
-        steps["sample"] = [{} for _ in range(samples)]
         quantiles = _quantiles(len(tolerances), samples, sampling, seed)
+        steps["sample"] = [{} for _ in range(samples)]
         for (path, tolerance), column in zip(tolerances.items(), quantiles.T, strict=True):
             factors = tolerance.factors(column)
             coordinates[path] = ("sample", *_scatter(parameters[path], tolerance, factors))
@@ -390,6 +390,8 @@ def _quantiles(parameters: int, samples: int, sampling: Sampling, seed: int) -> 
     _one_of("sampling", sampling, ("sobol", "latin-hypercube"))
     if not 1 <= samples <= MOST_POINTS:
         raise ParameterError(f"samples = {samples} is refused; allowed is a whole number > 0 and ≤ {MOST_POINTS}.")
+    if seed < 0:
+        raise ParameterError(f"seed = {seed} is refused; allowed is a whole number ≥ 0.")
     if sampling == "latin-hypercube":
         return np.asarray(qmc.LatinHypercube(parameters, rng=seed).random(samples))
     if samples & (samples - 1):

@@ -251,6 +251,18 @@ def test_a_tolerance_that_is_no_share_is_refused(relative: Any) -> None:
         pr.Tolerance(relative)
 
 
+@pytest.mark.parametrize("sampling", ["sobol", "latin-hypercube"])
+def test_more_samples_than_points_are_refused_before_they_are_drawn(quick: dict[str, Any], sampling: Any) -> None:
+    over = {"contact.preload_n": pr.Tolerance(0.1)}
+    with pytest.raises(pr.ParameterError, match=r"samples = 1099511627776 is refused; allowed is a whole number > 0"):
+        pr.sweep(MOTOR, DRIVE, over=over, samples=2**40, sampling=sampling, **quick)
+
+
+def test_a_seed_below_zero_is_refused(quick: dict[str, Any]) -> None:
+    with pytest.raises(pr.ParameterError, match=r"seed = -1 is refused; allowed is a whole number ≥ 0"):
+        pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": pr.Tolerance(0.1)}, samples=4, seed=-1, **quick)
+
+
 def test_a_setting_that_cannot_be_stored_is_refused(quick: dict[str, Any]) -> None:
     with pytest.raises(pr.ParameterError, match=r"run.speed = 1j is refused; allowed are numbers, texts, and lists"):
         pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": [5.0]}, speed=1j, **quick)

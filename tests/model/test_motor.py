@@ -322,3 +322,11 @@ def test_any_change_gives_a_motor_or_one_clear_refusal(changes: dict[str, Any]) 
     except ParameterError as error:
         sentence = str(error)
     assert sentence is None or reads_well(sentence), sentence
+
+
+@pytest.mark.parametrize(
+    "number", ["9" * 5000, "7", "-1", "\N{ARABIC-INDIC DIGIT ZERO}", "\N{SUPERSCRIPT TWO}", "0x0", ""]
+)
+def test_a_number_of_no_mode_is_refused(number: str) -> None:
+    with pytest.raises(ParameterError, match=r"There is no mode .* there are .*, numbered from 0"):
+        motor().updated({f"modes.{number}.tip_x": 1.0})
