@@ -38,7 +38,7 @@ from pyspice_runner.netlist.library import data_path, library_names, parse_libra
 from tests.analysis.readers.mutate import MUTATIONS
 from tests.data.spectra import make
 from tests.fuzz import mutate
-from tests.fuzz.nasty import MARKER, NUMBERS
+from tests.fuzz.nasty import EDGES, MARKER, NUMBERS
 from tests.fuzz.watch import watched
 from tests.model.toml_text import toml
 
@@ -407,6 +407,7 @@ def nothing_runs() -> Iterator[None]:
     with (
         mock.patch("pyspice_runner.engine.pyspice.run_deck", refuse),
         mock.patch("pyspice_runner.analysis.sweep.outcomes", here),
+        mock.patch("pyspice_runner.analysis.sweep.MOST_POINTS", 1000),  # a million may take their time
         mock.patch("pyspice_runner.analysis.identify.Problem.__init__", refuse),
         mock.patch("distributed.Client", unreachable),
         mock.patch("typer.main.get_command", return_value=_GROUP),  # which typer makes anew for every run
@@ -465,11 +466,14 @@ def _right(option: Any, rng: random.Random) -> str:
 def _wrong(right: str, rng: random.Random) -> str:
     if rng.random() < 0.3:
         return mutate.nasty(rng)
-    if rng.random() < 0.4:
-        number = rng.choice(NUMBERS)
+    if rng.random() < 0.6:
+        number = rng.choice(NUMBERS if rng.random() < 0.5 else EDGES)
         left, equals, _ = right.partition("=")
         return f"{left}{equals}{number if len(number) < 9999 else number[:9999]}"
     return mutate.text(right, rng)[:20_000]
+
+
+_LIKELY = {"over": 0.5, "tolerance": 0.5}  # or most sweeps are refused as sweeps of nothing
 
 
 def _draw_command(rng: random.Random) -> list[str]:
@@ -477,7 +481,7 @@ def _draw_command(rng: random.Random) -> list[str]:
     words = [name]
     wrong = rng.choice([1, 1, 1, 2])  # values gone wrong
     options = [item for item in COMMANDS[name].params if item.name != "help"]
-    given = [item for item in options if item.required or rng.random() < 0.25]
+    given = [item for item in options if item.required or rng.random() < _LIKELY.get(item.name, 0.2)]
     spoilt = {id(item) for item in rng.sample(given, min(wrong, len(given)))}
     for item in given:
         if getattr(item, "is_flag", False):
@@ -613,6 +617,12 @@ def _calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
                 "duration": 1e-3,
                 "load_torque": 0.0,
             },
+        ),
+        "sweep within tolerances": (
+            lambda **run: pr.sweep(
+                motor, drive, over={"contact.friction": pr.Tolerance(0.1)}, store="points", duration=1e-3, **run
+            ),
+            {"samples": 4, "sampling": "latin-hypercube", "seed": 0, "workers": 1},
         ),
         "track": (
             lambda **run: pr.track(motor, tracker, **run),

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from tests.fuzz.nasty import ATTEMPTS, NUMBERS, VALUES
+from tests.fuzz.nasty import ATTEMPTS, EDGES, NUMBERS, VALUES
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _FIELD = re.compile(r"[^\s,;=]+")
@@ -26,6 +26,9 @@ def nasty(rng: random.Random) -> str:
 
 def value(rng: random.Random) -> Any:
     """A Python value that is not what was asked for."""
+    if rng.random() < 0.3:
+        edge = float(rng.choice(EDGES))
+        return int(edge) if edge.is_integer() else edge
     return rng.choice(VALUES) if rng.random() < 0.7 else nasty(rng)
 
 

@@ -93,6 +93,8 @@ NUMBERS = (
     *("\u0665", "\uff15", "\u00b2", "\u2155", "\u22121", "1\u00a0000"),  # digits, and signs that look like some
 )
 
+EDGES = ("0", "-1", "0.5", "1e9", "nan", "inf")  # which programs forget most often
+
 VALUES: tuple[object, ...] = (
     *(float("nan"), float("inf"), float("-inf"), -0.0, 0.0, 1e308, -1e308, 5e-324, 1e18, -1.0),
     *(0, 1, -1, 2, 3, 10**6, 2**63, 10**400, 10**5000, True, False, None),
