@@ -41,8 +41,8 @@ class Store:
                 with suppress(FileNotFoundError):  # it was just finished
                     if begun.stat().st_mtime < time.time() - _ABANDONED:
                         begun.unlink()
-        except OSError as error:
-            raise self._refusal(error.strerror) from error
+        except (OSError, ValueError) as error:  # a name with a zero in it is a ValueError
+            raise self._refusal(getattr(error, "strerror", None) or str(error)) from error
         if not os.access(self.folder, os.W_OK | os.X_OK):
             raise self._refusal("permission denied")
 

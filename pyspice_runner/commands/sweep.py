@@ -202,7 +202,7 @@ def _cluster(address: str | None, workers: int | None) -> Iterator[Executor | No
         ) from None
     try:
         client = Client(address, timeout=10)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError, RuntimeError) as error:  # by the kind of address
         raise pr.ParameterError(
             f"There is no Dask scheduler at {address}: {error}. Start one, `dask scheduler`."
         ) from error

@@ -131,7 +131,7 @@ def test_its_place_is_the_users_cache_unless_stated(tmp_path: Path, monkeypatch:
 
 def test_a_place_that_cannot_be_written_is_refused(store: Store, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    for place in (tmp_path / "file", tmp_path / "file" / "below"):
+    for place in (tmp_path / "file", tmp_path / "file" / "below", "a\0b", "x" * 300):
         with pytest.raises(pr.ParameterError, match="Cannot write the store"):
             Store(place)
     store.folder.rmdir()

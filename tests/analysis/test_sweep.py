@@ -598,6 +598,7 @@ def test_progress_tells_the_time_left(tmp_path: Path) -> None:
         (["--over", "drive.voltage=1", "--analysis", "operating-point"], "There is no parameter 'run.duration'"),
         (["--over", "drive.voltage=1", "--scheduler", "tcp://x:1", "--workers", "1"], "exclude each other"),
         (["--over", "drive.voltage=1", "--scheduler", "somewhere"], "There is no Dask scheduler at somewhere"),
+        (["--over", "drive.voltage=1", "--scheduler", "tls://127.0.0.1:1"], "There is no Dask scheduler at tls://"),
     ],
 )
 def test_refusals_name_what_is_allowed(
