@@ -407,7 +407,7 @@ def nothing_runs() -> Iterator[None]:
     with (
         mock.patch("pyspice_runner.engine.pyspice.run_deck", refuse),
         mock.patch("pyspice_runner.analysis.sweep.outcomes", here),
-        mock.patch("pyspice_runner.analysis.sweep.MOST_POINTS", 1000),  # a million may take their time
+        mock.patch("pyspice_runner.analysis.sweep.MOST_POINTS", 200),  # more may take their time
         mock.patch("pyspice_runner.analysis.identify.Problem.__init__", refuse),
         mock.patch("distributed.Client", unreachable),
         mock.patch("typer.main.get_command", return_value=_GROUP),  # which typer makes anew for every run
