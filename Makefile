@@ -25,7 +25,7 @@ docs: setup ## build the documentation site into site/
 test: lint ## lint, then run every test, the wheel's included
 	$(PY) -m pytest -n $(JOBS) --dist loadgroup
 
-fuzz: setup ## give every door of the package 10,000 inputs gone wrong (half an hour)
+fuzz: setup ## give every door of the package 10,000 inputs gone wrong (a quarter of an hour)
 	$(PY) -m tests.fuzz
 
 soak: setup ## run 2,000 random motors (a quarter of an hour; goes on where it was interrupted)
