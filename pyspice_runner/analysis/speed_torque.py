@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
-from math import ceil, isfinite
+from math import ceil
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from pyspice_runner.analysis.audit import FEWEST_POINTS_PER_PERIOD, audit_point, mark, withhold
 from pyspice_runner.analysis.dynamometer import UNITS, Bench, Block, quantities, uniform_step
-from pyspice_runner.analysis.simulate import shortest_period
+from pyspice_runner.analysis.simulate import MOST_POINTS, shortest_period
 from pyspice_runner.analysis.waveforms import Array
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
@@ -461,10 +461,11 @@ def _bench(
         motor = motor.updated(on_motor)
     shortest = shortest_period(motor, drive, contact=True)
     coarsest = shortest / FEWEST_POINTS_PER_PERIOD
-    if step is not None and not (isfinite(step) and 0.0 < step <= coarsest):
+    finest = min(coarsest, Bench(motor, drive, coarsest).duration / MOST_POINTS)
+    if step is not None and not finest <= step <= coarsest:
         raise ParameterError(
             f"step = {step:g} s is refused for a motion of {1.0 / shortest:.4g} Hz; "
-            f"allowed is a number > 0 and ≤ {coarsest:.3g} s."
+            f"allowed is a number ≥ {finest:.3g} and ≤ {coarsest:.3g} s."
         )
     return Bench(motor, drive, uniform_step(motor, drive, step), timeout)
 

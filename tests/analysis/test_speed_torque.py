@@ -305,6 +305,7 @@ def test_progress_is_told() -> None:
         ({"patience": 1}, "patience = 1 is refused"),
         ({"step": 1e-5}, "step = 1e-05 s is refused"),
         ({"step": -1.0}, "step = -1 s is refused"),
+        ({"step": 1e-18}, "step = 1e-18 s is refused for a motion of"),
         ({"over": {"drive.volt": [1.0]}}, "volt"),
         ({"over": {"contact.preload": [1.0]}}, "Did you mean"),
         ({"over": {"contact.preload_n": [-1.0]}}, "contact.preload_n = -1 N is refused"),
