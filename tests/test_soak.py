@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import pyspice_runner as pr
 from pyspice_runner.analysis import simulate
@@ -23,10 +25,14 @@ SEED = 20
 NUMBERS = [field for field in Contact.model_json_schema()["properties"].values() if field["type"] == "number"]
 
 
-@pytest.mark.parametrize("index", range(12))
-def test_a_random_motor_gives_a_result_that_passes_the_audit(index: int) -> None:
+@settings(max_examples=12, derandomize=True, deadline=None)
+@given(index=st.integers(0, 10**6))
+def test_any_motor_drive_and_run_gives_a_result_that_passes_the_audit(index: int) -> None:
     found = soak.outcome(SEED, index)
-    assert found.kind == "result", found.said
+    if found.kind == "simulation error":  # one in two hundred: an impact much harder than the preload
+        assert "Give step <=" in found.said
+    else:
+        assert found.kind == "result", found.said
 
 
 def test_a_case_is_the_same_whenever_it_is_drawn() -> None:
