@@ -22,7 +22,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import check_shaft
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS
+from pyspice_runner.netlist.benches import transient_options
 from pyspice_runner.netlist.contact import ContactLaw, check_law
 from pyspice_runner.netlist.drivers import GROUPS, SWITCHED_OPTIONS, Driver, driver_bench
 from pyspice_runner.netlist.motor import Discretisation
@@ -63,7 +63,7 @@ class DriverBench:
             discretisation=Discretisation(largest, exact_resonance=not driver.switched),
         )  # fmt: skip
         simulator = BatchSimulator(circuit, timeout=self.timeout)
-        simulator.options(**(SWITCHED_OPTIONS if driver.switched else TRANSIENT_OPTIONS))
+        simulator.options(**(SWITCHED_OPTIONS if driver.switched else transient_options(self.motor, self.contact)))
         if driver.kind == "ideal" and driver.network == "none":
             # an ideal source must not step onto a capacitance
             plates = {f"xmotor.xgroup_{name}.plate": value.imag for name, value in driver.phasors().items()}

@@ -207,8 +207,8 @@ def operating_point(
     bench = replace(_bench(motor, drive, {}, step, timeout), contact=contact, sliders=sliders, audit=audit)
     check_shaft(motor, float(speed))
     outcome, _ = _settle(bench, float(speed), None, Settling(tolerance, patience))
-    passed, findings = outcome.pop("audit_passed"), outcome.pop("findings")
-    return {**outcome, "audit": {"passed": passed, "findings": list(findings)}}
+    del outcome["audit_passed"]
+    return {**outcome, "audit": mark(outcome.pop("findings"))}
 
 
 # --- how a motion settles ---

@@ -22,6 +22,7 @@ from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import save_by_ending, write_csv, write_json
+from pyspice_runner.model.drive import check_shaft
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
@@ -198,8 +199,11 @@ def track(
         raise ParameterError(
             f"disturb = 'target' is refused for the tracker {tracker.kind!r}; only a pll has a target."
         )
-    if speed is not None and (disturb == "load" or not abs(speed) <= 1e6):
-        raise ParameterError(f"speed = {speed:g} rad/s is refused; allowed is -1e6 to 1e6 rad/s, and no load besides.")
+    if speed is not None and disturb == "load":
+        raise ParameterError(
+            "speed and disturb = 'load' exclude each other: a shaft held at a speed takes any torque. Give one."
+        )
+    check_shaft(motor, speed)
     lag = tracked_lag(motor, tracker, mode, contact=contact is not None)
     begin = _settled(tracker, disturb) if begin is None else begin
     stall = None

@@ -243,6 +243,8 @@ def test_the_averaged_loop_steps_like_the_full_transient(bandwidth: float) -> No
         ({"disturb": "earthquake"}, "disturb = 'earthquake' is refused; allowed are start, target, load"),
         ({"mode": 2}, "mode = 2 is refused; andersen2002 has the modes 0 to 1."),
         ({"disturb": "load", "contact": None}, "disturb = 'load' needs a rotor"),
+        ({"disturb": "load", "speed": 1.0}, "speed and disturb = 'load' exclude each other"),
+        ({"speed": 2e5}, "its rim would move at 2e+03 m/s"),
         (
             {"disturb": "preload", "preload_change": -1.0},
             "preload_change = -1 is refused; allowed is a",
