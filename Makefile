@@ -1,49 +1,62 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 .DEFAULT_GOAL := help
-.PHONY: help setup demo figures docs test soak fuzz bench lint format clean
+.PHONY: help setup demo figures docs test soak fuzz bench lint format clean kicad ngspice46
 
 PY := .venv/bin/python
 JOBS ?= 2
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z0-9]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-setup: ## install what is missing: ngspice, and the package with its test tools in .venv
+setup: ## install ngspice and, in .venv, the package with its test tools; skip what is there
 	@sh scripts/setup.sh test dev
 
-demo: ## run the motor and draw what it does
+demo: ## run the motor and plot the results into demo/
 	@sh scripts/setup.sh report
 	@$(PY) figures/demo.py --output demo
 
-figures: setup ## draw every figure of figures/ anew
+figures: setup ## plot every figure of figures/ again
 	@set -e; for script in $(filter-out %/style.py %/demo.py,$(wildcard figures/*.py)); do echo "$$script:"; $(PY) $$script; done
 
-docs: setup ## build the documentation site into site/
+docs: ## build the documentation site in site/
+	@sh scripts/setup.sh docs
 	@NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --quiet
 	@echo "site/index.html"
 
-test: lint ## lint, then run every test, the wheel's included
+test: lint ## run the linters, then the tests, including those of the wheel
 	$(PY) -m pytest -n $(JOBS) --dist loadgroup
 
-fuzz: setup ## give every door of the package 10,000 inputs gone wrong (a quarter of an hour)
+fuzz: setup ## run all tests of invalid input, and 10,000 random inputs at every entry point (20 minutes)
+	$(PY) -m pytest -n $(JOBS) -m fuzz
 	$(PY) -m tests.fuzz
 
-soak: setup ## run 2,000 random motors (a quarter of an hour; goes on where it was interrupted)
+soak: setup ## run all tests of faults and signals, and 2,000 random motors (30 minutes; can be resumed)
+	$(PY) -m pytest -n $(JOBS) -m soak
 	$(PY) -m tests.soak
+	$(PY) -m tests.soak --subject electronics --count 200 --output tests/soak_electronics.json
+	$(PY) -m tests.violent
 
-bench: ## measure speed, accuracy and memory (minutes; nothing else should run meanwhile)
+bench: ## measure speed, accuracy and memory (minutes, on an otherwise idle machine)
 	@sh scripts/setup.sh test dev bench
 	@$(PY) benchmarks/run.py
 
-lint: setup ## check style, format and types
+kicad: setup ## open, check and run the KiCad example in KiCad 9, unpacked into .tools (110 MB)
+	@sh scripts/backports.sh kicad
+	$(PY) -m pytest tests/tools/kicad.py
+
+ngspice46: setup ## run decks and engine in ngspice 46, unpacked into .tools beside the system's
+	@sh scripts/backports.sh ngspice
+	PATH="$$PWD/.tools/ngspice/bin:$$PATH" $(PY) -m pytest -n $(JOBS) tests/engine tests/netlist/test_library.py tests/netlist/test_decks.py tests/netlist/test_parameters.py tests/tools/ngspice46.py
+
+lint: setup ## check style, format and types of the sources
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
 
-format: setup ## put the sources into the project's format
+format: setup ## format the sources
 	$(PY) -m ruff check --fix .
 	$(PY) -m ruff format .
 
-clean: ## remove .venv, build products and caches
+clean: ## remove .venv, build results and caches
 	rm -rf .venv build dist site .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -24,8 +24,9 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.simulate import shortest_period
 from pyspice_runner.engine.ngspice import run_deck
+from pyspice_runner.netlist.sources import PAPER_LAW, DriveSource
+from pyspice_runner.run.steps import shortest_period
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -128,7 +129,7 @@ class Case:
 
     def ours(self, points: int, exact_resonance: bool) -> float:
         """A run of the package, and its error."""
-        step = shortest_period(self.motor, self.drive, contact=True) / points
+        step = shortest_period(self.motor, DriveSource(self.drive), PAPER_LAW) / points
         run = pr.simulate(
             self.motor, self.drive, duration=DURATION, step=step, exact_resonance=exact_resonance,
             signals=("tip_x_m", "tip_y_m"),
@@ -215,7 +216,7 @@ def _whole(pattern: re.Pattern[str], text: str) -> str:
 def python_share() -> dict[str, float]:
     """What Python and the files take of a run of 10^5 points: all that is not ngspice."""
     motor, drive = CASES["sliding"]
-    step = shortest_period(motor, drive, contact=True) / 128
+    step = shortest_period(motor, DriveSource(drive), PAPER_LAW) / 128
     shares = []
     for _ in range(3):
         began = time.perf_counter()

@@ -10,7 +10,7 @@ from tests.netlist.test_drivers import KINDS, NETWORKS, powered_up, ranges
 
 def main() -> None:
     """Print for every kind and network how many runs converged, and the worst power balance among them."""
-    sys.stdout.write("| driver | network | runs | refused | worst balance | at |\n|---|---|---|---|---|---|\n")
+    sys.stdout.write("| driver | network | runs | rejected | worst balance | at |\n|---|---|---|---|---|---|\n")
     for kind in KINDS:
         for network in NETWORKS:
             found, refused = {}, 0

@@ -21,8 +21,23 @@ from mkdocs.structure.files import File, Files
 import pyspice_runner as pr
 from pyspice_runner.cli import app
 from pyspice_runner.netlist.library import Library, library_names, read_library
+from pyspice_runner.result import Result
 
 ROOT = Path(__file__).resolve().parents[1]
+FURTHER = (
+    "pyspice_runner.analysis.impact.impact",
+    "pyspice_runner.model.impact.Throw",
+    "pyspice_runner.analysis.hysteresis.hysteresis",
+    "pyspice_runner.analysis.speed_torque.operating_point",
+    "pyspice_runner.analysis.matching.propose_matching",
+    "pyspice_runner.analysis.track.running_resonance",
+    "pyspice_runner.analysis.track.measured_loop_gain",
+    "pyspice_runner.analysis.loop.loop_design",
+    "pyspice_runner.model.tracking.propose_filter",
+    "pyspice_runner.model.beam.resonator_modes",
+    "pyspice_runner.model.circuit_file.load_circuit",
+    "pyspice_runner.model.traction.HertzPatch",
+)
 _OUTSIDE = re.compile(r"\]\(\.\./([^)#]+)(#[^)]*)?\)")
 _SHOWN = {"behavioral/CONVENTIONS.md": "CONVENTIONS.md", "behavioral/": "netlists.md", "README.md": "index.md"}
 
@@ -56,16 +71,21 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 
 def on_page_content(html: str, **_: Any) -> str:
-    """Write formulas as MathML, which browsers show by themselves."""
+    """Write formulas as MathML, which browsers display without a script, and mark the blocks of commands."""
+    html = re.sub(r"<pre>(<span></span><code>(?:piezomotor|ngspice|make) )", r'<pre class="commands">\1', html)
     return re.sub(
         r'<(span|div) class="arithmatex">\\([(\[])(.+?)\\[)\]]</\1>',
-        lambda match: latex2mathml.converter.convert(
-            match[3].replace("&amp;", "&").replace("&lt;", "<").replace("&gt;", ">"),
-            display="inline" if match[2] == "(" else "block",
-        ),
+        lambda match: _formula(match[3], block=match[2] == "["),
         html,
         flags=re.S,
     )
+
+
+def _formula(tex: str, *, block: bool) -> str:
+    """Return a formula as MathML; one of its own line can be scrolled."""
+    plain = tex.replace("&amp;", "&").replace("&lt;", "<").replace("&gt;", ">")
+    math = latex2mathml.converter.convert(plain, display="block" if block else "inline")
+    return f'<div class="formula">{math}</div>' if block else math
 
 
 def _place(path: str) -> str:
@@ -121,11 +141,29 @@ def _cell(text: str | None) -> str:
 
 
 def api_page() -> str:
-    """Return the page of all public names, for mkdocstrings to fill in."""
-    homes = {name: getattr(pr, name).__module__ for name in pr.__all__}
-    blocks = [f"::: {home}.{name}" for name, home in homes.items()]
-    head = "# Python\n\nEvery public name of `pyspice_runner`, `import pyspice_runner as pr`; made from the code.\n"
-    return "\n\n".join([head, *blocks]) + "\n"
+    """Return the page of all public names, results, and benches, for mkdocstrings to fill in."""
+    names = [f"{getattr(pr, name).__module__}.{name}" for name in pr.__all__]
+    parts = (
+        (
+            "# Python\n\nEvery public name of `pyspice_runner`, `import pyspice_runner as pr`; made from the code.",
+            names,
+        ),
+        ("## Results\n\nWhat the functions return. All have the methods of `Result`.", result_names()),
+        ("## Benches, designs and closed forms\n\nImported from their modules.", FURTHER),
+    )
+    return "\n\n".join(block for head, names in parts for block in (head, *(f"::: {name}" for name in names))) + "\n"
+
+
+def result_names() -> list[str]:
+    """Return the base of the results, and every kind of result, each with its module."""
+    import pyspice_runner.view.plots  # noqa: F401  # imports all results, which registers them as subclasses
+
+    found, open_ends = [Result], [Result]
+    while open_ends:
+        kinds = open_ends.pop().__subclasses__()
+        found += kinds
+        open_ends += kinds
+    return sorted(f"{kind.__module__}.{kind.__name__}" for kind in found)
 
 
 # --- netlists ---

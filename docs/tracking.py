@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pyspice_runner as pr
+from pyspice_runner.analysis.track import Tracking, running_resonance
 
 PAGE = Path(__file__).with_name("tracking.md")
 BEGIN, END = "<!-- table by python -m docs.tracking -->", "<!-- end of the table -->"
@@ -37,11 +38,11 @@ def motor() -> pr.Motor:
 def tracker(kind: str, offset: float = 0.0) -> pr.Tracker:
     """Return a tracker with its drive, in the middle of its range at the running resonance."""
     drive = {"kind": kind, "voltage": 50.0, "ratio_b": 2.0, "phase_deg": 90.0, "offset": offset}
-    lag = pr.running_resonance(motor(), pr.Tracker(frequency=50e3, **drive))
+    lag = running_resonance(motor(), pr.Tracker(frequency=50e3, **drive))
     return pr.Tracker(frequency=lag.resonance_hz, **drive)
 
 
-def row(case: str, kind: str, found: pr.Tracking) -> str:
+def row(case: str, kind: str, found: Tracking) -> str:
     """Return a line of the table."""
     lock = "–" if found.lock_time_s is None else f"{1e3 * found.lock_time_s:.1f} ms"
     locked = "–" if kind == "none" else "yes" if found.locked else "no"

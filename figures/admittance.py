@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
-from style import BLACK, BLUE, VERMILLION, canvas, main, motor_words, write
+from style import BLACK, BLUE, VERMILION, canvas, main, motor_words, write
 
 import pyspice_runner as pr
+from pyspice_runner.spectra.admittance import Admittance
 
-COLOURS = {"free": BLUE, "preloaded": VERMILLION}
+COLOURS = {"free": BLUE, "preloaded": VERMILION}
 MARKS = {
     "fs": ("o", "fs, greatest conductance"),
     "fm": ("^", "fm, greatest |Y|"),
@@ -66,7 +67,7 @@ def draw(folder: Path) -> list[str]:
     return lines
 
 
-def _draw_spectrum(column: np.ndarray, spectrum: pr.Admittance, connection: str, resonance: object) -> None:
+def _draw_spectrum(column: np.ndarray, spectrum: Admittance, connection: str, resonance: object) -> None:
     y = 1e3 * spectrum.driven(connection)
     magnitude, phase, circle = column
     colour = COLOURS[spectrum.state]

@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from style import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, canvas, draft, drive_words, main, motor_words, write
+from style import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, canvas, draft, drive_words, main, motor_words, write
 
 import pyspice_runner as pr
 
@@ -23,7 +23,7 @@ DRIVES = {
 }
 SLIDERS = 4 if draft() else 8
 RUN = {"sliders": SLIDERS, **({"tolerance": 0.1} if draft() else {})}
-LOSSES = {"friction_loss_w": (VERMILLION, "friction"), "damping_loss_w": (PURPLE, "modes"),
+LOSSES = {"friction_loss_w": (VERMILION, "friction"), "damping_loss_w": (PURPLE, "modes"),
           "dielectric_loss_w": (GREY, "dielectric")}  # fmt: skip
 
 

@@ -10,13 +10,14 @@ from math import pi
 from pathlib import Path
 
 import numpy as np
-from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, canvas, main, motor_words, write
+from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, canvas, main, motor_words, write
 
 import pyspice_runner as pr
+from pyspice_runner.model.traction import HertzPatch, virgin_force
 
 TIP, ROTOR = (370e9, 0.22), (206e9, 0.30)  # Young's modulus (Pa) and Poisson's ratio, as andersen2002 assumes them
 TIP_RADIUS = 5e-3  # m
-SHARES = {0.25: BLUE, 0.5: GREEN, 0.75: ORANGE, 0.9: PURPLE, 1.0: VERMILLION}
+SHARES = {0.25: BLUE, 0.5: GREEN, 0.75: ORANGE, 0.9: PURPLE, 1.0: VERMILION}
 
 
 def draw(folder: Path) -> list[str]:
@@ -24,7 +25,7 @@ def draw(folder: Path) -> list[str]:
     modulus = 1.0 / sum((1.0 - nu**2) / youngs for youngs, nu in (TIP, ROTOR))
     radius = 1.0 / (1.0 / TIP_RADIUS + 1.0 / motor.rotor.radius_m)
     contact = motor.contact
-    patch = pr.HertzPatch(
+    patch = HertzPatch(
         force_n=contact.preload_n, friction=contact.friction, effective_modulus_pa=modulus, effective_radius_m=radius
     )
     stiffness = contact.preload_n / patch.penetration_m**1.5
@@ -62,7 +63,7 @@ def draw(folder: Path) -> list[str]:
     )
 
     moved = 1.0 - np.linspace(1.0, 0.0, 400) ** 2
-    axes[1, 0].plot(moved, pr.virgin_force(moved), color=BLACK, label="$F_T$/μ$F_N$, the law of the spring")
+    axes[1, 0].plot(moved, virgin_force(moved), color=BLACK, label="$F_T$/μ$F_N$, the law of the spring")
     axes[1, 0].plot(moved, np.sqrt(1.0 - moved), "-.", color=GREY, label="radius that sticks, c/a")
     for share, colour in SHARES.items():
         stick = patch.stick_radius(share * limit) / a

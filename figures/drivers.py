@@ -6,14 +6,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from style import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, canvas, draft, main, motor_words, write
+from style import GREEN, GREY, PURPLE, VERMILION, canvas, draft, main, motor_words, write
 
 import pyspice_runner as pr
+from pyspice_runner.analysis.drive import DriveReport
 
 FREQUENCY = 51.7e3
 VOLTAGE = 50.0
 DURATION = 0.4e-3 if draft() else 2e-3
-PERIODS = 2.0
 CHAINS = {  # kind, network, settings
     "linear amplifier": ("linear", "none", {}),
     "linear + inductor": ("linear", "inductor", {}),
@@ -34,33 +34,27 @@ def draw(folder: Path) -> list[str]:
 
     figure, axes = canvas(2, 2, 6.4)
     for axis, name in zip(axes[0], SHOWN, strict=True):
-        waves = reports[name].waveforms
-        part = waves["time_s"] >= waves["time_s"][-1] - PERIODS / FREQUENCY
-        time = 1e6 * (waves["time_s"][part] - waves["time_s"][part][0])
-        for group, colour in (("a", BLUE), ("b", ORANGE)):
-            label = group.upper()
-            axis.plot(time, waves[f"output_{group}_v"][part], color=colour, lw=0.8, ls="--", label=f"bridge {label}")
-            axis.plot(time, waves[f"group_{group}_v"][part], color=colour, label=f"pin {label}")
-        axis.set(title=f"({'ab'[SHOWN.index(name)]}) {name}", xlabel="time / µs", ylabel="voltage / V", ylim=(-70, 95))
+        reports[name].plot(ax=axis, panel="voltages")
+        axis.set(title=f"({'ab'[SHOWN.index(name)]}) {name}", ylim=(-70, 95))
         axis.legend(loc="upper center", ncols=2)
 
-    for shift, name, colour in ((-0.3, SHOWN[0], VERMILLION), (0.3, SHOWN[1], GREEN)):
+    for shift, name, colour in ((-0.3, SHOWN[0], VERMILION), (0.3, SHOWN[1], GREEN)):
         harmonics = reports[name].groups["a"].harmonics[::2]
         amplitudes = [1e3 * item.current_a for item in harmonics]
         axes[1, 0].bar([item.order + shift for item in harmonics], amplitudes, 0.6, color=colour, label=name)
     axes[1, 0].set(
-        title="(c) current into group A", xlabel="harmonic", ylabel="amplitude / mA", yscale="log", ylim=(1e-2, 1e3),
+        title="(c) current into group A", xlabel="harmonic", ylabel="amplitude in mA", yscale="log", ylim=(1e-2, 1e3),
         xticks=range(1, 21, 2),
     )  # fmt: skip
     axes[1, 0].legend(loc="upper right")
 
     left = np.zeros(len(reports))
     places = np.arange(len(reports))
-    for part, colour in (("motor", GREY), ("stage", VERMILLION), ("network", PURPLE)):
+    for part, colour in (("motor", GREY), ("stage", VERMILION), ("network", PURPLE)):
         values = np.array([_share(report, part) for report in reports.values()])
         axes[1, 1].barh(places, values, left=left, color=colour, label=part, height=0.6)
         left += values
-    axes[1, 1].set(title="(d) where the power of the supply goes", xlabel="power / W", xlim=(0.0, 9.0))
+    axes[1, 1].set(title="(d) where the power of the supply goes", xlabel="power in W", xlim=(0.0, 9.0))
     axes[1, 1].set_yticks(places, list(reports))
     axes[1, 1].invert_yaxis()
     axes[1, 1].legend(loc="lower right")
@@ -83,7 +77,7 @@ def draw(folder: Path) -> list[str]:
     ]
 
 
-def _share(report: pr.DriveReport, part: str) -> float:
+def _share(report: DriveReport, part: str) -> float:
     if part == "motor":
         return report.motor_power_w
     stage = sum(loss for name, loss in report.losses_w.items() if name.startswith(("amplifier", "bridge")))

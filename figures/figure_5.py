@@ -18,6 +18,7 @@ from matplotlib.lines import Line2D
 from style import BLACK, GREY, canvas, drive_words, main, motor_words, recent, state_handles, state_path, write
 
 import pyspice_runner as pr
+from pyspice_runner.run.waveforms import Waveforms
 
 DURATION = 8e-3  # six times the 1.3 ms in which the slowest mode decays
 
@@ -72,13 +73,13 @@ def draw(folder: Path) -> list[str]:
     ]
 
 
-def _path(run: pr.Waveforms) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _path(run: Waveforms) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return x and y in µm, y from the place of rest, and the state, over the last two periods."""
     part = recent(run, 2.02)
     return 1e6 * run.tip_x_m[part], 1e6 * (run.tip_y_m[part] - run.tip_y_m[0]), run.contact_state[part]
 
 
-def _draw_paths(axes: Axes, free: pr.Waveforms, held: pr.Waveforms) -> None:
+def _draw_paths(axes: Axes, free: Waveforms, held: Waveforms) -> None:
     x, y, _ = _path(free)
     axes.plot(x, y, color=GREY, lw=2.6)
     state_path(axes, *_path(held))
@@ -86,7 +87,7 @@ def _draw_paths(axes: Axes, free: pr.Waveforms, held: pr.Waveforms) -> None:
     axes.set(xlabel="x along the rotor / µm", ylabel="y towards the rotor / µm")
 
 
-def _draw_inset(axes: Axes, held: pr.Waveforms) -> None:
+def _draw_inset(axes: Axes, held: Waveforms) -> None:
     """Enlarge the path in contact, which is lost on the scale of the free one."""
     inset = axes.inset_axes((0.64, 0.2, 0.35, 0.34))
     state_path(inset, *_path(held), width=1.4)
@@ -96,7 +97,7 @@ def _draw_inset(axes: Axes, held: pr.Waveforms) -> None:
     axes.set_xlim(right=axes.get_xlim()[1] + 0.9 * np.ptp(axes.get_xlim()))
 
 
-def _draw_over_time(axes: Axes, run: pr.Waveforms, title: str) -> None:
+def _draw_over_time(axes: Axes, run: Waveforms, title: str) -> None:
     part = recent(run, 3.0)
     time = 1e6 * (run.time_s[part] - run.time_s[part][0])
     state_path(axes, time, 1e6 * run.tip_x_m[part], run.contact_state[part])

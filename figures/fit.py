@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.lines import Line2D
-from style import BLACK, BLUE, GREY, ORANGE, VERMILLION, canvas, main, write
+from style import BLACK, BLUE, GREY, ORANGE, VERMILION, canvas, main, write
 
 import pyspice_runner as pr
+from pyspice_runner.spectra.fit import FittedArm, SpectrumFit
 
 NOISE, SEED = 0.01, 2002
 LEAD_OHM = 15.0
@@ -29,22 +30,17 @@ def draw(folder: Path) -> list[str]:
 
     figure, axes = canvas(3, 2, 8.4, height_ratios=(1.0, 0.8, 0.9))
     (magnitude, circle), (phase, near), (residuals, values) = axes
-    for panel, measured, fitted in (
-        (magnitude, 1e3 * np.abs(y), 1e3 * np.abs(fit.admittance(frequency))),
-        (phase, np.degrees(np.angle(y)), np.degrees(np.angle(fit.admittance(frequency)))),
-    ):
-        panel.plot(frequency / 1e3, measured, ".", color=GREY, ms=2)
-        panel.plot(frequency / 1e3, fitted, color=BLUE, lw=1.0)
-        panel.set(xlabel="frequency / kHz")
-    magnitude.set(title="(a) magnitude", ylabel="|Y| / mS", yscale="log")
-    phase.set(title="(c) phase", ylabel="phase of Y / °", yticks=range(-30, 91, 30))
+    for panel, name in ((magnitude, "magnitude"), (phase, "phase"), (residuals, "residuals")):
+        fit.plot(ax=panel, panel=name)
+        if panel.get_legend():  # there is one for the figure
+            panel.get_legend().remove()
+    magnitude.set_title("(a) magnitude")
+    phase.set(title="(c) phase", yticks=range(-30, 91, 30))
+    residuals.set(title="(e) residuals", ylim=(-3.5, 3.5))
     fine = np.linspace(START, STOP, 20_001)
     for letter, panel, arm in zip("bd", (circle, near), fit.arms[::-1], strict=True):
         _draw_circle(panel, fit, arm, y, fine)
         panel.set(title=f"({letter}) G–B circle at {arm.series_resonance_hz / 1e3:.3g} kHz")
-    residuals.plot(frequency / 1e3, 100.0 * fit.residuals.real, ".", color=BLUE, ms=2)
-    residuals.plot(frequency / 1e3, 100.0 * fit.residuals.imag, ".", color=ORANGE, ms=2)
-    residuals.set(title="(e) residuals", xlabel="frequency / kHz", ylabel="% of |Y|", ylim=(-3.5, 3.5))
     inside = _draw_values(values, fit, motor)
 
     handles = [
@@ -52,7 +48,8 @@ def draw(folder: Path) -> list[str]:
         Line2D([], [], color=BLUE, label=f"fitted, {len(fit.arms)} arms"),
         Line2D([], [], ls="", marker=".", color=BLUE, label="in phase"),
         Line2D([], [], ls="", marker=".", color=ORANGE, label="in quadrature"),
-        Line2D([], [], marker="o", ms=3.5, color=VERMILLION, label="95 % interval"),
+        Line2D([], [], marker="o", ms=3.5, color=VERMILION, label="95 % interval"),
+        Line2D([], [], ls=":", color=VERMILION, label="resonance"),
     ]
     caption = (
         f"Admittance of group A of motor {motor.name}, tip free, by ngspice, behind leads of {LEAD_OHM:g} Ω, "
@@ -72,17 +69,17 @@ def draw(folder: Path) -> list[str]:
     ]
 
 
-def _draw_circle(panel: Any, fit: pr.SpectrumFit, arm: pr.FittedArm, y: np.ndarray, fine: np.ndarray) -> None:
+def _draw_circle(panel: Any, fit: SpectrumFit, arm: FittedArm, y: np.ndarray, fine: np.ndarray) -> None:
     """Draw the circle over eight bandwidths on each side of a resonance."""
     half = 8.0 * arm.series_resonance_hz / arm.quality_factor
     near = np.abs(fit.frequency_hz - arm.series_resonance_hz) < half
     curve = fit.admittance(fine[np.abs(fine - arm.series_resonance_hz) < half])
     panel.plot(1e3 * y[near].real, 1e3 * y[near].imag, ".", color=GREY, ms=3)
     panel.plot(1e3 * curve.real, 1e3 * curve.imag, color=BLUE, lw=1.0)
-    panel.set(xlabel="conductance G / mS", ylabel="susceptance B / mS", aspect="equal", adjustable="datalim")
+    panel.set(xlabel="conductance G in mS", ylabel="susceptance B in mS", aspect="equal", adjustable="datalim")
 
 
-def _draw_values(panel: Any, fit: pr.SpectrumFit, motor: pr.Motor) -> tuple[int, int]:
+def _draw_values(panel: Any, fit: SpectrumFit, motor: pr.Motor) -> tuple[int, int]:
     """Draw fitted over true values; return how many intervals hold the true value, and of how many."""
     rows = []
     for number, (arm, mode) in enumerate(zip(fit.arms, motor.modes, strict=True), start=1):
@@ -102,12 +99,12 @@ def _draw_values(panel: Any, fit: pr.SpectrumFit, motor: pr.Motor) -> tuple[int,
     for place, (label, value, error, truth) in enumerate(rows):
         scale = 100.0 * (MAGNIFIED if label.startswith("f") else 1.0) / truth
         panel.errorbar(
-            place, scale * (value - truth), yerr=scale * 1.96 * error, fmt="o", ms=3.5, color=VERMILLION, capsize=2
+            place, scale * (value - truth), yerr=scale * 1.96 * error, fmt="o", ms=3.5, color=VERMILION, capsize=2
         )
         inside += abs(value - truth) <= 1.96 * error
     panel.axhline(0.0, color=BLACK, lw=0.6)
     panel.set_xticks(range(len(rows)), [row[0] for row in rows])
-    panel.set(title="(f) fitted over the motor's own values", ylabel="deviation / %")
+    panel.set(title="(f) fitted over the motor's own values", ylabel="deviation in %")
     return inside, len(rows)
 
 

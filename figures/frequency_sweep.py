@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import xarray
-from style import BLACK, BLUE, GREEN, VERMILLION, canvas, draft, drive_words, main, motor_words, write
+from style import BLACK, BLUE, GREEN, VERMILION, canvas, draft, drive_words, main, motor_words, write
 
 import pyspice_runner as pr
 
@@ -33,6 +33,7 @@ def draw(folder: Path) -> list[str]:
         drive,
         speeds=SPEEDS,
         over={"drive.frequency": there_and_back},
+        mode="settle",
         follow="drive.frequency",
         **SETTLING,
     )
@@ -46,7 +47,7 @@ def draw(folder: Path) -> list[str]:
     kilohertz = FREQUENCIES / 1e3
     for one, held, colour, label, marker in (
         (up, stall[0], BLUE, "up", "^"),
-        (down, stall[1], VERMILLION, "down", "v"),
+        (down, stall[1], VERMILION, "down", "v"),
     ):
         line = {"color": colour, "marker": marker, "ms": 4, "label": f"swept {label}"}
         for panel, values in (
@@ -76,7 +77,7 @@ def draw(folder: Path) -> list[str]:
     caption = (
         f"{motor_words(motor)} Drive: {words}. Shaft held at {len(SPEEDS)} speeds; the no-load speed is read between "
         f"them, where only the bearing's torque is left. Green: the tip lifts off on the way down but not on the way "
-        f"up. Where it stays down (left), it sticks: a standing rotor is held by friction at whatever torque was "
+        f"up. Where it stays down (left), it sticks: a standing rotor is held by friction at any torque that was "
         f"there, which creeps. ngspice {swept.attrs['ngspice_version']}."
     )
     write(figure, folder / "frequency_sweep.png", "Up or down: near the contact resonance the motor remembers", caption)

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A tip moved to and fro along a rotor that stands: loops by the contact laws, and what a cycle costs."""
+"""A tip moved back and forth along a rotor that stands: loops by the contact laws, and what a cycle costs."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
-from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, canvas, draft, main, motor_words, write
+from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, canvas, draft, main, motor_words, write
 
 import pyspice_runner as pr
+from pyspice_runner.analysis.hysteresis import hysteresis
+from pyspice_runner.model.traction import microslip_loss, virgin_force
 
 LAWS = {"spring-slider": (ORANGE, "-"), "coulomb": (GREEN, "--"), "brush": (BLUE, "-")}
 AMPLITUDE = 0.8
@@ -20,18 +22,18 @@ def draw(folder: Path) -> list[str]:
     slide = motor.contact.friction * motor.contact.preload_n
     figure, axes = canvas(2, 2, 7.4)
     for law, (colour, style) in LAWS.items():
-        run = pr.hysteresis(motor, AMPLITUDE, law)
+        run = hysteresis(motor, AMPLITUDE, law)
         axes[0, 0].plot(run.displacement_m / run.limit_m, run.friction_force_n / slide, style, color=colour, label=law)
     u = np.linspace(0.0, AMPLITUDE, 100)
     turned = AMPLITUDE - 2.0 * u
-    down = pr.virgin_force(AMPLITUDE) - 2.0 * pr.virgin_force(u)
-    for x, f in ((u, pr.virgin_force(u)), (turned, down), (-turned, -down)):
+    down = virgin_force(AMPLITUDE) - 2.0 * virgin_force(u)
+    for x, f in ((u, virgin_force(u)), (turned, down), (-turned, -down)):
         axes[0, 0].plot(x, f, color=BLACK, lw=4.0, alpha=0.25)
     axes[0, 0].plot([], [], color=BLACK, lw=4.0, alpha=0.25, label="Mindlin, exact")
     axes[0, 0].set(title="(a) constant normal force")
     for axis, phase in ((axes[0, 1], 0.0), (axes[1, 0], 180.0)):
         for law in ("spring-slider", "brush"):
-            run = pr.hysteresis(motor, AMPLITUDE, law, swing=SWING, phase_deg=phase, harmonic=2)
+            run = hysteresis(motor, AMPLITUDE, law, swing=SWING, phase_deg=phase, harmonic=2)
             cycle = run.time_s >= 1e-3 * (1.0 - 1e-9)
             loss = f"{1e6 * run.loss_j:+.3f}".replace("-", "−")
             label = f"{law}: {loss} µJ a cycle"
@@ -48,14 +50,14 @@ def draw(folder: Path) -> list[str]:
 
     amplitudes = np.append(np.geomspace(0.05, 1.0, 4 if draft() else 13), (1.2, 1.5, 2.0))
     fine = np.geomspace(0.05, 2.0, 200)
-    axes[1, 1].loglog(fine, pr.microslip_loss(fine), color=BLACK, lw=4.0, alpha=0.25, label="Mindlin, exact")
+    axes[1, 1].loglog(fine, microslip_loss(fine), color=BLACK, lw=4.0, alpha=0.25, label="Mindlin, exact")
     relative = {}
-    for sliders, colour in ((4, PURPLE), (8, BLUE), (16, VERMILLION)):
-        runs = [pr.hysteresis(motor, amplitude, "brush", sliders=sliders) for amplitude in amplitudes.tolist()]
+    for sliders, colour in ((4, PURPLE), (8, BLUE), (16, VERMILION)):
+        runs = [hysteresis(motor, amplitude, "brush", sliders=sliders) for amplitude in amplitudes.tolist()]
         losses = np.array([run.loss_j / (slide * run.limit_m) for run in runs])
         lost = losses > 1e-6
         axes[1, 1].loglog(amplitudes[lost], losses[lost], "o-", color=colour, ms=3, lw=0.9, label=f"{sliders} sliders")
-        relative[sliders] = np.abs(losses - pr.microslip_loss(amplitudes))[amplitudes <= 1.0].max() / 0.8
+        relative[sliders] = np.abs(losses - microslip_loss(amplitudes))[amplitudes <= 1.0].max() / 0.8
     slips = amplitudes[amplitudes > 1.02]
     axes[1, 1].loglog(slips, 4.0 * (slips - 1.0), color=ORANGE, label="spring-slider")
     axes[1, 1].axvline(1.0, color=GREY, lw=0.8)
@@ -64,7 +66,7 @@ def draw(folder: Path) -> list[str]:
     )
     axes[1, 1].set_ylim(3e-5, 10.0)
     axes[1, 1].legend(loc="lower right", fontsize=7)
-    full = 0.8 * slide * pr.hysteresis(motor, 1.0, "brush").limit_m
+    full = 0.8 * slide * hysteresis(motor, 1.0, "brush").limit_m
     caption = (
         f"{motor_words(motor)} Amplitude of (a) to (c): {AMPLITUDE:g} of the limit of stick u_lim. The paper's "
         "spring, whose stiffness follows the normal force, loses too little in (b) and delivers energy in (c). "

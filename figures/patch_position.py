@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from style import BLACK, BLUE, GREEN, ORANGE, VERMILLION, canvas, main, write
+from style import BLACK, BLUE, GREEN, ORANGE, VERMILION, canvas, main, write
 
 import pyspice_runner as pr
+from pyspice_runner.model.beam import resonator_modes
 
-LENGTHS = {3e-3: BLUE, 4.5e-3: ORANGE, 6e-3: VERMILLION, 7.5e-3: GREEN}
+LENGTHS = {3e-3: BLUE, 4.5e-3: ORANGE, 6e-3: VERMILION, 7.5e-3: GREEN}
 POSITIONS = 31
 GAP = 0.2e-3  # what is left to the support and to the middle, m
 
@@ -62,7 +63,7 @@ def _modes(structure: Any, centre: float, length: float) -> tuple[Any, ...]:
         )
         for patch in structure.patches
     ]
-    return pr.resonator_modes(structure.beam, patches, structure.tip, structure.damping)
+    return resonator_modes(structure.beam, patches, structure.tip, structure.damping)
 
 
 def _draw_modes(axes: np.ndarray, centres: np.ndarray, modes: list[tuple[Any, ...]], **style: Any) -> None:

@@ -6,14 +6,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from style import BLACK, BLUE, GREY, ORANGE, VERMILLION, canvas, draft, drive_words, main, write
+from style import BLACK, BLUE, GREY, ORANGE, VERMILION, canvas, draft, drive_words, main, write
 
 import pyspice_runner as pr
 
 PRELOADS = (2.0, 10.0) if draft() else (1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 10.0, 13.0, 16.0, 20.0)  # N
 SPEEDS = np.arange(0.0, 36.1, 36.0 if draft() else 4.0)
 SETTLING = {"tolerance": 0.1, "patience": 4} if draft() else {}
-LOADS = {0.0: BLUE, 3e-3: ORANGE, 6e-3: VERMILLION}  # N·m
+LOADS = {0.0: BLUE, 3e-3: ORANGE, 6e-3: VERMILION}  # N·m
 
 
 def draw(folder: Path) -> list[str]:

@@ -12,9 +12,10 @@ from math import cos, radians, sin, tan
 from pathlib import Path
 
 import numpy as np
-from style import BLACK, BLUE, GREEN, GREY, HERE, ORANGE, PURPLE, VERMILLION, canvas, draft, main, write
+from style import BLACK, BLUE, GREEN, GREY, HERE, ORANGE, PURPLE, VERMILION, canvas, draft, main, write
 
-import pyspice_runner as pr
+from pyspice_runner.analysis.impact import impact
+from pyspice_runner.model.impact import Throw
 
 DATA = HERE.parent / "tests" / "data"
 LAWS = {"spring-slider": (ORANGE, "-", "spring-slider (paper)"), "coulomb": (GREEN, "--", "Coulomb, no spring"),
@@ -27,8 +28,8 @@ SPEED = 3.9  # m/s, of the measurements
 
 
 def rebounds(law: str, poisson: float, psis: np.ndarray, sliders: int = 8) -> np.ndarray:
-    throws = (pr.Throw(psi=psi, poisson=poisson) for psi in psis.tolist())
-    return np.array([pr.impact(throw, law, sliders=sliders, steps=STEPS).psi_2 for throw in throws])
+    throws = (Throw(psi=psi, poisson=poisson) for psi in psis.tolist())
+    return np.array([impact(throw, law, sliders=sliders, steps=STEPS).psi_2 for throw in throws])
 
 
 def measured() -> np.ndarray:
@@ -45,8 +46,8 @@ def restitution(law: str, angle: float) -> float:
         "density_kg_m3": 4000.0, "youngs_modulus_pa": 380e9, "poisson": 0.23,
         "half_space_youngs_modulus_pa": 70e9, "half_space_poisson": 0.25,
     }  # fmt: skip
-    throw = pr.Throw(psi=tan(turned) / pr.Throw(**common).limit_ratio, **common)
-    return pr.impact(throw, law, steps=STEPS).centre_velocity_m_s / (SPEED * sin(turned))
+    throw = Throw(psi=tan(turned) / Throw(**common).limit_ratio, **common)
+    return impact(throw, law, steps=STEPS).centre_velocity_m_s / (SPEED * sin(turned))
 
 
 def draw(folder: Path) -> list[str]:
@@ -71,7 +72,7 @@ def draw(folder: Path) -> list[str]:
     axes[0].annotate("  starts in slip", (1.0, -2.0), fontsize=7, color="#555555")
     axes[0].set(title=f"(a) rebound over incidence, ν = {POISSON:g}", xlabel="ψ₁", ylabel="ψ₂", xlim=(0.0, 7.0))
     axes[0].legend(loc="lower right")
-    for sliders, colour in ((4, PURPLE), (16, VERMILLION)):
+    for sliders, colour in ((4, PURPLE), (16, VERMILION)):
         found = rebounds("brush", POISSON, psis[chosen], sliders)
         axes[1].semilogy(
             psis[chosen], np.abs(found - exact[chosen]) + 1e-6, color=colour, label=f"brush of {sliders} sliders"

@@ -13,21 +13,22 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
 import pyspice_runner as pr
+from pyspice_runner.run.waveforms import Waveforms
+from pyspice_runner.view.plots import state_path as coloured_path
+from pyspice_runner.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, STATES, VERMILION
+
+# the colours are the package's; the scripts take them from here
+__all__ = ["BLACK", "BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "STATES", "VERMILION"]
 
 HERE = Path(__file__).resolve().parent
 WIDTH = 7.5  # inches: a page's text width
 CAPTION_COLUMNS = 128
 
-# Okabe and Ito's palette, which people with any colour vision can tell apart
-BLACK, ORANGE, GREEN, BLUE = "#000000", "#E69F00", "#009E73", "#0072B2"
-VERMILLION, PURPLE, GREY = "#D55E00", "#CC79A7", "#999999"
-STATES = {"separated": GREEN, "stick": BLUE, "slip": VERMILLION}  # in the order of their numbers 0, 1, 2
 TOUCH_DOWN = {"marker": "o", "ls": "", "ms": 4.5, "mfc": "white", "mec": BLACK, "mew": 0.9}
 
 mpl.use("Agg")
@@ -61,23 +62,19 @@ def canvas(rows: int, columns: int, height: float, **options: Any) -> tuple[Figu
 
 def state_path(axes: Axes, x: np.ndarray, y: np.ndarray, state: np.ndarray, width: float = 1.8) -> None:
     """Draw a path in the colours of the contact's state, with a ring wherever the tip touches down."""
-    points = np.column_stack([x, y])
+    coloured_path(axes, x, y, state, linewidths=width, zorder=3)
     number = np.rint(state).astype(int)
-    colours = [list(STATES.values())[n] for n in number[1:]]  # a state is reached by the step that ends with it
-    pieces = np.stack([points[:-1], points[1:]], axis=1)
-    axes.add_collection(LineCollection(pieces, colors=colours, linewidths=width, capstyle="round", zorder=3))
     landed = np.flatnonzero((number[:-1] == 0) & (number[1:] > 0)) + 1
     axes.plot(x[landed], y[landed], **TOUCH_DOWN, zorder=4)
-    axes.autoscale_view()
 
 
 def state_handles() -> list[Line2D]:
     """Return what a legend needs to explain :func:`state_path`."""
-    lines = [Line2D([], [], color=colour, lw=2.2, label=name) for name, colour in STATES.items()]
+    lines = [Line2D([], [], color=state.colour, lw=2.2, label=state.name) for state in STATES]
     return [*lines, Line2D([], [], **TOUCH_DOWN, label="touch-down (impact)")]
 
 
-def recent(run: pr.Waveforms, periods: float) -> slice:
+def recent(run: Waveforms, periods: float) -> slice:
     """Return the points of the last periods of the drive."""
     start = run.time_s[-1] - periods * run.drive_period_s
     return slice(int(np.searchsorted(run.time_s, start)), None)

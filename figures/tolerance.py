@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from style import BLACK, BLUE, GREY, VERMILLION, canvas, draft, drive_words, main, motor_words, write
+from style import BLACK, BLUE, GREY, VERMILION, canvas, draft, drive_words, main, motor_words, write
 
 import pyspice_runner as pr
 
@@ -52,7 +52,7 @@ def draw(folder: Path) -> list[str]:
     stall = 1e3 * cloud.sel({"run.speed": 0.0})
     for letter, panel, (path, (_, label)) in zip("bcde", all_axes[1], TOLERANCES.items(), strict=True):
         x = cloud[path] / (1e3 if label.endswith("kHz") else 1.0)
-        panel.plot(x, stall, "o", ms=2.8, color=VERMILLION)
+        panel.plot(x, stall, "o", ms=2.8, color=VERMILION)
         panel.set(title=f"({letter}) r = {float(np.corrcoef(x, stall)[0, 1]):.2f}".replace("-", "−"), xlabel=label)
         panel.sharey(all_axes[1, 0])
         panel.label_outer()

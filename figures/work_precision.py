@@ -10,7 +10,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, canvas, main, write
+from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, canvas, main, write
 
 MEASURED = Path(__file__).resolve().parents[1] / "benchmarks" / "work_precision.json"
 LOOKS: dict[str, dict[str, Any]] = {
@@ -18,7 +18,7 @@ LOOKS: dict[str, dict[str, Any]] = {
     "ngspice, plain": {"color": BLUE, "marker": "o", "mfc": "white", "ls": "--"},
     "compiled": {"color": BLACK, "marker": "D"},
     "RK45": {"color": ORANGE, "marker": "s"},
-    "DOP853": {"color": VERMILLION, "marker": "^"},
+    "DOP853": {"color": VERMILION, "marker": "^"},
     "LSODA": {"color": GREEN, "marker": "v"},
     "Radau": {"color": PURPLE, "marker": "<"},
     "BDF": {"color": GREY, "marker": ">"},

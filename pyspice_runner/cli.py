@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command ``piezomotor``.
 
-Standard output carries the result, and with ``--json`` one JSON object and nothing else; progress and complaints go to
+Standard output carries the result, with ``--json`` one JSON object and nothing else. Progress and messages go to
 standard error. Exit status: 0 success, 1 outside of a tolerance that was given, 2 refused input, 3 the simulator
-failed, 130 interrupted.
+failed, 128 plus the number of the signal that interrupted it: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from typing import Any
@@ -18,7 +19,7 @@ from rich.text import Text
 
 import pyspice_runner as pr
 from pyspice_runner.commands.admittance import admittance
-from pyspice_runner.commands.common import complain, say, silence, written
+from pyspice_runner.commands.common import INTERRUPTED, complain, say, silence, written
 from pyspice_runner.commands.compare import compare
 from pyspice_runner.commands.drive import drive
 from pyspice_runner.commands.fit import fit
@@ -27,6 +28,7 @@ from pyspice_runner.commands.motors import export, motors, show
 from pyspice_runner.commands.report import report
 from pyspice_runner.commands.simulate import simulate
 from pyspice_runner.commands.speed_torque import speed_torque
+from pyspice_runner.commands.steady import steady
 from pyspice_runner.commands.sweep import sweep
 from pyspice_runner.commands.track import track
 from pyspice_runner.interrupts import raised
@@ -44,6 +46,7 @@ for command in (
     simulate,
     admittance,
     speed_torque,
+    steady,
     sweep,
     drive,
     track,
@@ -60,7 +63,7 @@ FIRST_STEPS = (
     (
         "Then",
         (
-            ("simulate andersen2002 --plot run.png", "one run, drawn"),
+            ("simulate andersen2002 --plot run.png", "one run, plotted"),
             ("export andersen2002 --output motor.lib", "a .subckt for SPICE"),
             ("drive andersen2002 --driver half-bridge", "its driver's losses"),
             ("admittance andersen2002 --state preloaded", "its impedance"),
@@ -69,9 +72,9 @@ FIRST_STEPS = (
     (
         "Help",
         (
-            ("COMMAND --help", "one command, an example"),
+            ("COMMAND --help", "one command with an example"),
             ("--help", "all commands"),
-            ("--install-completion", "let Tab complete"),
+            ("--install-completion", "completion by Tab"),
         ),
     ),
 )
@@ -92,10 +95,11 @@ def first_steps(context: typer.Context) -> None:
 
 
 def run(arguments: list[str]) -> int:
-    """Run the command line on the given words and return the exit status."""
+    """Run the command line with these arguments and return the exit status."""
     written.clear()
+    came: list[int] = []  # the signals, until the end of the command
     try:
-        with raised():
+        with raised() as came:
             status = _invoked(arguments)
             sys.stdout.flush()
     except (pr.ParameterError, pr.SpectrumError) as error:
@@ -104,13 +108,16 @@ def run(arguments: list[str]) -> int:
     except pr.SimulationError as error:
         complain(f"piezomotor: {error}")
         return 3
-    except (BrokenPipeError, SystemExit):  # the reader has gone; by the latter rich says so of a --help
+    except (
+        BrokenPipeError,
+        SystemExit,
+    ):  # the reader of the pipe has ended; rich reports this for --help by SystemExit
         silence(sys.stdout)
         return 0
-    except (KeyboardInterrupt, typer.Abort) as interrupt:
+    except (KeyboardInterrupt, typer.Abort):
         done = f"{' and '.join(written)} {'are' if len(written) > 1 else 'is'} complete" if written else ""
         complain(f"piezomotor: interrupted; {done or 'nothing was written'}.")
-        return 128 + getattr(interrupt, "number", 2)
+        return _status_of(came)
     except MemoryError:
         complain(f"piezomotor: {OUT_OF_MEMORY}")
         return 3
@@ -119,15 +126,22 @@ def run(arguments: list[str]) -> int:
         silence(sys.stdout)
         return 2
     except _usage_error() as error:
-        error.message = str(pr.ParameterError(error.message))  # as readable as those of ours
+        error.message = str(pr.ParameterError(error.message))  # shortened and printable like our own
         error.show()
         return 2
+    if status == INTERRUPTED:
+        return _status_of(came)
     return status if isinstance(status, int) else 0
 
 
+def _status_of(signals: list[int]) -> int:
+    """Return the exit status after signals, by the first of them, as a shell does: 143 for SIGTERM, 129 for SIGHUP."""
+    return 128 + signals[0] if signals else INTERRUPTED
+
+
 def _invoked(arguments: list[str]) -> Any:
-    """Run the command and return what it returns; typer's own way would pass over an interrupt without a word."""
-    if "_PIEZOMOTOR_COMPLETE" in os.environ:  # the shell asks what Tab may complete
+    """Run the command and return what it returns; typer alone would hide an interrupt."""
+    if "_PIEZOMOTOR_COMPLETE" in os.environ:  # the shell asks for completions
         return app(arguments, prog_name="piezomotor", standalone_mode=False)
     group = typer.main.get_command(app)
     try:
@@ -138,16 +152,18 @@ def _invoked(arguments: list[str]) -> Any:
 
 
 OUT_OF_MEMORY = (
-    "Out of memory. Free some, shorten the run, or record less of it by --record-from, --record-every or --signals."
+    "Out of memory. Free some memory, shorten the run, or record less by --record-from, --record-every, --signals."
 )
 
 
 def _told(error: OSError) -> str:
-    place = error.filename or "the standard output"
-    return f"Cannot read or write {place}: {error.strerror or error}. Free it, or choose another place."
+    if error.errno in (errno.EMFILE, errno.ENFILE):
+        return "Too many files are open. Raise the limit, as by `ulimit -n 1024`."
+    place = error.filename or "standard output"
+    return f"Cannot read or write {place}: {error.strerror or error}. Check the place, or choose another one."
 
 
 def _usage_error() -> type[Any]:
-    """Return the class of typer's own complaints about the command line."""
+    """Return the class of typer's errors about the command line."""
     base: type[Any] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
     return base

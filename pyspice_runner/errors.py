@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The three ways in which this package says no, and how an interrupted run hands over what it has.
+"""The errors of this package, and the exception that carries the result of an interrupted run.
 
-Each message is one or two sentences that name the parameter or file, the value, its unit, what is allowed
-and what to do.
+Each message is one or two sentences that name the parameter or file, the value with its unit, the allowed range, and
+what to do.
 """
 
 from __future__ import annotations
@@ -10,30 +10,30 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-_LONGEST, _TAIL = 1000, 300  # characters of a message; what comes last says what to do
+_LONGEST, _TAIL = 1000, 300  # characters of a message; its end says what to do
 
 
 class ParameterError(ValueError):
-    """Input that is refused before anything runs: a value, a name or a file."""
+    """Invalid input, found before anything runs: a value, a name or a file."""
 
     def __init__(self, message: str) -> None:
         super().__init__(_readable(message))
 
 
 class SpectrumError(ValueError):
-    """A measured spectrum that cannot be read, or that holds no resonance to identify."""
+    """A measured spectrum that cannot be read, or that has no resonance to identify."""
 
     def __init__(self, message: str) -> None:
         super().__init__(_readable(message))
 
 
 class SimulationError(RuntimeError):
-    """The simulator failed, or what it wrote cannot be trusted.
+    """The simulator failed, or its result is not valid.
 
     Attributes:
         deck: the netlist that failed, kept for inspection; ``None`` if nothing was run.
-        log: ngspice's own words, unabridged.
-        partial: what was finished before, of an analysis of many runs; ``None`` if there is nothing.
+        log: the complete log of ngspice.
+        partial: the finished part of an analysis of many runs; ``None`` if there is none.
     """
 
     def __init__(self, message: str, *, deck: Path | None = None, log: str = "", partial: Any = None) -> None:
@@ -48,7 +48,7 @@ class SimulationError(RuntimeError):
 
 
 def _readable(message: str) -> str:
-    """Return a message that shows whatever it quotes: on one line, nothing that a terminal obeys, not endless."""
+    """Return a message on one line, of limited length, with characters that are not printable escaped."""
     if len(message) > _LONGEST:
         message = f"{message[: _LONGEST - _TAIL - 1]}…{message[-_TAIL:]}"
     if message.isprintable():
@@ -61,10 +61,10 @@ def _rebuild(message: str, deck: Path | None, log: str) -> SimulationError:
 
 
 class Interrupted(KeyboardInterrupt):
-    """A run that was stopped from outside, with what was done until then.
+    """A run was interrupted by a signal.
 
     Attributes:
-        partial: what there is, marked as incomplete.
+        partial: the result until then, marked as incomplete.
     """
 
     def __init__(self, message: str, partial: Any) -> None:

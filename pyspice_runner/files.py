@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How results are written to files: by their ending, whole or not at all, with one sentence where that cannot be."""
+"""Writing of result files: the format follows from the ending, and a file is complete or not written at all."""
 
 from __future__ import annotations
 
+import csv
 import errno
 import io
 import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,10 +25,10 @@ if TYPE_CHECKING:
 
 
 def save_by_ending(path: str | Path, writers: Mapping[str, Callable[[Path], object]]) -> Path:
-    """Write a file by the writer that belongs to its ending, and return its path.
+    """Write a file by the writer for its ending, and return its path.
 
-    The file is there when it is complete, in one stroke; until then, and if it cannot be written or the writer is
-    interrupted, an older one of that name stays as it was.
+    The complete file replaces an older one in one step. If it cannot be written, or the writer is interrupted, the
+    older file stays unchanged.
 
     Args:
         path: the file to write.
@@ -47,13 +48,13 @@ def save_by_ending(path: str | Path, writers: Mapping[str, Callable[[Path], obje
 
 
 def _write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Write beside the file, under its name in a folder of its own, and move what is complete to its place."""
+    """Write to a temporary folder beside the file, and move the complete file to its place."""
     try:
-        target = path.resolve()  # a link stays one
-    except ValueError as error:  # a name with a zero in it
+        target = path.resolve()  # a symbolic link stays a link
+    except ValueError as error:  # a name with a null character
         raise OSError(errno.EINVAL, str(error)) from error
     if (target.exists() and not target.is_file()) or not os.access(target.parent, os.W_OK):
-        write(path)  # a device or a pipe, or a file that may be written in a folder that may not
+        write(path)  # a device, a pipe, or a writable file in a read-only folder
         return
     with held() as listening:
         folder = Path(tempfile.mkdtemp(prefix=".piezomotor-", dir=target.parent))
@@ -75,15 +76,21 @@ def write_csv(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> None:
         np.savetxt(file, table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
 
 
+def write_rows(path: Path, rows: Sequence[Sequence[str]]) -> None:
+    """Write rows of texts as CSV, the header first."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(rows)
+
+
 def write_netcdf(path: Path, dataset: xarray.Dataset) -> None:
-    """Write a dataset as NetCDF, put together in memory: HDF5 itself crashes where the disk is full."""
+    """Write a dataset as NetCDF by way of memory, since HDF5 itself crashes when the disk is full."""
     content = io.BytesIO()
     dataset.to_netcdf(content, engine="h5netcdf")
     path.write_bytes(content.getbuffer())
 
 
 def write_json(path: Path, document: Mapping[str, Any]) -> None:
-    """Write a JSON object, readable by eye; a value that is not finite is refused by the format."""
+    """Write a JSON object with indentation. JSON has no values that are not finite: they raise a ValueError."""
     path.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""When a signal may interrupt: Ctrl-C, ``kill`` and a terminal that is closed.
+"""Handling of SIGINT (Ctrl-C), SIGTERM (``kill``) and SIGHUP (a closed terminal).
 
-Python raises whatever a signal's handler raises between any two steps of the program: after a process is started and
-before anyone knows of it, or while what it left is being cleared away. Here steps that belong together are held
-together, and the command gets handlers that end it with a sentence, from its first line to its last.
+Python runs a signal's handler between any two steps of the program, for example after a process is started and before
+its number is stored, or while its files are being removed. :func:`held` delays signals in such places. :func:`raised`
+and :func:`end_at_once` install handlers that end the command with a message.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from typing import Any
 
 NOTHING_DONE = "piezomotor: interrupted; nothing was written.\n"
 _ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-_REMIND = 0.01  # s after which an interrupt comes again that came where nothing can be raised
+_REMIND = 0.01  # s; delay after which a signal is sent again that came where no exception can be raised
 
 
 @contextmanager
 def held() -> Iterator[Callable[[], AbstractContextManager[None]]]:
-    """Hold back what signals raise until the end of the block, but for where it says that it listens.
+    """Delay signals until the end of the block, except within ``listening()``.
 
     >>> with held() as listening:
-    ...     place = "made, and cleared away whatever happens"
+    ...     place = "created here, and always removed"
     ...     with listening():
-    ...         pass  # the part that takes long; what came before it is raised at its beginning
+    ...         pass  # the long part; a signal that came before is raised at its beginning
     """
     if not _signals_come_here():
         yield nullcontext
@@ -74,9 +74,9 @@ def held() -> Iterator[Callable[[], AbstractContextManager[None]]]:
 
 
 def end_at_once() -> None:
-    """Let a signal end this process with a sentence, while nothing is begun."""
+    """Let a signal end this process with a message that nothing was written."""
     _handle(_leave)
-    atexit.register(_handle, signal.SIG_IGN)  # for all is done when Python clears away, and it would die of one there
+    atexit.register(_handle, signal.SIG_IGN)  # at exit all is done, and a signal would cause a traceback
 
 
 def _leave(number: int, _: FrameType | None) -> None:
@@ -89,22 +89,25 @@ def _leave_done(number: int, _: FrameType | None) -> None:
 
 
 @contextmanager
-def raised() -> Iterator[None]:
-    """Let signals raise :exc:`Stopped`, wherever they come; then put back what was before.
+def raised() -> Iterator[list[int]]:
+    """Let signals raise :exc:`Stopped`, wherever they come; then restore the former handlers.
 
-    After :func:`end_at_once` they end the process still, but now there is something done.
+    After :func:`end_at_once` a signal still ends the process, without the words that nothing was written.
+
+    Yields:
+        The numbers of the signals that came, in their order; the list grows as they come.
     """
-    if not _signals_come_here():
-        yield
-        return
     came: list[int] = []
+    if not _signals_come_here():
+        yield came
+        return
 
     def stop(number: int, _: FrameType | None) -> None:
         came.append(number)
         raise Stopped(number)
 
     def remind(unraisable: sys.UnraisableHookArgs) -> None:
-        """Raise it again if it came in a finaliser or a callback, where it only would be printed."""
+        """Raise the exception again if it came in a finaliser or a callback, where Python only prints it."""
         if isinstance(unraisable.exc_value, Stopped):
             threading.Timer(_REMIND, os.kill, (os.getpid(), unraisable.exc_value.number)).start()
         else:
@@ -113,9 +116,11 @@ def raised() -> Iterator[None]:
     complain, sys.unraisablehook = sys.unraisablehook, remind
     before = _handle(stop)
     try:
-        yield
+        yield came
     except Exception as error:
-        if came and (isinstance(error, ImportError) or _comes_of_a_signal(error)):  # an extension that was being loaded
+        if came and (
+            isinstance(error, ImportError) or _comes_of_a_signal(error)
+        ):  # a signal breaks the import of an extension
             raise Stopped(came[-1]) from None
         raise
     finally:
@@ -134,7 +139,7 @@ class Stopped(KeyboardInterrupt):
     """A signal came.
 
     Attributes:
-        number: which one.
+        number: the number of the signal.
     """
 
     def __init__(self, number: int) -> None:
@@ -143,12 +148,12 @@ class Stopped(KeyboardInterrupt):
 
 
 def _signals_come_here() -> bool:
-    """Whether this is the thread in which Python calls the handlers of signals; elsewhere nothing is raised."""
+    """Tell whether this is the main thread, the only one in which Python runs signal handlers."""
     return threading.current_thread() is threading.main_thread()
 
 
 def _handle(handler: Callable[[int, FrameType | None], None] | signal.Handlers) -> dict[int, Any]:
-    """Give the signals that are not ignored a handler, as ``nohup`` ignores SIGHUP; return what they had."""
+    """Set a handler for the signals that are not ignored, as ``nohup`` ignores SIGHUP; return the former handlers."""
     before = {number: signal.getsignal(number) for number in _ENDING}
     return {
         number: signal.signal(number, handler) for number, had in before.items() if had not in (signal.SIG_IGN, None)

@@ -5,6 +5,7 @@
 # the tests Chromium.
 #
 #   scripts/setup.sh report     what `make demo` needs
+#   scripts/setup.sh docs       what `make docs` needs
 #   scripts/setup.sh test dev   the package with these extras of pyproject.toml
 #
 # PYTHON=/path/to/python3 chooses the interpreter that .venv is made with. When nothing is missing, this
@@ -177,6 +178,17 @@ moved() { # was the tree moved since .venv was made? Its scripts would point to 
     [ ! -f $venv/bin/activate ] || ! grep -qF "$PWD/$venv" $venv/bin/activate
 }
 
+# --- one set-up at a time ---
+
+alone() { # waits for another set-up of this tree, which would make .venv at the same time
+    have flock && [ -w . ] || return 0 # macOS has no flock, and in a read-only tree there is nothing to install
+    exec 9>.setup.lock
+    flock -n 9 && return 0
+    say "another set-up is at work here; waiting for it"
+    flock 9
+}
+
+alone
 need_ngspice
 case " $* " in *" test "*) need_browser ;; esac
 need_package "$@"

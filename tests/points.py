@@ -12,6 +12,7 @@ from typing import Any
 
 import pyspice_runner as pr
 from pyspice_runner.model.drive import Drive
+from pyspice_runner.run.waveforms import Waveforms
 
 
 def formula(motor: pr.Motor, drive: Drive, *, duration: float, speed: float = 0.0) -> dict[str, Any]:
@@ -41,8 +42,8 @@ def fails_above_8_n(motor: pr.Motor, drive: Drive, **run: float) -> dict[str, An
 
 
 def refuses(motor: pr.Motor, drive: Drive, *, duration: float) -> dict[str, Any]:
-    """Refuses whatever it is given."""
-    raise pr.ParameterError(f"duration = {duration:g} s is refused for {motor.name} and {drive.label}.")
+    """Raises an error for every input."""
+    raise pr.ParameterError(f"duration = {duration:g} s is not valid for {motor.name} and {drive.label}.")
 
 
 def kills_its_worker_at_7_n(motor: pr.Motor, drive: Drive, **run: float) -> dict[str, Any]:
@@ -68,7 +69,7 @@ def power(point: dict[str, Any]) -> float:
     return float(2.0 * point["torque_n_m"])
 
 
-def peak_force(run: pr.Waveforms) -> float:
+def peak_force(run: Waveforms) -> float:
     """A quantity of one's own, of waveforms."""
     return float(run.normal_force_n.max())
 

@@ -14,16 +14,16 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+START = [sys.executable, "-m", "pyspice_runner"]
 LONGEST = 120.0  # s; far beyond what anything here takes on a loaded machine
 
 
 @contextmanager
 def begun(*words: str, cwd: Path, shell: bool = False, **environment: str) -> Iterator[subprocess.Popen[str]]:
     """Begin the command as a user does; it ends with the block, and if that fails, so does its ngspice."""
-    start = [sys.executable, "-m", "pyspice_runner"]
     process = subprocess.Popen(
-        words if shell else [*start, *words], cwd=cwd, text=True, errors="replace", start_new_session=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "PIEZOMOTOR": " ".join(start), **environment},
+        words if shell else [*START, *words], cwd=cwd, text=True, errors="replace", start_new_session=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
     try:

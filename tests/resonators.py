@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Resonators whose circuit is known, their spectra, and fits that are held against ngspice as they are made."""
+"""Resonators whose circuit is known, their spectra, and fits that are compared with ngspice as they are made."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.engine.ngspice import run_deck
+from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
+from pyspice_runner.netlist.equivalent import circuit_library
+from pyspice_runner.spectra.fit import SpectrumFit
 
 
 def resonator(
@@ -23,16 +26,16 @@ def resonator(
     reference: float = 1e5,
     lead_resistance: float = 0.0,
     lead_inductance: float = 0.0,
-) -> pr.EquivalentCircuit:
+) -> EquivalentCircuit:
     """A circuit by its arms' series resonances in Hz, quality factors and capacitance ratios C/C₀."""
     arms = []
     for frequency, quality, ratio in zip(frequencies, qualities, ratios, strict=True):
         omega, motional = 2.0 * pi * frequency, ratio * capacitance
-        arms.append(pr.MotionalArm(1.0 / (omega * motional * quality), 1.0 / (omega**2 * motional), motional))
-    return pr.EquivalentCircuit(tuple(arms), capacitance, loss_tangent, reference, lead_resistance, lead_inductance)
+        arms.append(MotionalArm(1.0 / (omega * motional * quality), 1.0 / (omega**2 * motional), motional))
+    return EquivalentCircuit(tuple(arms), capacitance, loss_tangent, reference, lead_resistance, lead_inductance)
 
 
-def random_resonator(seed: int, arms: int, *, nearest: float = 3.0) -> tuple[pr.EquivalentCircuit, np.ndarray]:
+def random_resonator(seed: int, arms: int, *, nearest: float = 3.0) -> tuple[EquivalentCircuit, np.ndarray]:
     """A circuit of arms with Q 20 to 5000, neighbours at least so many of the wider bandwidths apart, and a grid."""
     rng = np.random.default_rng(seed)
     qualities = np.exp(rng.uniform(np.log(20.0), np.log(5000.0), arms)).tolist()
@@ -64,7 +67,7 @@ def random_resonator(seed: int, arms: int, *, nearest: float = 3.0) -> tuple[pr.
     return circuit, grid
 
 
-def spectrum(circuit: pr.EquivalentCircuit, frequency: np.ndarray, *, noise: float = 0.0, seed: int = 0) -> pr.Spectrum:
+def spectrum(circuit: EquivalentCircuit, frequency: np.ndarray, *, noise: float = 0.0, seed: int = 0) -> pr.Spectrum:
     """The circuit's spectrum with noise of a given share of |Y|, the same in all phases."""
     rng = np.random.default_rng(seed)
     error = rng.standard_normal((2, len(frequency)))
@@ -72,7 +75,7 @@ def spectrum(circuit: pr.EquivalentCircuit, frequency: np.ndarray, *, noise: flo
     return pr.Spectrum.from_admittance(frequency, y, source="synthetic")
 
 
-def fitted(measured: pr.Spectrum, modes: int | None = None, *, leads: bool = True) -> pr.SpectrumFit:
+def fitted(measured: pr.Spectrum, modes: int | None = None, *, leads: bool = True) -> SpectrumFit:
     """A fit whose exported library, run by ngspice, has the fitted admittance to a millionth."""
     fit = pr.fit_spectrum(measured, modes, leads=leads)
     start, stop = fit.frequency_hz[[0, -1]].tolist()
@@ -80,7 +83,7 @@ def fitted(measured: pr.Spectrum, modes: int | None = None, *, leads: bool = Tru
     deck = "\n".join(
         [
             "library of a fit",
-            pr.circuit_library(fit.circuit),
+            circuit_library(fit.circuit),
             "Vdrive a 0 DC 0 AC -1",
             "Xdevice a 0 resonator",
             ".options reltol=1e-9",
@@ -96,12 +99,12 @@ def fitted(measured: pr.Spectrum, modes: int | None = None, *, leads: bool = Tru
     return fit
 
 
-def values(circuit: pr.EquivalentCircuit) -> np.ndarray:
+def values(circuit: EquivalentCircuit) -> np.ndarray:
     """C₀ and R, L, C of every arm."""
     arms = [value for arm in circuit.arms for value in (arm.resistance_ohm, arm.inductance_h, arm.capacitance_f)]
     return np.array([circuit.clamped_capacitance_f, *arms])
 
 
-def extras(circuit: pr.EquivalentCircuit) -> np.ndarray:
+def extras(circuit: EquivalentCircuit) -> np.ndarray:
     """tan δ, R and L of the leads."""
     return np.array([circuit.loss_tangent, circuit.lead_resistance_ohm, circuit.lead_inductance_h])

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs of random motors: ``python -m tests.soak --count 2000``, or ``make soak``.
 
-Motors and drives are drawn over the whole range that every parameter is allowed, by its declaration; what the model
-refuses for a relation between parameters is drawn anew. Each valid one must give a result that passes the physical
-audit, or a ``SimulationError`` that names its cause. What came of a case is written down as soon as it is known, so
-that an interrupted soak goes on where it was.
+The parameters of motor, drive, driver and tracker are drawn from the whole ranges that they declare; a combination that
+the model rejects is drawn again. Each valid case must give a result that passes the physical audit, or a
+``SimulationError`` that names its cause. The outcome of a case is written to a file at once, so that an interrupted
+soak can be resumed.
 """
 
 from __future__ import annotations
@@ -23,20 +23,27 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cache
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from pydantic import ValidationError
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.dynamometer import Bench, uniform_step
-from pyspice_runner.analysis.simulate import POINTS_PER_PERIOD, shortest_period
+from pyspice_runner.analysis.dynamometer import Dynamometer, off_beat
+from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.model.drive import Drive, check_together, free_tip
+from pyspice_runner.model.drive import FASTEST_SHAFT, FASTEST_SURFACE, Drive, check_together, free_tip
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Contact, Mode, Parameters, Piezo, Rotor
+from pyspice_runner.netlist.benches import UNIFORM_POINTS
+from pyspice_runner.netlist.drivers import DriverKind, NetworkKind
+from pyspice_runner.netlist.sources import PAPER_LAW, DriveSource, Source
+from pyspice_runner.netlist.trackers import DisturbanceKind
+from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.steps import shortest_period
 
 RESULT = Path(__file__).with_suffix(".json")
 COUNT, SEED = 2000, 7
@@ -55,7 +62,7 @@ class Case:
     """One motor, its drive, and the question put to it."""
 
     motor: Motor
-    drive: Drive
+    drive: Source
     question: str
     settings: dict[str, Any]
 
@@ -63,13 +70,19 @@ class Case:
     def asked(self) -> str:
         """The question in words."""
         state = self.settings.get("state") or self.settings["contact"] or "free tip"
+        if isinstance(self.drive, pr.Driver | pr.Tracker):
+            state = f"{self.drive.kind}, {state}"
         shaft = " at a held speed" if "speed" in self.settings else " loaded" if "load_torque" in self.settings else ""
         return f"{self.question}, {state}{shaft}"
 
 
-def case(seed: int, index: int) -> Case:
-    """Draw a valid case; the same for the same numbers."""
+def case(seed: int, index: int, subject: str = "motors") -> Case:
+    """Draw a valid case; the same for the same arguments."""
     rng = np.random.default_rng((seed, index))
+    if subject == "electronics":
+        draw = _driven if rng.random() < 0.5 else _tracked
+        found: Case = _accepted(lambda: draw(rng))
+        return found
     while True:
         try:
             motor = _motor(rng)
@@ -165,8 +178,8 @@ def _up_to(rng: np.random.Generator, greatest: float) -> float:
 
 def _steps_of_a_block(motor: Motor, drive: Drive) -> float:
     """How many steps a point of a speed-torque curve takes between two looks: the decay of the slowest mode."""
-    bench = Bench(motor, drive, uniform_step(motor, drive))
-    return bench.duration / bench.step
+    bench = Dynamometer(off_beat(Setup(motor, DriveSource(drive))))
+    return bench.duration / bench.setup.step
 
 
 def _asked(rng: np.random.Generator, motor: Motor, drive: Drive) -> Case:
@@ -179,17 +192,14 @@ def _asked(rng: np.random.Generator, motor: Motor, drive: Drive) -> Case:
             motor, drive, "admittance", {"start": 0.1 * lowest, "stop": 10.0 * highest, "points": 501, "state": state}
         )
     law = [None, "spring-slider", "spring-slider", "brush", "coulomb"][rng.integers(5)]
-    fastest = (
-        min(1e6, pr.FASTEST_SURFACE / motor.rotor.radius_m)
-        if hasattr(pr, "FASTEST_SURFACE")
-        else min(1e6, 1e3 / motor.rotor.radius_m)
-    )
+    motor = _with_its_law(motor, law)
+    fastest = min(FASTEST_SHAFT, FASTEST_SURFACE / motor.rotor.radius_m)
     speed = fastest * float(10.0 ** -rng.uniform(0.0, _DECADES)) * float(rng.choice([-1.0, 1.0]))
     if chance < 0.25 and law is not None and _steps_of_a_block(motor, drive) < 5 * MOST_STEPS:
-        return Case(motor, drive, "operating_point", {"contact": law, "speed": speed, "patience": 4})
+        return Case(motor, drive, "operating_point", {"contact": law, "speed": speed, "mode": "settle", "patience": 4})
     steps = float(np.exp(rng.uniform(math.log(FEWEST_STEPS), math.log(MOST_STEPS))))
     settings = {"contact": law}
-    step = shortest_period(motor, drive, contact=law is not None) / POINTS_PER_PERIOD
+    step = shortest_period(motor, DriveSource(drive), PAPER_LAW if law else None) / UNIFORM_POINTS
     periods = float(rng.uniform(0.0, 3.0)) * drive.period  # so that the drive has done something
     settings["duration"] = min(max(steps * step, periods), 5 * MOST_STEPS * step)
     shaft = rng.random()
@@ -199,6 +209,82 @@ def _asked(rng: np.random.Generator, motor: Motor, drive: Drive) -> Case:
         holds = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
         settings["load_torque"] = _up_to(rng, min(100.0 * holds, 1e6))  # what it holds, and what drags it along
     return Case(motor, drive, "simulate", settings)
+
+
+# --- drivers and trackers: near the motors of the package, since most electronics fit no random motor ---
+
+
+def _scaled(rng: np.random.Generator, part: Parameters, spread: float) -> dict[str, float]:
+    """The numbers of a part, each multiplied by a factor of up to 10 to the power of the spread, either way."""
+    numbers = {name: x for name, x in part.model_dump().items() if isinstance(x, float) and x != 0.0}
+    return {name: x * float(10.0 ** rng.uniform(-spread, spread)) for name, x in numbers.items()}
+
+
+def _near(rng: np.random.Generator) -> Motor:
+    motor = pr.load_motor(str(rng.choice(pr.available_motors())))
+    parts: dict[str, Parameters] = {name: getattr(motor, name) for name in ("piezo", "contact", "rotor")}
+    parts |= {f"modes.{index}": mode for index, mode in enumerate(motor.modes)}
+    return motor.updated(
+        {f"{path}.{name}": x for path, part in parts.items() for name, x in _scaled(rng, part, 0.1).items()}
+    )
+
+
+def _near_resonance(rng: np.random.Generator, motor: Motor) -> dict[str, float]:
+    mode = motor.modes[rng.integers(len(motor.modes))]
+    return {
+        "voltage": float(10.0 ** rng.uniform(0.5, 2.2)),
+        "frequency": mode.frequency_hz * float(rng.uniform(0.95, 1.1)),
+        "phase_deg": float(rng.uniform(-180.0, 180.0)),
+    }
+
+
+def _contact(rng: np.random.Generator) -> str | None:
+    return [None, "spring-slider", "spring-slider", "brush", "coulomb"][rng.integers(5)]
+
+
+def _with_its_law(motor: Motor, law: str | None) -> Motor:
+    """The motor without what was drawn for the spring-slider alone."""
+    return motor if law == "spring-slider" else motor.updated({"contact.sliding_ratio": 1.0})
+
+
+def _driven(rng: np.random.Generator) -> Case:
+    motor, contact = _near(rng), _contact(rng)
+    motor = _with_its_law(motor, contact)
+    kind, network = (str(rng.choice(get_args(choice))) for choice in (DriverKind, NetworkKind))
+    stated = {"kind": kind, "network": network, **_near_resonance(rng, motor)}
+    numbers = {
+        f"{part.label}.{name}": x * float(10.0 ** rng.uniform(-0.3, 0.3))
+        for part in pr.Driver(**stated).parts("a")
+        for name, x in part.values.items()
+        if name in {one.name for one in part.library.parameters} and x != 0.0 and rng.random() < 0.2
+    }
+    allowed = {path: x for path, x in numbers.items() if _is_setting(stated, path, x)}
+    driver = pr.Driver(**stated, settings=allowed)
+    duration = float(rng.uniform(12.0, 30.0)) / driver.frequency
+    return Case(motor, driver, "drive_report", {"contact": contact, "duration": duration, "proposals": False})
+
+
+def _is_setting(stated: Mapping[str, Any], path: str, x: float) -> bool:
+    """Whether a driver accepts a value of one of its parts."""
+    try:
+        pr.Driver(**stated, settings={path: x})
+    except pr.ParameterError:
+        return False
+    return True
+
+
+def _tracked(rng: np.random.Generator) -> Case:
+    motor, kind = _near(rng), str(rng.choice(["pll", "observe-current", "observe-power"]))
+    contact = _contact(rng)
+    motor = _with_its_law(motor, contact)
+    kinds = [one for one in get_args(DisturbanceKind) if not (one == "target" and kind != "pll")]
+    disturb = str(rng.choice([one for one in kinds if contact or one not in ("load", "preload")]))
+    mode = int(rng.integers(len(motor.modes)))
+    values = _near_resonance(rng, motor) | {"frequency": motor.modes[mode].frequency_hz * float(rng.uniform(1.0, 1.1))}
+    tracker = pr.Tracker(kind=kind, bandwidth_hz=float(10.0 ** rng.uniform(1.5, 3.2)), **values)
+    begin = float(rng.uniform(60.0, 120.0)) / tracker.frequency
+    settings = {"contact": contact, "disturb": disturb, "mode": mode, "begin": begin, "duration": 2.0 * begin}
+    return Case(motor, tracker, "track", settings)
 
 
 # --- what came of it -----------------------------------------------------------------------------------------
@@ -217,9 +303,9 @@ class Outcome:
     drawn: dict[str, float]
 
 
-def outcome(seed: int, index: int) -> Outcome:
+def outcome(seed: int, index: int, what: str = "motors") -> Outcome:
     """Run a case and say what came of it."""
-    subject = case(seed, index)
+    subject = case(seed, index, what)
     began = time.monotonic()
     kind = said = seen = ""
     try:
@@ -247,9 +333,10 @@ def outcome(seed: int, index: int) -> Outcome:
 def drawn(subject: Case) -> dict[str, float]:
     """Return what was drawn of a case, of its modes those of the first."""
     document = subject.motor.model_dump()
-    parts = {"mode": document["modes"][0], type(subject.drive).__name__: subject.drive.model_dump()}
+    drive = {name: x for name, x in subject.drive.model_dump().items() if isinstance(x, float)}
+    parts = {"mode": document["modes"][0], type(subject.drive).__name__: drive}
     parts |= {part: document[part] for part in ("piezo", "contact", "rotor")}
-    values = {f"{part}.{name}": x for part, table in parts.items() for name, x in table.items() if name != "name"}
+    values = {f"{part}.{name}": x for part, table in parts.items() for name, x in table.items() if isinstance(x, float)}
     return {"modes": len(subject.motor.modes), **values}
 
 
@@ -273,8 +360,12 @@ def _run(subject: Case) -> dict[str, Any]:
     settings = {**subject.settings, "timeout": LONGEST}
     if subject.question == "admittance":
         return pr.admittance(subject.motor, **settings).to_dict()
+    if isinstance(subject.drive, pr.Driver):
+        return pr.drive_report(subject.motor, subject.drive, **settings).to_dict()
+    if isinstance(subject.drive, pr.Tracker):
+        return pr.track(subject.motor, subject.drive, **settings).to_dict()
     if subject.question == "operating_point":
-        return pr.operating_point(subject.motor, subject.drive, **settings)
+        return operating_point(subject.motor, subject.drive, **settings)
     return pr.simulate(subject.motor, subject.drive, **settings).to_dict()
 
 
@@ -291,7 +382,7 @@ def cause(said: str) -> str:
     return re.sub(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", "#", said)[:160]
 
 
-def soak(count: int, seed: int, workers: int, notes: Path) -> Iterator[Outcome]:
+def soak(count: int, seed: int, workers: int, notes: Path, what: str = "motors") -> Iterator[Outcome]:
     """Yield the outcome of every case, those first that are already noted; note the others as they come."""
     done: dict[int, Outcome] = {}
     if notes.exists():
@@ -301,14 +392,15 @@ def soak(count: int, seed: int, workers: int, notes: Path) -> Iterator[Outcome]:
     yield from (one for index, one in done.items() if index < count)
     open_cases = iter([index for index in range(count) if index not in done])
     with notes.open("a", encoding="utf-8") as file, ProcessPoolExecutor(workers) as pool:
-        running = {pool.submit(outcome, seed, index) for _, index in zip(range(2 * workers), open_cases, strict=False)}
+        begin = (pool.submit(outcome, seed, index, what) for index in open_cases)
+        running = set(islice(begin, 2 * workers))
         while running:
             finished, running = wait(running, return_when=FIRST_COMPLETED)
             for future in finished:
                 one = future.result()
                 file.write(json.dumps(one.__dict__) + "\n")
                 file.flush()
-                running |= {pool.submit(outcome, seed, index) for _, index in zip(range(1), open_cases, strict=False)}
+                running |= set(islice(begin, 1))
                 yield one
 
 
@@ -352,19 +444,20 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=COUNT, help="number of cases")
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--workers", type=int, default=os.cpu_count())
-    parser.add_argument("--output", type=Path, default=RESULT, help="where the counts go")
+    parser.add_argument("--subject", choices=["motors", "electronics"], default="motors", help="what is drawn")
+    parser.add_argument("--output", type=Path, default=RESULT, help="file of the counts")
     parser.add_argument("--case", type=int, help="run one case only, and show it")
     arguments = parser.parse_args()
     if arguments.case is not None:
-        subject = case(arguments.seed, arguments.case)
+        subject = case(arguments.seed, arguments.case, arguments.subject)
         print(json.dumps({"motor": subject.motor.to_dict(), "drive": subject.drive.model_dump()}, indent=1))
-        print(subject.question, subject.settings, outcome(arguments.seed, arguments.case))
+        print(subject.question, subject.settings, outcome(arguments.seed, arguments.case, arguments.subject))
         return 0
     notes = arguments.output.with_name(f"{arguments.output.stem}-{arguments.seed}.jsonl")
     outcomes: list[Outcome] = []
     with Progress(*Progress.get_default_columns(), MofNCompleteColumn(), TimeRemainingColumn()) as progress:
         bar = progress.add_task("soak", total=arguments.count)
-        for one in soak(arguments.count, arguments.seed, arguments.workers, notes):
+        for one in soak(arguments.count, arguments.seed, arguments.workers, notes, arguments.subject):
             outcomes.append(one)
             progress.advance(bar)
     found = summary(outcomes, arguments.seed)

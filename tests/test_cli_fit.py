@@ -19,10 +19,10 @@ SPECTRA = Path(__file__).parent / "data" / "spectra"
 
 @pytest.fixture
 def measured(tmp_path: Path) -> str:
-    return str(spectrum(CIRCUIT, np.linspace(15e3, 40e3, 801), noise=0.005).to_csv(tmp_path / "measured.csv"))
+    return str(spectrum(CIRCUIT, np.linspace(15e3, 40e3, 801), noise=0.005).save(tmp_path / "measured.csv"))
 
 
-def test_fit_prints_the_json_that_others_rely_on(measured: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_fit_prints_the_documented_json(measured: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fit", measured, "--json"]) == 0
     out, err = capsys.readouterr()
     assert err == ""
@@ -36,7 +36,7 @@ def test_fit_prints_the_json_that_others_rely_on(measured: str, capsys: pytest.C
     assert [item["arms"] for item in document["candidates"]] == [1, 2, 3]
 
 
-def test_fit_prints_a_table_and_writes_what_is_asked(
+def test_fit_prints_a_table_and_writes_the_requested_files(
     measured: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     targets = [tmp_path / "fit.lib", tmp_path / "fit.png"]
@@ -46,6 +46,7 @@ def test_fit_prints_a_table_and_writes_what_is_asked(
     assert "clamped capacitance" in out
     assert err == ""
     assert "2 arms" in out
+    assert out.count("±") == 2 * 5 + 2 + 1  # five values of each arm, clamped capacitance, loss tangent, and the title
     assert ".subckt resonator p n" in targets[0].read_text(encoding="ascii")
     assert targets[1].stat().st_size > 20_000
 
@@ -68,14 +69,24 @@ def test_fit_of_a_two_port_takes_a_connection(capsys: pytest.CaptureFixture[str]
     assert found[1] == pytest.approx(1.1 * found[0], rel=1e-3)
 
 
-def test_fit_tells_what_was_repaired_on_stderr(capsys: pytest.CaptureFixture[str]) -> None:
+def test_fit_reports_repairs_on_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fit", str(SPECTRA / "hp4294a_turned.txt")]) == 0
     assert "off by 180°" in capsys.readouterr().err
 
 
-def test_fit_refuses_in_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_timeout_ends_a_fit_and_a_comparison(measured: str, capsys: pytest.CaptureFixture[str]) -> None:
+    two_port = [str(SPECTRA / "two_port.csv"), "--two-port"]
+    for words in (["fit", measured], ["fit", *two_port], ["compare", measured, measured]):
+        assert run([*words, "--timeout", "1e-6"]) == 2
+        assert "did not end within the time allowed" in capsys.readouterr().err
+        assert run([*words, "--timeout", "0"]) == 2
+        assert "timeout = 0.0 is not valid: it must be a number of seconds > 0" in capsys.readouterr().err
+    assert run(["fit", measured, "--modes", "2", "--timeout", "600", "--json"]) == 0
+
+
+def test_fit_rejects_input_in_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     frequency = np.geomspace(1e3, 1e5, 401)
-    coil = pr.Spectrum.from_impedance(frequency, 1.0 + 2j * np.pi * frequency * 2e-4).to_csv(tmp_path / "coil.csv")
+    coil = pr.Spectrum.from_impedance(frequency, 1.0 + 2j * np.pi * frequency * 2e-4).save(tmp_path / "coil.csv")
     assert run(["fit", str(coil)]) == 2
     out, err = capsys.readouterr()
     assert out == ""
@@ -95,9 +106,9 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bench")
     result = pr.admittance(pr.load_motor("andersen2002"), start=8e3, stop=70e3, points=600)
     spectrum = pr.Spectrum.from_admittance(result.frequency_hz, result.matrix_s)
-    spectrum.to_csv(folder / "both.csv")
+    spectrum.save(folder / "both.csv")
     for connection in ("A", "B", "A+B", "A-B"):
-        spectrum.driven(connection).to_csv(folder / f"{connection}.csv")  # type: ignore[arg-type]
+        spectrum.driven(connection).save(folder / f"{connection}.csv")  # type: ignore[arg-type]
     return folder
 
 
@@ -111,18 +122,20 @@ def test_four_spectra_and_a_mass_make_a_motor_that_runs(
     words += ["--mass-kg", masses, "--tip", "0,1", "--tip", "2.2520976710522804,0"]
     assert run(words) == 0
     document = json.loads(capsys.readouterr().out)
-    assert [mode["coupling_b"] > 0.0 for mode in document["modes"]] == [True, False]
+    assert [mode["coupling_b_n_per_v_kg05"] > 0.0 for mode in document["modes"]] == [True, False]
     assert [mode["mass_kg"] for mode in document["motor"]["modes"]] == [mode.mass_kg for mode in expected.modes]
-    assert run(["simulate", motor, "--duration", "1e-4", "--json"]) == 0
-    assert run(["simulate", "andersen2002", "--duration", "1e-4", "--json"]) == 0
+    for name in (motor, "andersen2002"):  # the motor of a fit has no recommended drive
+        assert run(["simulate", name, "--frequency", "54e3", "--voltage", "50", "--duration", "1e-4", "--json"]) == 0
     of_fit, of_truth = map(json.loads, capsys.readouterr().out.splitlines())
     assert of_fit["mean_rotor_speed_rad_s"] == pytest.approx(of_truth["mean_rotor_speed_rad_s"], rel=1e-3)
 
 
-def test_a_two_port_file_does_as_well(bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_two_port_file_gives_the_same_motor(bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     both = str(bench / "both.csv")
     assert run(["fit", both, "--two-port"]) == 0
-    assert "couplings in N/V" in " ".join(capsys.readouterr().out.split())
+    out = " ".join(capsys.readouterr().out.split())
+    assert "couplings in N/V" in out
+    assert out.count("±") == 2 * 2 + 1  # both couplings of both modes, and the title
     words = ["fit", both, "--two-port", "--velocity-per-current", "31.79", "--output", str(tmp_path / "motor.toml")]
     assert run(words) == 0
     mode = pr.load_motor(tmp_path / "motor.toml").modes[0]
@@ -141,7 +154,7 @@ def test_a_two_port_file_does_as_well(bench: Path, tmp_path: Path, capsys: pytes
         (["--two-port", "--b", "both.csv"], "--two-port takes one file"),
     ],
 )
-def test_words_about_both_groups_that_do_not_fit(
+def test_options_of_both_groups_that_do_not_fit_are_rejected(
     words: list[str], says: str, bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(bench)

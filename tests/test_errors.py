@@ -13,7 +13,7 @@ KINDS = (pr.ParameterError, pr.SpectrumError, pr.SimulationError)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_signs_that_do_not_show_are_written_out(kind: type[Exception]) -> None:
+def test_characters_that_are_not_printable_are_escaped(kind: type[Exception]) -> None:
     error = kind("There is no file \x1b]0;x\x07\n\u202e\udcff.toml. Give another, Ω ≥ 1.")
     assert str(error) == "There is no file \\x1b]0;x\\x07\\n\\u202e\\udcff.toml. Give another, Ω ≥ 1."
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
@@ -21,7 +21,7 @@ def test_signs_that_do_not_show_are_written_out(kind: type[Exception]) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_message_keeps_its_beginning_and_its_end(kind: type[Exception]) -> None:
-    said = str(kind(f"name = {'x' * 10**6} is refused; allowed are at most 60 letters."))
+    said = str(kind(f"name = {'x' * 10**6} is not valid: it must be at most 60 letters."))
     assert len(said) == 1000
     assert said.startswith("name = xxx")
-    assert said.endswith("xxx is refused; allowed are at most 60 letters.")
+    assert said.endswith("xxx is not valid: it must be at most 60 letters.")

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texts that mean ill, wherever text comes in: refused, or arriving as nothing but text.
+"""Injection: a hostile text is rejected, or stays text, at every place where text enters the package.
 
-What they would do is no theory: the first test shows on ngspice itself that a line of them does run.
+The first test shows that the attempts are real: ngspice itself runs such a line. ``make test`` has one place of each
+kind and the attempts that differ most; ``make fuzz`` tries all attempts at all places.
 """
 
 from __future__ import annotations
@@ -18,25 +19,40 @@ from typing import Any
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.simulate import transient_simulator
 from pyspice_runner.cli import run
+from pyspice_runner.model.circuit_file import is_circuit_file, load_circuit
+from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.model.motor import Provenance
+from pyspice_runner.netlist.equivalent import circuit_library
 from pyspice_runner.netlist.library import read_library
+from pyspice_runner.netlist.motor import motor_library
+from pyspice_runner.netlist.sources import DriveSource, motor_bench
+from pyspice_runner.spectra.export import export_circuit
 from tests.data.spectra import make
-from tests.fuzz.doors import clear, harmless, nothing_runs, warm
+from tests.fuzz.entry_points import clear, harmless, nothing_runs, warm
 from tests.fuzz.nasty import ATTEMPTS, MARKER
 from tests.fuzz.watch import watched
 from tests.model.toml_text import toml
+from tests.selection import mostly
 
 MOTOR = pr.load_motor("andersen2002")
 DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3)
-CIRCUIT = pr.EquivalentCircuit((pr.MotionalArm(159.0, 0.05, 5e-11),), 1e-9, 0.01, 1e5, 0.0, 0.0)
+CIRCUIT = EquivalentCircuit((MotionalArm(159.0, 0.05, 5e-11),), 1e-9, 0.01, 1e5, 0.0, 0.0)
 ONE_MODE: dict[str, Any] = {
     "name": "mine",
     "modes": [MOTOR.modes[1].model_dump()],
     **{part: getattr(MOTOR, part).model_dump() for part in ("piezo", "contact", "rotor")},
 }
-NAMES = re.compile(r"[A-Za-z0-9][A-Za-z0-9_. -]{0,59}")  # what a name may be made of: nothing that any reader acts on
+NAMES = re.compile(r"[A-Za-z0-9][A-Za-z0-9_. -]{0,59}")  # valid names, which no program runs
+KINDS = (
+    "number of a motor",
+    "--set, path",
+    "--over, values",
+    "--output, ending",
+    "measured spectrum",
+    "name of a library",
+)
+TYPICAL = ("a line of its own", "a zero byte", "double quotes", "half a pair", "nothing")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -46,7 +62,7 @@ def _warm() -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where everything happens; nothing may be written beside it."""
+    """The working folder; nothing may be written outside of it."""
     inside = tmp_path / "here"
     inside.mkdir()
     monkeypatch.chdir(inside)
@@ -55,7 +71,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return inside
 
 
-def test_what_the_attempts_would_do_does_happen_where_nothing_keeps_them_from_it(tmp_path: Path) -> None:
+def test_ngspice_runs_a_shell_command_from_an_unprotected_deck(tmp_path: Path) -> None:
     deck = f"x\n.control\nshell touch {MARKER}\n.endc\nR1 a 0 1\nV1 a 0 1\n.op\n.end\n"
     (tmp_path / "deck.cir").write_text(deck, encoding="utf-8")
     subprocess.run(["ngspice", "-b", "deck.cir"], cwd=tmp_path, capture_output=True, timeout=20, check=False)
@@ -64,11 +80,11 @@ def test_what_the_attempts_would_do_does_happen_where_nothing_keeps_them_from_it
         harmless(deck)
 
 
-# --- where a text is a name, a path or a number: refused ---
+# --- a name, a path or a number: rejected ---
 
 
 def _toml(document: dict[str, Any]) -> Callable[[str], object]:
-    """Load a document in which the word ATTEMPT stands for the attempt."""
+    """Load a document in which the attempt replaces the word ATTEMPT."""
 
     def load(text: str) -> object:
         written = toml(json.loads(json.dumps(document).replace('"ATTEMPT"', json.dumps(text))))
@@ -79,14 +95,14 @@ def _toml(document: dict[str, Any]) -> Callable[[str], object]:
 
 
 def _command(*words: str) -> Callable[[str], object]:
-    """Run a command line in which the word ATTEMPT stands for the attempt."""
+    """Run a command line in which the attempt replaces the word ATTEMPT."""
 
     def call(text: str) -> object:
         with nothing_runs(), watched(Path.cwd()) as (out, err):
             status = run([word.replace("ATTEMPT", text) for word in words])
         assert (out.text + err.text).replace("\n", "").isprintable()
-        if status in (2, 3):  # "Nothing is run here." comes after all that could have refused
-            raise pr.ParameterError("The command line is refused.")
+        if status in (2, 3):  # "Nothing is run here." comes last, after all checks
+            raise pr.ParameterError("The command line is rejected.")
         return None
 
     return call
@@ -127,66 +143,65 @@ TEXTS: dict[str, Callable[[str], object]] = {
     "trace": _command("fit", "measured.csv", "--trace=ATTEMPT"),
     "--tip": _command("fit", "measured.csv", "--two-port", "--mass-kg=1", "--tip=ATTEMPT"),
     "--at": _command("compare", "measured.csv", "andersen2002", "--at=ATTEMPT"),
-    "law of the contact": lambda text: pr.motor_library(MOTOR, contact=text),  # type: ignore[arg-type]
-    "name of a subcircuit": lambda text: pr.circuit_library(CIRCUIT, name=text),
+    "law of the contact": lambda text: motor_library(MOTOR, contact=text),  # type: ignore[arg-type]
+    "name of a subcircuit": lambda text: circuit_library(CIRCUIT, name=text),
     "name of a library": read_library,
     "kind of a tracker": lambda text: pr.Tracker(kind=text, voltage=1.0, frequency=5e4),
     "distribution": lambda text: pr.Tolerance(0.1, text),  # type: ignore[arg-type]
 }
 
 
-@pytest.mark.parametrize("place", TEXTS)
-def test_a_text_that_means_ill_is_refused(place: str, folder: Path) -> None:
+@pytest.mark.parametrize("place", mostly(pytest.mark.fuzz, TEXTS, KINDS))
+def test_a_hostile_text_is_rejected(place: str, folder: Path) -> None:
     for what, text in ATTEMPTS.items():
         try:
             with watched(folder):
                 TEXTS[place](text)
         except (pr.ParameterError, pr.SpectrumError, pr.SimulationError) as error:
-            assert clear(str(error)), what  # noqa: PT017 - whichever are refused
+            assert clear(str(error)), what  # noqa: PT017 - if it is rejected
 
-        else:  # a plain word, such as nan, is a name like any other
+        else:  # a plain word, such as nan, is a valid name
             assert "name" in place, what
             assert NAMES.fullmatch(text), what
         assert not list(folder.parent.rglob(MARKER)), what
         assert [path.name for path in folder.parent.iterdir()] == ["here"], what
 
 
-# --- where a text may be any: it arrives as that, and stays it ---
+# --- free text: it stays text ---
 
 
-@pytest.mark.parametrize("what", ATTEMPTS)
+@pytest.mark.parametrize("what", mostly(pytest.mark.fuzz, ATTEMPTS, TYPICAL))
 @pytest.mark.usefixtures("folder")
-def test_words_about_a_value_reach_no_netlist(what: str) -> None:
+def test_the_provenance_of_a_value_is_not_written_to_a_netlist(what: str) -> None:
     words = {"contact.friction": Provenance("assumed", ATTEMPTS[what]), "rotor.radius_m": Provenance("given", "")}
     motor = MOTOR.model_copy(update={"provenance": words})
-    Path("mine.toml").write_text(pr.motor_toml(motor), encoding="utf-8")
+    Path("mine.toml").write_text(motor.to_toml(), encoding="utf-8")
     again = pr.load_motor("mine.toml")
     assert again.to_dict() == motor.to_dict()
     assert again.provenance["contact.friction"].note == ATTEMPTS[what].replace("\udcff\ud800", "??")
-    assert pr.motor_library(again) == pr.motor_library(MOTOR)
-    deck = transient_simulator(again, DRIVE).prepare("transient", step_time=1e-7, end_time=1e-5, max_time=1e-7)
-    harmless(str(deck))
+    assert motor_library(again) == motor_library(MOTOR)
+    harmless(str(motor_bench(again, DriveSource(DRIVE)).circuit))
 
 
-@pytest.mark.parametrize("what", ATTEMPTS)
+@pytest.mark.parametrize("what", mostly(pytest.mark.fuzz, ATTEMPTS, TYPICAL))
 @pytest.mark.usefixtures("folder")
-def test_a_title_stays_one_line_in_every_format(what: str) -> None:
+def test_a_title_stays_on_one_line_in_every_format(what: str) -> None:
     for ending in (".lib", ".asy", ".kicad_sym", ".s1p", ".toml"):
         plain, made = (
-            pr.export_circuit(CIRCUIT, f"out{ending}", title=title).read_text(encoding="utf-8").splitlines()
+            export_circuit(CIRCUIT, f"out{ending}", title=title).read_text(encoding="utf-8").splitlines()
             for title in ("a fit", ATTEMPTS[what] or "x")
         )
         assert len(made) == len(plain)
         ((before, after),) = [pair for pair in zip(plain, made, strict=True) if pair[0] != pair[1]]
         assert after.startswith(before[: before.index("a fit")])
         assert after.count('"') == before.count('"') or ending not in (".asy", ".kicad_sym")
-    assert pr.load_circuit("out.toml") == CIRCUIT
+    assert load_circuit("out.toml") == CIRCUIT
     assert pr.read_spectrum("out.s1p").ports == 1
     harmless(Path("out.lib").read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize("ending", [".asy", ".kicad_sym"])
-def test_the_name_of_a_file_stays_a_name_in_a_symbol(ending: str, folder: Path) -> None:
+def test_a_symbol_holds_the_name_of_its_file_as_text(ending: str, folder: Path) -> None:
     plain = pr.export_motor(MOTOR, f"plain{ending}").read_text(encoding="utf-8")
     for what, text in ATTEMPTS.items():
         name = text.replace("/", "_") + ending
@@ -194,7 +209,7 @@ def test_the_name_of_a_file_stays_a_name_in_a_symbol(ending: str, folder: Path) 
             with watched(folder):
                 made = pr.export_motor(MOTOR, name).read_text(encoding="utf-8")
         except pr.ParameterError as error:
-            assert clear(str(error)), what  # noqa: PT017 - whichever are refused
+            assert clear(str(error)), what  # noqa: PT017 - if it is rejected
         else:
             assert made.replace(f"{Path(name).stem}.lib", "plain.lib") == plain, what
             assert "\n" not in name
@@ -202,7 +217,7 @@ def test_the_name_of_a_file_stays_a_name_in_a_symbol(ending: str, folder: Path) 
 
 
 @pytest.mark.usefixtures("folder")
-def test_the_name_of_a_spectrum_is_shown_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_name_of_a_spectrum_is_shown_literally(capsys: pytest.CaptureFixture[str]) -> None:
     name = r"$\frac{1}{$ [bold]x[link=y] :bomb: \N{BOMB}, 'q'.csv".replace(r"\N{BOMB}", "\N{BOMB}")
     Path(name).write_bytes(make.FILES["plain.csv"])
     assert run(["fit", name, "--modes=2", "--plot=fit.png", "--output=fit.lib"]) == 0
@@ -227,14 +242,14 @@ def test_the_name_of_a_spectrum_is_shown_as_it_is(capsys: pytest.CaptureFixture[
     assert {len(row) for row in rows} == {len(rows[0])}
 
 
-def test_the_worst_names_that_are_allowed_run_and_do_nothing(folder: Path) -> None:
+def test_a_valid_name_of_ngspice_commands_runs_none_of_them(folder: Path) -> None:
     modes = tuple(
         mode.model_copy(update={"name": name}) for mode, name in zip(MOTOR.modes, ("shell", "include"), strict=True)
     )
     name = f"shell touch {MARKER} .control .include"
     motor = MOTOR.model_copy(update={"name": name, "modes": modes})
     assert pr.simulate(pr.Motor.model_validate(motor), DRIVE, duration=5e-5).provenance["motor"]["name"] == name
-    Path("motor.lib").write_text(pr.motor_library(motor), encoding="utf-8")
+    Path("motor.lib").write_text(motor_library(motor), encoding="utf-8")
     deck = f"{name}\n.include motor.lib\nVa a 0 1\nXm a a 0 s piezomotor\n.op\n.end\n"
     Path("deck.cir").write_text(deck, encoding="utf-8")
     done = subprocess.run(["ngspice", "-b", "deck.cir"], capture_output=True, text=True, timeout=20, check=False)
@@ -242,27 +257,25 @@ def test_the_worst_names_that_are_allowed_run_and_do_nothing(folder: Path) -> No
     assert not list(folder.parent.rglob(MARKER))
 
 
-# --- files that are none ---
+# --- files that are not regular files ---
 
 
 @pytest.mark.parametrize(
-    ("loads", "name"), [(pr.load_motor, "x.toml"), (pr.load_circuit, "x.toml"), (pr.load_circuit, "x.json")]
+    ("loads", "name"), [(pr.load_motor, "x.toml"), (load_circuit, "x.toml"), (load_circuit, "x.json")]
 )
-def test_a_file_that_would_be_waited_for_or_has_no_end_is_refused(
-    loads: Callable[[Path], object], name: str, folder: Path
-) -> None:
+def test_a_pipe_a_device_and_a_huge_file_are_rejected(loads: Callable[[Path], object], name: str, folder: Path) -> None:
     path = folder / name
     os.mkfifo(path)
     with watched(folder), pytest.raises(pr.ParameterError, match=r"no file|not a regular file"):
         loads(path)
     with watched(folder):
-        assert pr.is_circuit_file(path) == (name == "x.json")
+        assert is_circuit_file(path) == (name == "x.json")
     path.unlink()
     path.symlink_to("/dev/zero")
     with watched(folder), pytest.raises(pr.ParameterError, match=r"no file|not a regular file"):
         loads(path)
     path.unlink()
     with path.open("wb") as file:
-        file.truncate(2**40)  # a terabyte of nothing
-    with watched(folder), pytest.raises(pr.ParameterError, match="at most 4 are allowed"):
+        file.truncate(2**40)  # a sparse file of a terabyte
+    with watched(folder), pytest.raises(pr.ParameterError, match="the limit is 4 MiB"):
         loads(path)

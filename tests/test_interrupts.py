@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Signals wait where they would do harm, and are raised where they do not."""
+"""Signals are held back within steps that belong together, and raised elsewhere."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pyspice_runner.interrupts import Stopped, held, raised
 
 
 @pytest.fixture(autouse=True)
-def _as_python_has_it() -> Iterator[None]:
+def _pythons_own_handler() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
@@ -26,7 +26,7 @@ def press() -> None:
     signal.raise_signal(signal.SIGINT)
 
 
-def test_what_is_held_is_raised_at_the_end() -> None:
+def test_a_held_signal_is_raised_at_the_end() -> None:
     done = []
 
     def steps() -> None:
@@ -39,7 +39,7 @@ def test_what_is_held_is_raised_at_the_end() -> None:
     assert done == ["the rest"]
 
 
-def test_where_it_listens_it_is_raised_at_once() -> None:
+def test_a_signal_is_raised_at_once_while_listening() -> None:
     done = []
 
     def steps() -> None:
@@ -49,7 +49,7 @@ def test_where_it_listens_it_is_raised_at_once() -> None:
                     press()
                     done.append("not this")
             finally:
-                press()  # a second one waits again
+                press()  # a second signal is held again
                 done.append("cleared away")
 
     with pytest.raises(KeyboardInterrupt):
@@ -57,7 +57,7 @@ def test_where_it_listens_it_is_raised_at_once() -> None:
     assert done == ["cleared away"]
 
 
-def test_what_came_before_it_listens_is_raised_when_it_does() -> None:
+def test_an_earlier_signal_is_raised_when_listening_begins() -> None:
     done = []
 
     def steps() -> None:
@@ -72,7 +72,7 @@ def test_what_came_before_it_listens_is_raised_when_it_does() -> None:
     assert done == ["before"]
 
 
-def test_a_handler_of_ones_own_is_held_too() -> None:
+def test_a_handler_of_the_user_is_held_too() -> None:
     came = []
     before = signal.signal(signal.SIGTERM, lambda *_: came.append("ended"))
     try:
@@ -84,7 +84,7 @@ def test_a_handler_of_ones_own_is_held_too() -> None:
     assert came == ["first", "ended"]
 
 
-def test_other_threads_have_nothing_to_hold() -> None:
+def test_other_threads_hold_nothing() -> None:
     done = []
 
     def work() -> None:
@@ -98,13 +98,13 @@ def test_other_threads_have_nothing_to_hold() -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_command_is_told_which_signal_came(number: signal.Signals) -> None:
+def test_the_exception_has_the_number_of_the_signal(number: signal.Signals) -> None:
     with pytest.raises(Stopped) as stopped, raised():
         signal.raise_signal(number)
     assert stopped.value.number == number
 
 
-def test_a_signal_that_is_ignored_stays_so() -> None:
+def test_an_ignored_signal_stays_ignored() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
     try:
         with raised():
@@ -113,7 +113,7 @@ def test_a_signal_that_is_ignored_stays_so() -> None:
         signal.signal(signal.SIGHUP, before)
 
 
-def test_an_extension_that_fails_for_it_is_no_other_fault() -> None:
+def test_an_import_error_caused_by_a_signal_is_an_interrupt() -> None:
     def load() -> None:
         try:
             press()
@@ -126,7 +126,7 @@ def test_an_extension_that_fails_for_it_is_no_other_fault() -> None:
         raise ImportError("not there")
 
 
-def test_in_a_finaliser_it_comes_again() -> None:
+def test_a_signal_in_a_finaliser_is_raised_again() -> None:
     class Thing:
         pass
 

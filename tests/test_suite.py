@@ -7,7 +7,7 @@ import pytest
 
 
 @pytest.mark.xdist_group("together")
-def test_what_shares_a_fixture_stays_on_one_worker(request: pytest.FixtureRequest) -> None:
+def test_tests_that_share_a_fixture_stay_on_one_worker(request: pytest.FixtureRequest) -> None:
     """Otherwise every worker pays for every costly fixture; pytest-xdist groups by what it appends to the name."""
     if request.config.getoption("loadgroup", default=False):
         assert request.node.nodeid.endswith("@together")

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The walls between the packages, and the lightness of the import; CONTRIBUTING.md says who may import what."""
+"""The walls between the packages, import circles, and the lightness of the import.
+
+CONTRIBUTING.md says who may import what. Every ``import`` statement counts here, also inside a function and under
+``TYPE_CHECKING``. What is loaded by name with ``importlib`` does not count: the public names of the package, the plots
+of a result, and the page of a report.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +12,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -16,67 +22,70 @@ import pyspice_runner as pr
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "pyspice_runner"
 
-# what a part may import of ours, beside itself; "" is the package itself, of which only public names may be used
+BASE = {"display", "errors", "files", "interrupts", "result", "units"}
+# what a part may import of ours, beside itself; "" is the package itself
 WALLS = {
     "errors": set(),
     "interrupts": set(),
+    "units": set(),
     "files": {"errors", "interrupts"},
-    "model": {"errors"},
+    "display": {"errors"},
+    "result": {"display", "errors", "files", "units"},
+    "datasets": {"files", "result", "units"},
+    "model": {"display", "errors", "units"},
     "netlist": {"errors", "model"},
     "engine": {"errors", "interrupts"},
-    "analysis": {"errors", "files", "interrupts", "model", "netlist", "engine", "plots", "pages", ""},
-    "plots": {"errors", "files", "model", "netlist", "analysis"},
-    "pages": {"errors", "model", "analysis", ""},
-    "commands": {""},
+    "run": BASE | {"model", "netlist", "engine"},
+    "analysis": BASE | {"datasets", "model", "netlist", "engine", "run", "spectra"},
+    "spectra": BASE | {"model", "netlist", "engine", "run"},
+    "study": BASE | {"datasets", "model", "netlist", "engine", "run", "analysis"},
+    "view": BASE | {"datasets", "model", "netlist", "engine", "run", "analysis", "spectra", "study"},
+    "commands": BASE | {"", "datasets", "model", "netlist", "engine", "run", "analysis", "spectra", "study", "view"},
     "cli": {"commands", "interrupts", ""},
     "__main__": {"cli", "interrupts"},
 }
 # libraries that only some parts may know; ngspice and PySpice end at the engine and the netlists
 HOMES = {
     "PySpice": {"netlist", "engine"},
-    "matplotlib": {"plots"},
-    "plotly": {"pages"},
-    "jinja2": {"pages"},
+    "matplotlib": {"view", "display"},  # which names the type that ``plot`` returns
+    "plotly": {"view"},
+    "jinja2": {"view"},
     "subprocess": {"engine"},
     "typer": {"cli", "commands"},
     "rich": {"cli", "commands"},
 }
-PLOTTING = {"matplotlib", "plotly"}
 HEAVY = ("matplotlib", "scipy", "xarray", "numpy", "PySpice", "pydantic", "pandas", "typer", "rich", "h5netcdf")
-SOURCES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
-OUTSIDE = sorted((ROOT / "figures").glob("*.py"))
+SOURCES = sorted(PACKAGE.rglob("*.py"))
+FIGURES = sorted((ROOT / "figures").glob("*.py"))
 
 
-def part_of(path: Path) -> str:
-    """The part of the package that a file belongs to: a subpackage, or a module on the first level."""
-    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+def module_of(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
-def is_module(name: str) -> bool:
-    return (PACKAGE / name).is_dir() or (PACKAGE / f"{name}.py").is_file()
+MODULES = {module_of(path): path for path in SOURCES}
 
 
-def imports(tree: ast.AST) -> Iterator[tuple[str, int]]:
-    """Every module imported anywhere in a file, also inside functions and for type checking only."""
-    for node in ast.walk(tree):
+def part_of(module: str) -> str:
+    """The part of the package that a module belongs to: a subpackage, or a module on the first level."""
+    return module.partition(".")[2].partition(".")[0]
+
+
+def imports(path: Path) -> Iterator[tuple[str, int]]:
+    """Yield every module that a file imports, and the line; of a package the submodule that is meant."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), str(path))):
         if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield alias.name, node.lineno
+            yield from ((alias.name, node.lineno) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"relative import in line {node.lineno}"
-            assert node.module is not None
-            if node.module == "pyspice_runner":
-                for alias in node.names:  # a submodule, or a public name
-                    yield (
-                        f"pyspice_runner.{alias.name}" if is_module(alias.name) else node.module,
-                        node.lineno,
-                    )
-            else:
-                yield node.module, node.lineno
+            assert node.level == 0, f"relative import in line {node.lineno} of {path}"
+            for alias in node.names:
+                below = f"{node.module}.{alias.name}"
+                yield (below if below in MODULES else str(node.module)), node.lineno
 
 
-def public_names_used(tree: ast.AST) -> Iterator[tuple[str, int]]:
-    """What a file takes from the package itself: ``pr.NAME`` and ``from pyspice_runner import NAME``."""
+def public_names_used(path: Path) -> Iterator[tuple[str, int]]:
+    """Yield what a file takes from the package itself: ``pr.NAME`` and ``from pyspice_runner import NAME``."""
+    tree = ast.parse(path.read_text(encoding="utf-8"), str(path))
     called = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -88,87 +97,78 @@ def public_names_used(tree: ast.AST) -> Iterator[tuple[str, int]]:
             yield node.attr, node.lineno
 
 
-def read(path: Path) -> ast.AST:
-    return ast.parse(path.read_text(encoding="utf-8"), str(path))
+def breaches(module: str, path: Path) -> Iterator[str]:
+    """Yield each import of a file that its part may not have."""
+    part = part_of(module)
+    for name, line in imports(path):
+        top = name.partition(".")[0]
+        allowed = part_of(name) in WALLS[part] | {part} if top == "pyspice_runner" else part in HOMES.get(top, {part})
+        if not allowed:
+            yield f"{path.relative_to(ROOT)}:{line}: {part} must not import {name}"
 
 
-def name_of(path: Path) -> str:
-    return path.relative_to(ROOT).as_posix()
+def run(script: str) -> str:
+    return subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60
+    ).stdout
 
 
-def test_every_part_has_its_walls() -> None:
-    assert {part_of(path) for path in SOURCES} <= WALLS.keys()
+def test_each_part_imports_only_the_parts_and_libraries_that_it_may() -> None:
+    inside = {name: path for name, path in MODULES.items() if name != "pyspice_runner"}
+    assert {part_of(module) for module in inside} == WALLS.keys()
+    assert [line for module, path in inside.items() for line in breaches(module, path)] == []
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=name_of)
-def test_part_imports_only_what_it_may(path: Path) -> None:
-    part = part_of(path)
-    for module, line in imports(read(path)):
-        top, _, rest = module.partition(".")
-        if top == "pyspice_runner":
-            target = rest.split(".")[0]
-            assert target in WALLS[part] | {part}, f"{name_of(path)}:{line}: {part} must not import {module}"
-        else:
-            assert part in HOMES.get(top, {part}), f"{name_of(path)}:{line}: {part} must not import {module}"
+def test_a_forbidden_import_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(f"{__name__}.ROOT", tmp_path)
+    (tmp_path / "x.py").write_text("def f():\n    from pyspice_runner.run import audit\n    import matplotlib\n")
+    found = list(breaches("pyspice_runner.model.x", tmp_path / "x.py"))
+    assert [line.split(": ")[0] for line in found] == ["x.py:2", "x.py:3"]
 
 
-@pytest.mark.parametrize("path", [*SOURCES, *OUTSIDE], ids=name_of)
-def test_public_names_are_public(path: Path) -> None:
-    for name, line in public_names_used(read(path)):
-        assert name in {*pr.__all__, "__version__"}, f"{name_of(path)}:{line}: {name} is no public name"
+def test_no_two_files_import_each_other_on_any_way_round() -> None:
+    graph = {module: {name for name, _ in imports(path) if name in MODULES} for module, path in MODULES.items()}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(f"import circle: {' → '.join(error.args[1])}")
 
 
-@pytest.mark.parametrize("path", OUTSIDE, ids=name_of)
-def test_figures_use_public_names_only(path: Path) -> None:
-    for module, line in imports(read(path)):
-        assert not module.startswith("pyspice_runner."), (
-            f"{name_of(path)}:{line}: import pyspice_runner as pr, not {module}"
-        )
-
-
-@pytest.mark.parametrize("path", SOURCES, ids=name_of)
-def test_plots_are_made_on_demand(path: Path) -> None:
-    """Whoever may import the plots does so inside the function that draws."""
-    part = part_of(path)
-    if part in ("plots", "pages"):
-        return
-    for node in ast.iter_child_nodes(read(path)):
-        for module, line in imports(node) if isinstance(node, ast.Import | ast.ImportFrom) else ():
-            names = {module.partition(".")[0], module}
-            assert not names & (PLOTTING | {"pyspice_runner.plots"}), f"{name_of(path)}:{line}: {module}"
-            assert not module.startswith("pyspice_runner.pages"), f"{name_of(path)}:{line}: {module}"
+def test_only_public_names_are_taken_from_the_package() -> None:
+    known = {*pr.__all__, "__version__"}
+    assert [
+        f"{path.relative_to(ROOT)}:{line}: {name} is not a public name"
+        for path in (*SOURCES, *FIGURES)
+        for name, line in public_names_used(path)
+        if name not in known
+    ] == []
 
 
 def test_import_is_light() -> None:
-    script = f"import sys, pyspice_runner; print(*[name for name in {HEAVY!r} if name in sys.modules])"
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60
-    )
-    assert done.stdout.split() == []
+    assert run(f"import sys, pyspice_runner; print(*[name for name in {HEAVY!r} if name in sys.modules])").split() == []
 
 
 def test_no_plotting_library_loads_before_a_plot_is_asked_for() -> None:
-    script = (
-        "import sys, pyspice_runner as pr\n"
-        "[getattr(pr, name) for name in pr.__all__ if not name.startswith('plot_')]\n"
-        "pr.load_motor('andersen2002')\n"
-        "print(*[name for name in sys.modules if name.startswith(('matplotlib', 'plotly', 'jinja2'))])\n"
+    assert (
+        run(
+            "import sys, pyspice_runner as pr\n"
+            "[getattr(pr, name) for name in pr.__all__]\n"
+            "pr.load_motor('andersen2002')\n"
+            "print(*[name for name in sys.modules if name.startswith(('matplotlib', 'plotly', 'jinja2'))])\n"
+        ).split()
+        == []
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60
-    )
-    assert done.stdout.split() == []
 
 
-# --- the face of the package ---------------------------------------------------------------------------------
+# --- the public names ---
 
 
-@pytest.mark.parametrize("name", pr.__all__)
-def test_public_name_resolves_and_says_what_it_is(name: str) -> None:
-    thing = getattr(pr, name)
-    assert thing.__name__ == name
-    assert thing.__doc__
-    assert name in dir(pr)
+def test_every_public_name_resolves_and_has_a_docstring() -> None:
+    for name in pr.__all__:
+        thing = getattr(pr, name)
+        assert thing.__name__ == name
+        assert thing.__doc__
+        assert name in dir(pr)
 
 
 def test_public_names_are_declared_once_and_for_type_checkers_too() -> None:

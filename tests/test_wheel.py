@@ -57,7 +57,7 @@ def bin_dir(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place / "bin"
 
 
-def test_carries_the_libraries_the_decks_and_the_licence(wheel: Path) -> None:
+def test_the_wheel_has_the_libraries_the_decks_and_the_licence(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     wanted = {
         f"pyspice_runner/_data/{file.relative_to(ROOT).as_posix()}"
@@ -69,7 +69,7 @@ def test_carries_the_libraries_the_decks_and_the_licence(wheel: Path) -> None:
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
 
 
-def test_carries_nothing_but_the_package(wheel: Path) -> None:
+def test_the_wheel_has_nothing_but_the_package(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert not [name for name in names if not re.match(r"pyspice_runner(/|-[^/]*\.dist-info/)", name)]
 

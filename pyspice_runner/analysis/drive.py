@@ -6,28 +6,28 @@ Supply = losses in the driver + input of the motor; every report says how well t
 
 from __future__ import annotations
 
-import hashlib
 from cmath import phase
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from math import degrees
-from pathlib import Path
+from math import degrees, isfinite
 from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.audit import audit_contact, audit_power, mark, withhold
-from pyspice_runner.analysis.driver_run import DriverBench, Window, power_at, voltage_at
-from pyspice_runner.analysis.matching import Matching, State, proposal
-from pyspice_runner.analysis.waveforms import Array
-from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.errors import ParameterError
-from pyspice_runner.files import save_by_ending, write_csv, write_json
+from pyspice_runner.analysis.matching import Matching, State, check_duration, proposal
+from pyspice_runner.model.drive import Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.contact import ContactLaw
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
 from pyspice_runner.netlist.drivers import GROUPS, Driver
+from pyspice_runner.result import Audit, Result
+from pyspice_runner.run.audit import audit_contact, audit_power
+from pyspice_runner.run.settings import Solver
+from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE, Array
+from pyspice_runner.run.window import Window, change_to_come
+from pyspice_runner.units import engineering
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,8 @@ class Port:
     harmonics: tuple[Harmonic, ...] = field(repr=False)
 
 
-@dataclass(frozen=True)
-class DriveReport:
+@dataclass(frozen=True, repr=False)
+class DriveReport(Result):
     """One driver and its motor, measured over the last whole periods of a run.
 
     Attributes:
@@ -101,13 +101,15 @@ class DriveReport:
         shaft_power_w: mean power of the contact on the rotor.
         mean_torque_n_m: mean torque of the contact on the rotor.
         mean_rotor_speed_rad_s: mean speed.
+        to_come: by how much each mean would still change if the run went on, relative; ``None`` where the run is too
+            short to tell.
         settling: relative change of the motor's power from the first to the second half of the window.
         matching: proposals, by state.
         waveforms: time and the voltages and currents of outputs and groups over the window.
         solver_seconds: wall time that ngspice took.
         ngspice_version: version of ngspice.
         deck: the netlist that was run.
-        findings: what the audit found amiss (:mod:`.audit`); nothing, unless it was overridden.
+        audit: outcome of the physical audit; it has findings only where ``audit=False`` was given.
     """
 
     motor: str
@@ -126,12 +128,13 @@ class DriveReport:
     mean_torque_n_m: float
     mean_rotor_speed_rad_s: float
     settling: float
+    to_come: dict[str, float | None]
     matching: dict[str, Matching]
     waveforms: dict[str, Array] = field(repr=False)
     solver_seconds: float
     ngspice_version: str
     deck: str = field(repr=False)
-    findings: tuple[str, ...] = ()
+    audit: Audit = field(default_factory=Audit)
 
     @property
     def power_in_w(self) -> float:
@@ -162,6 +165,18 @@ class DriveReport:
             sum(port.apparent_power_va for port in self.outputs.values()),
         )
 
+    @property
+    def settled(self) -> bool:
+        """Whether power, torque and speed stay within 2 % if the run goes on."""
+        return all(share is not None and share <= SETTLED for share in self.to_come.values())
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Findings of the audit, and what has not settled."""
+        moving = [name for name, share in self.to_come.items() if share is None or share > SETTLED]
+        told = [f"Not settled at the end of the run: {', '.join(moving)}. Run it longer."] if moving else []
+        return (*self.audit.findings, *told)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the report, JSON-ready."""
         return {
@@ -185,33 +200,32 @@ class DriveReport:
             "efficiency": self.efficiency,
             "balance_residual": self.balance_residual,
             "settling": self.settling,
+            "settled": self.settled,
+            "to_come": self.to_come,
             "matching": {state: asdict(proposal) for state, proposal in self.matching.items()},
             "points": len(self.waveforms["time_s"]),
             "solver_seconds": self.solver_seconds,
             "ngspice_version": self.ngspice_version,
-            "audit": mark(self.findings),
+            "audit": self.audit.to_dict(),
         }
 
-    def save(self, path: str | Path) -> Path:
-        """Write the report by the file's ending: ``.json`` (report), ``.csv`` (waveforms), ``.cir`` (deck).
+    def columns(self) -> dict[str, Array]:
+        """Return voltages and currents at the outputs of the stages and at the pins, over the time."""
+        return self.waveforms
 
-        Raises:
-            ParameterError: for another ending or a place that cannot be written.
-        """
-        return save_by_ending(
-            path,
-            {
-                ".json": lambda file: write_json(file, self.to_dict()),
-                ".csv": lambda file: write_csv(file, self.waveforms),
-                ".cir": lambda file: file.write_text(self.deck, encoding="utf-8"),
-            },
-        )
-
-    def plot(self, path: str | Path) -> Path:
-        """Draw voltages, currents, their spectra and where the power goes."""
-        from pyspice_runner.plots import plot_drive
-
-        return plot_drive([self], path)
+    def summary(self) -> dict[str, str]:
+        """Return driver, powers, efficiency, speed and torque."""
+        return {
+            "motor": self.motor,
+            "driver": str(self.driver["label"]),
+            "power put in": engineering(self.power_in_w, "W"),
+            "power into the motor": f"{engineering(self.motor_power_w, 'W')}, {100.0 * self.driver_efficiency:.1f} %",
+            "power factor": f"{self.power_factor:.3f}",
+            "shaft power": engineering(self.shaft_power_w, "W"),
+            "mean rotor speed": engineering(self.mean_rotor_speed_rad_s, "rad/s"),
+            "mean torque": engineering(self.mean_torque_n_m, "N·m"),
+            "settling": f"{100.0 * self.settling:.2g} % change of the power over the window",
+        }
 
 
 @checked
@@ -221,6 +235,7 @@ def drive_report(
     *,
     duration: float = 3e-3,
     contact: ContactLaw | None = "spring-slider",
+    sliders: int = SLIDERS,
     speed: float | None = None,
     load_torque: float = 0.0,
     match: State | None = None,
@@ -236,28 +251,31 @@ def drive_report(
         driver: the driver; its ``voltage`` is that of its stage, or with ``match`` that of the groups.
         duration: simulated time in s.
         contact: law of the contact; ``None`` for a free tip.
+        sliders: number of sliders of the brush.
         speed: if given, the shaft is held at this speed, rad/s.
         load_torque: torque in N·m that a load draws from the free shaft.
         match: state of the motor for which the driver is matched first, by a series inductor, or by its LLCC filter.
         proposals: whether to propose a matching for every state; it takes one more run.
         step: uniform time step in s, or with a bridge the largest; by default from the fastest motion.
         timeout: wall time in s after which a run is ended.
-        audit: whether a report that fails the physical audit is an error. If not, ``findings`` has what was found.
+        audit: whether a report that fails the physical audit is an error. If not, ``audit`` of the report has the
+            findings.
 
     Raises:
-        ParameterError: for a value that is refused.
+        ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    if match is not None and match not in get_args(State):
-        raise ParameterError(f"match = {match!r} is refused; allowed are {', '.join(get_args(State))} and None.")
-    bench = DriverBench(motor, driver, contact, speed, load_torque, duration, timeout)
+    solver = Solver(step, timeout=timeout, audit=audit)
+    setup = Setup(motor, driver, Load(speed, load_torque), law_of(contact, sliders), solver)
+    check_duration(setup, duration)
     states: Sequence[State] = get_args(State) if proposals else [match] if match else []
-    matching: dict[str, Matching] = {state: proposal(bench, state) for state in states}
+    matching: dict[str, Matching] = {state: proposal(setup, driver, duration, state) for state in states}
     if match is not None:
         driver = matching[match].applied(driver)
-        bench = DriverBench(motor, driver, contact, speed, load_torque, duration, timeout)
-    samples, seconds, deck, largest = bench.run(step)
-    window = Window(samples["time"], driver.period, uniform=not driver.switched)
+        setup = replace(setup, source=driver)
+    outcome = setup.run(duration, _saved(driver, contact=setup.law is not None))
+    samples = outcome.vectors()
+    window = Window(samples["time"], driver.period, uniform=driver.uniform)
     outputs = {group: _port(window, samples, driver, f"out_{group}", group) for group in GROUPS}
     groups = {group: _port(window, samples, driver, f"pin_{group}", group) for group in GROUPS}
     supplies = _supplies(samples)
@@ -286,14 +304,11 @@ def drive_report(
         driver=driver.to_dict(),
         run={
             "duration_s": duration,
-            "contact": contact,
-            "speed_rad_s": speed,
-            "load_torque_n_m": load_torque,
+            **setup.to_dict(),
             "match": match,
-            "step_s": largest,
-            "uniform_steps": not driver.switched,
+            "uniform_steps": driver.uniform,
             "averaged_periods": window.periods,
-            "deck_sha256": hashlib.sha256(deck.encode()).hexdigest(),
+            "deck_sha256": outcome.deck_sha256,
         },
         outputs=outputs,
         groups=groups,
@@ -308,16 +323,33 @@ def drive_report(
         mean_torque_n_m=window.mean(torque),
         mean_rotor_speed_rad_s=window.mean(samples["v(shaft)"]),
         settling=window.settling(pin_a + pin_b),
+        to_come=_to_come(setup, samples, {"motor_power_w": pin_a + pin_b, "mean_torque_n_m": torque}),
         matching=matching,
         waveforms=_waveforms(window, samples, driver),
-        solver_seconds=seconds,
-        ngspice_version=ngspice_version(),
-        deck=deck,
+        solver_seconds=outcome.seconds,
+        ngspice_version=outcome.ngspice_version,
+        deck=outcome.deck,
     )
-    findings = _audited(motor, report, samples)
+    audited = Audit(_audited(motor, report, samples))
     if audit:
-        withhold(findings, "report")
-    return replace(report, findings=findings)
+        audited.withhold("report")
+    return replace(report, audit=audited)
+
+
+def _to_come(setup: Setup, samples: dict[str, Array], signals: dict[str, Array]) -> dict[str, float | None]:
+    """Return by how much the means of some signals and of a free rotor's speed would still change, relative."""
+    motor, time = setup.motor, samples["time"]
+    friction = motor.rotor.radius_m * motor.contact.friction * motor.contact.preload_n
+    least = {"motor_power_w": 0.0, "mean_torque_n_m": SMALL_TORQUE * friction, "mean_rotor_speed_rad_s": ROUNDING_RAD_S}
+    if setup.load.speed is None:
+        signals = {**signals, "mean_rotor_speed_rad_s": samples["v(shaft)"]}
+    window = Window(time, setup.source.period)
+    found = {}
+    for name, values in signals.items():
+        change = change_to_come(time, values, setup.source.period)
+        scale = abs(window.mean(values)) + least[name]
+        found[name] = change / scale if isfinite(change) and scale > 0.0 else None
+    return found
 
 
 def _audited(motor: Motor, report: DriveReport, samples: dict[str, Array]) -> tuple[str, ...]:
@@ -385,3 +417,33 @@ def _waveforms(window: Window, samples: dict[str, Array], driver: Driver) -> dic
             columns[f"{name}_v"] = window.cut(voltage_at(samples, driver, f"{place}_{group}", group))
             columns[f"{name}_a"] = window.cut(samples[f"i(v{place}_{group})"])
     return columns
+
+
+def voltage_at(samples: dict[str, Array], driver: Driver, place: str, group: str) -> Array:
+    """Return the voltage at ``"out_g"``, the output of a stage, or ``"pin_g"``, the pin of a group."""
+    if place.startswith("pin"):
+        return samples[f"v({group})"]
+    if driver.kind == "full-bridge":
+        return samples[f"v(line_{group})"] - samples[f"v(return_{group})"]
+    return samples[f"v(line_{group})"]
+
+
+def power_at(samples: dict[str, Array], driver: Driver, place: str, group: str) -> Array:
+    """Return the power that passes through a place."""
+    return voltage_at(samples, driver, place, group) * samples[f"i(v{place})"]
+
+
+def _saved(driver: Driver, *, contact: bool) -> list[str]:
+    names = ["v(shaft)", *(["v(xmotor.friction)", "v(xmotor.normal)"] if contact else [])]
+    for group in GROUPS:
+        names += [f"v({group})", f"i(vpin_{group})", f"v(line_{group})", f"i(vout_{group})"]
+        if driver.kind == "full-bridge":
+            names.append(f"v(return_{group})")
+        if driver.kind != "ideal":
+            rails = [rail for rail, volts in zip(("vp", "vn"), driver.rails(group), strict=True) if volts]
+            names += [item for rail in rails for item in (f"v({rail}_{group})", f"i(v{rail}_{group})")]
+        for part in driver.parts(group):
+            names += [f"v(x{part.instance}.loss_{name})" for name, _ in part.library.losses]
+            names += [f"v(x{part.instance}.feed_{name})" for name, _ in part.library.feeds]
+            names += [f"v(x{part.instance}.store_{name})" for name, _ in part.library.stores]
+    return names

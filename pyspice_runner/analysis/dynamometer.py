@@ -8,17 +8,19 @@ grow with the time that is simulated, and a motion that has not settled is carri
 
 from __future__ import annotations
 
-import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import ceil, sqrt
 
-from pyspice_runner.analysis.simulate import POINTS_PER_PERIOD, shortest_period
-from pyspice_runner.engine.pyspice import BatchSimulator
-from pyspice_runner.model.drive import Drive
+import numpy as np
+
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.netlist.benches import SpeedRamp, dynamometer_bench, start_voltages, transient_options
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw
-from pyspice_runner.netlist.motor import Discretisation, Motion
+from pyspice_runner.model.parameters import Mode, Mount
+from pyspice_runner.netlist.benches import SpeedRamp
+from pyspice_runner.netlist.motor import Motion
+from pyspice_runner.netlist.sources import Source, dynamometer_bench
+from pyspice_runner.run.kernel import Outcome, transient
+from pyspice_runner.run.setup import Setup
 
 _FEWEST_PERIODS = 10
 _GOLDEN = 0.5 * (3.0 - sqrt(5.0))
@@ -43,7 +45,7 @@ UNITS = {
     "shaft_power_w": ("W", "power of the contact on the rotor; negative where the shaft is driven"),
     "efficiency": ("1", "shaft power over electrical power; negative where the shaft is driven"),
     "dielectric_loss_w": ("W", "heat in the dielectric loss of both groups"),
-    "damping_loss_w": ("W", "heat in the damping of all modes"),
+    "damping_loss_w": ("W", "heat in the damping of all modes and of the mount"),
     "friction_loss_w": ("W", "work of the tip along the rotor less that on the rotor: what slip takes"),
     "normal_loss_w": ("W", "work of the tip towards the rotor: what damping across the contact takes"),
     "stored_power_w": ("W", "rate at which stored energy grows; 0 once settled"),
@@ -52,56 +54,51 @@ UNITS = {
 
 
 @dataclass(frozen=True)
-class Bench:
-    """A motor and its drive on the dynamometer.
+class Dynamometer:
+    """A motor and what drives it on the dynamometer, which takes the place of the load.
 
     Attributes:
-        motor: the motor.
-        drive: the two voltages.
-        step: uniform time step in s, see :func:`uniform_step`.
-        timeout: wall time in s after which ngspice is ended, a block.
-        contact: law of the contact.
-        sliders: number of sliders of the brush.
-        audit: whether means that fail the physical audit are an error.
+        setup: motor, source, contact and solver.
     """
 
-    motor: Motor
-    drive: Drive
-    step: float
-    timeout: float | None = None
-    contact: ContactLaw = "spring-slider"
-    sliders: int = SLIDERS
-    audit: bool = True
+    setup: Setup
+
+    @property
+    def motor(self) -> Motor:
+        """The motor."""
+        return self.setup.motor
+
+    @property
+    def source(self) -> Source:
+        """What drives its pins."""
+        return self.setup.source
 
     @property
     def decay_time(self) -> float:
-        """Time in s in which the slowest mode decays by a factor of e."""
-        return max(2.0 * mode.mass_kg / mode.damping_n_s_per_m for mode in self.motor.modes)
+        """Time in s in which the slowest mode, or the carrier on its mount, decays by a factor of e."""
+        springs: list[Mode | Mount] = [*self.motor.modes, *([self.motor.mount] if self.motor.mount else [])]
+        return max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs)
 
     @property
     def periods(self) -> int:
         """Drive periods of a block: as many as fit the decay time, but not too few to average over."""
-        return max(_FEWEST_PERIODS, ceil(self.decay_time / self.drive.period))
+        return max(_FEWEST_PERIODS, ceil(self.decay_time / self.source.period))
 
     @property
     def duration(self) -> float:
         """Length of a block in s."""
-        return self.periods * self.drive.period
-
-    @property
-    def discretisation(self) -> Discretisation:
-        """How the motor is adapted to the step."""
-        return Discretisation(self.step)
+        return self.periods * self.source.period
 
     def rest(self, speed: float) -> Motion:
-        """Return preloaded rest on a rotor that already turns, the drive about to come on."""
+        """Return preloaded rest on a rotor that already turns, the source about to come on."""
         preload = self.motor.contact.preload_n
+        stiffness = self.setup.discretisation.mode
         return Motion(
-            tuple(-mode.tip_y * preload / self.discretisation.mode(mode)[1] for mode in self.motor.modes),
+            tuple(-mode.tip_y * preload / stiffness(mode)[1] for mode in self.motor.modes),
             (0.0,) * len(self.motor.modes),
             0.0,
             speed,
-            *self.drive.initial_voltages(),
+            *self.source.initial_voltages(),
         )
 
     def run(self, start: Motion, speed: float | SpeedRamp, begun: float, *, meters: bool = True) -> Block:
@@ -110,71 +107,90 @@ class Bench:
         Args:
             start: motion to go on from.
             speed: at which the shaft is held, rad/s.
-            begun: time in s since the drive came on.
+            begun: time in s since the source came on.
             meters: whether powers, losses and states are measured, or only forces and torque.
         """
-        circuit = dynamometer_bench(
-            self.motor, self.drive, speed=speed, contact=self.contact, sliders=self.sliders, meters=meters,
-            step=self.step, discretisation=self.discretisation, start=start, begun=begun,
+        outcome = self._run(start, speed, self.duration, begun, meters=meters, end_only=True)
+        last = outcome.last()
+        peaks = {group: last[f"v(xmeter_{group}.v_peak)"] for group in "ab"} if meters else {}
+        end = self.setup.motion(last)
+        return Block(self, self._means(last), peaks, start, end, begun + self.duration, outcome.deck_sha256)
+
+    def run_from_rest(self, speed: float, blocks: int) -> list[Block]:
+        """Run successive blocks at once, for a source that stores what a run cannot go on from: a driver circuit."""
+        start = self.rest(speed)
+        outcome = self._run(start, speed, blocks * self.duration, 0.0, meters=True, end_only=False)
+        vectors = outcome.vectors()
+        time = vectors["time"]
+        edges = [
+            {name: float(np.interp(number * self.duration, time, values)) for name, values in vectors.items()}
+            for number in range(1, blocks + 1)
+        ]
+        found: list[Block] = []
+        before = dict.fromkeys(vectors, 0.0)
+        for number, edge in enumerate(edges):
+            within = slice(*np.searchsorted(time, [number * self.duration, (number + 1) * self.duration]).tolist())
+            peaks = {group: float(np.abs(vectors[_ammeter(group)][within]).max()) for group in "ab"}
+            means = self._means({name: edge[name] - before[name] for name in edge})
+            end = self.setup.motion(edge)
+            begin = found[-1].end if found else start
+            found.append(Block(self, means, peaks, begin, end, (number + 1) * self.duration, outcome.deck_sha256))
+            before = edge
+        return found
+
+    def _run(
+        self, start: Motion, speed: float | SpeedRamp, duration: float, begun: float, *, meters: bool, end_only: bool
+    ) -> Outcome:
+        setup = self.setup
+        assert setup.law is not None
+        bench = dynamometer_bench(
+            setup.motor, setup.source, speed=speed, law=setup.law, meters=meters,
+            discretisation=setup.discretisation, start=start, begun=begun,
         )  # fmt: skip
-        simulator = BatchSimulator(circuit, timeout=self.timeout)
-        simulator.options(**transient_options(self.motor, self.contact))
-        simulator.initial_condition(**start_voltages(start))
-        simulator.save(*self._vectors(meters))
-        times = {"step_time": self.step, "end_time": self.duration, "max_time": self.step}
-        times["start_time"] = self.duration - 1e-3 * self.step
-        deck = str(simulator.prepare("transient", use_initial_condition=True, **times))
-        simulator.transient(use_initial_condition=True, **times)
-        assert simulator.result is not None
-        last = {name: float(values[-1].real) for name, values in simulator.result.raw.vectors.items()}
-        end = Motion(
-            tuple(
-                last[f"v(xmotor.xmode{index}.elastic)"] / self.discretisation.mode(mode)[1]
-                for index, mode in enumerate(self.motor.modes, start=1)
-            ),
-            tuple(last[f"i(v.xmotor.xmode{index}.vvelocity)"] for index in range(1, len(self.motor.modes) + 1)),
-            1e-6 * last["v(xmotor.slider)"],
-            last["v(shaft)"],
-            last["v(xmotor.xgroup_a.plate)"],
-            last["v(xmotor.xgroup_b.plate)"],
-            tuple(1e-6 * last[f"v({cell})"] for cell in self._cells),
-        )
-        means = {
+        vectors = [*self._integrals(meters), *setup.state_vectors()]
+        return transient(
+            bench, vectors if end_only else [*vectors, *map(_ammeter, "ab")], step=setup.step, duration=duration,
+            record_from=duration - 1e-3 * setup.step if end_only else 0.0, timeout=setup.solver.timeout,
+        )  # fmt: skip
+
+    def _means(self, integrals: Mapping[str, float]) -> dict[str, float]:
+        """Return the means of a block from its integrals."""
+        return {
             name.removeprefix("v(").removesuffix(")"): _MICRO * value / self.duration
-            for name, value in last.items()
+            for name, value in integrals.items()
             if ".v_" in name
         }
-        peaks = {group: last[f"v(xmeter_{group}.v_peak)"] for group in "ab"} if meters else {}
-        hashed = hashlib.sha256(deck.encode()).hexdigest()
-        return Block(self, means, peaks, start, end, begun + self.duration, hashed)
 
     def stored(self, motion: Motion) -> float:
-        """Return the energy in J that a motion holds: in the modes and the plates, not in the rotor and the contact."""
+        """Return the energy in J that a motion holds: in modes, plates and mount, not in the rotor and the contact."""
         piezo = self.motor.piezo
         energy = 0.5 * (piezo.capacitance_a_f * motion.plate_a_v**2 + piezo.capacitance_b_f * motion.plate_b_v**2)
         for mode, r, v in zip(self.motor.modes, motion.displacements_m, motion.velocities_m_s, strict=True):
             energy += 0.5 * (mode.mass_kg * v**2 + mode.stiffness_n_per_m * r**2)
+        if mount := self.motor.mount:
+            energy += 0.5 * (mount.mass_kg * motion.carrier_m_s**2 + mount.stiffness_n_per_m * motion.carrier_m**2)
+            energy -= self.motor.contact.preload_n * motion.carrier_m
         return energy
 
     @property
-    def _cells(self) -> list[str]:
-        """Nodes of a brush's cells."""
-        return [f"xmotor.xcontact.q{n}" for n in range(1, self.sliders + 1)] if self.contact == "brush" else []
+    def dampers(self) -> list[str]:
+        """What damps a motion: the modes, and the mount if there is one."""
+        modes = [str(index) for index in range(1, len(self.motor.modes) + 1)]
+        return [*modes, "mount"] if self.motor.mount else modes
 
-    def _vectors(self, meters: bool) -> list[str]:
+    def _integrals(self, meters: bool) -> list[str]:
         integrals: dict[str, tuple[str, ...]] = {"xbrake": ("normal", "friction", "taken")}
         if meters:
             integrals["xcontactmeter"] = ("work", "press", "given", "square", "contact", "slip")
             for group in "ab":
                 integrals[f"xmeter_{group}"] = ("energy", "square_i", "square_v", "peak")
-            for heat in (*range(1, len(self.motor.modes) + 1), "a", "b"):
+            for heat in (*self.dampers, "a", "b"):
                 integrals[f"xheat_{heat}"] = ("heat",)
-        names = [f"v({instrument}.v_{one})" for instrument, several in integrals.items() for one in several]
-        names += ["v(shaft)", "v(xmotor.slider)", "v(xmotor.xgroup_a.plate)", "v(xmotor.xgroup_b.plate)"]
-        names += [f"v({cell})" for cell in self._cells]
-        for index in range(1, len(self.motor.modes) + 1):
-            names += [f"i(v.xmotor.xmode{index}.vvelocity)", f"v(xmotor.xmode{index}.elastic)"]
-        return names
+        return [f"v({instrument}.v_{one})" for instrument, several in integrals.items() for one in several]
+
+
+def _ammeter(group: str) -> str:
+    return f"i(v.xmeter_{group}.vcurrent)"
 
 
 @dataclass(frozen=True)
@@ -191,7 +207,7 @@ class Block:
         deck_sha256: hash of its deck.
     """
 
-    bench: Bench
+    bench: Dynamometer
     means: dict[str, float]
     peaks: dict[str, float]
     start: Motion
@@ -215,20 +231,17 @@ class Block:
         return bool(self.peaks)
 
 
-def uniform_step(motor: Motor, drive: Drive, coarsest: float | None = None) -> float:
-    """Return the step in s to take: the coarsest that is allowed, made incommensurate with the drive's period.
+def off_beat(setup: Setup) -> Setup:
+    """Return a setup with its step made incommensurate with the period, if its steps are uniform.
 
     A change of state is seen at the end of its step. With a whole number of steps a period it would always be late by
     the same, and the small mean of a large alternating force be wrong by some 2 %; so the steps move through the
     period by the golden section, and their rounding averages out (measured: 0.1 %).
-
-    Args:
-        motor: the motor.
-        drive: the drive.
-        coarsest: step in s not to exceed; by default the one of ``simulate``.
     """
-    coarsest = coarsest or shortest_period(motor, drive, contact=True) / POINTS_PER_PERIOD
-    return drive.period / (ceil(drive.period / coarsest - _GOLDEN) + _GOLDEN)
+    if not setup.source.uniform:
+        return setup
+    period = setup.source.period
+    return setup.with_step(period / (ceil(period / setup.step - _GOLDEN) + _GOLDEN))
 
 
 def quantities(blocks: list[Block]) -> dict[str, float]:
@@ -242,7 +255,7 @@ def quantities(blocks: list[Block]) -> dict[str, float]:
     duration = len(blocks) * bench.duration
     losses = {
         "dielectric_loss_w": mean["xheat_a.v_heat"] + mean["xheat_b.v_heat"],
-        "damping_loss_w": sum(mean[f"xheat_{index}.v_heat"] for index in range(1, len(motor.modes) + 1)),
+        "damping_loss_w": sum(mean[f"xheat_{damper}.v_heat"] for damper in bench.dampers),
         "friction_loss_w": mean[f"{contact}work"] - shaft,
         "normal_loss_w": mean[f"{contact}press"],
         "stored_power_w": (bench.stored(blocks[-1].end) - bench.stored(blocks[0].start)) / duration,

@@ -1,36 +1,36 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The cyclic bench: a tip moved to and fro along a rotor that stands, in ngspice, with any of the contact laws."""
+"""The cyclic bench: a tip moved back and forth along a rotor that stands, in ngspice, with any of the contact laws."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import pi, radians
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pyspice_runner.analysis.audit import audit_contact, mark, withhold
-from pyspice_runner.analysis.waveforms import Array
-from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.files import save_by_ending, write_csv, write_json
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, check_law
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, Law
 from pyspice_runner.netlist.contact_benches import cyclic_bench
+from pyspice_runner.netlist.sources import Bench
+from pyspice_runner.result import Audit, Result
+from pyspice_runner.run.audit import audit_contact
+from pyspice_runner.run.kernel import transient
+from pyspice_runner.run.waveforms import Array
+from pyspice_runner.units import engineering
 
 PERIODS = 2  # the second is already closed: what came before the first reversal is forgotten
 STEPS = 1000  # a period
 FREQUENCY = 1e3  # Hz; without inertia only the law of Coulomb, which follows the velocity, knows of it
 
 
-@dataclass(frozen=True)
-class Hysteresis:
-    """A tip moved to and fro: a virgin curve, then loops.
+@dataclass(frozen=True, repr=False)
+class Hysteresis(Result):
+    """A tip moved back and forth: a virgin curve, then loops.
 
     Attributes:
         time_s: time.
@@ -58,21 +58,23 @@ class Hysteresis:
         """Return loss and limit, JSON-ready."""
         return {"loss_j": self.loss_j, "limit_m": self.limit_m, **self.provenance}
 
-    def save(self, path: str | Path) -> Path:
-        """Write the loops to a file, by its ending: ``.csv`` (over time), ``.json`` (loss) or ``.cir`` (the deck).
-
-        Raises:
-            ParameterError: for another ending or a place that cannot be written.
-        """
+    def columns(self) -> dict[str, Array]:
+        """Return displacement, forces and state over the time."""
         names = ("time_s", "displacement_m", "normal_force_n", "friction_force_n", "contact_state")
-        return save_by_ending(
-            path,
-            {
-                ".csv": lambda file: write_csv(file, {name: getattr(self, name) for name in names}),
-                ".json": lambda file: write_json(file, self.to_dict()),
-                ".cir": lambda file: file.write_text(self.deck, encoding="utf-8"),
-            },
-        )
+        return {name: getattr(self, name) for name in names}
+
+    @property
+    def audit(self) -> Audit:  # type: ignore[override]
+        """The outcome of the physical audit."""
+        return Audit(tuple(self.provenance["audit"]["findings"]))
+
+    def summary(self) -> dict[str, str]:
+        """Return law, loss in the last cycle and the displacement at which all slips."""
+        return {
+            "contact": str(self.provenance["law"]),
+            "loss in the last cycle": engineering(self.loss_j, "J"),
+            "displacement at full slip": engineering(self.limit_m, "m"),
+        }
 
 
 @checked
@@ -88,7 +90,7 @@ def hysteresis(
     timeout: float | None = None,
     audit: bool = True,
 ) -> Hysteresis:
-    """Move a motor's tip to and fro along a rotor that stands, at a constant or a swinging normal force.
+    """Move a motor's tip back and forth along a rotor that stands, at a constant or a swinging normal force.
 
     The displacement is amplitude · u_lim · sin ωt, the normal force F₀ (1 + swing · sin(nωt + φ)), with F₀ the preload
     and u_lim the limit of stick under it.
@@ -106,38 +108,33 @@ def hysteresis(
             found.
 
     Raises:
-        ParameterError: for a value that is refused.
+        ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    check_law(contact, free=False)
+    law = Law(contact, sliders)
     for name, value, low, high in (("amplitude", amplitude, 0.0, 1e3), ("swing", swing, -0.99, 0.99)):
         if not low <= value <= high:
-            raise ParameterError(f"{name} = {value:g} is refused; allowed is a number from {low:g} to {high:g}.")
+            raise ParameterError(f"{name} = {value:g} is not valid: it must be a number from {low:g} to {high:g}.")
     if not 1 <= harmonic <= 100:
-        raise ParameterError(f"harmonic = {harmonic} is refused; allowed is a whole number from 1 to 100.")
+        raise ParameterError(f"harmonic = {harmonic} is not valid: it must be a whole number from 1 to 100.")
     limit = contact_law.limit_ratio(motor.contact) * contact_law.static_penetration(motor.contact)
     step = 1.0 / (STEPS * FREQUENCY)
     circuit = cyclic_bench(
         motor.contact, motor.rotor, amplitude=amplitude * limit, swing=swing, phase_deg=phase_deg, harmonic=harmonic,
-        frequency=FREQUENCY, law=contact, sliders=sliders, step=step,
+        frequency=FREQUENCY, law=law.name, sliders=law.sliders, step=step,
     )  # fmt: skip
-    simulator = BatchSimulator(circuit, timeout=timeout)
-    simulator.options(**TRANSIENT_OPTIONS)
-    simulator.save("v(normal)", "v(friction)", "v(state)")
-    run = {
-        "step_time": step, "end_time": PERIODS / FREQUENCY, "max_time": step, "use_initial_condition": True,
-    }  # fmt: skip
-    deck = str(simulator.prepare("transient", **run))
-    simulator.transient(**run)
-    assert simulator.result is not None
-    raw = {name: values.real for name, values in simulator.result.raw.vectors.items()}
+    outcome = transient(
+        Bench(circuit, TRANSIENT_OPTIONS), ["v(normal)", "v(friction)", "v(state)"], step=step,
+        duration=PERIODS / FREQUENCY, timeout=timeout,
+    )  # fmt: skip
+    raw = outcome.vectors()
     time = np.concatenate(([0.0], raw["time"]))
     displacement = amplitude * limit * np.sin(2.0 * pi * FREQUENCY * time)
     first = motor.contact.preload_n * (1.0 + swing * np.sin(radians(phase_deg)))
     friction = np.concatenate(([0.0], raw["v(friction)"]))
     findings = audit_contact(motor.contact.friction, raw["v(normal)"], raw["v(friction)"])
     if audit:
-        withhold(findings, "loop")
+        Audit(findings).withhold("loop")
     cycle = slice(int(np.searchsorted(time, (PERIODS - 1) / FREQUENCY - 0.5 * step)), None)
     return Hysteresis(
         time_s=time,
@@ -155,8 +152,8 @@ def hysteresis(
             "phase_deg": phase_deg,
             "harmonic": harmonic,
             **({"sliders": sliders} if contact == "brush" else {}),
-            "ngspice_version": ngspice_version(),
-            "audit": mark(findings),
+            "ngspice_version": outcome.ngspice_version,
+            "audit": Audit(findings).to_dict(),
         },
-        deck=deck,
+        deck=outcome.deck,
     )

@@ -4,30 +4,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pyspice_runner.analysis.audit import audit_contact, audit_impact, mark, withhold
-from pyspice_runner.analysis.waveforms import Array
-from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.files import save_by_ending, write_csv, write_json
 from pyspice_runner.model.impact import Throw
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, check_law
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, Law
 from pyspice_runner.netlist.contact_benches import impact_bench
+from pyspice_runner.netlist.sources import Bench
+from pyspice_runner.result import Audit, Result
+from pyspice_runner.run.audit import audit_contact, audit_impact
+from pyspice_runner.run.kernel import Outcome, transient
+from pyspice_runner.run.waveforms import Array
+from pyspice_runner.units import engineering
 
 STEPS = 1000  # of an impact without loss; the error of ψ₂ from the steps is then some 1e-5
 FEWEST_STEPS = 50
 MOST_STEPS = 1_000_000
 
 
-@dataclass(frozen=True)
-class Impact:
+@dataclass(frozen=True, repr=False)
+class Impact(Result):
     """One impact, from touch to lift-off. The patch is where the sphere touches.
 
     Attributes:
@@ -72,32 +72,32 @@ class Impact:
     provenance: dict[str, Any] = field(repr=False)
     deck: str = field(repr=False)
 
-    def to_dict(self) -> dict[str, float]:
-        """Return the dimensionless result, JSON-ready."""
+    def to_dict(self) -> dict[str, Any]:
+        """Return the dimensionless result with audit and provenance, JSON-ready."""
         names = ("psi_1", "psi_2", "restitution_normal", "restitution_tangential", "duration_over_delta_v")
+        return {**{name: getattr(self, name) for name in names}, **self.provenance}
+
+    def columns(self) -> dict[str, Array]:
+        """Return penetration, forces, state and velocity of the patch, over the time."""
+        names = ("time_s", "penetration_m", "normal_force_n", "friction_force_n", "contact_state", "patch_velocity_m_s")
         return {name: getattr(self, name) for name in names}
 
-    def save(self, path: str | Path) -> Path:
-        """Write the impact to a file, by its ending: ``.csv`` (over time), ``.json`` (result) or ``.cir`` (the deck).
+    @property
+    def audit(self) -> Audit:  # type: ignore[override]
+        """The outcome of the physical audit."""
+        return Audit(tuple(self.provenance["audit"]["findings"]))
 
-        Raises:
-            ParameterError: for another ending or a place that cannot be written.
-        """
-        names = ("time_s", "penetration_m", "normal_force_n", "friction_force_n", "contact_state", "patch_velocity_m_s")
-        return save_by_ending(
-            path,
-            {
-                ".csv": lambda file: write_csv(file, {name: getattr(self, name) for name in names}),
-                ".json": lambda file: write_json(file, self.to_dict()),
-                ".cir": lambda file: file.write_text(self.deck, encoding="utf-8"),
-            },
-        )
-
-    def plot(self, path: str | Path) -> Path:
-        """Draw forces, velocity of the patch and state over time."""
-        from pyspice_runner.plots import plot_impact
-
-        return plot_impact(self, path)
+    def summary(self) -> dict[str, str]:
+        """Return law, incidence and rebound, restitutions, duration and greatest force."""
+        return {
+            "contact": str(self.provenance["contact"]),
+            "ψ₁ → ψ₂": f"{self.psi_1:.4g} → {self.psi_2:.4g}",
+            "restitution": f"{self.restitution_normal:.4f} normal, {self.restitution_tangential:.4f} tangential",
+            "duration": f"{engineering(self.duration_s, 's')} = {self.duration_over_delta_v:.4f} δ/v",
+            "greatest force": engineering(self.greatest_force_n, "N"),
+            "greatest penetration": engineering(self.greatest_penetration_m, "m"),
+            "spin after the impact": f"{self.spin_rad_s:.4g} rad/s",
+        }
 
 
 @checked
@@ -122,36 +122,25 @@ def impact(
             was found.
 
     Raises:
-        ParameterError: for a value that is refused.
+        ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    check_law(contact, free=False)
+    law = Law(contact, sliders)
     if not FEWEST_STEPS <= steps <= MOST_STEPS:
-        raise ParameterError(f"steps = {steps} is refused; allowed is a whole number from {FEWEST_STEPS} to 1e6.")
+        raise ParameterError(f"steps = {steps} is not valid: it must be a whole number from {FEWEST_STEPS} to 1e6.")
     step = throw.duration_s / steps
-    simulator = BatchSimulator(impact_bench(throw, contact=contact, sliders=sliders, step=step), timeout=timeout)
-    simulator.options(**TRANSIENT_OPTIONS)
+    bench = Bench(impact_bench(throw, contact=law.name, sliders=law.sliders, step=step), TRANSIENT_OPTIONS)
     vectors = ("vy", "vx", "centre", "spin", "normal", "friction", "state", "xcontact.delta")
-    simulator.save(*(f"v({name})" for name in vectors))
     # a lossy impact lasts longer; e^(-0.36) is above all of Hunt and Crossley's
-    run = {
-        "step_time": step,
-        "end_time": 1.1 * throw.duration_s / throw.restitution**0.36,
-        "max_time": step,
-        "use_initial_condition": True,
-    }
-    deck = str(simulator.prepare("transient", **run))
-    simulator.transient(**run)
-    assert simulator.result is not None
-    raw = simulator.result.raw.vectors
+    end = 1.1 * throw.duration_s / throw.restitution**0.36
+    outcome = transient(bench, [f"v({name})" for name in vectors], step=step, duration=end, timeout=timeout)
     start = {"time": 0.0, "v(vy)": throw.velocity_m_s, "v(vx)": throw.patch_velocity_m_s,
              "v(centre)": throw.centre_velocity_m_s, "v(spin)": throw.spin_rad_s}  # fmt: skip
-    samples = {name: np.concatenate(([start.get(name, 0.0)], values.real)) for name, values in raw.items()}
+    samples = {name: np.concatenate(([start.get(name, 0.0)], values)) for name, values in outcome.vectors().items()}
     findings = _audited(throw, samples)
     if audit:
-        withhold(findings, "impact")
-    settings = {"contact": contact, "sliders": sliders, "audit": mark(findings)}
-    return _read(throw, samples, simulator.result.seconds, settings, deck)
+        Audit(findings).withhold("impact")
+    return _read(throw, samples, outcome, {**law.to_dict(), "audit": Audit(findings).to_dict()})
 
 
 def _audited(throw: Throw, samples: dict[str, Array]) -> tuple[str, ...]:
@@ -165,7 +154,7 @@ def _audited(throw: Throw, samples: dict[str, Array]) -> tuple[str, ...]:
     return forces + audit_impact(float(before), float(after))
 
 
-def _read(throw: Throw, samples: dict[str, Array], seconds: float, settings: dict[str, Any], deck: str) -> Impact:
+def _read(throw: Throw, samples: dict[str, Array], outcome: Outcome, settings: dict[str, Any]) -> Impact:
     delta = 1e-6 * samples["v(xcontact.delta)"]
     open_again = np.flatnonzero(delta[1:] <= 0.0) + 1
     if not open_again.size:
@@ -197,9 +186,14 @@ def _read(throw: Throw, samples: dict[str, Array], seconds: float, settings: dic
         friction_force_n=-samples["v(friction)"][within],
         contact_state=np.concatenate((samples["v(state)"][1:2], samples["v(state)"][1 : last + 1])),
         patch_velocity_m_s=samples["v(vx)"][within],
-        solver_seconds=seconds,
-        provenance={"throw": throw.model_dump(), **settings, "ngspice_version": ngspice_version()},
-        deck=deck,
+        solver_seconds=outcome.seconds,
+        provenance={
+            "throw": throw.model_dump(),
+            **settings,
+            "deck_sha256": outcome.deck_sha256,
+            "ngspice_version": outcome.ngspice_version,
+        },
+        deck=outcome.deck,
     )
 
 

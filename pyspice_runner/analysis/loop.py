@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.waveforms import Array
-from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.model.tracking import LoopFilter, StatorLag
 from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS
+from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.trackers import Tracker, averaged_bench
+from pyspice_runner.run.kernel import ac, transient
+from pyspice_runner.run.waveforms import Array
 
 POINTS_PER_DECADE = 100
 _DECADES = 2  # swept to either side of the bandwidth
@@ -57,16 +58,12 @@ def loop_design(tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter) -> Lo
     Raises:
         SimulationError: if ngspice fails, or the loop gain does not cross 1 near the bandwidth.
     """
-    simulator = BatchSimulator(averaged_bench(tracker, lag, loop_filter, closed=False))
-    simulator.options(**AC_OPTIONS)
-    simulator.save("v(control)")
-    simulator.ac(
-        variation="dec", number_of_points=POINTS_PER_DECADE,
+    bench = Bench(averaged_bench(tracker, lag, loop_filter, closed=False), AC_OPTIONS)
+    vectors = ac(
+        bench, ["v(control)"], variation="dec", number_of_points=POINTS_PER_DECADE,
         start_frequency=tracker.bandwidth_hz / 10**_DECADES, stop_frequency=tracker.bandwidth_hz * 10**_DECADES,
-    )  # fmt: skip
-    assert simulator.result is not None
-    frequency = np.asarray(simulator.result.raw.vectors["frequency"].real, dtype=float)
-    gain = -np.asarray(simulator.result.raw.vectors["v(control)"], dtype=complex)
+    ).phasors()  # fmt: skip
+    frequency, gain = vectors["frequency"].real, -vectors["v(control)"]
     level = np.log(np.abs(gain))
     below = np.flatnonzero((level[:-1] > 0.0) & (level[1:] <= 0.0))
     if below.size != 1:
@@ -87,11 +84,7 @@ def averaged_step(
         SimulationError: if ngspice fails.
     """
     target = f"PWL(0 0 {begin!r} 0 {begin + 1e-6!r} {radians(step_deg)!r})"
-    simulator = BatchSimulator(averaged_bench(tracker, lag, loop_filter, closed=True, target=target))
-    simulator.options(**TRANSIENT_OPTIONS)
-    simulator.save("v(phase)")
+    bench = Bench(averaged_bench(tracker, lag, loop_filter, closed=True, target=target), TRANSIENT_OPTIONS)
     step = 1.0 / (200.0 * 2.0 * pi * tracker.bandwidth_hz)
-    simulator.transient(step_time=step, end_time=duration, max_time=step, use_initial_condition=True)
-    assert simulator.result is not None
-    vectors = simulator.result.raw.vectors
-    return np.asarray(vectors["time"], dtype=float), np.degrees(np.asarray(vectors["v(phase)"], dtype=float))
+    vectors = transient(bench, ["v(phase)"], step=step, duration=duration).vectors()
+    return vectors["time"], np.degrees(vectors["v(phase)"])

@@ -4,19 +4,23 @@
 from __future__ import annotations
 
 from cmath import phase, rect
-from dataclasses import dataclass
-from math import degrees, pi, radians, sqrt
-from typing import Any, Literal, get_args
+from dataclasses import dataclass, replace
+from math import degrees, isfinite, pi, radians, sqrt
+from typing import Any, Literal
 
 import numpy as np
 
-from pyspice_runner.analysis.admittance import admittance
-from pyspice_runner.analysis.driver_run import DriverBench, Window
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.drive import Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.contact import ContactLaw
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
 from pyspice_runner.netlist.drivers import GROUPS, Driver
+from pyspice_runner.run.settings import Solver
+from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.steps import MOST_POINTS
+from pyspice_runner.run.window import Window
+from pyspice_runner.spectra.admittance import admittance
 
 State = Literal["free", "preloaded", "running"]
 
@@ -120,6 +124,7 @@ def propose_matching(
     *,
     state: State = "running",
     contact: ContactLaw | None = "spring-slider",
+    sliders: int = SLIDERS,
     duration: float = 3e-3,
     speed: float | None = None,
     load_torque: float = 0.0,
@@ -135,40 +140,57 @@ def propose_matching(
         driver: frequency, voltages and phase that the groups are to have.
         state: ``"free"``, ``"preloaded"`` or ``"running"``.
         contact: law of the contact, for ``"running"``; ``None`` for a free tip.
+        sliders: number of sliders of the brush.
         duration: simulated time in s, for ``"running"``.
         speed: if given, the shaft is held at this speed, rad/s.
         load_torque: torque in N·m that a load draws from the free shaft.
         timeout: wall time in s after which a run is ended.
 
     Raises:
-        ParameterError: for a value that is refused.
+        ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    if state not in get_args(State):
-        raise ParameterError(f"state = {state!r} is refused; allowed are {', '.join(get_args(State))}.")
-    return proposal(DriverBench(motor, driver, contact, speed, load_torque, duration, timeout), state)
+    setup = Setup(motor, driver, Load(speed, load_torque), law_of(contact, sliders), Solver(timeout=timeout))
+    check_duration(setup, duration)
+    return proposal(setup, driver, duration, state)
 
 
-def proposal(bench: DriverBench, state: State) -> Matching:
-    """Match both groups at the pin voltages that the driver's stage has."""
-    driver = bench.driver
+def check_duration(setup: Setup, duration: float) -> None:
+    """Check that a run with a driver lasts ten periods at least, and that its points fit in memory.
+
+    Raises:
+        ParameterError: otherwise.
+    """
+    least = 10.0 * setup.source.period
+    if not (isfinite(duration) and duration >= least):
+        raise ParameterError(
+            f"duration = {duration:g} s is not valid; give at least ten periods of the driver, {least:.3g} s."
+        )
+    if duration / setup.step > MOST_POINTS:
+        raise ParameterError(
+            f"duration = {duration:g} s takes {duration / setup.step:.3g} steps of {setup.step:.3g} s; at most "
+            f"{MOST_POINTS:.0e} fit in memory, so shorten it."
+        )
+
+
+def proposal(setup: Setup, driver: Driver, duration: float, state: State) -> Matching:
+    """Match both groups at the pin voltages that the driver's stage has, in a run with ideal sources."""
     voltages = driver.phasors()
     if state == "running":
         ideal = Driver(
             kind="ideal", voltage=driver.voltage, frequency=driver.frequency, phase_deg=driver.phase_deg,
             ratio_b=driver.ratio_b,
         )  # fmt: skip
-        samples, *_ = DriverBench(
-            bench.motor, ideal, bench.contact, bench.speed, bench.load_torque, bench.duration, bench.timeout
-        ).run(None)
-        window = Window(samples["time"], driver.period, uniform=True)
+        run = replace(setup, source=ideal, solver=replace(setup.solver, step=None))
+        samples = run.run(duration, [f"{kind}{group})" for kind in ("v(", "i(vpin_") for group in GROUPS]).vectors()
+        window = Window(samples["time"], driver.period)
         currents = {group: complex(window.harmonics(samples[f"i(vpin_{group})"])[0]) for group in GROUPS}
         voltages = {group: complex(window.harmonics(samples[f"v({group})"])[0]) for group in GROUPS}
     else:
         frequency = driver.frequency
         matrix = admittance(
-            bench.motor, start=frequency * (1 - 1e-6), stop=frequency * (1 + 1e-6), points=3, state=state,
-            timeout=bench.timeout,
+            setup.motor, start=frequency * (1 - 1e-6), stop=frequency * (1 + 1e-6), points=3, state=state,
+            timeout=setup.solver.timeout,
         ).matrix_s[1]  # fmt: skip
         amperes = matrix @ np.array([voltages["a"], voltages["b"]])
         currents = dict(zip(GROUPS, amperes.tolist(), strict=True))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Speed–torque curves: the motor on the dynamometer, settled at each speed, or at a slowly changing one.
+"""Speed–torque curves: the steady state at each speed, found directly, after settling, or at a slowly changing speed.
 
 The torque is that of the contact on the rotor, R·F_T; the bearing takes its share of it, and what remains is the load
 torque. Both are positive where they drive the rotor, or the load, in the positive direction.
@@ -20,24 +20,31 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import SkipValidation
 
-from pyspice_runner.analysis.audit import FEWEST_POINTS_PER_PERIOD, audit_point, mark, withhold
-from pyspice_runner.analysis.dynamometer import UNITS, Bench, Block, quantities, uniform_step
-from pyspice_runner.analysis.simulate import MOST_POINTS, shortest_period
-from pyspice_runner.analysis.waveforms import Array
+from pyspice_runner.analysis.dynamometer import UNITS, Block, Dynamometer, off_beat, quantities
+from pyspice_runner.analysis.steady import steady_states
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
-from pyspice_runner.model.drive import Drive, check_shaft
+from pyspice_runner.model.drive import Drive, Load
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.refusal import checked, quoted, unit_of
+from pyspice_runner.model.refusal import checked, quoted
 from pyspice_runner.netlist.benches import SpeedRamp
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, check_law, contact_library
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, Law
+from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.motor import Motion
+from pyspice_runner.netlist.sources import source_of, unit_in, updated
+from pyspice_runner.result import Audit
+from pyspice_runner.run.audit import audit_point
+from pyspice_runner.run.settings import Solver
+from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.steps import MOST_POINTS
+from pyspice_runner.run.waveforms import Array
 
 if TYPE_CHECKING:
     import xarray
 
-Method = Literal["hold", "ramp"]
+Method = Literal["steady", "settle", "ramp", "hold"]  # the last is the former name of settle
 Progress = Callable[[int, int], None]
 
 SPEED = "speed_rad_s"
@@ -53,22 +60,24 @@ OUTCOME = {
     **UNITS,
     "settled": ("1", "whether the means stayed the same from block to block"),
     "audit_passed": ("1", "whether the means passed the physical audit"),
+    "torque_error_n_m": ("N·m", "estimated error of the mean torque by the time step; NaN where it was not estimated"),
+    "largest_multiplier": ("1", "largest Floquet multiplier; a disturbance decays where it is below 1"),
     "torque_drift_n_m": ("N·m", "change of the mean torque from block to block; of a ramp, half of fall less rise"),
     "simulated_s": ("s", "time that was simulated"),
 }
 _MISSING = dict.fromkeys(OUTCOME, float("nan")) | {
-    "settled": False, "audit_passed": False, "findings": (), "deck_sha256": "",
+    "settled": False, "audit_passed": False, "findings": (), "deck_sha256": "", "method": "",
 }  # fmt: skip
 
 
 @checked
 def speed_torque(
     motor: Motor,
-    drive: Drive,
+    drive: Drive | Driver,
     *,
-    speeds: ArrayLike,
-    over: Mapping[str, Sequence[float] | Array] | None = None,
-    mode: Method = "hold",
+    speeds: SkipValidation[ArrayLike],
+    over: Mapping[str, SkipValidation[Sequence[float] | Array]] | None = None,
+    mode: Method = "steady",
     follow: str | None = None,
     contact: ContactLaw = "spring-slider",
     sliders: int = SLIDERS,
@@ -82,21 +91,26 @@ def speed_torque(
 ) -> xarray.Dataset:
     """Measure torque, power and losses over speed, in all four quadrants.
 
-    Each point starts from preloaded rest, on a rotor that turns at its speed, and runs in blocks of whole drive
-    periods, each as long as the slowest mode takes to decay. It is settled when the means do not change from block to
-    block; the means over the last one are returned. A point that never settles, because the motion is chaotic or the
-    tones of the drive beat, says so by ``settled`` and gives the means over the last half of its blocks.
+    The steady states of all points are found together by shooting (:func:`.steady_state`); where there is none, or an
+    unstable one, the point is left to settle.
+
+    A point that settles starts from preloaded rest, on a rotor that turns at its speed, and runs in blocks of whole
+    drive periods, each as long as the slowest mode takes to decay. It is settled when the means do not change from
+    block to block; the means over the last one are returned. A point that never settles, because the motion is chaotic
+    or the tones of the drive beat, says so by ``settled`` and gives the means over the last half of its blocks.
 
     Args:
         motor: the motor.
-        drive: the voltages of both groups.
+        drive: the voltages of both groups, or a driver circuit, which each point then powers up from rest and lets
+            settle, since its own state is not part of the periodic solution.
         speeds: at which the shaft is held, rad/s.
         over: further axes: dotted path → values; the motor's as in :meth:`Motor.updated`, the drive's as
-            ``drive.voltage``.
-        mode: ``"hold"``, or ``"ramp"`` for a quick curve: the speed rises slowly through the whole range, and in a
-            second run it falls. The mean of both is returned; half their difference is ``torque_drift_n_m``.
-        follow: axis along which each point goes on from where the one before it ended, not from rest:
-            ``"speed_rad_s"`` or one of ``over``. It shows hysteresis if the axis goes up and down again.
+            ``drive.voltage``, those of a driver's parts as ``drive.bridge.dead_time``.
+        mode: ``"steady"``, which takes ideal voltages with a common period; ``"settle"``, which takes any drive; or
+            ``"ramp"``: the speed rises slowly through the whole range, and in a second run it falls. The mean of both
+            is returned; half their difference is ``torque_drift_n_m``.
+        follow: only with ``"settle"``: axis along which each point goes on from where the one before it ended, not from
+            rest: ``"speed_rad_s"`` or one of ``over``. It shows hysteresis if the axis goes up and down again.
         contact: law of the contact, as in ``simulate``.
         sliders: number of sliders of the brush.
         step: longest time step in s; by default that of ``simulate``.
@@ -114,52 +128,55 @@ def speed_torque(
         The quantities over the axes, the speed last, with units and provenance.
 
     Raises:
-        ParameterError: for a value that is refused.
+        ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted; ``partial`` has the finished points.
         Interrupted: when interrupted; ``partial`` has those points, and NaN for the others.
     """
     settling = Settling(tolerance, patience)
     axes = {path: axis(path, values) for path, values in (over or {}).items()}
     axes[SPEED] = axis("speeds", speeds)
+    mode = _way(mode, drive)
     _check(axes, mode, follow)
-    _check_contact(contact, sliders)
-    settings = {"contact": contact, "step_s": step, "tolerance": tolerance, "patience": patience}
-    if contact == "brush":
-        settings["sliders"] = sliders
+    _check_driver(drive, mode, follow)
+    law, solver = Law(contact, sliders), Solver(step, timeout=timeout, audit=audit)
+    settings = {**law.to_dict(), "step_s": step, "tolerance": tolerance, "patience": patience}
     combinations = [dict(zip(axes, values, strict=True)) for values in product(*(a.tolist() for a in axes.values()))]
-    benches: dict[tuple[float, ...], Bench] = {}
+    benches: dict[tuple[float, ...], Dynamometer] = {}
     points = []
     for combination in combinations:
         speed = combination.pop(SPEED)
         key = tuple(combination.values())
         if key not in benches:
-            bench = _bench(motor, drive, combination, step, timeout)
-            benches[key] = replace(bench, contact=contact, sliders=sliders, audit=audit)
-        check_shaft(benches[key].motor, speed)
+            benches[key] = _dynamometer(motor, drive, combination, law, solver)
+        Load(speed).check(benches[key].motor)
         points.append((benches[key], speed))
-    shape = tuple(len(axis) for axis in axes.values())
-    places = np.arange(len(points)).reshape(shape)
-    if mode == "ramp":
-        rows = places.reshape(-1, shape[-1]).tolist()
-        tasks = [
-            _Task(tuple(row), tuple(points[place] for place in row), settling, ramp)
-            for row in rows
-            for ramp in ("up", "down")
-        ]
-    else:
-        chains = np.moveaxis(places, list(axes).index(follow), -1) if follow else places[..., np.newaxis]
-        rows = chains.reshape(-1, chains.shape[-1]).tolist()
-        tasks = [_Task(tuple(row), tuple(points[place] for place in row), settling) for row in rows]
+    tasks = _tasks(points, axes, mode, follow, settling)
     answers: dict[int, list[dict[str, Any]]] = {}
+    found: dict[int, dict[str, Any]] = {}
     fault: KeyboardInterrupt | SimulationError | None = None
+    progress = progress or (lambda *_: None)
     try:
-        _answer(tasks, executor, progress or (lambda *_: None), answers)
+        if mode == "steady":
+            progress(0, len(points))
+            found = _steady(points, executor)
+            tasks = [task for task in tasks if task.places[0] not in found]
+        if tasks:
+            _answer(tasks, executor, _after(progress, len(found)), answers)
+        else:
+            progress(len(points), len(points))
+        _withhold_failed(points, found)
     except (KeyboardInterrupt, SimulationError) as error:
         fault = error
-    found = _found(tasks, answers)
+    found |= _found(tasks, answers)
     if fault is not None and not found:
         raise fault
-    dataset = _dataset(motor, drive, axes, [found.get(place, _MISSING) for place in range(len(points))])
+    dataset = _dataset(
+        motor,
+        drive,
+        source_of(drive, motor, law).to_dict(),
+        axes,
+        [found.get(place, _MISSING) for place in range(len(points))],
+    )
     dataset.attrs["run"] = json.dumps({"mode": mode, "follow": follow, **settings})
     if fault is None:
         return dataset
@@ -170,12 +187,25 @@ def speed_torque(
     raise fault
 
 
+def _way(mode: Method, drive: Drive | Driver) -> Method:
+    """Return how the points are measured: a driver circuit, whose state is not in the periodic solution, settles."""
+    return "settle" if mode == "hold" or (mode == "steady" and isinstance(drive, Driver)) else mode
+
+
+def _check_driver(drive: Drive | Driver, mode: str, follow: str | None) -> None:
+    if isinstance(drive, Driver) and (mode != "settle" or follow):
+        raise ParameterError(
+            "A driver circuit is powered up anew at each point: mode must be 'settle', and follow must be left out."
+        )
+
+
 @checked
 def operating_point(
     motor: Motor,
-    drive: Drive,
+    drive: Drive | Driver,
     *,
     speed: float = 0.0,
+    mode: Literal["steady", "settle", "hold"] = "steady",
     contact: ContactLaw = "spring-slider",
     sliders: int = SLIDERS,
     step: float | None = None,
@@ -190,6 +220,7 @@ def operating_point(
         motor: the motor.
         drive: the voltages of both groups.
         speed: at which the shaft is held, rad/s.
+        mode: as in :func:`speed_torque`, but for ``"ramp"``.
         contact: as in :func:`speed_torque`.
         sliders: as in :func:`speed_torque`.
         step: as in :func:`speed_torque`.
@@ -199,16 +230,62 @@ def operating_point(
         audit: as in :func:`speed_torque`; ``audit`` of the result has what was found.
 
     Raises:
-        ParameterError: for a value that is refused.
+        ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
+    mode = "settle" if mode == "hold" or (mode == "steady" and isinstance(drive, Driver)) else mode
+    if mode not in ("steady", "settle"):
+        raise ParameterError(f"mode = {quoted(mode)} is not valid: it must be 'steady' or 'settle'.")
     (speed,) = axis("speed", [speed])
-    _check_contact(contact, sliders)
-    bench = replace(_bench(motor, drive, {}, step, timeout), contact=contact, sliders=sliders, audit=audit)
-    check_shaft(motor, float(speed))
-    outcome, _ = _settle(bench, float(speed), None, Settling(tolerance, patience))
+    bench = _dynamometer(motor, drive, {}, Law(contact, sliders), Solver(step, timeout=timeout, audit=audit))
+    Load(float(speed)).check(motor)
+    settling = Settling(tolerance, patience)
+    found = _steady([(bench, float(speed))], None) if mode == "steady" else {}
+    _withhold_failed([(bench, float(speed))], found)
+    outcome = found[0] if found else _settle(bench, float(speed), None, settling)[0]
     del outcome["audit_passed"]
-    return {**outcome, "audit": mark(outcome.pop("findings"))}
+    return {**outcome, "audit": Audit(outcome.pop("findings")).to_dict()}
+
+
+# --- steady states ---
+
+
+def _steady(points: Sequence[tuple[Dynamometer, float]], executor: Executor | None) -> dict[int, dict[str, Any]]:
+    """Return by place the outcomes of the points that have a stable steady state."""
+    setups = [
+        replace(bench.setup, load=Load(speed), solver=replace(bench.setup.solver, audit=False))
+        for bench, speed in points
+    ]
+    states = steady_states(setups) if executor is None else executor.submit(steady_states, setups).result()
+    found = {}
+    for place, state in enumerate(states):
+        if state.stable:
+            largest = float(np.abs(state.floquet_multipliers).max(initial=0.0))
+            found[place] = {
+                **state.quantities, "settled": True, "audit_passed": bool(state.audit.passed),
+                "findings": state.audit.findings, "torque_error_n_m": state.torque_error_n_m,
+                "largest_multiplier": largest, "torque_drift_n_m": 0.0, "simulated_s": state.provenance["simulated_s"],
+                "deck_sha256": state.provenance["deck_sha256"], "method": state.method,
+            }  # fmt: skip
+    return found
+
+
+def _withhold_failed(points: Sequence[tuple[Dynamometer, float]], found: dict[int, dict[str, Any]]) -> None:
+    """Take out the outcomes that failed the audit, where that is an error.
+
+    Raises:
+        SimulationError: for the first of them.
+    """
+    failed = [place for place, (bench, _) in enumerate(points) if bench.setup.solver.audit and place in found]
+    failed = [place for place in failed if found[place]["findings"]]
+    findings = [(points[place][1], found.pop(place)["findings"]) for place in failed]
+    for speed, finding in findings:
+        Audit(finding).withhold(f"point at {speed:.4g} rad/s")
+
+
+def _after(progress: Progress, finished: int) -> Progress:
+    """Return what reports the progress of the remaining points."""
+    return lambda done, total: progress(finished + done, finished + total)
 
 
 # --- how a motion settles ---
@@ -223,10 +300,10 @@ class Settling:
 
     def __post_init__(self) -> None:
         if not 1e-8 <= self.tolerance <= 0.1:
-            raise ParameterError(f"tolerance = {self.tolerance:g} is refused; allowed is a number from 1e-8 to 0.1.")
+            raise ParameterError(f"tolerance = {self.tolerance:g} is not valid: it must be a number from 1e-8 to 0.1.")
         if not _FEWEST_BLOCKS <= self.patience <= 10_000:
             raise ParameterError(
-                f"patience = {self.patience} is refused; allowed is a whole number from {_FEWEST_BLOCKS} to 10000."
+                f"patience = {self.patience} is not valid: it must be a whole number from {_FEWEST_BLOCKS} to 10000."
             )
 
     def holds(self, before: Sequence[Block], now: Sequence[Block], slack: float = 1.0) -> bool:
@@ -246,15 +323,17 @@ class Settling:
 
 
 def _settle(
-    bench: Bench, speed: float, start: Motion | None, settling: Settling, stop: Callable[[], bool] = bool
+    bench: Dynamometer, speed: float, start: Motion | None, settling: Settling, stop: Callable[[], bool] = bool
 ) -> tuple[dict[str, Any], Block]:
     """Run blocks until their means stay the same, or patience ends; return the outcome and the last block.
 
     The meters cost time; they come in when the next block is expected to be settled, and for the last half of patience.
     """
-    drive = bench.drive
+    if not bench.source.continues:
+        return _settle_from_rest(bench, speed, settling, stop)
+    soft_start = bench.source.rise_time
     # what goes on from another motion is driven at full amplitude
-    begun = ceil(drive.soft_start / drive.period) * drive.period if start else 0.0
+    begun = ceil(soft_start / bench.source.period) * bench.source.period if start else 0.0
     motion = replace(start, speed_rad_s=speed) if start else bench.rest(speed)
     blocks: list[Block] = []
     meters = False
@@ -263,9 +342,8 @@ def _settle(
             raise SimulationError("The run was stopped because another one failed.")
         blocks.append(bench.run(motion, speed, begun, meters=meters))
         motion, begun = blocks[-1].end, blocks[-1].ended
-        group = max(1, len(blocks) // 10)  # where the motion is irregular, means over more blocks may still settle
-        before, now = blocks[-2 * group : -group], blocks[-group:]
-        if before and begun - 2 * group * bench.duration >= drive.soft_start * (1.0 - 1e-9):
+        before, now = _groups(blocks)
+        if before and begun - 2 * len(now) * bench.duration >= soft_start * (1.0 - 1e-9):
             if all(block.metered for block in now) and settling.holds(before, now):
                 return _outcome(now, True, before, len(blocks)), blocks[-1]
             meters = meters or settling.holds(before, now, slack=_APPROACH)
@@ -275,25 +353,50 @@ def _settle(
         meters = meters or len(blocks) >= settling.patience - settling.patience // 2
 
 
+def _settle_from_rest(
+    bench: Dynamometer, speed: float, settling: Settling, stop: Callable[[], bool]
+) -> tuple[dict[str, Any], Block]:
+    """Do the same in runs from rest, each of twice as many blocks as the one before."""
+    number = min(2 * _FEWEST_BLOCKS, settling.patience)
+    while True:
+        if stop():
+            raise SimulationError("The run was stopped because another one failed.")
+        blocks = bench.run_from_rest(speed, number)
+        for end in range(2, len(blocks) + 1):
+            before, now = _groups(blocks[:end])
+            if settling.holds(before, now):
+                return _outcome(now, True, before, end), blocks[end - 1]
+        if number >= settling.patience:
+            return _outcome(blocks[-(number // 2) :], False, before, number), blocks[-1]
+        number = min(2 * number, settling.patience)
+
+
+def _groups(blocks: list[Block]) -> tuple[list[Block], list[Block]]:
+    """Return the last two groups of blocks to compare: where the motion is irregular, more blocks may still settle."""
+    size = max(1, len(blocks) // 10)
+    return blocks[-2 * size : -size], blocks[-size:]
+
+
 def _outcome(now: list[Block], settled: bool, before: list[Block], blocks: int) -> dict[str, Any]:
     drift = now[-1].torque - before[-1].torque
     return {
         **_audited(now), "settled": settled, "torque_drift_n_m": drift,
         "simulated_s": blocks * now[0].bench.duration, "deck_sha256": now[-1].deck_sha256,
+        "torque_error_n_m": float("nan"), "largest_multiplier": float("nan"), "method": "settle",
     }  # fmt: skip
 
 
 def _audited(blocks: list[Block]) -> dict[str, Any]:
     """Return the quantities over blocks, and what the audit found."""
     bench, means = blocks[0].bench, quantities(blocks)
-    findings = audit_point(bench.motor, means, bench.step)
-    if bench.audit:
-        withhold(findings, f"point at {blocks[-1].end.speed_rad_s:.4g} rad/s")
+    findings = audit_point(bench.motor, means, bench.setup.step)
+    if bench.setup.solver.audit:
+        Audit(findings).withhold(f"point at {blocks[-1].end.speed_rad_s:.4g} rad/s")
     return {**means, "audit_passed": not findings, "findings": findings}
 
 
 def _ramp(
-    bench: Bench, speeds: Sequence[float], settling: Settling, falling: bool, stop: Callable[[], bool]
+    bench: Dynamometer, speeds: Sequence[float], settling: Settling, falling: bool, stop: Callable[[], bool]
 ) -> list[dict[str, Any]]:
     """Let the speed rise or fall slowly through its whole range; return the outcomes at the speeds.
 
@@ -340,7 +443,7 @@ class _Task:
     """Points that one worker runs, one after the other: a chain, a ramp, or a single point."""
 
     places: tuple[int, ...]
-    points: tuple[tuple[Bench, float], ...]
+    points: tuple[tuple[Dynamometer, float], ...]
     settling: Settling
     ramp: Literal["up", "down"] | None = None
 
@@ -357,6 +460,28 @@ class _Task:
         return outcomes
 
 
+def _tasks(
+    points: Sequence[tuple[Dynamometer, float]],
+    axes: Mapping[str, Array],
+    mode: Method,
+    follow: str | None,
+    settling: Settling,
+) -> list[_Task]:
+    """Return the tasks of the points: ramps in both directions, chains along an axis, or single points."""
+    shape = tuple(len(axis) for axis in axes.values())
+    places = np.arange(len(points)).reshape(shape)
+    if mode == "ramp":
+        rows = places.reshape(-1, shape[-1]).tolist()
+        return [
+            _Task(tuple(row), tuple(points[place] for place in row), settling, ramp)
+            for row in rows
+            for ramp in ("up", "down")
+        ]
+    chains = np.moveaxis(places, list(axes).index(follow), -1) if follow else places[..., np.newaxis]
+    rows = chains.reshape(-1, chains.shape[-1]).tolist()
+    return [_Task(tuple(row), tuple(points[place] for place in row), settling) for row in rows]
+
+
 def _call(task: _Task) -> list[dict[str, Any]]:
     return task()
 
@@ -367,7 +492,7 @@ def _found(tasks: list[_Task], answers: Mapping[int, list[dict[str, Any]]]) -> d
     for number, answer in sorted(answers.items()):
         for place, outcome in zip(tasks[number].places, answer, strict=True):
             ways.setdefault(place, []).append(outcome)
-    if not tasks[0].ramp:
+    if not any(task.ramp for task in tasks):
         return {place: outcome for place, (outcome,) in ways.items()}
     return {place: _between(*both) for place, both in ways.items() if len(both) == 2}
 
@@ -421,57 +546,58 @@ def axis(name: str, values: Any) -> Array:
     except (TypeError, ValueError, OverflowError):
         given = np.array([])
     if given.ndim != 1 or not given.size or not np.all(np.isfinite(given)):
-        raise ParameterError(f"{name} = {quoted(values)} is refused; allowed are one or more numbers.")
+        raise ParameterError(f"{name} = {quoted(values)} is not valid: it must be one or more numbers.")
     if name in ("speed", "speeds") and np.abs(given).max() > 1e6:
         worst = given[np.abs(given).argmax()]
-        raise ParameterError(f"{name} has {worst:g} rad/s, which is refused; allowed is from -1e6 to 1e6 rad/s.")
+        raise ParameterError(f"{name} has {worst:g} rad/s, which is not valid: it must be from -1e6 to 1e6 rad/s.")
     return given
 
 
 def _check(axes: Mapping[str, Array], mode: str, follow: str | None) -> None:
     if mode not in get_args(Method):
-        raise ParameterError(f"mode = {quoted(mode)} is refused; allowed are 'hold' and 'ramp'.")
+        raise ParameterError(f"mode = {quoted(mode)} is not valid: it must be 'steady', 'settle' or 'ramp'.")
     if follow is not None and follow not in axes:
-        raise ParameterError(f"follow = {quoted(follow)} is refused; allowed are {', '.join(axes)}.")
+        raise ParameterError(f"follow = {quoted(follow)} is not valid: it must be one of {', '.join(axes)}.")
+    if mode == "steady" and follow is not None:
+        raise ParameterError(
+            "A steady state does not go on from the point before it: with follow, mode must be 'settle'."
+        )
     if mode == "ramp" and follow is not None:
-        raise ParameterError("A ramp goes on from speed to speed by itself; leave out follow, or take mode = 'hold'.")
+        raise ParameterError("A ramp goes on from speed to speed by itself; leave out follow, or take mode = 'settle'.")
     if mode == "ramp" and np.ptp(axes[SPEED]) == 0.0:
-        raise ParameterError("A ramp needs two different speeds at least; give them, or take mode = 'hold'.")
+        raise ParameterError("A ramp needs two different speeds at least; give them, or take another mode.")
     count = int(np.prod([len(axis) for axis in axes.values()]))
     if count > _MOST_POINTS:
         raise ParameterError(f"The curve has {count} points; at most {_MOST_POINTS} are allowed.")
 
 
-def _check_contact(contact: ContactLaw, sliders: int) -> None:
-    if contact is None:
-        raise ParameterError("The dynamometer needs a law of the contact; state one of those of simulate.")
-    check_law(contact)
-    contact_library(contact, sliders)
-
-
-def _bench(
-    motor: Motor, drive: Drive, changes: Mapping[str, float], step: float | None, timeout: float | None
-) -> Bench:
-    """Return the bench at one place of the further axes."""
+def _dynamometer(
+    motor: Motor, drive: Drive | Driver, changes: Mapping[str, float], law: Law, solver: Solver
+) -> Dynamometer:
+    """Return the dynamometer at one place of the further axes."""
     on_drive = {path[6:]: value for path, value in changes.items() if path.startswith("drive.")}
     on_motor = {path: value for path, value in changes.items() if not path.startswith("drive.")}
-    if on_drive:
-        drive = type(drive)(**(drive.model_dump() | on_drive))
+    excitation = updated(drive, on_drive) if on_drive else drive
     if on_motor:
         motor = motor.updated(on_motor)
-    shortest = shortest_period(motor, drive, contact=True)
-    coarsest = shortest / FEWEST_POINTS_PER_PERIOD
-    finest = min(coarsest, Bench(motor, drive, coarsest).duration / MOST_POINTS)
-    if step is not None and not finest <= step <= coarsest:
+    setup = Setup(motor, source_of(excitation, motor, law), law=law, solver=solver)
+    finest = Dynamometer(setup).duration / MOST_POINTS
+    if setup.step < finest:
         raise ParameterError(
-            f"step = {step:g} s is refused for a motion of {1.0 / shortest:.4g} Hz; "
-            f"allowed is a number ≥ {finest:.3g} and ≤ {coarsest:.3g} s."
+            f"step = {setup.step:g} s is not valid for a motion of {1.0 / setup.shortest_period:.4g} Hz: it must be "
+            f">= {finest:.3g} s."
         )
-    return Bench(motor, drive, uniform_step(motor, drive, step), timeout)
+    return Dynamometer(off_beat(setup))
 
 
-def _dataset(motor: Motor, drive: Drive, axes: Mapping[str, Array], outcomes: list[dict[str, Any]]) -> xarray.Dataset:
-    import xarray
+def _dataset(
+    motor: Motor,
+    drive: Drive | Driver,
+    excitation: dict[str, Any],
+    axes: Mapping[str, Array],
+    outcomes: list[dict[str, Any]],
+) -> xarray.Dataset:
+    from pyspice_runner.datasets import labelled
 
     shape = tuple(len(axis) for axis in axes.values())
     variables = {}
@@ -483,23 +609,17 @@ def _dataset(motor: Motor, drive: Drive, axes: Mapping[str, Array], outcomes: li
     decks = "".join(outcome["deck_sha256"] for outcome in outcomes)
     findings = dict.fromkeys(finding for outcome in outcomes for finding in outcome["findings"])
     attributes = {
-        "audit": json.dumps(mark(tuple(findings))),
+        "audit": json.dumps(Audit(tuple(findings)).to_dict()),
         "title": f"{motor.name}: {', '.join(['speed and torque', *([] if swept else [drive.label])])}",
         "parameter_set": motor.name,
         "motor": json.dumps(motor.to_dict()),
-        "drive": json.dumps({"kind": type(drive).__name__, "label": drive.label, **drive.model_dump()}),
+        "drive": json.dumps(excitation),
         "ngspice_version": ngspice_version(),
+        "method": json.dumps([outcome["method"] for outcome in outcomes]),
         "deck_sha256": hashlib.sha256(decks.encode()).hexdigest(),
     }
-    return xarray.Dataset(variables, coordinates, attributes)
+    return labelled(variables, coordinates, attributes)
 
 
-def _unit(path: str, motor: Motor, drive: Drive) -> str:
-    section, _, rest = path.partition(".")
-    if path == SPEED:
-        return "rad/s"
-    key = rest.rpartition(".")[2]
-    if key == "frequency_hz":
-        return "Hz"
-    kind = type(drive) if section == "drive" else type(motor.modes[0]) if section == "modes" else None
-    return unit_of(kind or type(getattr(motor, section)), key)
+def _unit(path: str, motor: Motor, drive: Drive | Driver) -> str:
+    return "rad/s" if path == SPEED else unit_in(path, motor, drive)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Resonance tracking: does a tracker find the resonance and stay there, whatever happens to the motor?
+"""Resonance tracking: does a tracker find the resonance and stay there under disturbances?
 
 It is judged by what it cannot see: the phase of the mode's own velocity against the force of the groups on it, taken
 anew every period. So an error of its sensing counts as an error.
@@ -7,47 +7,47 @@ anew every period. So an error of its sensing counts as an error.
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import asdict, dataclass, field, replace
 from math import isfinite, pi, sqrt
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pyspice_runner.analysis.audit import audit_contact, mark, withhold
 from pyspice_runner.analysis.loop import LoopDesign, loop_design
-from pyspice_runner.analysis.waveforms import Array
-from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.files import save_by_ending, write_csv, write_json
-from pyspice_runner.model.drive import check_shaft
+from pyspice_runner.model.drive import Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.model.tracking import LoopFilter, StatorLag
-from pyspice_runner.netlist.contact import ContactLaw, check_law
+from pyspice_runner.model.tracking import StatorLag
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
+from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.trackers import (
-    TRACKER_OPTIONS,
     Disturbance,
     DisturbanceKind,
+    TrackedSource,
     Tracker,
     tracked_lag,
     tracker_filter,
-    tracking_bench,
 )
+from pyspice_runner.result import Audit, Result
+from pyspice_runner.run.audit import audit_contact
+from pyspice_runner.run.kernel import Outcome
+from pyspice_runner.run.settings import Solver
+from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.steps import MOST_POINTS
+from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, Array
+from pyspice_runner.run.window import change_to_come
+from pyspice_runner.units import engineering
 
-POINTS_PER_PERIOD = 200
-FEWEST_POINTS_PER_PERIOD = 50
 LOCKED_DEG = 20.0  # closer to the phase wanted is locked: a resonator has 94 % of its greatest amplitude or more
 LOST_DEG = 60.0  # farther, a tracker that was locked has lost it: half the amplitude
 SMOOTHED_PERIODS = 20  # over which phase and speed are averaged
 STALL_TIME_S = 6e-3
 
 
-@dataclass(frozen=True)
-class Tracking:
+@dataclass(frozen=True, repr=False)
+class Tracking(Result):
     """How a tracker did.
 
     Attributes:
@@ -64,6 +64,8 @@ class Tracking:
         speed_after_rad_s: speed at the end.
         speed_lost_rad_s: from before to the least since the disturbance began.
         stall_torque_n_m: torque on a shaft that is held, where a load step was to be half of it.
+        to_come: by how much the speed would still change if the run went on, relative, judged from what came after the
+            disturbance; ``None`` where that is too short to tell, or for a held shaft.
         lag: resonance and loaded quality factor of the mode that were designed for.
         loop: the phase-locked loop's design; ``None`` for other trackers.
         settings: motor, tracker, disturbance and run, JSON-ready.
@@ -74,7 +76,7 @@ class Tracking:
         solver_seconds: wall time that ngspice took.
         ngspice_version: version of ngspice.
         deck: the netlist that was run.
-        findings: what the audit found amiss (:mod:`.audit`); nothing, unless it was overridden.
+        audit: outcome of the physical audit; it has findings only where ``audit=False`` was given.
     """
 
     locked: bool
@@ -88,6 +90,7 @@ class Tracking:
     speed_after_rad_s: float
     speed_lost_rad_s: float
     stall_torque_n_m: float | None
+    to_come: float | None
     lag: StatorLag
     loop: LoopDesign | None
     settings: dict[str, Any]
@@ -98,7 +101,7 @@ class Tracking:
     solver_seconds: float
     ngspice_version: str
     deck: str = field(repr=False)
-    findings: tuple[str, ...] = ()
+    audit: Audit = field(default_factory=Audit)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result, JSON-ready."""
@@ -109,36 +112,47 @@ class Tracking:
         )  # fmt: skip
         return {
             **{name: getattr(self, name) for name in names},
+            "settled": self.settled,
+            "to_come": self.to_come,
             "lag": {**asdict(self.lag), "time_constant_s": self.lag.time_constant_s},
             "loop": None if self.loop is None else self.loop.to_dict(),
             **self.settings,
             "periods": len(self.time_s),
             "solver_seconds": self.solver_seconds,
             "ngspice_version": self.ngspice_version,
-            "audit": mark(self.findings),
+            "audit": self.audit.to_dict(),
         }
 
-    def save(self, path: str | Path) -> Path:
-        """Write by the file's ending: ``.json`` (result), ``.csv`` (each period), ``.cir`` (deck).
+    @property
+    def settled(self) -> bool | None:
+        """Whether the speed stays within 2 % if the run goes on; ``None`` for a held shaft."""
+        if self.settings["run"]["speed_rad_s"] is not None:
+            return None
+        return self.to_come is not None and self.to_come <= SETTLED
 
-        Raises:
-            ParameterError: for another ending or a place that cannot be written.
-        """
-        columns = ("time_s", "frequency_hz", "phase_deg", "rotor_speed_rad_s")
-        return save_by_ending(
-            path,
-            {
-                ".json": lambda file: write_json(file, self.to_dict()),
-                ".csv": lambda file: write_csv(file, {name: getattr(self, name) for name in columns}),
-                ".cir": lambda file: file.write_text(self.deck, encoding="utf-8"),
-            },
-        )
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Findings of the audit, and whether the speed has not settled."""
+        moving = self.settled is False
+        return (*self.audit.findings, *(["The speed has not settled at the end of the run: run it longer."] * moving))
 
-    def plot(self, path: str | Path) -> Path:
-        """Draw frequency, phase and speed over time."""
-        from pyspice_runner.plots import plot_tracking
+    def columns(self) -> dict[str, Array]:
+        """Return frequency, phase and speed of each period, over the time."""
+        names = ("time_s", "frequency_hz", "phase_deg", "rotor_speed_rad_s")
+        return {name: getattr(self, name) for name in names}
 
-        return plot_tracking([self], path)
+    def summary(self) -> dict[str, str]:
+        """Return whether and when it locked, the phase error, and the speeds before and after the disturbance."""
+        return {
+            "motor": str(self.settings["motor"]),
+            "tracker": str(self.settings["tracker"]["kind"]),
+            "locked": f"yes, after {engineering(self.lock_time_s, 's')}" if self.locked else "no",
+            "phase error": f"{self.rms_phase_error_deg:.3g}° RMS, {self.worst_phase_error_deg:.3g}° at most",
+            "residual detuning": engineering(self.residual_detuning_hz, "Hz"),
+            "frequency at the end": f"{1e-3 * self.end_frequency_hz:.6g} kHz",
+            "speed": f"{self.speed_before_rad_s:.4g} rad/s before, {self.speed_after_rad_s:.4g} rad/s at the end"
+            + (", not settled" if self.settled is False else ""),
+        }
 
 
 @checked
@@ -159,6 +173,8 @@ def track(
     target_step: float = 10.0,
     speed: float | None = None,
     step: float | None = None,
+    driver: Driver | None = None,
+    sliders: int = SLIDERS,
     timeout: float | None = None,
     audit: bool = True,
 ) -> Tracking:
@@ -180,35 +196,40 @@ def track(
         thermal: coefficients of what drifts along with the frequencies; by default nothing does.
         target_step: step of the phase that a phase-locked loop is to hold, degrees.
         speed: if given, the shaft is held at this speed, rad/s.
-        step: largest time step, s; by default 1/200 of the period of the fastest mode.
+        step: largest time step, s; by default 1/200 of the period of the fastest motion.
+        driver: driver circuit through which the tracker drives the motor. Its voltages and phase are then those of the
+            drive; the tracker sets its frequency, and senses behind it, at the pins.
+        sliders: number of sliders of the brush.
         timeout: wall time in s after which a run is ended.
-        audit: whether a run whose contact fails the physical audit is an error. If not, ``findings`` has what was
-            found.
+        audit: whether a run whose contact fails the physical audit is an error. If not, ``audit`` of the
+            result has the findings.
 
     Raises:
-        ParameterError: for a value that is refused.
+        ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    check_law(contact)
+    law = law_of(contact, sliders)
     mode = len(motor.modes) - 1 if mode is None else mode
     if mode not in range(len(motor.modes)):
-        raise ParameterError(f"mode = {mode} is refused; {motor.name} has the modes 0 to {len(motor.modes) - 1}.")
+        raise ParameterError(f"mode = {mode} is not valid; {motor.name} has the modes 0 to {len(motor.modes) - 1}.")
     if contact is None and disturb in ("load", "preload"):
-        raise ParameterError(f"disturb = {disturb!r} needs a rotor; take a law of the contact.")
+        raise ParameterError(f"disturb = {disturb!r} needs a rotor; give a contact law.")
     if disturb == "target" and tracker.kind != "pll":
         raise ParameterError(
-            f"disturb = 'target' is refused for the tracker {tracker.kind!r}; only a pll has a target."
+            f"disturb = 'target' is not valid for the tracker {tracker.kind!r}; only a pll has a target."
         )
     if speed is not None and disturb == "load":
         raise ParameterError(
             "speed and disturb = 'load' exclude each other: a shaft held at a speed takes any torque. Give one."
         )
-    check_shaft(motor, speed)
-    lag = tracked_lag(motor, tracker, mode, contact=contact is not None)
+    lag = tracked_lag(motor, tracker, mode, contact=law is not None)
+    loop_filter = tracker_filter(tracker, lag)
+    source = TrackedSource(tracker, mode, loop_filter, driver)
+    setup = Setup(motor, source, Load(speed), law, Solver(step, timeout=timeout, audit=audit))
     begin = _settled(tracker, disturb) if begin is None else begin
     stall = None
     if disturb == "load" and load_torque is None:
-        stall = _stall_torque(motor, tracker, lag, mode, contact, step, timeout)
+        stall = _stall_torque(setup)
         load_torque = 0.5 * stall
     disturbance = Disturbance(
         disturb, begin, load_torque or 0.0, preload_change, drift, drift_time,
@@ -216,23 +237,27 @@ def track(
     )  # fmt: skip
     if duration is None:
         duration = begin if disturb == "start" else disturbance.end_s + {"temperature": 2e-3}.get(disturb, 12e-3)
-    loop_filter = tracker_filter(tracker, lag)
-    vectors, seconds, deck = _run(
-        motor, tracker, disturbance, mode, loop_filter, contact, speed, duration, step, timeout,
-        more=("v(xmotor.normal)", "v(xmotor.friction)") if contact else (),
-    )  # fmt: skip
-    findings: tuple[str, ...] = ()
-    if contact:
+    setup = replace(setup, source=replace(source, disturbance=disturbance), disturbance=disturbance)
+    _check_duration(setup, duration)
+    seen = disturbance.end_s + 2 * SMOOTHED_PERIODS / tracker.frequency
+    if disturb != "start" and duration < seen:
+        raise ParameterError(
+            f"duration = {duration:g} s does not show the disturbance, which lasts from {begin:.4g} to "
+            f"{disturbance.end_s:.4g} s. Give at least {seen:.4g} s, or an earlier begin."
+        )
+    outcome = setup.run(duration, _vectors(mode, *(("v(xmotor.normal)", "v(xmotor.friction)") if law else ())))
+    vectors = outcome.vectors()
+    audited = Audit()
+    if law:
         forces = (vectors["v(xmotor.normal)"], vectors["v(xmotor.friction)"])
-        findings = audit_contact(motor.contact.friction, *forces)
+        audited = Audit(audit_contact(motor.contact.friction, *forces))
     if audit:
-        withhold(findings, "run")
-    periods = _periods(vectors, mode)
+        audited.withhold("run")
     found = _judge(
-        motor, tracker, disturbance, lag, loop_design(tracker, lag, loop_filter) if tracker.kind == "pll" else None,
-        periods, {"duration_s": duration, "contact": contact, "mode": mode, "speed_rad_s": speed}, stall, seconds, deck,
+        setup, duration, lag, loop_design(tracker, lag, loop_filter) if tracker.kind == "pll" else None,
+        _periods(vectors, mode), stall, outcome,
     )  # fmt: skip
-    return replace(found, findings=findings)
+    return replace(found, audit=audited)
 
 
 @checked
@@ -279,7 +304,7 @@ def measured_loop_gain(
         timeout: wall time in s after which the run is ended.
 
     Raises:
-        ParameterError: for a value that is refused.
+        ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
     if tracker.kind != "pll":
@@ -288,11 +313,11 @@ def measured_loop_gain(
     lag = tracked_lag(motor, tracker, mode, contact=contact is not None)
     window = cycles / frequency_hz
     duration = _settled(tracker, "load") + window
-    vectors, _, _ = _run(
-        motor, tracker, Disturbance("start"), mode, tracker_filter(tracker, lag), contact, None, duration, step,
-        timeout, more=("v(control)", "v(tuning)"),
-        inject=f"SIN(0 {amplitude_hz / tracker.gain_hz_per_v!r} {frequency_hz!r})",
-    )  # fmt: skip
+    inject = f"SIN(0 {amplitude_hz / tracker.gain_hz_per_v!r} {frequency_hz!r})"
+    source = TrackedSource(tracker, mode, tracker_filter(tracker, lag), inject=inject)
+    setup = Setup(motor, source, law=law_of(contact), solver=Solver(step, timeout=timeout))
+    _check_duration(setup, duration)
+    vectors = setup.run(duration, _vectors(mode, "v(control)", "v(tuning)")).vectors()
     time = vectors["time"]
     begin = time[-1] - window
     grid = np.linspace(begin, time[-1], 4096 * cycles + 1)
@@ -314,55 +339,39 @@ def _settled(tracker: Tracker, disturb: str) -> float:
     return steps * tracker.period_s
 
 
-def _stall_torque(
-    motor: Motor, tracker: Tracker, lag: StatorLag, mode: int, contact: ContactLaw | None, step: float | None,
-    timeout: float | None,
-) -> float:  # fmt: skip
+def _stall_torque(setup: Setup) -> float:
     """Return the mean torque of the contact on a shaft that is held, the tracker at its resonance."""
-    still = tracker.model_copy(update={"offset": 0.0})
-    vectors, _, _ = _run(
-        motor, still, Disturbance("start"), mode, tracker_filter(tracker, lag), contact, 0.0, STALL_TIME_S, step,
-        timeout, more=("v(xmotor.friction)",),
-    )  # fmt: skip
+    source = setup.source
+    assert isinstance(source, TrackedSource)
+    still = replace(source, tracker=source.tracker.model_copy(update={"offset": 0.0}), disturbance=None)
+    held = replace(setup, source=still, load=Load(0.0), disturbance=None)
+    vectors = held.run(STALL_TIME_S, ["v(xmotor.friction)"]).vectors()
     time = vectors["time"]
     late = time > 0.5 * STALL_TIME_S
     friction = np.trapezoid(vectors["v(xmotor.friction)"][late], time[late]) / (time[late][-1] - time[late][0])
-    return float(motor.rotor.radius_m * friction)
+    return float(setup.motor.rotor.radius_m * friction)
 
 
-def _run(
-    motor: Motor, tracker: Tracker, disturbance: Disturbance, mode: int, loop_filter: LoopFilter,
-    contact: ContactLaw | None, speed: float | None, duration: float, step: float | None, timeout: float | None,
-    *, more: tuple[str, ...] = (), inject: str = "",
-) -> tuple[dict[str, Array], float, str]:  # fmt: skip
-    """Run and return vectors, wall time and deck."""
-    shortest = 1.0 / max(tracker.frequency * (1.0 + tracker.span), *(own.frequency_hz for own in motor.modes))
-    step = shortest / POINTS_PER_PERIOD if step is None else step
-    if not 0.0 < step <= shortest / FEWEST_POINTS_PER_PERIOD:
-        raise ParameterError(
-            f"step = {step:g} s is refused; allowed is a number > 0 s and "
-            f"≤ {shortest / FEWEST_POINTS_PER_PERIOD:.3g} s."
-        )
-    if not (isfinite(duration) and 100.0 * shortest <= duration <= 1e7 * step):
-        raise ParameterError(
-            f"duration = {duration:g} s is refused; allowed is {100.0 * shortest:.3g} to {1e7 * step:.3g} s."
-        )
-    circuit = tracking_bench(
-        motor, tracker, disturbance, mode=mode, loop_filter=loop_filter, step=step, contact=contact, speed=speed,
-        inject=inject,
-    )  # fmt: skip
-    simulator = BatchSimulator(circuit, timeout=timeout)
-    simulator.options(**TRACKER_OPTIONS)
-    # the plates start charged to what the oscillator starts with, cosine 1
-    start = {f"xmotor.xgroup_{group}.plate": volts.imag for group, volts in tracker.phasors().items()}
-    simulator.initial_condition(**{node: volts for node, volts in start.items() if abs(volts) > 1e-9})
-    simulator.save("v(force)", "v(tuned)", "v(shaft)", f"i(v.xmotor.xmode{mode + 1}.vvelocity)", *more)
-    arguments = {"step_time": step, "end_time": duration, "max_time": step, "use_initial_condition": True}
-    deck = str(simulator.prepare("transient", **arguments))
-    simulator.transient(**arguments)
-    assert simulator.result is not None
-    vectors = {name: np.asarray(values, dtype=float) for name, values in simulator.result.raw.vectors.items()}
-    return vectors, simulator.result.seconds, deck
+def _to_come(time: Array, speed: Array, begin: float) -> float | None:
+    """Return by how much the speed, a value for each period, would still change after the disturbance, relative."""
+    since = time >= begin
+    change = change_to_come(time[since], speed[since], float(np.mean(np.diff(time[since]))))
+    scale = abs(float(np.mean(speed[-SMOOTHED_PERIODS:]))) + ROUNDING_RAD_S
+    return change / scale if isfinite(change) else None
+
+
+def _check_duration(setup: Setup, duration: float) -> None:
+    assert isinstance(setup.source, TrackedSource)
+    tracker = setup.source.tracker
+    longest_period = 1.0 / ((1.0 - tracker.span) * tracker.frequency)
+    least = max(100.0 * setup.shortest_period, (2 * SMOOTHED_PERIODS + 2) * longest_period)
+    most = MOST_POINTS * setup.step
+    if not least <= duration <= most:
+        raise ParameterError(f"duration = {duration:g} s is not valid: it must be from {least:.3g} to {most:.3g} s.")
+
+
+def _vectors(mode: int, *more: str) -> list[str]:
+    return ["v(force)", "v(tuned)", "v(shaft)", f"i(v.xmotor.xmode{mode + 1}.vvelocity)", *more]
 
 
 @dataclass(frozen=True)
@@ -405,10 +414,13 @@ def _smoothed(values: Array) -> Array:
 
 
 def _judge(
-    motor: Motor, tracker: Tracker, disturbance: Disturbance, lag: StatorLag, loop: LoopDesign | None,
-    periods: _Periods, run: dict[str, Any], stall: float | None, seconds: float, deck: str,
+    setup: Setup, duration: float, lag: StatorLag, loop: LoopDesign | None, periods: _Periods, stall: float | None,
+    outcome: Outcome,
 ) -> Tracking:  # fmt: skip
-    time = periods.time
+    source, disturbance, time = setup.source, setup.disturbance, periods.time
+    assert isinstance(source, TrackedSource)
+    assert disturbance is not None
+    tracker = source.tracker
     wanted = tracker.wanted_deg + disturbance.target_step_deg * (time > disturbance.begin_s)
     error = _smoothed(periods.phase - wanted)
     speed = _smoothed(periods.speed)
@@ -416,7 +428,7 @@ def _judge(
     begin = disturbance.begin_s if disturbed else float(time[-1])
     before = np.flatnonzero(time <= begin)
     if before.size < 2 * SMOOTHED_PERIODS:
-        raise ParameterError(f"begin = {begin:g} s is refused; the disturbance needs 40 periods before it.")
+        raise ParameterError(f"begin = {begin:g} s is not valid; the disturbance needs 40 periods before it.")
     far = np.flatnonzero(np.abs(error[before]) > LOCKED_DEG)
     first = int(far[-1]) + 1 if far.size else SMOOTHED_PERIODS
     # locked for the last tenth before the disturbance at least
@@ -441,12 +453,13 @@ def _judge(
         end_frequency_hz=float(np.mean(periods.frequency[last])),
         speed_before_rad_s=speed_before,
         speed_after_rad_s=float(speed[-1]),
+        to_come=_to_come(time, periods.speed, begin if disturbed else 0.0) if setup.load.speed is None else None,
         speed_lost_rad_s=float(speed_before - since_begin.min()),
         stall_torque_n_m=stall,
         lag=lag,
         loop=loop,
         settings={
-            "motor": motor.name,
+            "motor": setup.motor.name,
             "tracker": tracker.model_dump(),
             "disturbance": {
                 "kind": disturbance.kind,
@@ -457,13 +470,19 @@ def _judge(
                 "target_step_deg": disturbance.target_step_deg if disturbance.kind == "target" else None,
                 "drift_time_s": disturbance.drift_time_s if disturbance.kind == "temperature" else None,
             },
-            "run": {**run, "deck_sha256": hashlib.sha256(deck.encode()).hexdigest()},
+            "driver": source.driver.to_dict() if source.driver else None,
+            "run": {
+                "duration_s": duration,
+                **setup.to_dict(),
+                "mode": source.mode,
+                "deck_sha256": outcome.deck_sha256,
+            },
         },
         time_s=time,
         frequency_hz=periods.frequency,
         phase_deg=periods.phase,
         rotor_speed_rad_s=periods.speed,
-        solver_seconds=seconds,
-        ngspice_version=ngspice_version(),
-        deck=deck,
+        solver_seconds=outcome.seconds,
+        ngspice_version=outcome.ngspice_version,
+        deck=outcome.deck,
     )

@@ -62,7 +62,7 @@ def admittance(
             timeout=timeout,
             audit=audit,
         )
-    warn_of(result.findings)
+    warn_of(result.audit.findings)
     table = Table("driven", "mode", "fs", "fp", "k_eff", "Qm", "R", "L", "C", box=None, padding=(0, 1, 0, 0))
     table.title = f"{result.motor['name']}, {state.value}"
     for connection, resonances in result.resonances.items():

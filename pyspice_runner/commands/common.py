@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the commands share: their common options, and how they load, refuse, write and print."""
+"""What the commands share: common options, and functions that load, check, write and print."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from math import floor, isfinite, log10
+from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from textwrap import fill
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 from rich.console import Console
+from rich.measure import Measurement
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -33,19 +35,24 @@ from rich.progress import (
 from rich.table import Table
 
 import pyspice_runner as pr
-
-if TYPE_CHECKING:
-    import xarray
+from pyspice_runner.files import save_by_ending
+from pyspice_runner.model.load import changed_motor
+from pyspice_runner.result import Result as _Result
+from pyspice_runner.units import engineering as engineering
 
 Writing = tuple[Path | None, Callable[[Path], object]]  # a file that may be asked for, and what writes it
 
+_WIDEST = 1000  # characters of a line of a table in a file or pipe
+
 _ELSEWHERE = " Choose another place."  # the end of the sentence about a file that cannot be written
+
+INTERRUPTED = 130  # the status of a command that delivers what it has done; another signal than SIGINT changes it
 
 written: list[str] = []  # the files that this command has completed
 
 
 def complete_motor(incomplete: str) -> list[str]:
-    """Return the parameter sets and the motors' files here that begin so, for the shell."""
+    """Return the parameter sets and TOML files in this folder that start with a text, for completion."""
     begun = f"{glob.escape(incomplete)}*.toml"
     files = [str(path) for path in Path().glob(begun)] if not Path(incomplete).is_absolute() else []
     return [name for name in (*pr.available_motors(), *sorted(files)) if name.startswith(incomplete)]
@@ -56,35 +63,63 @@ MotorArgument = Annotated[
     typer.Argument(metavar="MOTOR", help="A parameter set, or the path of a TOML file.", autocompletion=complete_motor),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-OutputOption = Annotated[Path | None, typer.Option("--output", help="Write the result to a file, by its ending.")]
-PlotOption = Annotated[Path | None, typer.Option("--plot", help="Draw the result: a .png, .svg or .pdf file.")]
+OutputOption = Annotated[
+    Path | None, typer.Option("--output", help="Write the result to a file; the ending sets the format.")
+]
+PlotOption = Annotated[Path | None, typer.Option("--plot", help="Plot the result to a .png, .svg or .pdf file.")]
 SetOption = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="PATH=VALUE", help="Change a parameter, as contact.preload_n=8. Repeatable."),
+    typer.Option(
+        "--set",
+        metavar="PATH=VALUE",
+        help="Change a parameter by its path in `show --json` or in the motor's TOML: contact.preload_n=8. Repeatable.",
+    ),
 ]
 MOST_VALUES = 1_000_000  # of an axis
-CIRCUIT_ENDINGS = (".lib", ".asy", ".kicad_sym", ".s1p", ".toml")  # of what an equivalent circuit is exported to
-TimeoutOption = Annotated[float | None, typer.Option(help="End ngspice after this many seconds.")]
+CIRCUIT_ENDINGS = (".lib", ".asy", ".kicad_sym", ".s1p", ".toml")  # of exported equivalent circuits
+TimeoutOption = Annotated[float | None, typer.Option(help="Stop ngspice after this time, s.")]
 AuditOption = Annotated[
     bool, typer.Option("--audit/--no-audit", help="Whether a result that fails the physical audit is an error.")
 ]
 
 
+def refuse_idle(context: typer.Context, reason: str, *names: str) -> None:
+    """Refuse options on the command line that would have no effect.
+
+    Args:
+        context: of the command.
+        reason: end of the sentence, such as ``without --contact brush``.
+        names: parameters of the command.
+
+    Raises:
+        ParameterError: naming the first of them that was given.
+    """
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name) if parameter.name in names else None
+        if source is not None and source.name == "COMMANDLINE":
+            option = max(parameter.opts, key=len)
+            raise pr.ParameterError(f"{option} has no effect {reason}. Leave it out.")
+
+
 def load_changed(motor: str, changes: list[str] | None) -> pr.Motor:
     """Return the motor with the values of ``--set`` in place."""
-    loaded = pr.load_motor(motor)
-    if not changes:
-        return loaded
     values: dict[str, Any] = {}
-    for change in changes:
+    for change in changes or ():
         path, equals, text = change.partition("=")
         if not equals:
             raise pr.ParameterError(f"--set {change!r} is not PATH=VALUE; write it as contact.preload_n=8.")
-        try:
-            values[path.strip()] = float(text)
-        except ValueError:
-            raise pr.ParameterError(f"--set {path}: {text!r} is not a number. Give one, in SI units.") from None
-    return loaded.updated(values)
+        values[path.strip()] = _value(text.strip())
+    return changed_motor(motor, values)
+
+
+def _value(text: str) -> float | int | str | None:
+    """Return a number, ``None`` for the word ``none``, or the text."""
+    if text == "none":
+        return None
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return text
 
 
 def grid(option: str, text: str) -> list[float]:
@@ -98,48 +133,70 @@ def grid(option: str, text: str) -> list[float]:
         return [float(value) for value in np.linspace(float(start), float(stop), int(count))]
     except ValueError:
         raise pr.ParameterError(
-            f"{option}: {text!r} is refused. Write values as 2,5,9, or as 20:80:7 for seven from 20 to 80."
+            f"{option}: {text!r} is not valid. Write values as 2,5,9, or as 20:80:7 for seven from 20 to 80."
         ) from None
 
 
-def check_targets(output: Path | None, endings: tuple[str, ...], plot: Path | None) -> None:
-    """Refuse a place that cannot be written before any work is done."""
+def check_targets(
+    output: Path | None, endings: tuple[str, ...], plot: Path | None, inputs: Iterable[str | Path | None] = ()
+) -> None:
+    """Check the files to write before any work is done.
+
+    Args:
+        output: the file of ``--output``, if any.
+        endings: the endings that it may have.
+        plot: the file of ``--plot``, if any.
+        inputs: the names of the input files; a name that is not that of a file is ignored.
+
+    Raises:
+        ParameterError: for a file of another ending, a place that cannot be written, or a file that is an input too.
+    """
     for path, allowed in ((output, endings), (plot, (".png", ".svg", ".pdf"))):
         if path is None:
             continue
         if path.suffix not in allowed:
             raise pr.ParameterError(f"Cannot tell a format from {path.name!r}; let it end in {', '.join(allowed)}.")
-        try:
-            what = None
-            if path.is_dir() or not path.absolute().parent.is_dir():
-                what = "it is a folder" if path.is_dir() else "it is in a folder that does not exist"
-            elif not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
-                what = "permission denied"
-        except (OSError, ValueError) as error:  # such as a name that is too long, or has a zero in it
-            what = getattr(error, "strerror", None) or str(error)
+        what = _obstacle(path)
         if what:
             raise pr.ParameterError(f"Cannot write {path}: {what}. Choose another place.")
+        if any(_is_same_file(path, source) for source in inputs if source is not None):
+            raise pr.ParameterError(f"{path} is an input file, and writing would replace it. Choose another file.")
+
+
+def _obstacle(path: Path) -> str | None:
+    """Return why a file cannot be written; ``None`` if nothing is known to prevent it."""
+    try:
+        if path.is_dir():
+            return "it is a folder"
+        target = path if path.exists() else path.resolve()  # a link may lead to a file that is still to be written
+        if not path.exists() and target.is_symlink():  # Python 3.13 and later leave a loop of links unresolved
+            return "it is a symbolic link to itself"
+        if not target.absolute().parent.is_dir():
+            return "it is in a folder that does not exist"
+        if not os.access(target if path.exists() else target.parent, os.W_OK):
+            return "permission denied"
+    except RuntimeError:  # Python 3.11 and 3.12 raise it for a loop of links
+        return "it is a symbolic link to itself"
+    except (OSError, ValueError) as error:  # such as a name that is too long or contains a null character
+        return getattr(error, "strerror", None) or str(error)
+    return None
+
+
+def _is_same_file(path: Path, source: str | Path) -> bool:
+    """Tell whether two names are those of one regular file, also through a link."""
+    try:
+        return path.is_file() and path.samefile(source)
+    except (OSError, ValueError):  # the source is not a file
+        return False
 
 
 def write_table(path: Path, document: Mapping[str, Any], rows: list[list[str]]) -> None:
     """Write a result as ``.json``, or its rows as ``.csv``."""
-    pr.save_by_ending(
+    save_by_ending(
         path,
         {
             ".json": lambda file: file.write_text(_json(document), encoding="utf-8"),
             ".csv": lambda file: file.write_text(_csv(rows), encoding="utf-8"),
-        },
-    )
-
-
-def write_dataset(path: Path, dataset: xarray.Dataset, document: Mapping[str, Any]) -> None:
-    """Write a result as ``.nc`` or ``.csv``, or what is printed of it as ``.json``."""
-    pr.save_by_ending(
-        path,
-        {
-            ".nc": lambda file: pr.write_netcdf(file, dataset),
-            ".csv": lambda file: dataset.to_dataframe().to_csv(file),
-            ".json": lambda file: file.write_text(_json(document), encoding="utf-8"),
         },
     )
 
@@ -154,20 +211,14 @@ def _csv(rows: list[list[str]]) -> str:
     return text.getvalue()
 
 
-def jsonable(values: Any) -> Any:
-    """Return numbers, or lists of them, with ``None`` for what is not finite."""
-    if isinstance(values, list):
-        return [jsonable(value) for value in values]
-    return values if np.isfinite(values) else None
-
-
 def deliver(document: Mapping[str, Any], table: Table | str, as_json: bool, *writings: Writing) -> None:
-    """Write a finished result to the files asked for and print it: the JSON object alone, or a table for the eye.
+    """Write a finished result to the files asked for and print it: the JSON object alone, or a table for reading.
 
-    Whatever fails on the way, or interrupts it, the rest is done; what finds no place is kept in a temporary folder.
+    If one part fails or is interrupted, the other parts are still done. What cannot be written is kept in a temporary
+    folder.
 
     Raises:
-        ParameterError: for what cannot be written; it says where it is kept.
+        ParameterError: for what cannot be written; the message names the folder in which it is kept.
     """
     faults: dict[Writing, Exception] = {}
     try:
@@ -176,7 +227,7 @@ def deliver(document: Mapping[str, Any], table: Table | str, as_json: bool, *wri
                 with _noted(path):
                     try:
                         write(path)
-                    except Exception as error:  # noqa: BLE001  # whatever it is, the rest comes first
+                    except Exception as error:  # noqa: BLE001  # of any kind; the other parts come first
                         faults[path, write] = error
     finally:
         try:
@@ -214,8 +265,11 @@ def _print(document: Mapping[str, Any], table: Table | str, as_json: bool) -> No
         ParameterError: if the standard output cannot be written.
     """
     try:
-        say(json.dumps(document, allow_nan=False) + "\n" if as_json else table)
-    except BrokenPipeError:  # the reader has gone, as with `| head`
+        if as_json or isinstance(table, str):
+            _write(json.dumps(document, allow_nan=False) + "\n" if as_json else str(table))
+        else:
+            say(table)
+    except BrokenPipeError:  # the reader of the pipe has ended, as with `| head`
         silence(sys.stdout)
     except OSError as error:
         silence(sys.stdout)
@@ -223,7 +277,7 @@ def _print(document: Mapping[str, Any], table: Table | str, as_json: bool) -> No
 
 
 def keep(homeless: Sequence[Writing]) -> Path | None:
-    """Write what found no place to a temporary folder and return that, if there is room for all of it."""
+    """Write what could not be written to a temporary folder; return the folder, or ``None`` if that fails too."""
     if not homeless:
         return None
     try:
@@ -240,20 +294,34 @@ def keep(homeless: Sequence[Writing]) -> Path | None:
 
 
 def say(what: Table | str) -> None:
-    """Print a table, or text as it is, to standard output."""
+    """Print a table or sentences to standard output. A table loses nothing, however narrow the terminal is."""
     if isinstance(what, Table):
-        console = Console(markup=False, emoji=False)  # names of files may look like either
-        with console.capture() as shown:  # printing it, rich would end the program where nobody reads
+        for column in what.columns:
+            column.overflow = "fold"
+        console = Console(markup=False, emoji=False)  # file names may contain either
+        if not console.is_terminal:
+            console.width = Measurement.get(console, console.options.update(max_width=_WIDEST), what).maximum
+        with console.capture() as shown:  # rich's own print would end the program at a closed pipe
             console.print(what)
-        what = shown.get()
-    sys.stdout.write(what)
+        _write(shown.get())
+    elif sys.stdout.isatty():
+        width = max(20, shutil.get_terminal_size().columns)
+        _write("".join(f"{fill(line, width)}\n" for line in what.splitlines()))
+    else:
+        _write(what)
+
+
+def _write(text: str) -> None:
+    """Print a text as it is to standard output."""
+    sys.stdout.write(text)
     sys.stdout.flush()
 
 
 def complain(text: str, style: str | None = "red") -> None:
-    """Print a sentence to standard error; that nobody may read it is no reason to end."""
+    """Print a message to standard error; a closed standard error is not an error."""
     with suppress(OSError):
-        _Complaints(stderr=True, soft_wrap=True, highlight=False, emoji=False).print(text, style=style, markup=False)
+        console = _Complaints(stderr=True, highlight=False, emoji=False)
+        console.print(text, style=style, markup=False, soft_wrap=not console.is_terminal)
 
 
 class _Complaints(Console):
@@ -262,7 +330,7 @@ class _Complaints(Console):
 
 
 def silence(stream: Any) -> None:
-    """Let what a stream still holds go nowhere, so that Python does not try it again at its end."""
+    """Discard what a stream still holds, so that Python does not try to write it again at exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
@@ -277,21 +345,30 @@ def leaves(document: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield path, value
 
 
-def engineering(value: float, unit: str) -> str:
-    """Write a value with four digits and the prefix of its unit."""
-    exponent = 0 if value == 0.0 else min(max(floor(log10(abs(value)) / 3), -5), 3)
-    return f"{value / 1000.0**exponent:.4g}\N{NO-BREAK SPACE}{'fpnµm kMG'[exponent + 5].strip()}{unit}"
+def view() -> Any:
+    """Return the module that draws; Matplotlib takes a second to load, so only a command that draws loads it."""
+    from pyspice_runner.view import plots
+
+    return plots
 
 
 def warn_of(findings: Iterable[str]) -> None:
-    """Say on stderr what the audit found in a result that is given all the same."""
+    """Print to standard error the findings of the audit in a result that is returned nevertheless."""
     for finding in findings:
-        complain(f"piezomotor: not to be trusted: {finding}")
+        complain(f"piezomotor: the result failed the audit: {finding}")
+
+
+def caution(result: _Result) -> None:
+    """Print on stderr what the audit found in a result, and what else to know before using it."""
+    warn_of(result.audit.findings)
+    for sentence in result.cautions:
+        if sentence not in result.audit.findings:
+            complain(f"piezomotor: {sentence}", style="yellow")
 
 
 @contextmanager
 def busy(what: str) -> Iterator[None]:
-    """Show on a terminal that something runs, and for how long."""
+    """Show on a terminal that a task runs, and for how long."""
     console = Console(stderr=True)
     columns = (SpinnerColumn(), TextColumn("{task.description} …"), TimeElapsedColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
@@ -301,7 +378,7 @@ def busy(what: str) -> Iterator[None]:
 
 @contextmanager
 def run_progress(what: str) -> Iterator[Callable[[float, float], None]]:
-    """Show on a terminal how far a run is, and how many seconds are left."""
+    """Show on a terminal the progress of a run and the remaining time."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[left]}"))
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
@@ -311,7 +388,7 @@ def run_progress(what: str) -> Iterator[Callable[[float, float], None]]:
 
 @contextmanager
 def points_progress() -> Iterator[Callable[[int, int], None]]:
-    """Show on a terminal how many points are finished, and how long the others will take."""
+    """Show on a terminal the number of finished points and the remaining time."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from math import isfinite
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -25,7 +25,10 @@ from pyspice_runner.commands.common import (
     grid,
     load_changed,
 )
-from pyspice_runner.commands.fit import LeadsOption, ModesOption, Port
+from pyspice_runner.commands.fit import FitTimeoutOption, LeadsOption, ModesOption, Port
+
+if TYPE_CHECKING:
+    from pyspice_runner.spectra.compare import Trend
 
 _UNITS = {"frequency": "Hz", "quality_factor": "", "coupling_factor": "", "resistance": "Ω"}
 
@@ -50,6 +53,7 @@ def compare(
     connection: Annotated[Port, typer.Option(help="Connection of the groups, of a motor and of two-ports.")] = Port.a,
     state: Annotated[StateKind, typer.Option(help="Tip of a motor: free, or pressed on the rotor.")] = StateKind.free,
     leads: LeadsOption = True,
+    timeout: FitTimeoutOption = None,
     at: Annotated[
         str | None, typer.Option(help="What the spectra were measured at, such as temperatures: 20,40,60.")
     ] = None,
@@ -66,7 +70,7 @@ def compare(
 
     Example: piezomotor compare measured.csv andersen2002 --tolerance 5% --plot comparison.png
     """
-    check_targets(output, (".json", ".csv"), plot)
+    check_targets(output, (".json", ".csv"), plot, [*files, reference])
     tolerances = _tolerances(tolerance)
     if reference is None:
         *files, reference = files
@@ -77,7 +81,7 @@ def compare(
     with busy("fitting"):
         trend = pr.compare(
             spectra, against, modes=modes, connection=connection.value, state=state.value, leads=leads,
-            at=grid("--at", at) if at else None, label=label,
+            timeout=timeout, at=grid("--at", at) if at else None, label=label,
         )  # fmt: skip
     outside = [item.outside(tolerances) if tolerances else () for item in trend.comparisons]
     document = trend.to_dict()
@@ -103,7 +107,7 @@ def _reference(name: str, changes: list[str] | None) -> pr.Motor | pr.Spectrum:
     return pr.read_spectrum(name)
 
 
-def _table(trend: pr.Trend) -> Table:
+def _table(trend: Trend) -> Table:
     table = Table("spectrum", "mode", "f", "Q", "k_eff", "R", "C0", box=None, padding=(0, 1, 0, 0))
     table.title = f"against {trend.comparisons[0].reference.source}"
     for item in trend.comparisons:
@@ -124,18 +128,25 @@ def _cell(value: float, unit: str, deviation: float) -> str:
 
 
 def _tolerances(given: list[str] | None) -> dict[str, float]:
-    """Read tolerances: 5%, 5 and 0.05 are all five percent, since a share is below 1."""
+    """Read tolerances: a bare number is a ratio, a percentage has its sign: 0.05 and 5% are the same."""
+    from pyspice_runner.spectra.compare import Comparison
+
     found: dict[str, float] = {}
     for text in given or []:
         name, equals, value = text.rpartition("=")
-        if equals and name not in pr.Comparison.QUANTITIES:
-            raise pr.ParameterError(f"--tolerance has no {name!r}; there are {', '.join(pr.Comparison.QUANTITIES)}.")
+        if equals and name not in Comparison.QUANTITIES:
+            raise pr.ParameterError(f"--tolerance has no {name!r}; there are {', '.join(Comparison.QUANTITIES)}.")
         try:
             share = float(value.removesuffix("%"))
         except ValueError:
             share = -1.0
         if not (isfinite(share) and share >= 0.0):
-            raise pr.ParameterError(f"--tolerance {text!r} is refused; write it as 5% or 0.05, or quality_factor=20%.")
-        share = share / 100.0 if value.endswith("%") or share >= 1.0 else share
-        found |= {name: share} if equals else {key: share for key in pr.Comparison.JUDGED if key not in found}
+            raise pr.ParameterError(f"--tolerance {text!r} is not valid: write 5%, 0.05 or quality_factor=20%.")
+        if share >= 1.0 and not value.endswith("%"):
+            raise pr.ParameterError(
+                f"--tolerance {text!r} is a ratio of {share:g}, which is {100.0 * share:g} %. Write a percentage with "
+                f"its sign: {value}%."
+            )
+        share = share / 100.0 if value.endswith("%") else share
+        found |= {name: share} if equals else {key: share for key in Comparison.JUDGED if key not in found}
     return found

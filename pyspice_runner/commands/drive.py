@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``piezomotor drive``: drive electronics in front of a motor, one or two of them side by side."""
+"""``piezomotor drive``: one or two drive circuits with a motor."""
 
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.table import Column, Table
@@ -19,20 +19,34 @@ from pyspice_runner.commands.common import (
     SetOption,
     TimeoutOption,
     busy,
+    caution,
     check_targets,
     deliver,
     engineering,
     load_changed,
-    warn_of,
+    refuse_idle,
+    view,
     write_table,
 )
-from pyspice_runner.commands.contacting import ContactKind, ContactOption
+from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, law_named
+
+if TYPE_CHECKING:
+    from pyspice_runner.analysis.drive import DriveReport
 
 DRIVERS = "ideal, linear, half-bridge, full-bridge; with +inductor or +llcc a matching network"
 
 
+PartOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="PART.PARAMETER=VALUE",
+        help="Change a part of the driver, as bridge.dead_time=3e-7, or supply_v. Repeatable.",
+    ),
+]
+
+
 class MatchKind(StrEnum):
-    """What state of the motor a network is matched for."""
+    """State of the motor for which a network is matched."""
 
     none = "none"
     free = "free"
@@ -49,26 +63,21 @@ _STATES: dict[MatchKind, Literal["free", "preloaded", "running"] | None] = {
 
 
 def drive(
+    context: typer.Context,
     motor: MotorArgument,
     driver: Annotated[str, typer.Option(help=DRIVERS)] = "linear",
-    against: Annotated[str | None, typer.Option(help="A second driver, to compare with.")] = None,
+    against: Annotated[str | None, typer.Option(help="A second driver for comparison.")] = None,
     voltage: Annotated[float, typer.Option(help="Amplitude of both groups, V.")] = 50.0,
     frequency: Annotated[float | None, typer.Option(help="Frequency, Hz; default: the last mode.")] = None,
     phase: Annotated[float, typer.Option(help="Phase of group B ahead of group A, degrees.")] = 90.0,
-    match: Annotated[MatchKind, typer.Option(help="State of the motor that a network is matched for.")] = (
+    match: Annotated[MatchKind, typer.Option(help="State of the motor for which the network is matched.")] = (
         MatchKind.running
     ),
-    part: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PART.PARAMETER=VALUE",
-            help="Change a part of the driver, as bridge.dead_time=3e-7, or supply_v. Repeatable.",
-        ),
-    ] = None,
+    part: PartOption = None,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 3e-3,
-    contact: ContactOption = ContactKind.spring_slider,
+    contact: ContactOption = DEFAULT_LAW,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
-    load_torque: Annotated[float, typer.Option(help="Torque that a load draws from the shaft, N.m.")] = 0.0,
+    load_torque: Annotated[float, typer.Option(help="Torque of a load on the shaft, N.m.")] = 0.0,
     timeout: TimeoutOption = None,
     audit: AuditOption = True,
     changes: SetOption = None,
@@ -76,15 +85,17 @@ def drive(
     output: OutputOption = None,
     plot: PlotOption = None,
 ) -> None:
-    """Put drive electronics in front of a motor: currents, powers, harmonics, losses, efficiency, matching inductors.
+    """Run a motor with its drive electronics: currents, powers, harmonics, losses, efficiency, matching inductors.
 
-    Writes .json (report), .csv (the table, or of one driver the waveforms) or .cir (the deck of one driver).
+    Writes .json (report), .csv (waveforms of one driver, or the table of two) or .cir (deck of one driver).
 
     Example: piezomotor drive andersen2002 --driver half-bridge+llcc --against linear --plot drivers.png
     """
+    if all("+" not in words for words in (driver, against or "")):
+        refuse_idle(context, "without a matching network, such as --driver half-bridge+llcc", "match")
     check_targets(output, (".json", ".csv", ".cir") if against is None else (".json", ".csv"), plot)
     loaded = load_changed(motor, changes)
-    reports: list[pr.DriveReport] = []
+    reports: list[DriveReport] = []
     fault: pr.SimulationError | None = None
     for number, words in enumerate([driver] if against is None else [driver, against]):
         chosen = _driver(words, voltage, loaded.modes[-1].frequency_hz if frequency is None else frequency, phase)
@@ -96,7 +107,7 @@ def drive(
                         loaded,
                         chosen,
                         duration=duration,
-                        contact=contact.law,
+                        contact=law_named(contact),
                         speed=speed,
                         load_torque=load_torque,
                         match=None if chosen.network == "none" else _STATES[match],
@@ -105,7 +116,7 @@ def drive(
                         audit=audit,
                     )
                 )
-            warn_of(reports[-1].findings)
+            caution(reports[-1])
         except pr.SimulationError as error:
             if not reports:
                 raise
@@ -117,10 +128,22 @@ def drive(
     save = reports[0].save if against is None else lambda path: write_table(path, document, rows)
     deliver(
         document, _table(loaded, reports, rows), as_json,
-        (output, save), (plot, lambda path: pr.plot_drive(reports, path)),
+        (output, save), (plot, lambda path: view().draw_beside(reports, path)),
     )  # fmt: skip
     if fault is not None:
         raise fault
+
+
+def driver_of(words: str, drive: pr.TwoPhaseDrive | pr.TwoToneDrive, part: list[str] | None) -> pr.Driver:
+    """Return the driver that two-phase options and ``--part`` ask for.
+
+    Raises:
+        ParameterError: for a drive of two tones, which no driver makes, or a value that is not valid.
+    """
+    if not isinstance(drive, pr.TwoPhaseDrive):
+        raise pr.ParameterError("A driver makes two phases of one tone. Add --drive two-phase.")
+    chosen = _driver(words, drive.voltage, drive.frequency, drive.phase_deg)
+    return chosen.updated(_parts(part, chosen, strict=True))
 
 
 def _driver(words: str, voltage: float, frequency: float, phase: float) -> pr.Driver:
@@ -129,7 +152,7 @@ def _driver(words: str, voltage: float, frequency: float, phase: float) -> pr.Dr
 
 
 def _parts(changes: list[str] | None, driver: pr.Driver, *, strict: bool) -> dict[str, float]:
-    """Return the changes of parts; of the second driver only those that it has."""
+    """Return the changed parameters of parts; for the second driver only those of parts that it has."""
     values = {}
     present = {item.label for item in driver.parts("a")}
     for change in changes or []:
@@ -148,8 +171,8 @@ def _parts(changes: list[str] | None, driver: pr.Driver, *, strict: bool) -> dic
     return values
 
 
-def _rows(reports: list[pr.DriveReport]) -> list[list[str]]:
-    """Return the table: a quantity a line, a driver a column."""
+def _rows(reports: list[DriveReport]) -> list[list[str]]:
+    """Return the table: one line per quantity, one column per driver."""
     cells: list[tuple[str, list[str]]] = [("driver", [report.driver["label"].replace(",", ";") for report in reports])]
 
     def add(name: str, unit: str, values: list[float]) -> None:
@@ -170,6 +193,7 @@ def _rows(reports: list[pr.DriveReport]) -> list[list[str]]:
         ("mean_rotor_speed_rad_s", "rad/s"),
     ):  # fmt: skip
         add(what, unit, [getattr(report, what) for report in reports])
+    cells.append(("settled", ["yes" if report.settled else "no" for report in reports]))
     for table, unit in (("supply_current_mean_a", "A"), ("supply_current_peak_a", "A"), ("losses_w", "W")):
         for key in dict.fromkeys(key for report in reports for key in getattr(report, table)):
             shown = [getattr(report, table).get(key) for report in reports]
@@ -177,7 +201,7 @@ def _rows(reports: list[pr.DriveReport]) -> list[list[str]]:
     return [[name, *values] for name, values in cells]
 
 
-def _table(motor: pr.Motor, reports: list[pr.DriveReport], rows: list[list[str]]) -> Table:
+def _table(motor: pr.Motor, reports: list[DriveReport], rows: list[list[str]]) -> Table:
     names = (report.driver["kind"] for report in reports)
     table = Table(Column("quantity", overflow="fold"), *names, title=motor.name)
     for row in rows:

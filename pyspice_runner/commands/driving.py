@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The options by which commands state a drive of the paper's equations (1) and (2), each declared once."""
+"""Options that state a drive of the paper's equations (1) and (2), declared once for all commands."""
 
 from __future__ import annotations
 
@@ -26,45 +26,65 @@ class DriveKind(StrEnum):
     two_tone = "two-tone"
 
 
+_KINDS: dict[DriveKind, type[pr.TwoPhaseDrive] | type[pr.TwoToneDrive]] = {
+    DriveKind.two_phase: pr.TwoPhaseDrive,
+    DriveKind.two_tone: pr.TwoToneDrive,
+}
+_VOLTAGE = 50.0  # V, for a kind of drive that the motor does not recommend
+
+_TWO_PHASE = ("voltage", "frequency")
+_TWO_TONE = ("voltage_1", "frequency_1", "voltage_2", "frequency_2")
+
+
 @dataclass(frozen=True)
 class DriveOptions:
-    """What the command line says of the drive."""
+    """The drive as the command line states it; ``None`` for each option that was not given."""
 
-    drive: Annotated[DriveKind, _option(help="two-phase: eq. (1); two-tone: eq. (2).")] = DriveKind.two_phase
-    voltage: Annotated[float, _option(help="Two-phase: amplitude of both groups, V.")] = 50.0
-    frequency: Annotated[float | None, _option(help="Two-phase: frequency, Hz; default: the last mode.")] = None
-    phase: Annotated[float | None, _option(help="Phase, degrees: 90 for two phases, 0 for two tones.")] = None
-    voltage_1: Annotated[float, _option("--voltage-1", help="Two-tone: amplitude of the common tone, V.")] = 50.0
-    frequency_1: Annotated[float | None, _option("--frequency-1", help="Two-tone: the common tone, Hz.")] = None
-    voltage_2: Annotated[float, _option("--voltage-2", help="Two-tone: amplitude of the opposed tone, V.")] = 50.0
-    frequency_2: Annotated[float | None, _option("--frequency-2", help="Two-tone: the opposed tone, Hz.")] = None
-    soft_start: Annotated[float, _option(help="Rise time of the amplitude, s.")] = 0.0
+    drive: Annotated[
+        DriveKind | None, _option(help="two-phase: eq. (1); two-tone: eq. (2). Default: the motor's recommended drive.")
+    ] = None
+    voltage: Annotated[float | None, _option(help="Two-phase: amplitude of both groups, V.")] = None
+    frequency: Annotated[float | None, _option(help="Two-phase: frequency, Hz.")] = None
+    phase: Annotated[float | None, _option(help="Phase, degrees.")] = None
+    voltage_1: Annotated[float | None, _option("--voltage-1", help="Two-tone: amplitude of the common tone, V.")] = None
+    frequency_1: Annotated[float | None, _option("--frequency-1", help="Two-tone: common tone, Hz.")] = None
+    voltage_2: Annotated[float | None, _option("--voltage-2", help="Two-tone: amplitude of the opposed tone, V.")] = (
+        None
+    )
+    frequency_2: Annotated[float | None, _option("--frequency-2", help="Two-tone: opposed tone, Hz.")] = None
+    soft_start: Annotated[float | None, _option(help="Rise time of the amplitude, s.")] = None
 
     def stated(self, motor: pr.Motor) -> pr.TwoPhaseDrive | pr.TwoToneDrive:
-        """Return the drive of a motor; what is left open follows from the motor."""
-        if self.drive is DriveKind.two_phase:
-            return pr.TwoPhaseDrive(
-                voltage=self.voltage,
-                frequency=motor.modes[-1].frequency_hz if self.frequency is None else self.frequency,
-                phase_deg=90.0 if self.phase is None else self.phase,
-                soft_start=self.soft_start,
-            )
+        """Return the drive for a motor: the recommended one, with the options that were given in place.
+
+        Raises:
+            ParameterError: for an option of the other kind of drive, or a missing or invalid value.
+        """
+        recommended = pr.default_drive(motor)
+        chosen = self.drive or next(one for one, kind in _KINDS.items() if type(recommended) is kind)
+        for name in _TWO_TONE if chosen is DriveKind.two_phase else _TWO_PHASE:
+            if getattr(self, name) is not None:
+                other = next(one for one in DriveKind if one is not chosen)
+                raise pr.ParameterError(
+                    f"--{name.replace('_', '-')} has no effect on a {chosen.value} drive. Add --drive {other.value}, "
+                    "or leave it out."
+                )
+        kind = _KINDS[chosen]
+        options = {name: getattr(self, name) for name in kind.model_fields if name != "phase_deg"}
+        given = {name: value for name, value in (options | {"phase_deg": self.phase}).items() if value is not None}
+        if type(recommended) is kind:
+            return kind(**(recommended.model_dump() | given))
+        if chosen is DriveKind.two_phase:
+            return pr.TwoPhaseDrive(**({"voltage": _VOLTAGE, "frequency": motor.modes[-1].frequency_hz} | given))
         if self.frequency_1 is None or self.frequency_2 is None:
             raise pr.ParameterError("A two-tone drive needs --frequency-1 and --frequency-2, in Hz. Give both.")
-        return pr.TwoToneDrive(
-            voltage_1=self.voltage_1,
-            frequency_1=self.frequency_1,
-            voltage_2=self.voltage_2,
-            frequency_2=self.frequency_2,
-            phase_deg=0.0 if self.phase is None else self.phase,
-            soft_start=self.soft_start,
-        )
+        return pr.TwoToneDrive(**({"voltage_1": _VOLTAGE, "voltage_2": _VOLTAGE} | given))
 
 
 def with_drive_options(command: Callable[..., Result]) -> Callable[..., Result]:
-    """Give a command, in the place of its parameter ``drive``, the options of a drive one by one.
+    """Replace a command's parameter ``drive`` by the options of a drive.
 
-    typer reads a command's options from its signature and knows no groups of them.
+    typer reads options from the signature of the command and has no groups of options.
     """
     hints = get_type_hints(DriveOptions, include_extras=True)
     options = [
@@ -74,13 +94,13 @@ def with_drive_options(command: Callable[..., Result]) -> Callable[..., Result]:
     signature = inspect.signature(command, eval_str=True)
     parameters: list[inspect.Parameter] = []
     for parameter in signature.parameters.values():
-        alone = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)]
-        parameters += options if parameter.name == "drive" else alone
+        keyword = parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        parameters += options if parameter.name == "drive" else [keyword]
 
     @wraps(command)
     def whole(**values: Any) -> Result:
-        drive = DriveOptions(**{option.name: values.pop(option.name) for option in options})
-        return command(drive=drive, **values)
+        stated = DriveOptions(**{option.name: values.pop(option.name) for option in options})
+        return command(drive=stated, **values)
 
     vars(whole)["__signature__"] = signature.replace(parameters=parameters)
     return whole

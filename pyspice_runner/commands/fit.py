@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
@@ -27,6 +27,9 @@ from pyspice_runner.commands.common import (
     say,
 )
 
+if TYPE_CHECKING:
+    from pyspice_runner.spectra.fit import FittedArm, SpectrumFit
+
 
 class Port(StrEnum):
     """How the groups of a two-port are connected."""
@@ -43,6 +46,9 @@ ConnectionOption = Annotated[Port, typer.Option(help="Connection of the groups, 
 StartOption = Annotated[float, typer.Option(help="First frequency that counts, Hz.")]
 StopOption = Annotated[float | None, typer.Option(help="Last frequency that counts, Hz.")]
 LeadsOption = Annotated[bool, typer.Option("--leads/--no-leads", help="Fit the leads, or take them as compensated.")]
+FitTimeoutOption = Annotated[
+    float | None, typer.Option("--timeout", help="Seconds after which the fit of a spectrum ends with an error.")
+]
 TraceOption = Annotated[str | None, typer.Option(help="Which of several spectra in the file, such as memory.")]
 _PANEL = "Both groups, towards a motor"
 TwoPortOption = Annotated[
@@ -86,7 +92,6 @@ _COLUMNS = {
     "inductance_h": "H",
     "capacitance_f": "F",
 }
-_WITH_ERROR = ("series_resonance_hz", "quality_factor", "resistance_ohm")
 
 
 def read_one_port(file: Path, trace: str | None, connection: Port) -> pr.Spectrum:
@@ -100,6 +105,7 @@ def fit(
     modes: ModesOption = None,
     connection: ConnectionOption = Port.a,
     leads: LeadsOption = True,
+    timeout: FitTimeoutOption = None,
     trace: TraceOption = None,
     start: StartOption = 0.0,
     stop: StopOption = None,
@@ -127,30 +133,27 @@ def fit(
     if two_port or other is not None or both is not None or difference is not None:
         given = {"A": file, "B": other, "A+B": both, "A-B": difference}
         calibration = _calibration(mass, velocity, connection, tips, base)
-        _fit_two_port(given, two_port, modes, trace, calibration, as_json, output, plot)
+        _fit_two_port(given, two_port, modes, timeout, trace, calibration, as_json, output, plot)
         return
     if mass or velocity or tips:
         raise pr.ParameterError("--mass-kg, --velocity-per-current and --tip belong to --two-port or --b; add one.")
-    check_targets(output, (*CIRCUIT_ENDINGS, ".json", ".csv"), plot)
+    check_targets(output, (*CIRCUIT_ENDINGS, ".json", ".csv"), plot, [file])
     with busy("fitting"):
         spectrum = read_one_port(file, trace, connection)
         if start or stop is not None:
             spectrum = spectrum.between(start, inf if stop is None else stop)
-        result = pr.fit_spectrum(spectrum, modes, leads=leads)
+        result = pr.fit_spectrum(spectrum, modes, leads=leads, timeout=timeout)
     deliver(result.to_dict(), _table(result), as_json, (output, result.save), (plot, result.plot))
     if not as_json:
         _tell(result)
 
 
-def _table(result: pr.SpectrumFit) -> Table:
+def _table(result: SpectrumFit) -> Table:
     table = Table("arm", "f", "Q", "R", "L", "C", "k_eff", "M", box=None, padding=(0, 1, 0, 0))
     error = 100.0 * result.rms_relative_error
     table.title = f"{result.source}: {count_of(len(result.arms))}, {error:.3g} % RMS; ± one standard error"
     for number, arm in enumerate(result.arms, start=1):
-        cells = [
-            f"{engineering(getattr(arm, name), unit)} {_percent(arm, name) if name in _WITH_ERROR else ''}"
-            for name, unit in _COLUMNS.items()
-        ]
+        cells = [f"{engineering(getattr(arm, name), unit)} {_percent(arm, name)}" for name, unit in _COLUMNS.items()]
         factor, merit = arm.characteristics.coupling_factor, arm.characteristics.figure_of_merit
         table.add_row(f"{number}", *cells, f"{factor:.3f}", f"{merit:.3g}")
     return table
@@ -161,17 +164,20 @@ def count_of(arms: int) -> str:
     return f"{arms} arm{'s' if arms > 1 else ''}"
 
 
-def _percent(arm: pr.FittedArm, name: str) -> str:
+def _percent(arm: FittedArm, name: str) -> str:
     error = arm.standard_errors[name]
     return "±?" if error is None else f"±{100.0 * error / getattr(arm, name):.2g}%"
 
 
-def _tell(result: pr.SpectrumFit) -> None:
+def _tell(result: SpectrumFit) -> None:
     """Print what is no arm's, and what to know before using the values."""
-    circuit = result.circuit
+    circuit, errors = result.circuit, result.standard_errors
+    error, loss_error = errors["clamped_capacitance_f"], errors["loss_tangent"]
+    share = "±?" if error is None else f"±{100.0 * error / circuit.clamped_capacitance_f:.2g}%"
+    loss = "±?" if loss_error is None else f"±{loss_error:.2g}"
     say(
-        f"clamped capacitance {engineering(circuit.clamped_capacitance_f, 'F')}, loss tangent "
-        f"{circuit.loss_tangent:.3g} at {engineering(circuit.loss_reference_hz, 'Hz')}, leads "
+        f"clamped capacitance {engineering(circuit.clamped_capacitance_f, 'F')} {share}, loss tangent "
+        f"{circuit.loss_tangent:.3g} {loss} at {engineering(circuit.loss_reference_hz, 'Hz')}, leads "
         f"{engineering(circuit.lead_resistance_ohm, 'Ω')} and {engineering(circuit.lead_inductance_h, 'H')}\n"
     )
     tried = ", ".join(
@@ -203,7 +209,7 @@ def _calibration(
     if tips:
         pairs = [grid("--tip", tip) for tip in tips]
         if any(len(pair) != 2 for pair in pairs):
-            raise pr.ParameterError(f"--tip {tips[0]!r} is refused; write X,Y as 0,1, once for each mode.")
+            raise pr.ParameterError(f"--tip {tips[0]!r} is not valid; write X,Y as 0,1, once for each mode.")
         found["tips"] = pairs
     return {**found, "connection": connection.value, "base": base}
 
@@ -212,6 +218,7 @@ def _fit_two_port(
     files: Mapping[str, Path | None],
     two_port: bool,
     modes: int | None,
+    timeout: float | None,
     trace: str | None,
     calibration: Mapping[str, Any],
     as_json: bool,
@@ -220,21 +227,25 @@ def _fit_two_port(
 ) -> None:
     if plot is not None:
         raise pr.ParameterError("--plot draws one connection; leave out --two-port and choose a --connection.")
-    check_targets(output, (".json", ".toml") if calibration else (".json",), None)
+    inputs = [*files.values(), calibration.get("base")]
+    check_targets(output, (".json", ".toml") if calibration else (".json",), None, inputs)
     read = {connection: pr.read_spectrum(file, trace=trace) for connection, file in files.items() if file is not None}
     if two_port and len(read) > 1:
         raise pr.ParameterError(
             "--two-port takes one file with both ports; leave it out to give --b, --sum, --difference."
         )
     with busy("fitting"):
-        result = pr.fit_two_port(read["A"] if two_port else read, modes)  # type: ignore[arg-type]
+        result = pr.fit_two_port(read["A"] if two_port else read, modes, timeout=timeout)  # type: ignore[arg-type]
     motor = result.to_motor(**calibration) if calibration else None
     table = Table("mode", "f", "Q", "coupling A", "coupling B", box=None, padding=(0, 1, 0, 0))
-    table.title = f"{result.source}: {len(result.modes)} modes; couplings in N/V per root kg"
+    table.title = f"{result.source}: {len(result.modes)} modes; couplings in N/V per root kg; ± one standard error"
     for number, mode in enumerate(result.modes, start=1):
         table.add_row(
             str(number), engineering(mode.series_resonance_hz, "Hz"), f"{mode.quality_factor:.4g}",
-            f"{mode.coupling_a:.4g}", f"{mode.coupling_b:.4g}",
+            *(
+                f"{getattr(mode, name):.4g} ±{mode.standard_errors[name]:.2g}"
+                for name in ("coupling_a_n_per_v_kg05", "coupling_b_n_per_v_kg05")
+            ),
         )  # fmt: skip
     for warning in result.warnings:
         complain(f"note: {warning}", style=None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``piezomotor impact``: a sphere thrown at a half-space, a test of the contact laws."""
+"""``piezomotor impact``: the impact of a sphere on a half-space, a test of the contact laws."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-import pyspice_runner as pr
 from pyspice_runner.commands.common import (
     AuditOption,
     JsonOption,
@@ -21,11 +20,12 @@ from pyspice_runner.commands.common import (
     engineering,
     warn_of,
 )
-from pyspice_runner.commands.contacting import LawKind, LawOption, SlidersOption
+from pyspice_runner.commands.contacting import DEFAULT_LAW, LawOption, SlidersOption, check_contact
 
 
 def impact(
-    contact: LawOption = LawKind.spring_slider,
+    context: typer.Context,
+    contact: LawOption = DEFAULT_LAW,
     poisson: Annotated[float, typer.Option(help="Poisson's ratio of sphere and half-space.")] = 0.3,
     psi: Annotated[float, typer.Option(help="Incidence: 2(1-v)/(2-v) v_t/(mu v_n) of the contact patch.")] = 1.0,
     friction: Annotated[float, typer.Option(help="Coefficient of friction.")] = 0.2,
@@ -42,24 +42,28 @@ def impact(
     output: OutputOption = None,
     plot: PlotOption = None,
 ) -> None:
-    """Throw a solid elastic sphere at a half-space of its material. Writes .csv (over time), .json or .cir (the deck).
+    """Simulate the impact of an elastic sphere on a half-space. Writes .csv (over time), .json or .cir (the deck).
 
     Example: piezomotor impact --contact brush --poisson 0.3 --psi 1.2 --plot impact.png
     """
+    check_contact(context, contact)
     check_targets(output, (".csv", ".json", ".cir"), plot)
-    throw = pr.Throw(
+    from pyspice_runner.analysis.impact import impact as rebound
+    from pyspice_runner.model.impact import Throw
+
+    throw = Throw(
         psi=psi, velocity_m_s=velocity, spin_rad_s=spin, friction=friction, restitution=restitution,
         radius_m=radius, density_kg_m3=density, youngs_modulus_pa=youngs_modulus, poisson=poisson,
     )  # fmt: skip
-    with busy("ngspice throws the sphere"):
-        result = pr.impact(throw, contact.value, sliders=sliders, timeout=timeout, audit=audit)
-    warn_of(result.provenance["audit"]["findings"])
-    table = Table("quantity", "value", title=f"{contact.value}, Poisson's ratio {poisson:g}")
+    with busy("ngspice runs the impact"):
+        result = rebound(throw, contact, sliders=sliders, timeout=timeout, audit=audit)
+    warn_of(result.audit.findings)
+    table = Table("quantity", "value", title=f"{contact}, Poisson's ratio {poisson:g}")
     table.add_row("ψ₁ → ψ₂", f"{result.psi_1:.4g} → {result.psi_2:.4g}")
     table.add_row("restitution, normal", f"{result.restitution_normal:.4f}")
     table.add_row("restitution, tangential", f"{result.restitution_tangential:.4f}")
     table.add_row("duration", f"{engineering(result.duration_s, 's')} = {result.duration_over_delta_v:.4f} δ/v")
     table.add_row("greatest force", engineering(result.greatest_force_n, "N"))
     table.add_row("greatest penetration", engineering(result.greatest_penetration_m, "m"))
-    table.add_row("spin after it", f"{result.spin_rad_s:.4g} rad/s")
+    table.add_row("spin after the impact", f"{result.spin_rad_s:.4g} rad/s")
     deliver(result.to_dict(), table, as_json, (output, result.save), (plot, result.plot))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``piezomotor motors``, ``show`` and ``export``: what a motor is."""
+"""``piezomotor motors``, ``show`` and ``export``: parameters and libraries of motors."""
 
 from __future__ import annotations
 
@@ -24,13 +24,15 @@ from pyspice_runner.commands.common import (
     deliver,
     leaves,
     load_changed,
+    refuse_idle,
+    view,
     write_table,
 )
-from pyspice_runner.commands.contacting import LawKind, LawOption, SlidersOption
+from pyspice_runner.commands.contacting import DEFAULT_LAW, LawOption, SlidersOption, check_contact
 
 
 def motors(as_json: JsonOption = False, output: OutputOption = None, plot: PlotOption = None) -> None:
-    """List the parameter sets that come with the package."""
+    """List the parameter sets of the package."""
     check_targets(output, (".json", ".csv"), plot)
     found = [pr.load_motor(name) for name in pr.available_motors()]
     document = {
@@ -45,7 +47,7 @@ def motors(as_json: JsonOption = False, output: OutputOption = None, plot: PlotO
     rows += [[motor.name, mode.name, f"{mode.frequency_hz:.9g}"] for motor in found for mode in motor.modes]
     deliver(
         document, table, as_json,
-        (output, lambda path: write_table(path, document, rows)), (plot, lambda path: pr.plot_motors(found, path)),
+        (output, lambda path: write_table(path, document, rows)), (plot, lambda path: view().draw_motors(found, path)),
     )  # fmt: skip
 
 
@@ -72,11 +74,12 @@ def show(
     deliver(
         document, table, as_json,
         (output, lambda path: write_table(path, document, rows)),
-        (plot, lambda path: pr.plot_mode_shapes(loaded, path)),
+        (plot, lambda path: view().draw(loaded, path)),
     )  # fmt: skip
 
 
 def export(
+    context: typer.Context,
     source: Annotated[
         str,
         typer.Argument(
@@ -85,8 +88,15 @@ def export(
             autocompletion=complete_motor,
         ),
     ],
-    contact: LawOption = LawKind.spring_slider,
+    contact: LawOption = DEFAULT_LAW,
     sliders: SlidersOption = 8,
+    name: Annotated[
+        str, typer.Option(help="Name of the subcircuit; different names may be used in one deck.", show_default=False)
+    ] = "",
+    thermal: Annotated[bool, typer.Option("--thermal", help="Add drift with temperature, and its two pins.")] = False,
+    averaged: Annotated[
+        bool, typer.Option("--averaged", help="Write the motor averaged over the drive's period (.lib).")
+    ] = False,
     changes: SetOption = None,
     as_json: JsonOption = False,
     output: OutputOption = None,
@@ -99,36 +109,52 @@ def export(
 
     Example: piezomotor export andersen2002 --output motor.lib
     """
-    if pr.is_circuit_file(source):
-        _export_circuit(source, changes, as_json, output, plot)
+    from pyspice_runner.model.circuit_file import is_circuit_file
+    from pyspice_runner.model.thermal import Thermal
+    from pyspice_runner.netlist.averaged import averaged_library, check_averaged
+    from pyspice_runner.netlist.motor import motor_library
+
+    if is_circuit_file(source):
+        refuse_idle(context, "on the circuit of a fit", "contact", "sliders", "thermal", "averaged")
+        _export_circuit(source, changes, as_json, output, plot, name or "resonator")
         return
-    check_targets(output, (".lib", ".asy", ".kicad_sym", ".s2p", ".toml"), plot)
+    check_contact(context, contact)
+    check_targets(output, (".lib",) if averaged else (".lib", ".asy", ".kicad_sym", ".s2p", ".toml"), plot, [source])
     loaded = load_changed(source, changes)
-    text = pr.motor_library(loaded, contact=contact.value, sliders=sliders)
+    drift = Thermal() if thermal else None
+    if averaged:
+        check_averaged(contact)
+        text = averaged_library(loaded, name=name, thermal=drift)
+    else:
+        text = motor_library(loaded, contact=contact, sliders=sliders, name=name, thermal=drift)
 
     def save(path: Path) -> None:
         with busy("writing"):
-            pr.export_motor(loaded, path, contact=contact.value, sliders=sliders)
+            pr.export_motor(loaded, path, contact=contact, sliders=sliders, name=name, thermal=drift, averaged=averaged)
 
     document = {"motor": loaded.name, "library": text}
     deliver(
         document, "" if output else text, as_json,
-        (output, save), (plot, lambda path: pr.plot_mode_shapes(loaded, path)),
+        (output, save), (plot, lambda path: view().draw(loaded, path)),
     )  # fmt: skip
     _name_library(as_json, output)
 
 
 def _export_circuit(
-    source: str, changes: list[str] | None, as_json: bool, output: Path | None, plot: Path | None
+    source: str, changes: list[str] | None, as_json: bool, output: Path | None, plot: Path | None, name: str
 ) -> None:
     if changes or plot is not None:
         raise pr.ParameterError("--set and --plot are for motors; a fit is drawn by `piezomotor fit FILE --plot`.")
-    check_targets(output, CIRCUIT_ENDINGS, None)
-    circuit, name = pr.load_circuit(source), Path(source).name
-    text = pr.circuit_library(circuit, title=f"from {name}")
+    from pyspice_runner.model.circuit_file import load_circuit
+    from pyspice_runner.netlist.equivalent import circuit_library
+    from pyspice_runner.spectra.export import export_circuit
+
+    check_targets(output, CIRCUIT_ENDINGS, None, [source])
+    circuit, file = load_circuit(source), Path(source).name
+    text = circuit_library(circuit, title=f"from {file}", name=name)
     deliver(
-        {"circuit": name, "library": text}, "" if output else text, as_json,
-        (output, lambda path: pr.export_circuit(circuit, path, title=f"from {name}")),
+        {"circuit": file, "library": text}, "" if output else text, as_json,
+        (output, lambda path: export_circuit(circuit, path, title=f"from {file}", name=name)),
     )  # fmt: skip
     _name_library(as_json, output)
 

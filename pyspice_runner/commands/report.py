@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``piezomotor report``: a motor's datasheet, to look at."""
+"""``piezomotor report``: the data sheet of a motor."""
 
 from __future__ import annotations
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
@@ -25,38 +25,43 @@ from pyspice_runner.commands.common import (
     keep,
     load_changed,
     points_progress,
+    refuse_idle,
 )
 from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 from pyspice_runner.commands.fit import Port
 
+if TYPE_CHECKING:
+    from pyspice_runner.view.report import Report
+
 
 @with_drive_options
 def report(
+    context: typer.Context,
     motor: MotorArgument,
     drive: DriveOptions,
     duration: Annotated[float, typer.Option(help="Simulated time of the run from rest, s.")] = 10e-3,
     speeds: Annotated[
         str | None, typer.Option(help="Speeds of the curves, rad/s, as 0:10:6; default: from standstill to no load.")
     ] = None,
-    levels: Annotated[str, typer.Option(help="Shares of the voltage at which a curve is measured.")] = "0.5,1",
+    levels: Annotated[str, typer.Option(help="Fractions of the voltage, one curve each.")] = "0.5,1",
     measured: Annotated[
-        str | None, typer.Option(metavar="FILE", help="A measured spectrum to draw over the computed ones.")
+        str | None, typer.Option(metavar="FILE", help="A measured spectrum to plot with the computed ones.")
     ] = None,
-    connection: Annotated[
-        Port, typer.Option(help="How the groups were connected in it, if it is a one-port.")
-    ] = Port.a,
+    connection: Annotated[Port, typer.Option(help="Connection of the groups in a one-port measurement.")] = Port.a,
     timeout: TimeoutOption = None,
     changes: SetOption = None,
     as_json: JsonOption = False,
     output: Annotated[Path | None, typer.Option("--output", help="The page, .html; or .json.")] = None,
     plot: PlotOption = None,
 ) -> None:
-    """Show a motor on one page: modes that move, the tip's path, impedance, speed and torque. Writes .html or .json.
+    """Write the data sheet of a motor: animated modes, tip path, impedance, speed and torque. Writes .html or .json.
 
-    The page needs no network and no other file. Without --output it is MOTOR.html.
+    The page is self-contained. Without --output it is MOTOR.html.
 
     Example: piezomotor report andersen2002 --output report.html
     """
+    if measured is None:
+        refuse_idle(context, "without --measured", "connection")
     loaded = load_changed(motor, changes)
     target = Path(f"{loaded.name}.html") if output is None and not as_json else output
     check_targets(target, (".html", ".json"), plot)
@@ -91,13 +96,13 @@ def report(
 
 
 def _check_tools() -> None:
-    """Refuse a page that could not be made, before all that it shows is run."""
+    """Check before any run that the tools for the page are installed."""
     for name in ("plotly", "jinja2"):
         if find_spec(name) is None:
             raise pr.ParameterError(f"A report needs {name}. Install it: `pip install 'pyspice-runner[report]'`.")
 
 
-def _table(result: pr.Report, target: Path | None) -> Table:
+def _table(result: Report, target: Path | None) -> Table:
     figures: dict[str, Any] = result.key_figures
 
     def shown(name: str, unit: str) -> str:

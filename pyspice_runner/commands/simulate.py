@@ -11,6 +11,7 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
+    INTERRUPTED,
     AuditOption,
     JsonOption,
     MotorArgument,
@@ -18,32 +19,44 @@ from pyspice_runner.commands.common import (
     PlotOption,
     SetOption,
     TimeoutOption,
+    busy,
+    caution,
     check_targets,
     deliver,
     load_changed,
+    refuse_idle,
     run_progress,
     warn_of,
 )
-from pyspice_runner.commands.contacting import ContactKind, ContactOption, SlidersOption
+from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, check_contact, law_named
 from pyspice_runner.commands.driving import DriveOptions, with_drive_options
+from pyspice_runner.errors import Interrupted
+
+# options of a run cycle by cycle, which an averaged one does not have
+_OF_CYCLES = ("sliders", "step", "accuracy", "signals", "record_from", "record_every", "audit")
 
 
 @with_drive_options
 def simulate(
+    context: typer.Context,
     motor: MotorArgument,
     drive: DriveOptions,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 5e-3,
-    contact: ContactOption = ContactKind.spring_slider,
+    contact: ContactOption = DEFAULT_LAW,
     sliders: SlidersOption = 8,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
-    load_torque: Annotated[float, typer.Option(help="Torque that a load draws from the shaft, N.m.")] = 0.0,
+    load_torque: Annotated[float, typer.Option(help="Torque of a load on the shaft, N.m.")] = 0.0,
     step: Annotated[float | None, typer.Option(help="Uniform time step, s; default: from the fastest motion.")] = None,
     accuracy: Annotated[
-        float | None, typer.Option(help="Error allowed of the tip's trajectory, as 0.005; chooses the step.")
+        float | None, typer.Option(help="Largest relative error of the tip's trajectory, such as 0.005; sets the step.")
     ] = None,
-    signals: Annotated[str | None, typer.Option(help="Columns to record, as tip_x_m,tip_y_m.")] = None,
-    record_from: Annotated[float, typer.Option(help="Record from this time on, s.")] = 0.0,
-    record_every: Annotated[int, typer.Option(help="Record every so-many-th step.")] = 1,
+    signals: Annotated[str | None, typer.Option(help="Columns to record, such as tip_x_m,tip_y_m.")] = None,
+    record_from: Annotated[float, typer.Option(help="Time at which recording starts, s.")] = 0.0,
+    record_every: Annotated[int, typer.Option(help="Record every n-th step.")] = 1,
+    averaged: Annotated[
+        bool,
+        typer.Option("--averaged", help="Average over the drive's period, for runs over seconds."),
+    ] = False,
     timeout: TimeoutOption = None,
     audit: AuditOption = True,
     changes: SetOption = None,
@@ -55,9 +68,24 @@ def simulate(
 
     Example: piezomotor simulate andersen2002 --voltage 100 --duration 20e-3 --output run.csv --plot run.png
     """
+    check_contact(context, contact)
     check_targets(output, (".csv", ".nc", ".json", ".cir"), plot)
     loaded = load_changed(motor, changes)
     excitation = drive.stated(loaded)
+    if averaged:
+        refuse_idle(context, "with --averaged", *_OF_CYCLES)
+        with busy("ngspice runs the averaged motor"):
+            mean = pr.simulate_averaged(
+                loaded, excitation, duration, contact=contact, speed=speed, load_torque=load_torque,
+                timeout=timeout,
+            )  # fmt: skip
+        warn_of(mean.cautions)
+        title = f"{loaded.name}, averaged, {excitation.label}, {duration:.6g} s"
+        table = Table("quantity", "value", title=title)
+        for name, value in mean.summary().items():
+            table.add_row(name, value)
+        deliver(mean.to_dict(), table, as_json, (output, mean.save), (plot, mean.plot))
+        return
     if plot is not None and signals is not None:
         raise pr.ParameterError("--plot draws all signals; leave --signals out.")
     status = 0
@@ -67,7 +95,7 @@ def simulate(
                 loaded,
                 excitation,
                 duration=duration,
-                contact=contact.law,
+                contact=law_named(contact),
                 sliders=sliders,
                 speed=speed,
                 load_torque=load_torque,
@@ -80,14 +108,13 @@ def simulate(
                 timeout=timeout,
                 audit=audit,
             )
-        except pr.Interrupted as interrupt:
-            run, status = interrupt.partial, 130
+        except Interrupted as interrupt:
+            run, status = interrupt.partial, INTERRUPTED
             warn_of([str(interrupt)])
-    warn_of(run.provenance["audit"]["findings"])
+    caution(run)
     summary = run.to_dict()
-    table = Table(
-        "quantity", "value", title=f"{loaded.name}, {run.time_s[-1]:.6g} s{'' if run.complete else ', partial'}"
-    )
+    partial = "" if run.complete else ", partial"
+    table = Table("quantity", "value", title=f"{loaded.name}, {excitation.label}, {run.time_s[-1]:.6g} s{partial}")
     rows: list[tuple[str, str, Callable[[Any], str]]] = [
         ("mean_rotor_speed_rad_s", "mean rotor speed", lambda value: f"{value:.4g} rad/s"),
         ("mean_torque_n_m", "mean torque", lambda value: f"{value:.4g} N·m"),
@@ -97,7 +124,7 @@ def simulate(
     ]
     for key, name, written in rows:
         if summary[key] is not None:
-            table.add_row(name, written(summary[key]))
+            table.add_row(name, written(summary[key]) + run.remark(key))
     table.add_row("points", f"{run.points} in {run.solver_seconds:.2f} s, ngspice {run.ngspice_version}")
     deliver(summary, table, as_json, (output, run.save), (plot, run.plot))
     raise typer.Exit(status)

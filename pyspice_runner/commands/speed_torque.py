@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``piezomotor speed-torque``: the motor on the dynamometer."""
+"""``piezomotor speed-torque``: speed–torque curves on a dynamometer."""
 
 from __future__ import annotations
 
-import json
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
+    INTERRUPTED,
     AuditOption,
     JsonOption,
     MotorArgument,
@@ -23,28 +23,29 @@ from pyspice_runner.commands.common import (
     complain,
     deliver,
     grid,
-    jsonable,
     load_changed,
     points_progress,
     warn_of,
-    write_dataset,
 )
-from pyspice_runner.commands.contacting import LawKind, LawOption, SlidersOption
+from pyspice_runner.commands.contacting import DEFAULT_LAW, LawOption, SlidersOption, check_contact
 from pyspice_runner.commands.driving import DriveOptions, with_drive_options
+from pyspice_runner.errors import Interrupted
 
 if TYPE_CHECKING:
     import xarray
 
 
 class ModeKind(StrEnum):
-    """How the dynamometer goes through the speeds."""
+    """How the dynamometer sets the speeds."""
 
-    hold = "hold"
+    steady = "steady"
+    settle = "settle"
     ramp = "ramp"
 
 
 @with_drive_options
 def speed_torque(
+    context: typer.Context,
     motor: MotorArgument,
     drive: DriveOptions,
     speeds: Annotated[
@@ -53,14 +54,15 @@ def speed_torque(
     over: Annotated[
         str | None, typer.Option(metavar="PATH=VALUES", help="A further axis, as drive.voltage=40,60,80.")
     ] = None,
-    mode: Annotated[ModeKind, typer.Option(help="hold: settle at each speed; ramp: change it slowly.")] = ModeKind.hold,
+    mode: Annotated[ModeKind, typer.Option(help="steady: solve; settle: run until settled; ramp.")] = ModeKind.steady,
     follow: Annotated[
-        str | None, typer.Option(metavar="AXIS", help="Go on from point to point along this axis (shows hysteresis).")
+        str | None,
+        typer.Option(metavar="AXIS", help="With settle: start each point from the one before along this axis."),
     ] = None,
-    contact: LawOption = LawKind.spring_slider,
+    contact: LawOption = DEFAULT_LAW,
     sliders: SlidersOption = 8,
-    tolerance: Annotated[float, typer.Option(help="Change from block to block that counts as settled.")] = 1e-3,
-    patience: Annotated[int, typer.Option(help="Blocks after which a point is given up as unsettled.")] = 40,
+    tolerance: Annotated[float, typer.Option(help="Largest change from block to block of a settled point.")] = 1e-3,
+    patience: Annotated[int, typer.Option(help="Number of blocks after which a point counts as not settled.")] = 40,
     step: Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")] = None,
     timeout: TimeoutOption = None,
     audit: AuditOption = True,
@@ -74,6 +76,7 @@ def speed_torque(
     Example: piezomotor speed-torque andersen2002-unintended-mode --voltage 100 --frequency 46e3 --phase 180
     --speeds=-5:25:13 --plot curve.png
     """
+    check_contact(context, contact)
     check_targets(output, (".nc", ".csv", ".json"), plot)
     loaded = load_changed(motor, changes)
     excitation = drive.stated(loaded)
@@ -88,7 +91,7 @@ def speed_torque(
                 over={path.strip(): grid(f"--over {path}", values)} if over else None,
                 mode=mode.value,
                 follow=follow,
-                contact=contact.value,
+                contact=contact,
                 sliders=sliders,
                 tolerance=tolerance,
                 patience=patience,
@@ -97,36 +100,21 @@ def speed_torque(
                 audit=audit,
                 progress=progress,
             )
-        except (pr.Interrupted, pr.SimulationError) as fault:
+        except (Interrupted, pr.SimulationError) as fault:
             if fault.partial is None:
                 raise
             curve = fault.partial
-            status = 130 if isinstance(fault, pr.Interrupted) else 3
+            status = INTERRUPTED if isinstance(fault, Interrupted) else 3
             complain(f"piezomotor: {fault} {curve.attrs['incomplete']}")
-    document = _document(curve)
-    warn_of(document["audit"]["findings"])
-    deliver(
-        document, _table(curve), as_json,
-        (output, lambda path: write_dataset(path, curve, document)),
-        (plot, lambda path: pr.plot_speed_torque(curve, path)),
-    )  # fmt: skip
-    unsettled = int((~curve["settled"] & curve["torque_n_m"].notnull()).sum())
-    if unsettled:
-        message = f"piezomotor: {unsettled} of {curve['settled'].size} points did not settle; see 'settled'."
+    result = curve.piezomotor
+    warn_of(result.audit.findings)
+    if result.unsettled:
+        message = f"piezomotor: {result.unsettled} of {curve['settled'].size} points did not settle; see 'settled'."
         complain(message, style="yellow")
+    deliver(
+        result.to_dict(), _table(curve), as_json, (output, result.save), (plot, result.plot),
+    )  # fmt: skip
     return status
-
-
-def _document(curve: xarray.Dataset) -> dict[str, Any]:
-    """Return the curve JSON-ready: axes and quantities by name, ``null`` for what is not defined."""
-    attributes = {str(name): value for name, value in curve.attrs.items()}
-    attributes |= {name: json.loads(attributes[name]) for name in ("motor", "drive", "run", "audit")}
-    return {
-        "dimensions": {str(name): curve.sizes[name] for name in curve["torque_n_m"].dims},
-        **{str(name): values.values.tolist() for name, values in curve.coords.items()},
-        **{str(name): jsonable(values.values.tolist()) for name, values in curve.data_vars.items()},
-        **attributes,
-    }
 
 
 def _table(curve: xarray.Dataset) -> Table:

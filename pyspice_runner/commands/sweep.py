@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
+    INTERRUPTED,
     JsonOption,
     MotorArgument,
     OutputOption,
@@ -27,12 +27,12 @@ from pyspice_runner.commands.common import (
     complain,
     deliver,
     grid,
-    jsonable,
     load_changed,
     points_progress,
-    write_dataset,
+    refuse_idle,
 )
-from pyspice_runner.commands.contacting import ContactKind, ContactOption, SlidersOption
+from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, check_contact, law_named
+from pyspice_runner.commands.drive import DRIVERS, PartOption, driver_of
 from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 
 if TYPE_CHECKING:
@@ -41,24 +41,26 @@ if TYPE_CHECKING:
 
 QUANTITIES = ["mean_rotor_speed_rad_s", "mean_torque_n_m"]
 OPERATING_QUANTITIES = ["torque_n_m", "efficiency", "settled"]
+DRIVER_QUANTITIES = ["motor_power_w", "driver_efficiency", "mean_rotor_speed_rad_s"]
 
 
 class AnalysisKind(StrEnum):
-    """What is done at a point."""
+    """Analysis at each point."""
 
     simulate = "simulate"
     operating_point = "operating-point"
+    drive = "drive"
 
 
 class DistributionKind(StrEnum):
-    """How values lie within their tolerances."""
+    """Distribution of values within their tolerances."""
 
     uniform = "uniform"
     normal = "normal"
 
 
 class SamplingKind(StrEnum):
-    """How samples are spread."""
+    """Sampling method."""
 
     sobol = "sobol"
     latin_hypercube = "latin-hypercube"
@@ -66,6 +68,7 @@ class SamplingKind(StrEnum):
 
 @with_drive_options
 def sweep(
+    context: typer.Context,
     motor: MotorArgument,
     drive: DriveOptions,
     over: Annotated[
@@ -85,26 +88,29 @@ def sweep(
         ),
     ] = None,
     analysis: Annotated[
-        AnalysisKind, typer.Option(help="simulate: one run from rest; operating-point: settled at a speed.")
+        AnalysisKind,
+        typer.Option(help="simulate: a run from rest; operating-point: settled at a speed; drive: a driver."),
     ] = AnalysisKind.simulate,
+    driver: Annotated[str | None, typer.Option(help=f"Drive: {DRIVERS}; default: linear.")] = None,
+    part: PartOption = None,
     distribution: Annotated[
-        DistributionKind, typer.Option(help="Of tolerances; normal: the tolerance is three standard deviations.")
+        DistributionKind, typer.Option(help="Distribution; normal: the tolerance is three standard deviations.")
     ] = DistributionKind.uniform,
     samples: Annotated[int, typer.Option(help="Samples within the tolerances.")] = 64,
-    sampling: Annotated[SamplingKind, typer.Option(help="How samples are spread.")] = SamplingKind.sobol,
+    sampling: Annotated[SamplingKind, typer.Option(help="Sampling method.")] = SamplingKind.sobol,
     seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
-    workers: Annotated[int | None, typer.Option(help="Processes; default: one a core.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Worker processes; default: one per core.")] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Run on a Dask cluster, as tcp://10.0.0.1:8786.")
+        str | None, typer.Option(metavar="ADDRESS", help="Address of a Dask cluster, such as tcp://10.0.0.1:8786.")
     ] = None,
     store: Annotated[
         Path | None, typer.Option(help="Folder of finished points; default: in the user's cache folder.")
     ] = None,
     duration: Annotated[float | None, typer.Option(help="Simulate: simulated time, s; default: 5e-3.")] = None,
-    contact: ContactOption = ContactKind.spring_slider,
+    contact: ContactOption = DEFAULT_LAW,
     sliders: SlidersOption = 8,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
-    load_torque: Annotated[float | None, typer.Option(help="Simulate: torque that a load draws, N.m.")] = None,
+    load_torque: Annotated[float | None, typer.Option(help="Simulate: torque of a load, N.m.")] = None,
     timeout: TimeoutOption = None,
     changes: SetOption = None,
     as_json: JsonOption = False,
@@ -113,28 +119,33 @@ def sweep(
 ) -> int:
     """Run a motor at many values of its parameters, the drive's (drive.voltage) and the run's (run.load_torque).
 
-    Finished points are stored; a sweep that was interrupted goes on when begun again. Writes .nc, .csv or .json.
+    Finished points are stored; an interrupted sweep continues when it is started again. Writes .nc, .csv or .json.
 
     Example: piezomotor sweep andersen2002 --over drive.voltage=40:80:5 --tolerance contact.friction=10% --samples 16
     """
+    check_contact(context, contact)
+    if analysis is AnalysisKind.operating_point:
+        refuse_idle(context, "on --analysis operating-point", "duration", "load_torque")
+    if analysis is not AnalysisKind.drive:
+        refuse_idle(context, "without --analysis drive", "driver", "part")
+    if not tolerance:
+        refuse_idle(context, "without --tolerance", "distribution", "samples", "sampling", "seed")
     check_targets(output, (".nc", ".csv", ".json"), plot)
     loaded = load_changed(motor, changes)
-    excitation = drive.stated(loaded)
+    stated = drive.stated(loaded)
+    excitation = driver_of(driver or "linear", stated, part) if analysis is AnalysisKind.drive else stated
     axes: dict[str, Any] = {path: grid(f"--over {path}", text) for path, text in _pairs("--over", over)}
     for path, text in _pairs("--tolerance", tolerance):
         if path in axes:
             raise pr.ParameterError(f"{path} is given to --over and to --tolerance. Give it to one of them.")
         axes[path] = pr.Tolerance(_percent(path, text), distribution.value)
     settings: dict[str, Any] = {"speed": speed, "duration": duration, "load_torque": load_torque, "timeout": timeout}
-    if contact is ContactKind.brush:
+    if contact == "brush":
         settings["sliders"] = sliders
     run = {name: value for name, value in settings.items() if value is not None}
-    if contact is not ContactKind.spring_slider:  # which is the default of the run
-        run["contact"] = contact.law
-    if analysis is AnalysisKind.operating_point:
-        how: dict[str, Any] = {"analysis": pr.operating_point, "quantities": quantity or OPERATING_QUANTITIES, **run}
-    else:
-        how = {"quantities": quantity or QUANTITIES, "duration": 5e-3, **run}
+    if contact != DEFAULT_LAW:  # which is the default of the run
+        run["contact"] = law_named(contact)
+    how = _question(analysis, excitation, quantity) | run
     with _cluster(scheduler, workers) as executor, points_progress() as progress:
         try:
             dataset = pr.sweep(
@@ -151,16 +162,22 @@ def sweep(
                 progress=progress,
             )
         except KeyboardInterrupt as interrupt:
-            complain(
-                f"piezomotor: interrupted; {str(interrupt) or 'nothing is lost; the same sweep, begun again, goes on'}."
-            )
-            return 130
-    document = _document(dataset)
+            complain(f"piezomotor: interrupted; {str(interrupt) or 'start the same sweep again to continue it'}.")
+            return INTERRUPTED
+    result = dataset.piezomotor
+    document = result.to_dict()
+    status = _told(dataset, document)
     deliver(
-        document, _summary(dataset, document), as_json,
-        (output, lambda path: write_dataset(path, dataset, document)),
-        (plot, lambda path: pr.plot_sweep(dataset, path)),
-    )  # fmt: skip
+        document, _summary(dataset, document, excitation.label), as_json, (output, result.save), (plot, result.plot)
+    )
+    return status
+
+
+def _told(dataset: xarray.Dataset, document: dict[str, Any]) -> int:
+    """Say on stderr which points are not settled or failed, and return the exit status."""
+    if "settled" in dataset and (unsettled := int((dataset["settled"] == 0).sum())):
+        message = f"piezomotor: {unsettled} of {document['points']} points are not settled; see 'settled'."
+        complain(message, style="yellow")
     if document["failures"]:
         first = document["failures"][0]["reason"]
         complain(f"piezomotor: {len(document['failures'])} of {document['points']} points failed; the first: {first}")
@@ -168,11 +185,26 @@ def sweep(
     return 0
 
 
+def _question(
+    analysis: AnalysisKind, excitation: pr.TwoPhaseDrive | pr.TwoToneDrive | pr.Driver, quantity: list[str] | None
+) -> dict[str, Any]:
+    """Return the analysis of a point, what is kept of it, and the settings that are not given."""
+    if analysis is AnalysisKind.operating_point:
+        from pyspice_runner.analysis.speed_torque import operating_point
+
+        return {"analysis": operating_point, "quantities": quantity or OPERATING_QUANTITIES}
+    if isinstance(excitation, pr.Driver):
+        matched = {} if excitation.network == "none" else {"match": "running"}
+        settings = {"analysis": pr.drive_report, "proposals": False, "duration": 3e-3, **matched}
+        return {"quantities": quantity or DRIVER_QUANTITIES, **settings}
+    return {"quantities": quantity or QUANTITIES, "duration": 5e-3}
+
+
 def _pairs(option: str, texts: list[str] | None) -> Iterator[tuple[str, str]]:
     for text in texts or []:
         path, equals, values = text.partition("=")
         if not equals:
-            raise pr.ParameterError(f"{option} {text!r} names no values; write it as PATH=VALUES.")
+            raise pr.ParameterError(f"{option} {text!r} has no values; write PATH=VALUES.")
         yield path.strip(), values
 
 
@@ -183,7 +215,7 @@ def _percent(path: str, text: str) -> float:
             raise ValueError
         return float(number) / 100.0
     except ValueError:
-        raise pr.ParameterError(f"--tolerance {path}: {text!r} is no percentage. Write it as 10%.") from None
+        raise pr.ParameterError(f"--tolerance {path}: {text!r} is not a percentage. Write 10%.") from None
 
 
 @contextmanager
@@ -201,7 +233,7 @@ def _cluster(address: str | None, workers: int | None) -> Iterator[Executor | No
             "--scheduler needs Dask. Install it: `pip install 'pyspice-runner[distributed]'`."
         ) from None
     try:
-        client = Client(address, timeout=10)
+        client = Client(address, timeout=10, set_as_default=False)  # a failed one would remain Dask's default
     except (OSError, ValueError, TypeError, RuntimeError) as error:  # by the kind of address
         raise pr.ParameterError(
             f"There is no Dask scheduler at {address}: {error}. Start one, `dask scheduler`."
@@ -210,30 +242,10 @@ def _cluster(address: str | None, workers: int | None) -> Iterator[Executor | No
         yield client.get_executor()
 
 
-def _document(dataset: xarray.Dataset) -> dict[str, Any]:
-    """Return the result JSON-ready, ``null`` where a point failed."""
-    failure = dataset["failure"]
-    quantities = [str(name) for name in dataset.data_vars if name not in ("failure", "deck_sha256")]
-    failures = [failure[tuple(index)] for index in np.argwhere(failure.values != "")]
-    attributes = {str(name): value for name, value in dataset.attrs.items()}
-    decoded = {name: json.loads(attributes[name]) for name in ("motor", "drive", "run")}
-    return {
-        "points": failure.size,
-        "dimensions": {str(name): size for name, size in dataset.sizes.items()},
-        "coordinates": {str(name): values.values.tolist() for name, values in dataset.coords.items()},
-        "quantities": {name: jsonable(dataset[name].values.tolist()) for name in quantities},
-        "failures": [
-            {"at": {str(name): value.item() for name, value in point.coords.items()}, "reason": point.item()}
-            for point in failures
-        ],
-        "provenance": attributes | decoded,
-    }
-
-
-def _summary(dataset: xarray.Dataset, document: dict[str, Any]) -> Table:
+def _summary(dataset: xarray.Dataset, document: dict[str, Any], drive: str) -> Table:
     marked = ("lowest", "5 %", "median", "95 %", "highest")
     table = Table("quantity", "unit", *marked, box=None, padding=(0, 2, 0, 0))
-    table.title = f"{dataset.attrs['parameter_set']}, {document['points']} points"
+    table.title = f"{dataset.attrs['parameter_set']}, {drive}, {document['points']} points"
     for name in document["quantities"]:
         values = dataset[name].values
         values = values[np.isfinite(values)]

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``piezomotor track``: a resonance tracker in front of a motor that is disturbed."""
+"""``piezomotor track``: a motor with a resonance tracker, under a disturbance."""
 
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -19,17 +19,21 @@ from pyspice_runner.commands.common import (
     SetOption,
     TimeoutOption,
     busy,
+    caution,
     check_targets,
     deliver,
     engineering,
     load_changed,
-    warn_of,
+    refuse_idle,
 )
-from pyspice_runner.commands.contacting import ContactKind, ContactOption
+from pyspice_runner.commands.contacting import DEFAULT_LAW, NONE, ContactOption, law_named
+
+if TYPE_CHECKING:
+    from pyspice_runner.analysis.track import Tracking
 
 
 class TrackerName(StrEnum):
-    """What sets the frequency."""
+    """Kind of tracker."""
 
     none = "none"
     pll = "pll"
@@ -38,7 +42,7 @@ class TrackerName(StrEnum):
 
 
 class DisturbName(StrEnum):
-    """What happens to the motor."""
+    """Kind of disturbance."""
 
     start = "start"
     target = "target"
@@ -48,34 +52,36 @@ class DisturbName(StrEnum):
 
 
 def track(
+    context: typer.Context,
     motor: MotorArgument,
-    tracker: Annotated[TrackerName, typer.Option(help="What sets the frequency.")] = TrackerName.pll,
-    disturb: Annotated[DisturbName, typer.Option(help="What happens to the motor.")] = DisturbName.start,
+    tracker: Annotated[TrackerName, typer.Option(help="Tracker that sets the frequency.")] = TrackerName.pll,
+    disturb: Annotated[DisturbName, typer.Option(help="Disturbance of the motor.")] = DisturbName.start,
     voltage: Annotated[float, typer.Option(help="Amplitude of group A, V.")] = 50.0,
     ratio_b: Annotated[float, typer.Option(help="Amplitude of group B over that of group A.")] = 2.0,
     phase: Annotated[float, typer.Option(help="Phase of group B ahead of group A, degrees.")] = 90.0,
     frequency: Annotated[
-        float | None, typer.Option(help="Middle of the oscillator's range, Hz; default: the running resonance.")
+        float | None,
+        typer.Option(help="Centre of the oscillator's range, Hz; default: the resonance of the running motor."),
     ] = None,
     span: Annotated[float, typer.Option(help="Half the oscillator's range, relative.")] = 0.07,
     offset: Annotated[
-        float | None, typer.Option(help="At the start, relative to the middle; default: 0.03 for start, else 0.")
+        float | None, typer.Option(help="Initial offset, relative to the centre; default: 0.03 for start, otherwise 0.")
     ] = None,
-    target: Annotated[float, typer.Option(help="Phase that the loop holds, degrees; 0 is resonance.")] = 0.0,
+    target: Annotated[float, typer.Option(help="Target phase of the loop, degrees; 0 is resonance.")] = 0.0,
     bandwidth: Annotated[float, typer.Option(help="Bandwidth of the phase-locked loop, Hz.")] = 500.0,
     period: Annotated[float, typer.Option(help="Time between two steps of an observer, s.")] = 0.8e-3,
     step_size: Annotated[float, typer.Option(help="Size of an observer's steps, Hz.")] = 80.0,
-    reverse: Annotated[bool, typer.Option("--reverse", help="Connect the tracker the wrong way round.")] = False,
+    reverse: Annotated[bool, typer.Option("--reverse", help="Reverse the polarity of the tracker.")] = False,
     load_torque: Annotated[float | None, typer.Option(help="Load, N.m; default: half the stall torque.")] = None,
     preload_change: Annotated[float, typer.Option(help="Relative change of the preload.")] = 0.3,
     target_step: Annotated[float, typer.Option(help="Step of the target, degrees.")] = 10.0,
     drift: Annotated[float, typer.Option(help="Relative drift of the frequencies.")] = -0.02,
-    drift_time: Annotated[float, typer.Option(help="Time that the drift takes, s.")] = 50e-3,
+    drift_time: Annotated[float, typer.Option(help="Duration of the drift, s.")] = 50e-3,
     all_drift: Annotated[
-        bool, typer.Option("--all-drift", help="Couplings and capacitances drift along, by their default coefficients.")
+        bool, typer.Option("--all-drift", help="Couplings and capacitances drift too, by their default coefficients.")
     ] = False,
-    contact: ContactOption = ContactKind.spring_slider,
-    begin: Annotated[float | None, typer.Option(help="When the disturbance begins, s.")] = None,
+    contact: ContactOption = DEFAULT_LAW,
+    begin: Annotated[float | None, typer.Option(help="Start of the disturbance, s.")] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated time, s.")] = None,
     timeout: TimeoutOption = None,
     audit: AuditOption = True,
@@ -84,12 +90,13 @@ def track(
     output: OutputOption = None,
     plot: PlotOption = None,
 ) -> None:
-    """Let a tracker follow the last mode of a motor, and disturb it. Exit status 0: it ran, whether it locked or not.
+    """Track the last mode of a motor under a disturbance. The exit status is 0 whether or not the tracker locked.
 
     Writes .json (result), .csv (frequency, phase and speed of each period) or .cir (the deck).
 
     Example: piezomotor track andersen2002 --tracker pll --disturb load --plot track.png
     """
+    _refuse_idle(context, tracker, disturb)
     check_targets(output, (".json", ".csv", ".cir"), plot)
     loaded = load_changed(motor, changes)
     values = {
@@ -99,14 +106,16 @@ def track(
     }  # fmt: skip
     chosen = pr.Tracker(frequency=loaded.modes[-1].frequency_hz if frequency is None else frequency, **values)
     if frequency is None:
-        resonance = pr.running_resonance(loaded, chosen, contact=contact is not ContactKind.none)
+        from pyspice_runner.analysis.track import running_resonance
+
+        resonance = running_resonance(loaded, chosen, contact=contact != NONE)
         chosen = pr.Tracker(frequency=resonance.resonance_hz, **values)
     with busy(f"ngspice runs the tracker {tracker.value}"):
         found = pr.track(
             loaded,
             chosen,
             disturb=disturb.value,
-            contact=contact.law,
+            contact=law_named(contact),
             begin=begin,
             duration=duration,
             load_torque=load_torque,
@@ -118,19 +127,47 @@ def track(
             timeout=timeout,
             audit=audit,
         )
-    warn_of(found.findings)
+    caution(found)
     deliver(found.to_dict(), _table(loaded, found), as_json, (output, found.save), (plot, found.plot))
 
 
-def _table(motor: pr.Motor, found: pr.Tracking) -> Table:
+_OF_TRACKERS = {
+    ("bandwidth", "target"): {TrackerName.pll},
+    ("period", "step_size"): {TrackerName.observe_current, TrackerName.observe_power},
+    ("reverse",): set(TrackerName) - {TrackerName.none},
+}
+_OF_DISTURBANCES = {
+    ("load_torque",): {DisturbName.load},
+    ("preload_change",): {DisturbName.preload},
+    ("target_step",): {DisturbName.target},
+    ("drift", "drift_time", "all_drift"): {DisturbName.temperature},
+    ("begin",): set(DisturbName) - {DisturbName.start},
+}
+
+
+def _refuse_idle(context: typer.Context, tracker: TrackerName, disturb: DisturbName) -> None:
+    """Refuse options of another tracker and of another disturbance."""
+    for names, trackers in _OF_TRACKERS.items():
+        if tracker not in trackers:
+            refuse_idle(context, f"on --tracker {tracker.value}", *names)
+    for names, disturbances in _OF_DISTURBANCES.items():
+        if disturb not in disturbances:
+            refuse_idle(context, f"on --disturb {disturb.value}", *names)
+
+
+def _table(motor: pr.Motor, found: Tracking) -> Table:
+    remark = ", not settled" if found.settled is False else ""
     table = Table("quantity", "value", title=f"{motor.name}: {found.settings['tracker']['kind']}")
+    tracker = found.settings["tracker"]
+    volts = f"A {tracker['voltage']:g} V, B {tracker['voltage'] * tracker['ratio_b']:g} V at {tracker['phase_deg']:g}°"
+    table.add_row("drive", f"{volts}, about {engineering(tracker['frequency'], 'Hz')}")
     table.add_row("locked", "yes" if found.locked else "no")
     table.add_row("lock time", "–" if found.lock_time_s is None else engineering(found.lock_time_s, "s"))
     table.add_row("phase error, RMS", f"{found.rms_phase_error_deg:.3g}°")
     table.add_row("phase error, worst", f"{found.worst_phase_error_deg:.3g}°")
     table.add_row("residual detuning", engineering(found.residual_detuning_hz, "Hz"))
     table.add_row("frequency at the end", f"{found.end_frequency_hz / 1e3:.6g} kHz")
-    table.add_row("speed before, after", f"{found.speed_before_rad_s:.3g}, {found.speed_after_rad_s:.3g} rad/s")
+    table.add_row("speed before, after", f"{found.speed_before_rad_s:.3g}, {found.speed_after_rad_s:.3g} rad/s{remark}")
     table.add_row("speed lost", f"{found.speed_lost_rad_s:.3g} rad/s")
     if found.stall_torque_n_m is not None:
         table.add_row("stall torque", engineering(found.stall_torque_n_m, "N·m"))

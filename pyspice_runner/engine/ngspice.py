@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Netlist text in, verified waveforms out.
+"""Run a netlist in ngspice and verify its result.
 
-Each run is a process ``ngspice -b -n -r`` of its own in a folder of its own, so that concurrent runs do not meet and
-no user's start-up file is read. ngspice's exit status and the presence of a raw file do not mean success; a run counts
-only if the netlist has none of the faults that ngspice passes over in silence (:mod:`.silent`), the status is 0, the
-log is clean, every vector asked for is there and finite, and the analysis reached its end.
+Each run is a separate process ``ngspice -b -n -r`` in a separate folder, so that concurrent runs do not interfere and
+the user's start-up file is not read. ngspice's exit status and the presence of a raw file do not mean success. A run is
+valid only if the netlist has none of the faults that ngspice ignores (:mod:`.silent`), the status is 0, the log has no
+complaint, every requested vector is present and finite, and the analysis reached its end.
 """
 
 from __future__ import annotations
@@ -30,14 +30,15 @@ from pyspice_runner.errors import Interrupted, SimulationError
 from pyspice_runner.interrupts import held
 
 OLDEST_VERSION = 36  # behavioural sources and subcircuit parameters as the libraries use them
+LARGEST = 1e100  # of a value, in any unit: no physical quantity is near it, and its square is still a number
 _VERSION_TIMEOUT = 20.0  # s; ngspice answers within some 5 ms
-_PROGRESS_PERIOD = 0.2  # s; ngspice itself tells no more often how far it is
-_LONGEST_LOG = 1 << 24  # bytes; a run that ends well writes about 1 kB
-_FULL = 1 << 16  # bytes; what is free on a disk that ngspice has filled: less than it writes at once
+_PROGRESS_PERIOD = 0.2  # s; ngspice reports its progress no more often
+_LONGEST_LOG = 1 << 24  # bytes; a good run writes about 1 kB
+_FULL = 1 << 16  # bytes; a disk that ngspice has filled has less than this free, the size of one write
 _FREE_SPACE = "Free some space or set TMPDIR."
 _INSTALL_HINT = "Install it: `sudo apt-get install ngspice` (Debian, Ubuntu), `brew install ngspice` (macOS)."
 
-# Words by which ngspice 36 to 44 tells that something is amiss, on standard output or standard error alike.
+# Words by which ngspice 36 to 46 reports a problem, on standard output or standard error.
 _TROUBLE = re.compile(
     r"error|warning|singular|unknown|unrecogni[sz]ed|undefined|can't|cannot|could not|fail|abort|"
     r"too (?:small|few|many)|no such|not found|no convergence|ignored|out of memory|iteration limit|interrupted|"
@@ -47,21 +48,22 @@ _TROUBLE = re.compile(
 # Lines of every run. They name the netlist's title and nodes, which may hold any of the words above.
 _CHATTER = re.compile(
     r"Circuit: |Note: |Doing analysis at|binary raw file|No\. of Data|Using transient initial|"
+    r"Using (?:SPARSE|KLU)|Operating point simulation skipped|now using transient initial|No\. of Data Columns|"
     r"Initial Transient Solution|Node +Voltage|Reference value|or no active circuit available|-+ *-*$|"
     r"\S+ +-?(?:\d[\d.]*(?:e[-+]\d+)?|nan|inf)$|Total (?:analysis|elapsed)|Total DRAM|DRAM currently|.* program size =|"
     r"Shared ngspice pages|Text \(code\) pages|Stack =|Library pages|ngspice-\d+ done"
 )
-_STEPPING = re.compile(r"(Trying gmin =|Supplies reduced to) *\S+ *")  # what came of it stands on the same line
+_STEPPING = re.compile(r"(Trying gmin =|Supplies reduced to) *\S+ *")  # the outcome follows on the same line
 
 
 @dataclass(frozen=True)
 class Result:
-    """What a verified run gave.
+    """The result of a verified run.
 
     Attributes:
         raw: the vectors.
         seconds: wall time of the ngspice process.
-        log: ngspice's words.
+        log: the log of ngspice.
     """
 
     raw: RawFile
@@ -78,7 +80,7 @@ def find_ngspice() -> str:
     found = shutil.which("ngspice")
     if found is None:
         raise SimulationError(f"ngspice is not on the PATH. {_INSTALL_HINT}")
-    return found
+    return str(Path(found).absolute())  # an entry of PATH may be relative, and a run has a working folder of its own
 
 
 def ngspice_version() -> str:
@@ -103,7 +105,9 @@ def _version_of(executable: str) -> str:
             check=False,
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise SimulationError(f"{executable} does not run: {error}. {_INSTALL_HINT}") from error
+        full = isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE)
+        hint = "Raise the limit of open files, as by `ulimit -n 1024`." if full else _INSTALL_HINT
+        raise SimulationError(f"{executable} does not run: {error}. {hint}") from error
     match = re.search(r"ngspice-(\d+)([.\d+]*)", answer.stdout)
     if not match:
         raise SimulationError(f"{executable} does not say which version it is. {_INSTALL_HINT}", log=answer.stdout)
@@ -132,7 +136,7 @@ def run_deck(
         stop_frequency: for an AC analysis, the frequency in Hz that it must reach.
         timeout: wall time in s after which the run is ended.
         progress: called some times a second with the time in s that a transient has reached.
-        keep_partial: whether a run that is interrupted hands over the points that it has.
+        keep_partial: whether a run that is interrupted returns the points that it has.
 
     Raises:
         SimulationError: with ngspice's own words and, as ``deck``, the file kept for inspection.
@@ -181,7 +185,7 @@ def run_deck(
 
 
 class _Unsound(Exception):
-    """A run that must not be believed, with ngspice's log."""
+    """A run is not valid; with the log of ngspice."""
 
     def __init__(self, message: str, log: str) -> None:
         super().__init__(message)
@@ -229,7 +233,7 @@ def _wait(
     progress: Callable[[float], object] | None,
     log_file: IO[bytes],
 ) -> int:
-    """Wait for the end of ngspice, telling now and then which time it has reached."""
+    """Wait for the end of ngspice, and report the simulated time that it has reached."""
     if progress is None:
         return process.wait(timeout=timeout)
     ends, last = (None if timeout is None else time.monotonic() + timeout), b""
@@ -248,12 +252,12 @@ def _wait(
 
 
 def _interrupted(path: Path, vectors: Sequence[str], seconds: float) -> KeyboardInterrupt:
-    """Return the interrupt to raise: with the whole points that are there, or bare if there is nothing to show."""
+    """Return the interrupt to raise, with the complete points of the run if there are any."""
     try:
         raw = read_rawfile(path, partial=True)
     except RawFileError:
         return KeyboardInterrupt()
-    if any(raw.find(name) is None for name in vectors) or raw.not_finite(vectors):
+    if any(raw.find(name) is None for name in vectors) or raw.beyond(LARGEST, vectors):
         return KeyboardInterrupt()
     return Interrupted("The run was interrupted.", Result(raw, seconds, ""))
 
@@ -283,14 +287,14 @@ def _verified(path: Path, status: int, log: str, vectors: Sequence[str]) -> RawF
     for name in vectors:
         if raw.find(name) is None:
             raise _Unsound(f"ngspice left out the vector {name}; check that the netlist has it.", log)
-    spoiled = raw.not_finite(vectors)
+    spoiled = raw.beyond(LARGEST, vectors)
     if spoiled:
-        raise _Unsound(f"ngspice gave values of {spoiled} that are not finite.", log)
+        raise _Unsound(f"ngspice gave values of {spoiled} that are not finite or exceed {LARGEST:g}.", log)
     return raw
 
 
 def _check_end(raw: RawFile, abscissa: str, stop: float | None, unit: str, log: str) -> None:
-    """Refuse an analysis that ended before the time or frequency asked for."""
+    """Raise if an analysis ended before the requested time or frequency."""
     if stop is None:
         return
     if abscissa not in raw.vectors:
@@ -306,19 +310,19 @@ def _check_end(raw: RawFile, abscissa: str, stop: float | None, unit: str, log: 
 
 
 def _spoken(log: str) -> list[str]:
-    """Return the lines of a log without those that every run has."""
+    """Return the lines of a log that not every run has."""
     lines = [_STEPPING.sub("", line.strip()) for line in log.splitlines()]
     return [line for line in lines if line and not _CHATTER.match(line)]
 
 
 def _complaint(log: str) -> list[str]:
-    """Return the lines of a log from the first complaint on, none if it is clean."""
+    """Return the lines of a log from the first complaint on; none if there is no complaint."""
     lines = _spoken(log)
     first = next((index for index, line in enumerate(lines) if _TROUBLE.search(line)), len(lines))
     return lines[first:]
 
 
 def _quoted(lines: Sequence[str]) -> str:
-    """Return the first few lines, ready to be put behind a sentence."""
+    """Return the first few lines, to append to a sentence."""
     few = [line[:200] for line in list(dict.fromkeys(lines))[:3]]
     return f': "{" / ".join(few)}"' if few else ""

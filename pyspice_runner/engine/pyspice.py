@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The verified runner as a PySpice simulator: whoever knows PySpice calls ``.transient()`` and ``.ac()`` on it.
+"""The verified runner as a PySpice simulator, with PySpice's ``.transient()`` and ``.ac()``.
 
 PySpice writes the netlist; its own runners are left aside, because they may return the previous run's data after a
 netlist that did not parse.
@@ -40,7 +40,7 @@ class BatchSimulator(CircuitSimulator):
 
     def __init__(self, circuit: Circuit, *, timeout: float | None = None, **kwargs: Any) -> None:
         if timeout is not None and not timeout > 0.0:
-            raise ParameterError(f"timeout = {timeout:g} s is refused; allowed is a number > 0 s.")
+            raise ParameterError(f"timeout = {timeout:g} s is not valid: it must be a number > 0 s.")
         super().__init__(circuit, **kwargs)
         for keyword, option in (("temperature", "TEMP"), ("nominal_temperature", "TNOM")):
             if keyword not in kwargs:  # both are then ngspice's 27 degrees, and the deck stays short

@@ -42,12 +42,16 @@ class RawFile:
                 return self.vectors[candidate]
         return None
 
-    def not_finite(self, names: Sequence[str]) -> str | None:
-        """Return the first of some vectors that has a value that is not finite."""
+    def beyond(self, largest: float, names: Sequence[str]) -> str | None:
+        """Return the first of these vectors with a value that is not finite or larger in magnitude than a limit."""
         columns = {name: self.find(name) for name in names}
         for chunk in self._chunks():
             for name, values in columns.items():
-                if values is not None and not np.isfinite(values[chunk]).all():
+                if values is None:
+                    continue
+                with np.errstate(over="ignore", invalid="ignore"):  # in the magnitude of a complex value
+                    within = np.abs(values[chunk]) <= largest
+                if not within.all():
                     return name
         return None
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Faults of a netlist that ngspice passes over in silence: status 0, a clean log, and a result that is not meant.
+"""Faults of a netlist that ngspice ignores: the status is 0, the log has no complaint, and the result is wrong.
 
 Measured with ngspice 39: an unknown name in ``.options``, an unknown parameter on the line of a subcircuit's instance,
-and an AC analysis without an AC source, which gives zeros. They are looked for before ngspice runs.
+and an AC analysis without an AC source, which gives zeros. The netlist is checked for them before ngspice runs.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _OPTIONS = frozenset(
 
 
 def silent_fault(deck: str) -> str | None:
-    """Say what ngspice would pass over in silence in this netlist, as one sentence; ``None`` if nothing is found."""
+    """Return the first fault that ngspice would ignore in this netlist, as one sentence; ``None`` if there is none."""
     lines = _statements(deck)
     return _unknown_option(lines) or _unknown_parameter(lines) or _missing_ac_source(lines)
 
@@ -86,7 +86,7 @@ def _unknown_option(lines: list[str]) -> str | None:
             if name not in _OPTIONS:
                 close = difflib.get_close_matches(name, _OPTIONS, n=1)
                 hint = f"; did you mean {close[0]}?" if close else "."
-                return f"ngspice has no option {name} and would pass over it in silence{hint}"
+                return f"ngspice has no option {name} and would ignore it without a message{hint}"
     return None
 
 
@@ -105,7 +105,7 @@ def _unknown_parameter(lines: list[str]) -> str | None:
             if subcircuit in known and name not in known[subcircuit] | {"m"}:  # m multiplies any instance
                 has = ", ".join(sorted(known[subcircuit])) or "none"
                 return (
-                    f"Subcircuit {subcircuit} has no parameter {name}, and ngspice would pass over it in silence "
+                    f"Subcircuit {subcircuit} has no parameter {name}, and ngspice would ignore it without a message "
                     f"on the line of {words[0]}; it has {has}."
                 )
     return None

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a motor is: parameters, beam to modes, closed-form contact laws; imports nothing else of the package."""
+"""The motor: parameters, modes of the beam, closed-form contact laws. Imports no other part of the package."""

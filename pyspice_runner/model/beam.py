@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From the dimensions of the resonator to its bending modes, piezo couplings and clamped capacitances.
+"""Bending modes, piezo couplings and clamped capacitances of the resonator, from its dimensions.
 
 Rayleigh–Ritz for a simply supported Bernoulli–Euler beam that carries piezoceramic patches and a rigid tip,
 after B. Andersen, J. Helbo, M. Blanke, "Modelling and Experiments of a Standing Wave Piezomotor", Proc. 8th
@@ -127,7 +127,7 @@ class Resonator:
 def solve_resonator(
     beam: Beam, patches: Sequence[Patch], tip: Tip, *, count: int = 2, shapes: int = SHAPES
 ) -> Resonator:
-    """Return the ``count`` lowest bending modes, from ``shapes`` sines; there may be no patches at all.
+    """Return the ``count`` lowest bending modes, from ``shapes`` sines, with or without patches.
 
     Raises:
         ParameterError: The parts do not fit together, or ``count`` does not fit ``shapes``.
@@ -329,7 +329,7 @@ def _amplitude(coefficients: Array, k: Array, length: float) -> float:
 
 
 def _without_round_off(values: Array, scale: Array | float) -> Array:
-    """Make what symmetry forbids exactly zero: a mode that is not coupled must not be coupled a little."""
+    """Set values that are zero by symmetry to exactly zero, so that rounding does not couple a mode."""
     return np.where(np.abs(values) <= _ZERO * scale, 0.0, values)
 
 
@@ -343,7 +343,7 @@ def _require_both_groups(patches: Sequence[Patch]) -> None:
 
 
 def _require_fit(beam: Beam, patches: Sequence[Patch]) -> None:
-    """Refuse patches that leave the beam, lie on each other, or share a mutual capacitance."""
+    """Check that patches are on the beam, do not overlap and have no mutual capacitance."""
     slack = _LENGTH_TOLERANCE * beam.length_m
     for index, patch in enumerate(patches):
         if patch.end_m > beam.length_m + slack:

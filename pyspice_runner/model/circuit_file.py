@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An equivalent circuit as a file: TOML to keep and edit, read back from it or from a fit's JSON."""
+"""Files of equivalent circuits: written as TOML, read from TOML or from the JSON of a fit."""
 
 from __future__ import annotations
 
 import json
-import tomllib
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.document import read_document
+from pyspice_runner.model.document import parse_toml, read_document
 from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.model.refusal import checked, quoted
 
@@ -25,7 +24,7 @@ def circuit_toml(circuit: EquivalentCircuit, *, title: str = "") -> str:
 
     Args:
         circuit: the circuit.
-        title: what it stands for, one line.
+        title: description of the circuit, one line.
     """
     lines = [
         f"# Equivalent circuit{', ' if title else ''}{_comment(title)}",
@@ -46,13 +45,13 @@ def _comment(text: str) -> str:
 
 @checked
 def is_circuit_file(source: str | Path) -> bool:
-    """Tell whether a path is that of an equivalent circuit rather than of a motor."""
+    """Whether a path is the file of an equivalent circuit and not of a motor."""
     path = Path(source)
     if path.suffix == ".json":
         return True
     try:
-        return path.suffix == ".toml" and "clamped_capacitance_f" in tomllib.loads(read_document(path, ""))
-    except (ValueError, RecursionError):
+        return path.suffix == ".toml" and "clamped_capacitance_f" in parse_toml(read_document(path, ""), path.name)
+    except ParameterError:
         return False
 
 
@@ -65,11 +64,7 @@ def load_circuit(path: str | Path) -> EquivalentCircuit:
     """
     path = Path(path)
     text = read_document(path, "the file of a fit")
-    try:
-        document: Any = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        kind = "JSON" if path.suffix == ".json" else "TOML"
-        raise ParameterError(f"{path.name} is not valid {kind}: {error}. Save the fit again.") from error
+    document = _parse_json(text, path.name) if path.suffix == ".json" else parse_toml(text, path.name)
     arms = document.get("arms") if isinstance(document, dict) else None
     if not isinstance(arms, list) or not arms or not all(isinstance(arm, dict) for arm in arms):
         raise ParameterError(f"{path.name} has no arms; give what `piezomotor fit --output` wrote as .json or .toml.")
@@ -81,6 +76,13 @@ def load_circuit(path: str | Path) -> EquivalentCircuit:
     return EquivalentCircuit(tuple(sorted(found, key=lambda arm: arm.series_resonance_hz)), *whole)
 
 
+def _parse_json(text: str, name: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ParameterError(f"{name} is not valid JSON: {error}. Save the fit again.") from error
+
+
 def _number(table: dict[str, Any], key: str, path: str, where: str) -> float:
     value = table.get(key, 0.0 if key.startswith("lead_") else None)
     if value is None:
@@ -88,5 +90,5 @@ def _number(table: dict[str, Any], key: str, path: str, where: str) -> float:
     least = 0.0 if key in _MAY_BE_ZERO else _LEAST
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= _MOST:
         allowed = f"a number ≥ {least:g} and ≤ {_MOST:g}"
-        raise ParameterError(f"{where}: {path} = {quoted(value)} is refused; allowed is {allowed}.")
+        raise ParameterError(f"{where}: {path} = {quoted(value)} is not valid: it must be {allowed}.")
     return float(value)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from pyspice_runner.model.parameters import Contact, Mode, Rotor
+from pyspice_runner.model.parameters import Contact, Mode, Mount, Rotor
 
 
 def effective_modulus(
@@ -69,7 +69,7 @@ def normal_damping(contact: Contact) -> float:
 def hunt_crossley_damping(restitution: float, velocity_m_s: float) -> float:
     r"""Constant a, in s/m, that gives a coefficient of restitution e at an approach velocity v.
 
-    The equation of motion m v̇ = −K_N δ^(3/2) (1 + a v) is separable, and whatever the mass and the stiffness
+    The equation of motion m v̇ = −K_N δ^(3/2) (1 + a v) is separable, and for any mass and stiffness
 
     .. math::
         a v\,(1 + e) = \ln\frac{1 + a v}{1 - a e v}.
@@ -101,7 +101,7 @@ def static_deflection(contact: Contact, modes: tuple[Mode, ...]) -> float:
 def static_sway(contact: Contact, modes: tuple[Mode, ...]) -> float:
     """Sideways displacement x = −F₀ Σ X_n Y_n/k_n of the tip under the preload, in m; 0 for a symmetric stator.
 
-    The rotor's crown stands over the tip as it rests: what is 0 but for the rounding of the modes is 0.
+    The crown of the rotor is above the tip at rest. Values that differ from 0 only by rounding are 0.
     """
     shares = [mode.tip_x * mode.tip_y / mode.stiffness_n_per_m for mode in modes]
     sizes = [(mode.tip_x**2 + mode.tip_y**2) / mode.stiffness_n_per_m for mode in modes]
@@ -109,8 +109,9 @@ def static_sway(contact: Contact, modes: tuple[Mode, ...]) -> float:
 
 
 def normal_stiffness_at_preload(contact: Contact) -> float:
-    """Normal contact stiffness k_c = dF_N/dδ = 3F₀/(2δ₀) at the operating point, in N/m."""
-    return 1.5 * contact.preload_n / static_penetration(contact)
+    """Normal stiffness k_c at the operating point, in N/m: dF_N/dδ = 3F₀/(2δ₀) and the compliance in series."""
+    alone = 1.5 * contact.preload_n / static_penetration(contact)
+    return alone / (1.0 + alone * contact.series_compliance_m_per_n)
 
 
 def tangential_stiffness_at_preload(contact: Contact) -> float:
@@ -127,16 +128,21 @@ def resonance_under_preload(contact: Contact, mode: Mode) -> float:
     return sqrt(stiffness / mode.mass_kg) / (2.0 * pi)
 
 
-def linearised_resonances(contact: Contact, modes: tuple[Mode, ...], rotor: Rotor) -> NDArray[np.float64]:
-    """Undamped resonances in Hz, rising, of modes and rotor coupled by the sticking contact at its operating point.
+def linearised_resonances(
+    contact: Contact, modes: tuple[Mode, ...], rotor: Rotor, mount: Mount | None = None
+) -> NDArray[np.float64]:
+    """Undamped resonances in Hz, ascending, of modes and rotor coupled by the sticking contact at its operating point.
 
-    One more than there are modes: the rotor swings on the contact's tangential spring.
+    One more than there are modes: the rotor swings on the contact's tangential spring. A carrier on springs adds one,
+    the lowest if the carrier is heavy: it bounces on the contact's normal stiffness.
     """
-    mass = np.diag([*(mode.mass_kg for mode in modes), rotor.inertia_kg_m2 / rotor.radius_m**2])
-    normal = np.array([*(mode.tip_y for mode in modes), 0.0])
-    tangential = np.array([*(mode.tip_x for mode in modes), -1.0])
+    carrier = [] if mount is None else [mount]
+    springs: list[Mode | Mount] = [*modes, *carrier]
+    mass = np.diag([*(spring.mass_kg for spring in springs), rotor.inertia_kg_m2 / rotor.radius_m**2])
+    normal = np.array([*(mode.tip_y for mode in modes), *(1.0 for _ in carrier), 0.0])
+    tangential = np.array([*(mode.tip_x for mode in modes), *(0.0 for _ in carrier), -1.0])
     stiffness = (
-        np.diag([*(mode.stiffness_n_per_m for mode in modes), 0.0])
+        np.diag([*(spring.stiffness_n_per_m for spring in springs), 0.0])
         + normal_stiffness_at_preload(contact) * np.outer(normal, normal)
         + tangential_stiffness_at_preload(contact) * np.outer(tangential, tangential)
     )

@@ -1,14 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a file that states parameters is read, whatever it turns out to be."""
+"""Reading of the files that state parameters: regular files of bounded size, and TOML of bounded nesting."""
 
 from __future__ import annotations
 
+import re
 import stat
+import tomllib
 from pathlib import Path
+from typing import Any
 
 from pyspice_runner.errors import ParameterError
 
-MOST_BYTES = 4 * 2**20  # a motor has some kB, a fit some ten
+MOST_BYTES = 4 * 2**20  # a motor has a few kB, a fit about ten
+MOST_PARTS = 32  # of a dotted key; a motor's longest key has four
+
+_NO_KEY = re.compile(  # strings and comments of TOML; a string that is not closed ends with its line or the file
+    r"""
+    \"{3} (?: \\. | [^\\] )*? (?: \"{3,5} | \Z )
+    | '{3} .*? (?: '{3,5} | \Z )
+    | " (?: \\[^\n] | [^"\\\n] )*+ "?
+    | ' [^'\n]*+ '?
+    | \# [^\n]*
+    """,
+    re.DOTALL | re.VERBOSE,
+)
+_LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{MOST_PARTS}}}")
 
 
 def read_document(path: Path, wanted: str) -> str:
@@ -16,21 +32,48 @@ def read_document(path: Path, wanted: str) -> str:
 
     Args:
         path: the file.
-        wanted: what to give instead, for messages.
+        wanted: what the user should give instead, for messages.
 
     Raises:
-        ParameterError: if it is no regular file, too large, no text, or cannot be read.
+        ParameterError: if the file is not a regular file, is too large, is not text, or cannot be read.
     """
     try:
         status = path.stat()
-        if not stat.S_ISREG(status.st_mode):  # a pipe would be waited for
+        if not stat.S_ISREG(status.st_mode):  # reading a pipe would wait for its writer
             reason = "it is not a regular file"
         elif status.st_size > MOST_BYTES:
-            reason = f"it has {status.st_size / 2**20:.3g} MiB, and at most {MOST_BYTES >> 20} are allowed"
+            reason = f"it has {status.st_size / 2**20:.3g} MiB; the limit is {MOST_BYTES >> 20} MiB"
         else:
             return path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
         reason = "it is not UTF-8 text"
-    except (OSError, ValueError) as error:  # a name with a zero in it is a ValueError
+    except (OSError, ValueError) as error:  # a path with a null character raises ValueError
         reason = getattr(error, "strerror", None) or str(error)
     raise ParameterError(f"Cannot read {path}: {reason}. Give {wanted}.")
+
+
+def parse_toml(text: str, name: str) -> dict[str, Any]:
+    """Return the table that a TOML text states.
+
+    The parser's memory and time grow with the square of the number of parts of a dotted key, and its recursion with the
+    nesting of arrays; both are bounded here.
+
+    Args:
+        text: the TOML.
+        name: name of the file, for messages.
+
+    Raises:
+        ParameterError: if the text is not valid TOML, or nests its values too deeply.
+    """
+    if _LONG_KEY.search(_NO_KEY.sub("_", text)):
+        raise ParameterError(
+            f"{name} has a key of more than {MOST_PARTS} dotted parts. Use the keys of a motor's TOML."
+        )
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ParameterError(f"{name} is not valid TOML: {error}. Correct that line.") from error
+    except RecursionError:
+        raise ParameterError(f"{name} nests its values too deeply. Use the structure of a motor's TOML.") from None
+    except ValueError as error:  # Python limits the number of digits that it converts
+        raise ParameterError(f"{name} holds a number of thousands of digits. Write numbers as in 1e-3.") from error

@@ -13,13 +13,13 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import quantity
 from pyspice_runner.model.refusal import Stated
 
-# What a drive must be to its motor. Modes answer to a thousandth of their frequency as a spring does, and to a hundred
-# times it by 1e-4 of that: farther off, a drive in another unit is meant.
+# Range of drive frequencies. At a thousandth of its frequency a mode responds like a spring, at a hundred times it with
+# 1e-4 of that: a frequency farther away is probably in another unit.
 SLOWEST_DRIVE, FASTEST_DRIVE = 1e-3, 1e2
-# m/s, of a tip: strain is its velocity over that of sound, some 5000 m/s, and 2 % are beyond every stator
+# m/s: the strain is this velocity over that of sound, about 5000 m/s; no stator survives 2 %
 FASTEST_TIP = 100.0
 FASTEST_SHAFT, FASTEST_SURFACE = 1e6, 1e3  # rad/s; m/s at the rim, where the strongest flywheels burst
-WIDEST_SWING = 0.1  # of a tip, over the rotor's radius: the tip stays near the rotor's crown
+WIDEST_SWING = 0.1  # amplitude over the radius of the rotor: the tip stays near the crown of the rotor
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Tone:
 
 
 class Drive(Stated):
-    """What all drives share: full amplitude from t = 0, unless a soft start is asked for.
+    """Common base of all drives: full amplitude from t = 0, or a soft start.
 
     Raises:
         ParameterError: by every constructor, for a value out of range.
@@ -54,7 +54,7 @@ class Drive(Stated):
 
     @property
     def label(self) -> str:
-        """What a figure's caption says of the drive."""
+        """Description of the drive for captions."""
         raise NotImplementedError
 
     @property
@@ -107,7 +107,7 @@ class TwoToneDrive(Drive):
     """Eq. (2): U_A,B = U₁ sin(2πf₁t) ± U₂ sin(2πf₂t + φ).
 
     The first tone drives both groups alike and so moves the tip towards the rotor; the second drives them against each
-    other and moves it along the rotor. With f₂ = 2 f₁ the tip writes a figure eight.
+    other and moves it along the rotor. With f₂ = 2 f₁ the tip moves on a figure eight.
     """
 
     voltage_1: float = quantity("amplitude U₁ of the common tone", "V", ge=0.0, le=1e4)
@@ -137,12 +137,27 @@ class TwoToneDrive(Drive):
         return (common, Tone(-opposed.amplitude, opposed.frequency, opposed.phase))
 
 
+DRIVES: dict[str, type[TwoPhaseDrive] | type[TwoToneDrive]] = {"two-phase": TwoPhaseDrive, "two-tone": TwoToneDrive}
+_USUAL_VOLTAGE = 50.0  # V, for a motor that recommends no drive: moves the tip of a small stator by some micrometres
+
+
+def default_drive(motor: Motor) -> TwoPhaseDrive | TwoToneDrive:
+    """Return the drive that a motor's parameter set recommends.
+
+    A motor that recommends none gets two phases 90° apart, with 50 V at the frequency of its last mode.
+    """
+    if motor.drive is not None:
+        values = dict(motor.drive)
+        return DRIVES[values.pop("kind", "two-phase")](**values)
+    return TwoPhaseDrive(voltage=_USUAL_VOLTAGE, frequency=motor.modes[-1].frequency_hz)
+
+
 def _at_zero(tones: tuple[Tone, ...]) -> float:
     return sum(tone.amplitude * sin(tone.phase) for tone in tones)
 
 
 def free_tip(motor: Motor, drive: Drive) -> tuple[float, float]:
-    """Return bounds on the velocity (m/s) and swing (m) of a tip that touches nothing, once it swings steadily."""
+    """Return upper bounds of the velocity (m/s) and amplitude (m) of a free tip in steady state."""
     velocity = swing = 0.0
     for tone_a, tone_b in zip(drive.tones_a, drive.tones_b, strict=True):
         omega = 2.0 * pi * tone_a.frequency
@@ -161,46 +176,68 @@ def free_tip(motor: Motor, drive: Drive) -> tuple[float, float]:
 
 
 def check_together(motor: Motor, drive: Drive) -> None:
-    """Refuse a drive that no motor of this kind is driven by, whatever door it comes by.
+    """Check that a drive suits a motor.
 
     Raises:
-        ParameterError: for a frequency far from the modes, or a voltage that no stator stands.
+        ParameterError: for a frequency far from the modes, or a voltage that would break the stator.
     """
     lowest, highest = (bound(mode.frequency_hz for mode in motor.modes) for bound in (min, max))
     for frequency in drive.frequencies:
         if not SLOWEST_DRIVE * lowest <= frequency <= FASTEST_DRIVE * highest:
             raise ParameterError(
-                f"A drive at {frequency:g} Hz is refused for {motor.name}, whose modes lie from {lowest:.4g} to "
-                f"{highest:.4g} Hz; allowed is a frequency ≥ {SLOWEST_DRIVE * lowest:.3g} and ≤ "
+                f"A drive at {frequency:g} Hz does not suit {motor.name}, whose modes lie from {lowest:.4g} to "
+                f"{highest:.4g} Hz: give a frequency ≥ {SLOWEST_DRIVE * lowest:.3g} and ≤ "
                 f"{FASTEST_DRIVE * highest:.3g} Hz."
             )
     velocity, swing = free_tip(motor, drive)
     furthest = WIDEST_SWING * motor.rotor.radius_m
     if velocity > FASTEST_TIP or swing > furthest:
         raise ParameterError(
-            f"The drive ({drive.label}) is refused for {motor.name}: it would swing the free tip by {swing:.3g} m at "
-            f"{velocity:.3g} m/s; allowed are ≤ {furthest:.3g} m, a tenth of the rotor's radius, and ≤ "
-            f"{FASTEST_TIP:g} m/s, since no stator stands more. Lower the voltage, or mend the couplings."
+            f"The drive ({drive.label}) is too strong for {motor.name}: the free tip would move by {swing:.3g} m at "
+            f"{velocity:.3g} m/s; the limits are {furthest:.3g} m, a tenth of the rotor's radius, and "
+            f"{FASTEST_TIP:g} m/s, above which a stator breaks. Lower the voltage, or correct the couplings."
         )
 
 
+@dataclass(frozen=True)
+class Load:
+    """Load of the shaft: none, a torque, or a held speed.
+
+    Attributes:
+        speed: speed in rad/s at which the shaft is held; ``None`` leaves it free.
+        torque: torque in N·m that a load draws from the free shaft at any speed; positive against the positive
+            direction.
+    """
+
+    speed: float | None = None
+    torque: float = 0.0
+
+    def check(self, motor: Motor) -> None:
+        """Check that a motor's shaft can be held or loaded like this.
+
+        Raises:
+            ParameterError: for a value out of range, or for speed and torque together.
+        """
+        check_shaft(motor, self.speed, self.torque)
+
+
 def check_shaft(motor: Motor, speed: float | None, load_torque: float = 0.0) -> None:
-    """Refuse what no shaft is held at or loaded with, whatever door it comes by.
+    """Check a held speed and a load torque of the shaft.
 
     Raises:
-        ParameterError: naming what is allowed.
+        ParameterError: for a value out of range; the message gives the range.
     """
     if speed is not None:
         if not abs(speed) <= FASTEST_SHAFT:
-            raise ParameterError(f"speed = {speed:g} rad/s is refused; allowed is a number from -1e6 to 1e6 rad/s.")
+            raise ParameterError(f"speed = {speed:g} rad/s is not valid: it must be a number from -1e6 to 1e6 rad/s.")
         surface, radius = abs(speed) * motor.rotor.radius_m, motor.rotor.radius_m
         if surface > FASTEST_SURFACE:
             raise ParameterError(
-                f"speed = {speed:g} rad/s is refused for rotor.radius_m = {radius:g} m: its rim would move at "
-                f"{surface:.3g} m/s, where every rotor bursts; allowed is up to {FASTEST_SURFACE / radius:.3g} rad/s."
+                f"speed = {speed:g} rad/s is not valid for rotor.radius_m = {radius:g} m: its rim would move at "
+                f"{surface:.3g} m/s, where every rotor bursts. Give at most {FASTEST_SURFACE / radius:.3g} rad/s."
             )
     if not abs(load_torque) <= 1e6:
-        raise ParameterError(f"load_torque = {load_torque:g} N·m is refused; allowed is a number from -1e6 to 1e6 N·m.")
+        raise ParameterError(f"load_torque = {load_torque:g} N·m is not valid: it must be from -1e6 to 1e6 N·m.")
     if speed is not None and load_torque:
         raise ParameterError(
             "speed and load_torque exclude each other: a shaft held at a speed takes any torque. Give one."

@@ -46,7 +46,7 @@ class MotionalArm:
 
 @dataclass(frozen=True)
 class Characteristics:
-    """What a standard sheet says of one resonance; ``None`` where losses or neighbours hide the extremum.
+    """Characteristic values of one resonance; ``None`` where losses or neighbouring modes hide the extremum.
 
     Attributes:
         fs: frequency of greatest conductance, Hz.

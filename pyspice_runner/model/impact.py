@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-r"""One elastic sphere thrown obliquely, with or without spin, at an elastic half-space.
+r"""Oblique impact of an elastic sphere, with or without spin, on an elastic half-space.
 
 With :math:`v_n` the approach velocity and :math:`v_t` the tangential velocity of the contact patch, Maw, Barber and
 Fawcett's dimensionless velocity is
@@ -29,7 +29,7 @@ DURATION = 0.8 * sqrt(pi) * gamma(0.4) / gamma(0.9)
 
 
 class Throw(Stated):
-    """One elastic solid sphere thrown obliquely at an elastic half-space, of the same material unless stated.
+    """Oblique impact of a solid elastic sphere on an elastic half-space, of the same material by default.
 
     Raises:
         ParameterError: for a value out of range.
@@ -78,7 +78,7 @@ class Throw(Stated):
 
     @property
     def contact(self) -> Contact:
-        """Constants of the contact; as preload there stands the smallest force that the libraries take."""
+        """Constants of the contact; the preload is the smallest force that the libraries accept."""
         modulus = self.effective_modulus_pa
         sides = [
             law.tangential_compliance(youngs, poisson, modulus, self.radius_m)

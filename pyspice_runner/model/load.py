@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a motor is read from a TOML file.
+"""Reads a motor from a TOML file.
 
 The file states the modes in one of three ways:
 
@@ -7,6 +7,9 @@ The file states the modes in one of three ways:
 * ``[[modes]]``: as :class:`~.parameters.Mode`, where ``frequency_hz`` may stand for ``stiffness_n_per_m`` and
   ``quality_factor`` for ``damping_n_s_per_m``;
 * ``[[arms]]``: Butterworth–Van Dyke values seen at group A with group B shorted (:class:`Arm`).
+
+``[mount]`` springs the stator; ``[drive]`` recommends a drive: its ``kind``, ``two-phase`` or ``two-tone``, and what
+its constructor takes.
 
 The contact is stated by its constants, or by the materials of tip and rotor (:class:`Materials`). Each number is
 written plainly, or as ``{ value = …, given | derived | assumed = "why" }``, which records where it comes from.
@@ -16,7 +19,7 @@ from __future__ import annotations
 
 import difflib
 import re
-import tomllib
+from collections.abc import Mapping
 from math import sqrt
 from pathlib import Path
 from typing import Any
@@ -26,8 +29,9 @@ from pydantic import ValidationError
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import beam as beam_model
 from pyspice_runner.model import contact as contact_law
-from pyspice_runner.model.document import read_document
-from pyspice_runner.model.motor import Motor, Provenance, Structure, assemble, stiffness_for
+from pyspice_runner.model.document import parse_toml, read_document
+from pyspice_runner.model.drive import DRIVES
+from pyspice_runner.model.motor import Motor, Provenance, Structure, assemble, damping_for, stiffness_for
 from pyspice_runner.model.parameters import Beam, Contact, Damping, Mode, Parameters, Patch, Rotor, Tip, label, quantity
 from pyspice_runner.model.refusal import (
     allowed_range,
@@ -36,7 +40,6 @@ from pyspice_runner.model.refusal import (
     check_keys,
     checked,
     limited,
-    positive,
     quoted,
     unit_of,
 )
@@ -72,7 +75,7 @@ class Arm(Parameters):
 
 
 class Materials(Parameters):
-    """A contact by what touches: from these follow K_N and K_t (paper eqs. 4 and 13–15)."""
+    """Materials of tip and rotor, from which K_N and K_t follow (paper eqs. 4 and 13–15)."""
 
     tip_radius_m: float = quantity("radius of the tip's cap", "m", gt=1e-6, le=10.0)
     tip_youngs_modulus_pa: float = quantity("Young's modulus of the tip", "Pa", ge=1e8, le=2e12)
@@ -98,7 +101,7 @@ class Materials(Parameters):
 
 
 def available_motors() -> tuple[str, ...]:
-    """Return the names of the parameter sets that come with the package."""
+    """Return the names of the parameter sets of the package."""
     return tuple(sorted(path.stem for path in SETS.glob("*.toml")))
 
 
@@ -110,19 +113,56 @@ def load_motor(source: str | Path) -> Motor:
         source: name of a parameter set (:func:`available_motors`) or path of a TOML file.
 
     Raises:
-        ParameterError: for an unknown name, an unreadable file, a misspelt or missing entry, or a refused value.
+        ParameterError: for an unknown name, an unreadable file, a misspelt or missing entry, or an invalid value.
     """
+    document, name = _read(source)
+    return _from_document(document, name)
+
+
+def changed_motor(source: str | Path, changes: Mapping[str, Any]) -> Motor:
+    """Read a motor and change some of its values.
+
+    Args:
+        source: as in :func:`load_motor`.
+        changes: dotted path → value, SI. Paths are those of :meth:`Motor.updated`, and those of the file from which the
+            modes and the contact follow: ``beam.length_m``, ``patches.0.end_m``, ``contact.materials.tip_poisson``.
+
+    Raises:
+        ParameterError: as :func:`load_motor` and :meth:`Motor.updated`.
+    """
+    document, name = _read(source)
+    of_file = {path: value for path, value in changes.items() if path.startswith(_ONLY_IN_FILES)}
+    for path, value in of_file.items():
+        _put(document, path, value, name)
+    motor = _from_document(document, name)
+    for path in of_file:
+        motor.provenance[path] = Provenance("set", "by the user")
+    others = {path: value for path, value in changes.items() if path not in of_file}
+    return motor.updated(others) if others else motor
+
+
+_ONLY_IN_FILES = ("beam.", "ceramic.", "patches.", "tip.", "damping.", "arms.", "contact.materials.")
+
+
+def _put(document: dict[str, Any], path: str, value: Any, where: str) -> None:
+    """Put a value into a motor's document; the reader checks the name and the value."""
+    *tables, key = path.split(".")
+    place: Any = document
+    for table in tables:
+        if isinstance(place, list) and table.isdecimal() and int(table) < len(place):
+            place = place[int(table)]
+        else:
+            place = place.get(table) if isinstance(place, dict) else None
+    if not isinstance(place, dict):
+        raise ParameterError(f"{where} has no table {quoted('.'.join(tables))}, so {quoted(path)} cannot be set.")
+    place[key] = value
+
+
+def _read(source: str | Path) -> tuple[dict[str, Any], str]:
+    """Return the document of a motor and the name of its file."""
     path = _find(source)
     text = read_document(path, "a readable TOML file")
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ParameterError(f"{path.name} is not valid TOML: {error}. Mend that line.") from error
-    except RecursionError:
-        raise ParameterError(f"{path.name} nests its values too deeply. Write them as a motor's TOML does.") from None
-    except ValueError as error:  # a number of more digits than Python reads
-        raise ParameterError(f"{path.name} holds a number of thousands of digits. Write it as 1e-3 is.") from error
-    return _from_document(document, path.name)
+    return parse_toml(text, path.name), path.name
 
 
 def _find(source: str | Path) -> Path:
@@ -159,6 +199,8 @@ _SECTIONS = (
     "piezo",
     "contact",
     "rotor",
+    "mount",
+    "drive",
 )
 _WAYS = ("beam", "modes", "arms")
 _KINDS = ("given", "derived", "assumed")
@@ -191,15 +233,18 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
             )
         piezo.update(capacitances)
     contact = _resolve_contact(plain["contact"], rotor, where)
-    for name, field in Contact.model_fields.items():
-        if not field.is_required():
-            provenance.setdefault(f"contact.{name}", Provenance("default", "not stated"))
+    for section, kind in (("contact", Contact), ("rotor", Rotor)):
+        for name, field in kind.model_fields.items():
+            if not field.is_required():
+                provenance.setdefault(f"{section}.{name}", Provenance("default", "not stated"))
     parts = {
         "name": plain["name"],
         "modes": modes,
         "piezo": piezo,
         "contact": contact,
         "rotor": plain["rotor"],
+        "mount": plain.get("mount"),
+        "drive": _resolve_drive(plain["drive"], where) if "drive" in plain else None,
     }
     return assemble(parts, structure, provenance, where=where)
 
@@ -257,12 +302,12 @@ def _mode_of_arm(arm: Arm, path: str, where: str) -> dict[str, Any]:
         name, value = str(error.errors()[0]["loc"][-1]), quoted(error.errors()[0]["input"])
         raise ParameterError(
             f"{where}: the values of {path} and its mass_kg = {arm.mass_kg:g} kg give a mode with "
-            f"{name} = {value} {unit_of(Mode, name)}; allowed is {allowed_range(Mode, name)}."
+            f"{name} = {value} {unit_of(Mode, name)}; it must be {allowed_range(Mode, name)}."
         ) from error
 
 
 def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, where: str) -> dict[str, Any]:
-    """Replace a mode's frequency and quality factor by stiffness and damping; what is missing, :func:`build` tells."""
+    """Replace a mode's frequency and quality factor by stiffness and damping; ``build`` reports what is missing."""
     check_keys(entry, (*Mode.model_fields, "frequency_hz", "quality_factor"), where, path)
     for alias, field in (("frequency_hz", "stiffness_n_per_m"), ("quality_factor", "damping_n_s_per_m")):
         if alias in entry and field in entry:
@@ -277,10 +322,8 @@ def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, wh
         raise ParameterError(f"{where}: {path} has no frequency. State frequency_hz or stiffness_n_per_m.")
     stiffness = limited(Mode, "stiffness_n_per_m", entry["stiffness_n_per_m"], f"{path}.stiffness_n_per_m", where)
     if "quality_factor" in entry:
-        quality = positive(entry.pop("quality_factor"), f"{path}.quality_factor", where)
-        if quality <= 0.5:
-            raise ParameterError(f"{where}: {path}.quality_factor = {quality:g} is refused; allowed is a number > 0.5.")
-        entry["damping_n_s_per_m"] = sqrt(stiffness * mass) / quality
+        quality = entry.pop("quality_factor")
+        entry["damping_n_s_per_m"] = damping_for(mass, stiffness, quality, f"{path}.quality_factor", where)
     elif "damping_n_s_per_m" not in entry:
         if damping is None:
             raise ParameterError(
@@ -301,8 +344,23 @@ def _resolve_contact(entry: Any, rotor: Rotor, where: str) -> dict[str, Any]:
     return contact
 
 
+def _resolve_drive(entry: Any, where: str) -> dict[str, Any]:
+    """Return the table of the recommended drive, once a drive can be made of it."""
+    table = as_table(entry, "drive", where)
+    kind = table.get("kind", "two-phase")
+    if kind not in DRIVES:
+        raise ParameterError(
+            f"{where}: drive.kind = {quoted(kind)} is not valid: it must be one of {', '.join(DRIVES)}."
+        )
+    try:
+        DRIVES[kind](**{name: value for name, value in table.items() if name != "kind"})
+    except ParameterError as error:
+        raise ParameterError(f"{where}: [drive]: {error}") from error
+    return table
+
+
 def _strip(value: Any, path: str, provenance: dict[str, Provenance], where: str) -> Any:
-    """Take the provenance out of a value, a table or an array of tables."""
+    """Separate the provenance from a value, a table or an array of tables."""
     if isinstance(value, list):
         return [_strip(item, f"{path}.{index}", provenance, where) for index, item in enumerate(value)]
     if not isinstance(value, dict):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a motor is: modes, electrical groups, contact and rotor; what the circuit needs and nothing else."""
+"""The motor: modes, electrical groups, contact, rotor and mount."""
 
 from __future__ import annotations
 
@@ -7,22 +7,34 @@ import difflib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import pi
+from math import pi, sqrt
 from typing import Any, Self
 
 from pydantic import Field, ValidationError, model_validator
 
+from pyspice_runner.display import Shown
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
-from pyspice_runner.model.parameters import Beam, Contact, Damping, Mode, Parameters, Patch, Piezo, Rotor, Tip
+from pyspice_runner.model.parameters import Beam, Contact, Damping, Mode, Mount, Parameters, Patch, Piezo, Rotor, Tip
 from pyspice_runner.model.refusal import allowed_range, build, checked, limited, positive, quoted, refusal
+from pyspice_runner.model.save import motor_toml
+from pyspice_runner.units import engineering
 
-# What a motor's values must be to each other, so that it is one.
+# Relations between the values of a motor.
 LOWEST_FREQUENCY, HIGHEST_FREQUENCY = 10.0, 1e7  # Hz, of a mode: from large quasi-static stages to MEMS
 LOWEST_QUALITY, HIGHEST_QUALITY = 0.5, 1e6  # below it does not ring; quartz in vacuum, the best there is, has 1e6
 WIDEST_SPREAD = 1e3  # of the modes' frequencies: a beam's 20th, and there may be no more, is 400 times its first
 CLOSEST_COUPLING = 0.9  # k², of the best single crystals (k₃₃ = 0.95)
 STIFFEST_CONTACT = 100.0  # fastest motion in contact over that of the stator: what touches weighs 1e-4 of the stator
+
+
+# section, parameter and value at which an effect is off; the parameters that then have no meaning
+_EFFECTS: dict[tuple[str, str, float], tuple[str, ...]] = {
+    ("contact", "restitution", 1.0): ("restitution_velocity_m_s",),
+    ("contact", "sliding_ratio", 1.0): ("stribeck_velocity_m_s",),
+    ("contact", "series_compliance_m_per_n", 0.0): (),
+    ("rotor", "bearing_friction_n_m", 0.0): ("bearing_presliding_rad",),
+}
 
 
 @dataclass(frozen=True)
@@ -38,7 +50,7 @@ class Provenance:
 
 
 class Structure(Parameters):
-    """The stator that modes are computed from; kept beside them for figures of the mode shapes."""
+    """The stator from which the modes are computed; used for plots of the mode shapes."""
 
     beam: Beam
     patches: tuple[Patch, ...]
@@ -46,10 +58,11 @@ class Structure(Parameters):
     damping: Damping
 
 
-class Motor(Parameters):
+class Motor(Shown, Parameters):
     """A standing-wave piezomotor: modes, electrical groups, contact and rotor.
 
-    ``structure`` and ``provenance`` tell where the rest comes from; no simulation reads them.
+    ``drive`` is the table of the recommended drive, of which ``default_drive`` makes one. ``structure`` and
+    ``provenance`` tell where the rest comes from. No simulation reads these three.
     """
 
     name: str = Field(
@@ -63,6 +76,8 @@ class Motor(Parameters):
     piezo: Piezo
     contact: Contact
     rotor: Rotor
+    mount: Mount | None = Field(default=None, description="plate springs of the stator; null: held at a fixed distance")
+    drive: dict[str, Any] | None = Field(default=None, exclude=True)
     structure: Structure | None = Field(default=None, exclude=True)
     provenance: dict[str, Provenance] = Field(default_factory=dict, exclude=True)
 
@@ -86,12 +101,12 @@ class Motor(Parameters):
                 f"contact.preload_n = {self.contact.preload_n:g} N presses the tip {seat:.3g} m into the rotor; "
                 f"at most a tenth of rotor.radius_m = {self.rotor.radius_m:g} m is allowed, so lower the preload"
             )
-        fastest = float(contact_law.linearised_resonances(self.contact, self.modes, self.rotor)[-1])
+        fastest = float(contact_law.linearised_resonances(self.contact, self.modes, self.rotor, self.mount)[-1])
         if fastest > STIFFEST_CONTACT * highest:
             raise ValueError(
                 f"pressed on the rotor the tip swings at {fastest:.4g} Hz, more than {STIFFEST_CONTACT:g} times the "
-                f"highest mode's {highest:.4g} Hz: it has next to no mass, or the rotor at its rim; mend tip_x and "
-                "tip_y, contact.normal_stiffness_n_per_m15 or rotor.inertia_kg_m2"
+                f"highest mode's {highest:.4g} Hz: the tip, the rotor at its rim or the carrier has too little mass; "
+                "change tip_x and tip_y, contact.normal_stiffness_n_per_m15, rotor.inertia_kg_m2 or mount.mass_kg"
             )
         return self
 
@@ -105,7 +120,7 @@ class Motor(Parameters):
             if coupling > CLOSEST_COUPLING:
                 raise ValueError(
                     f"the modes give group {group.upper()} a coupling k_eff² = {coupling:.3g}, the share of Σ θ²/k in "
-                    f"it and piezo.capacitance_{group}_f; no ceramic exceeds {CLOSEST_COUPLING:g}, so mend "
+                    f"it and piezo.capacitance_{group}_f; no ceramic exceeds {CLOSEST_COUPLING:g}, so correct "
                     f"coupling_{group}_n_per_v or the capacitance"
                 )
         loss = self.piezo.loss_tangent * highest / self.piezo.loss_reference_hz
@@ -116,15 +131,43 @@ class Motor(Parameters):
                 "it rises with frequency; no dielectric exceeds 1, so state it where the motor works"
             )
 
+    def summary(self) -> dict[str, str]:
+        """Return name, modes, contact, rotor and mount, ready to print."""
+        modes = ", ".join(
+            f"{engineering(mode.frequency_hz, 'Hz')} (Q {mode.quality_factor:.3g})" for mode in self.modes
+        )
+        capacitances = (engineering(value, "F") for value in (self.piezo.capacitance_a_f, self.piezo.capacitance_b_f))
+        return {
+            "name": self.name,
+            "modes": ", ".join(modes),
+            "preload": engineering(self.contact.preload_n, "N"),
+            "mount": "fixed distance" if self.mount is None else f"{self.mount.stiffness_n_per_m:.4g} N/m",
+            "friction": f"{self.contact.friction:g}",
+            "clamped capacitances": " and ".join(capacitances),
+            "rotor": f"radius {engineering(self.rotor.radius_m, 'm')}, inertia {self.rotor.inertia_kg_m2:.4g} kg·m²",
+        }
+
+    __str__ = Shown.__repr__
+
+    def to_toml(self, *, heading: str = "") -> str:
+        """Return the motor as TOML, which :func:`~pyspice_runner.load_motor` reads; values as set, with their origin.
+
+        Args:
+            heading: words for the first lines, as a comment.
+        """
+        document = self.model_dump() | ({"drive": self.drive} if self.drive else {})
+        return motor_toml(document, self.provenance, heading=heading)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the motor as JSON-ready SI values (the shape of ``piezomotor show --json``).
 
-        The coefficient of restitution is there only if impacts lose energy.
+        An effect that is off, such as a coefficient of restitution of 1, is left out.
         """
         document = self.model_dump()
-        if self.contact.restitution == 1.0:
-            for name in ("restitution", "restitution_velocity_m_s"):
-                del document["contact"][name]
+        for (section, name, off), companions in _EFFECTS.items():
+            if document[section][name] == off:
+                for absent in (name, *companions):
+                    del document[section][absent]
         document["modes"] = [
             {"name": mode.name, "frequency_hz": mode.frequency_hz, **mode.model_dump(exclude={"name"})}
             for mode in self.modes
@@ -137,10 +180,12 @@ class Motor(Parameters):
 
         Args:
             changes: dotted path → value, SI, as in :meth:`to_dict`. A mode is named or numbered from 0:
-                ``modes.0.frequency_hz``. A new ``frequency_hz`` changes the stiffness at the same mass and damping.
+                ``modes.0.frequency_hz``. A new ``frequency_hz`` changes the stiffness at the same mass and damping; a
+                new ``quality_factor`` changes the damping.
+                ``mount`` is ``None`` for a stator held at a fixed distance, or a table of all its values.
 
         Raises:
-            ParameterError: for a path that does not exist or a value that is refused.
+            ParameterError: for a path that does not exist or an invalid value.
         """
         document = self.model_dump()
         document["modes"] = [mode.model_dump() for mode in self.modes]
@@ -159,7 +204,15 @@ class Motor(Parameters):
                 if f"modes.{index}.stiffness_n_per_m" in changed:
                     raise ParameterError(f"{where}: {path} and the stiffness are both changed; give one of them.")
                 mode["stiffness_n_per_m"] = stiffness_for(mode["mass_kg"], mode.pop("frequency_hz"), path, where)
+            if "quality_factor" in mode:
+                path = f"modes.{index}.quality_factor"
+                if f"modes.{index}.damping_n_s_per_m" in changed:
+                    raise ParameterError(f"{where}: {path} and the damping are both changed; give one of them.")
+                stiffness = limited(Mode, "stiffness_n_per_m", mode["stiffness_n_per_m"], path, where)
+                mass = limited(Mode, "mass_kg", mode["mass_kg"], path, where)
+                mode["damping_n_s_per_m"] = damping_for(mass, stiffness, mode.pop("quality_factor"), path, where)
         changed_modes = any(path.startswith("modes.") for path in changed)
+        document["drive"] = self.drive
         return assemble(document, None if changed_modes else self.structure, provenance, where=where)
 
 
@@ -167,7 +220,7 @@ def _check_mode(mode: Mode) -> None:
     if not LOWEST_FREQUENCY <= mode.frequency_hz <= HIGHEST_FREQUENCY:
         raise ValueError(
             f"mode {mode.name} swings at {mode.frequency_hz:.4g} Hz by its mass and stiffness; a piezo motor's modes "
-            f"lie from {LOWEST_FREQUENCY:g} to {HIGHEST_FREQUENCY:g} Hz, so mend one of them"
+            f"lie from {LOWEST_FREQUENCY:g} to {HIGHEST_FREQUENCY:g} Hz, so correct one of them"
         )
     quality = mode.quality_factor
     if quality <= LOWEST_QUALITY:
@@ -196,6 +249,8 @@ def assemble(
             piezo=build(Piezo, parts["piezo"], "piezo", where),
             contact=build(Contact, parts["contact"], "contact", where),
             rotor=build(Rotor, parts["rotor"], "rotor", where),
+            mount=None if parts.get("mount") is None else build(Mount, parts["mount"], "mount", where),
+            drive=parts.get("drive"),
             structure=structure,
             provenance={_moved(path, moved): origin for path, origin in provenance.items()},
         )
@@ -217,14 +272,22 @@ def stiffness_for(mass_kg: Any, frequency_hz: Any, path: str, where: str) -> flo
     limits = Mode.model_json_schema()["properties"]["stiffness_n_per_m"]
     if not limits["exclusiveMinimum"] < stiffness <= limits["maximum"]:
         raise ParameterError(
-            f"{where}: {path} = {frequency:g} Hz is refused; with a mass of {mass:g} kg it takes a stiffness of "
-            f"{stiffness:.3g} N/m, and allowed is {allowed_range(Mode, 'stiffness_n_per_m')}."
+            f"{where}: {path} = {frequency:g} Hz is not valid: with a mass of {mass:g} kg it needs a stiffness of "
+            f"{stiffness:.3g} N/m, which must be {allowed_range(Mode, 'stiffness_n_per_m')}."
         )
     return stiffness
 
 
+def damping_for(mass_kg: float, stiffness_n_per_m: float, quality_factor: Any, path: str, where: str) -> float:
+    """Return the damping in N·s/m that gives a mode the quality factor at ``path``: c = √(k m)/Q."""
+    quality = positive(quality_factor, path, where)
+    if quality <= LOWEST_QUALITY:
+        raise ParameterError(f"{where}: {path} = {quality:g} is not valid: it must be > {LOWEST_QUALITY:g}.")
+    return sqrt(stiffness_n_per_m * mass_kg) / quality
+
+
 def _set_path(document: dict[str, Any], path: str, value: Any) -> str:
-    """Put a value into a motor's document and return its path, a mode numbered rather than named."""
+    """Put a value into a motor's document and return its path, with the number of the mode instead of its name."""
     section, _, rest = path.partition(".")
     if section == "modes":
         which, _, key = rest.partition(".")
@@ -235,13 +298,18 @@ def _set_path(document: dict[str, Any], path: str, value: Any) -> str:
                 f"There is no mode {quoted(which)} in {quoted(path)}; there are {', '.join(names)}, numbered from 0."
             )
         prefix = f"modes.{index}."
-        allowed: tuple[str, ...] = (*Mode.model_fields, "frequency_hz")
+        allowed: tuple[str, ...] = (*Mode.model_fields, "frequency_hz", "quality_factor")
         target = document["modes"][index]
-    elif section in ("piezo", "contact", "rotor"):
+    elif path == "mount":
+        document["mount"] = dict(value) if isinstance(value, Mapping) else value
+        return path
+    elif section in ("piezo", "contact", "rotor", "mount"):
+        if document[section] is None:
+            document[section] = {}
         prefix, key, target = f"{section}.", rest, document[section]
-        allowed = tuple(target)
+        allowed = tuple(Mount.model_fields if section == "mount" else target)
     else:
-        prefix, key, target, allowed = "", path, document, ("name",)
+        prefix, key, target, allowed = "", path, document, ("name", "mount")
     if key not in allowed:
         close = difflib.get_close_matches(key, allowed, n=1)
         hint = (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The parameters of a motor: name, unit, range and meaning, each stated once.
+"""The parameters of a motor: name, unit, range and meaning, each declared once.
 
 Every class is a frozen pydantic model; :func:`quantity` gives a field its unit, so that error messages, the
 parameter table of the documentation and the command line all read the same declaration. Names end in their
@@ -128,7 +128,7 @@ class Mode(Parameters):
 
 
 class Piezo(Parameters):
-    """The electrical side of both groups with the beam held still."""
+    """Electrical values of both groups with the beam clamped."""
 
     capacitance_a_f: float = quantity("clamped capacitance of group A", "F", gt=1e-15, le=1e-3)
     capacitance_b_f: float = quantity("clamped capacitance of group B", "F", gt=1e-15, le=1e-3)
@@ -162,6 +162,22 @@ class Contact(Parameters):
     restitution_velocity_m_s: float = quantity(
         "approach velocity at which the coefficient of restitution holds", "m/s", ge=1e-4, le=1e3, default=0.1
     )
+    # handbooks give 0.6 to 0.9 for dry metals and ceramics
+    sliding_ratio: float = quantity(
+        "friction of fast sliding over that at the limit of stick (Stribeck); 1 is none",
+        "1",
+        ge=0.01,
+        le=1.0,
+        default=1.0,
+    )
+    stribeck_velocity_m_s: float = quantity(
+        "velocity v_s of exp(−(v/v_s)²), by which friction falls with the slip velocity", "m/s", ge=1e-6, le=1e3,
+        default=0.05,
+    )  # fmt: skip
+    series_compliance_m_per_n: float = quantity(
+        "compliance of the tip's stem and of rough surfaces, in series with the Hertz contact", "m/N", ge=0.0, le=1e-3,
+        default=0.0,
+    )  # fmt: skip
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -169,16 +185,32 @@ class Contact(Parameters):
         if not 2.2e-10 <= total <= 1e-2:
             raise ValueError(
                 "tangential_compliance_tip_m_per_n23 and tangential_compliance_rotor_m_per_n23 add up to "
-                f"{total:g} m/N^(2/3); allowed is a sum ≥ 2.2e-10 and ≤ 0.01 m/N^(2/3)"
+                f"{total:g} m/N^(2/3); the sum must be ≥ 2.2e-10 and ≤ 0.01 m/N^(2/3)"
             )
         softness = total * self.normal_stiffness_n_per_m15 ** (2.0 / 3.0)
         if not SOFTNESS[0] <= softness <= SOFTNESS[1]:
             raise ValueError(
                 "normal_stiffness_n_per_m15 and the tangential compliances do not go together: K_t K_N^(2/3) = "
-                f"{softness:.3g}; of two elastic bodies it is 1 to 1.5, and allowed is {SOFTNESS[0]:g} to "
-                f"{SOFTNESS[1]:g}, so state [contact.materials] or mend the one that is off"
+                f"{softness:.3g}; of two elastic bodies it is 1 to 1.5, and it must be {SOFTNESS[0]:g} to "
+                f"{SOFTNESS[1]:g}, so state [contact.materials] or correct the one that is off"
             )
         return self
+
+
+class Mount(Parameters):
+    """The carrier of the stator: plate springs press it towards the rotor, so that the preload is a force.
+
+    m_c z̈ + d_c ż + k_c z = F₀ + F_y, with z its displacement towards the rotor and F_y the force of the contact.
+    """
+
+    stiffness_n_per_m: float = quantity("stiffness k_c of the springs along y", "N/m", ge=1.0, le=1e13)
+    mass_kg: float = quantity("mass m_c of the carrier", "kg", ge=1e-9, le=1e3)
+    damping_n_s_per_m: float = quantity("damping d_c of the springs", "N·s/m", ge=1e-9, le=1e9)
+
+    @property
+    def frequency_hz(self) -> float:
+        """Undamped natural frequency √(k_c/m_c)/2π in Hz of a carrier with a free stator."""
+        return sqrt(self.stiffness_n_per_m / self.mass_kg) / (2.0 * pi)
 
 
 class Rotor(Parameters):
@@ -187,3 +219,11 @@ class Rotor(Parameters):
     radius_m: float = quantity("radius R at the contact", "m", ge=1e-4, le=10.0)
     inertia_kg_m2: float = quantity("moment of inertia J", "kg·m²", gt=1e-13, le=1e3)
     bearing_damping_n_m_s: float = quantity("viscous bearing coefficient C_R", "N·m·s", ge=0.0, le=1e3)
+    bearing_friction_n_m: float = quantity(
+        "torque T_c of dry friction in the bearing", "N·m", ge=0.0, le=1e3, default=0.0
+    )
+    # small ball bearings reach their torque after some micrometres of rolling
+    bearing_presliding_rad: float = quantity(
+        "angle after a reversal over which the dry friction comes to 63 % of its torque (Dahl)", "rad", ge=1e-5, le=1.0,
+        default=1e-3,
+    )  # fmt: skip

@@ -1,19 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a value is refused: one sentence that names where it stands, the value, its unit and what is allowed."""
+"""Error messages for invalid values: one sentence with the place, the value, its unit and the range."""
 
 from __future__ import annotations
 
 import difflib
 import inspect
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import date
 from functools import wraps
 from numbers import Real
-from pathlib import Path
-from types import NoneType, UnionType
-from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, ParamSpec, TypeVar
 
-from pydantic import ValidationError
+from pydantic import ConfigDict, ValidationError, validate_call
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.parameters import Parameters
@@ -24,10 +22,10 @@ _Result = TypeVar("_Result")
 
 
 class Stated(Parameters):
-    """Parameters that a user states by the constructor.
+    """Parameters that a user gives to the constructor.
 
     Raises:
-        ParameterError: by the constructor, for an unknown name or a value that is refused.
+        ParameterError: by the constructor, for an unknown name or an invalid value.
     """
 
     def __init__(self, **values: Any) -> None:
@@ -49,7 +47,7 @@ def build(kind: type[_P], entry: Any, path: str, where: str) -> _P:
         where: file or object it stands in, for messages.
 
     Raises:
-        ParameterError: for what is not a table, an unknown or missing name, or a refused value.
+        ParameterError: if it is not a table, or for an unknown or missing name or an invalid value.
     """
     table = as_table(entry, path, where)
     check_keys(table, tuple(kind.model_fields), where, path)
@@ -60,7 +58,7 @@ def build(kind: type[_P], entry: Any, path: str, where: str) -> _P:
 
 
 def refusal(error: ValidationError, kind: type[Parameters], path: str, where: str) -> ParameterError:
-    """Put pydantic's first finding into one sentence: path, value, unit, what is allowed."""
+    """Return the first error of pydantic as one sentence: path, value, unit, range."""
     first = error.errors()[0]
     name = str(first["loc"][-1]) if first["loc"] else ""
     full = ".".join(part for part in (path, name) if part)
@@ -74,11 +72,11 @@ def refusal(error: ValidationError, kind: type[Parameters], path: str, where: st
         return ParameterError(f"{where}: {full} is missing{meaning}. State it.")
     kinds = {"float_type": "a number", "string_type": "a text"}  # of what stands within a field
     allowed = allowed_range(kind, name) if field else kinds.get(first["type"], first["msg"])
-    return _refused(first["input"], full, where, allowed, _unit(field))
+    return _invalid(first["input"], full, where, allowed, _unit(field))
 
 
 def limited(kind: type[Parameters], name: str, value: Any, path: str, where: str) -> float:
-    """Return the value if the field of that name takes it.
+    """Return the value if it is valid for the field of that name.
 
     Raises:
         ParameterError: otherwise.
@@ -90,12 +88,12 @@ def limited(kind: type[Parameters], name: str, value: Any, path: str, where: str
         and schema.get("minimum", float("-inf")) <= value <= schema.get("maximum", float("inf"))
     )
     if not inside:
-        raise _refused(value, path, where, allowed_range(kind, name), _unit(kind.model_fields[name]))
+        raise _invalid(value, path, where, allowed_range(kind, name), _unit(kind.model_fields[name]))
     return float(value)
 
 
 def allowed_range(kind: type[Parameters], name: str) -> str:
-    """Say in words what values a field takes, with its unit."""
+    """Return in words the values that a field accepts, with its unit."""
     schema = kind.model_json_schema()["properties"][name]
     if "enum" in schema:
         return "one of " + ", ".join(map(str, schema["enum"]))
@@ -122,7 +120,7 @@ def _unit(field: Any) -> str:
 
 
 def check_keys(table: Mapping[str, Any], allowed: Sequence[str], where: str, path: str) -> None:
-    """Refuse a name that is not among the allowed ones, and say which one may have been meant."""
+    """Check the names in a table; the error gives the nearest name."""
     for key in table:
         if key not in allowed:
             close = difflib.get_close_matches(key, allowed, n=1)
@@ -138,10 +136,10 @@ def as_table(value: Any, path: str, where: str) -> dict[str, Any]:
 
 
 def positive(value: Any, path: str, where: str, unit: str = "") -> float:
-    """Return the value if it is a number above zero, and not so large that one would have to fear an overflow."""
+    """Return the value if it is a number above zero, and below 1e18, which keeps its powers finite."""
     unit = f" {unit}" if unit else ""
     if not (_is_number(value) and 0.0 < value < 1e18):
-        raise _refused(value, path, where, f"a number > 0 and < 1e+18{unit}", unit)
+        raise _invalid(value, path, where, f"a number > 0 and < 1e+18{unit}", unit)
     return float(value)
 
 
@@ -149,10 +147,10 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _refused(value: Any, path: str, where: str, allowed: str, unit: str) -> ParameterError:
+def _invalid(value: Any, path: str, where: str, allowed: str, unit: str) -> ParameterError:
     shown = f"{len(value)} entries" if isinstance(value, tuple) else quoted(value)
     return ParameterError(
-        f"{where}: {path} = {shown}{unit if _is_number(value) else ''} is refused; allowed is {allowed}."
+        f"{where}: {path} = {shown}{unit if _is_number(value) else ''} is not valid: it must be {allowed}."
     )
 
 
@@ -165,103 +163,82 @@ def quoted(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "…"
 
 
-_PLAIN: dict[Any, str] = {
-    float: "a number", int: "a whole number", bool: "True or False", str: "a text", NoneType: "None",
-    Mapping: "a dictionary", Callable: "a function", Path: "a path",
+_MEANT = {  # pydantic's type of an error → what the value must be
+    "float_type": "a number", "int_type": "a whole number", "bool_type": "True or False", "string_type": "a text",
+    "dict_type": "a dictionary", "callable_type": "a function", "sequence_str": "a list",
 }  # fmt: skip
 
 
 def checked(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
-    """Hold the arguments of a function to the types that its signature states; their ranges are its own business.
+    """Check the names and types of a function's arguments by pydantic's ``validate_call``, not their ranges.
 
-    Where a number is asked for it gets one of Python's, whatever kind of number was given.
+    A number of NumPy's becomes one of Python's.
 
     Raises:
-        ParameterError: by the function, for an argument of another type.
+        ParameterError: by the function, for an unknown or missing argument, or a value of another type.
     """
-    signature = inspect.signature(function)
-    stated = {name: hint for name, hint in function.__annotations__.items() if name != "return"}  # which may be a name
-    holder = type("Stated", (), {"__annotations__": stated})  # that only a type checker imports
-    every = get_type_hints(holder, globalns=getattr(function, "__globals__", None))
-    hints = {name: hint for name, hint in every.items() if all(map(_tells, _choices(hint)))}
+    returned = function.__annotations__.pop("return", None)  # may name what only a type checker imports
+    validated = validate_call(config=ConfigDict(arbitrary_types_allowed=True, strict=True))(function)
+    function.__annotations__["return"] = returned
 
     @wraps(function)
-    def held(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> _Result:
-        bound = signature.bind(*args, **kwargs)
-        for name, value in bound.arguments.items():
-            if name in hints and signature.parameters[name].kind is not inspect.Parameter.VAR_KEYWORD:
-                if not _fits(value, hints[name]):
-                    raise ParameterError(f"{name} = {quoted(value)} is refused; allowed {_words(hints[name])}.")
-                bound.arguments[name] = _as_python(value, hints[name])
-        return function(*bound.args, **bound.kwargs)
+    def call(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> _Result:
+        plain = {name: _as_python(value) for name, value in kwargs.items()}
+        try:
+            return validated(*map(_as_python, args), **plain)
+        except ValidationError as error:
+            if error.title not in (function.__name__, function.__qualname__):  # raised within the function
+                raise
+            raise ParameterError(_complaint(function, error)) from None
 
-    return held
-
-
-def _choices(hint: Any) -> tuple[Any, ...]:
-    """Return what a type is a choice of: itself, if it is none."""
-    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    return call
 
 
-def _tells(hint: Any) -> bool:
-    """Whether one can tell by looking at a value that it is of a type; what is like an array, one cannot."""
-    kind = get_origin(hint) or hint
-    return kind in (Literal, Sequence, *_PLAIN) or str(getattr(kind, "__module__", "")).startswith("pyspice_runner.")
+def _complaint(function: Callable[..., Any], error: ValidationError) -> str:
+    """Return what is wrong with the arguments of a call, one sentence about the first that is wrong."""
+    names = list(inspect.signature(function).parameters)
+    where, faults = function.__name__, error.errors()
+    first = next((fault for fault in faults if fault["type"].startswith("unexpected")), faults[0])
+    place = first["loc"][0]
+    if first["type"] == "unexpected_positional_argument":
+        return f"{where}: there are too many arguments without a name. Name them: {', '.join(names[1:4])}, …"
+    name = names[place] if isinstance(place, int) else place
+    if first["type"] == "unexpected_keyword_argument":
+        close = difflib.get_close_matches(name, names, n=1)
+        hint = f"Did you mean {close[0]!r}?" if close else f"The arguments are {', '.join(names)}."
+        return f"{where}: there is no argument {quoted(name)}. {hint}"
+    if first["type"].startswith("missing"):
+        return f"{where}: the argument {name} is missing."
+    if first["type"] == "multiple_argument_values":
+        return f"{where}: the argument {name} is given twice."
+    # a union has a fault for each of its types
+    wanted = dict.fromkeys(_wanted(fault) for fault in faults if fault["loc"][0] == place)
+    value = first["input"]
+    shown = repr(value) if isinstance(value, float) else quoted(value)
+    return f"{where}: {name} = {shown} is not valid: it must be {' or '.join(wanted)}."
 
 
-def _fits(value: Any, hint: Any) -> bool:
-    """Whether a value is of a type; one of several texts is any text here."""
-    return any(_fits_one(value, one) for one in _choices(hint))
+def _wanted(fault: Any) -> str:
+    """Return what a value must be, in words."""
+    said = (
+        str(fault["msg"])
+        .removeprefix("Input should be ")
+        .replace("a valid dictionary or instance of", "an instance of")
+    )
+    return _MEANT.get(fault["type"], said)
 
 
-def _fits_one(value: Any, hint: Any) -> bool:
-    if hint in (float, int):
-        number = as_number(value)
-        return number is not None and (hint is float or number.is_integer())
-    origin, inside = get_origin(hint), get_args(hint)
-    if origin is Literal:
-        return isinstance(value, str) or any(value is one for one in inside)
-    if origin is Sequence:
-        if not isinstance(value, Iterable) or isinstance(value, str | bytes | Mapping) or not hasattr(value, "__len__"):
-            return False
-        return all(_fits(item, inside[0]) for item in value)
-    kind = origin or hint
-    return isinstance(value, kind) if isinstance(kind, type) else True
-
-
-def _as_python(value: Any, hint: Any) -> Any:
-    """Return a number as the kind of number that is asked for."""
-    number = as_number(value)
-    if number is not None:
-        if float in _choices(hint):
-            return number
-        if int in _choices(hint):
-            return int(value)
-    return value
+def _as_python(value: Any) -> Any:
+    """Return a number of NumPy's, or an array of one number, as a number of Python's."""
+    return value.item() if getattr(value, "ndim", None) == 0 else value
 
 
 def as_number(value: Any) -> float | None:
     """Return a number as one of Python's, ``None`` for what is none or too large."""
-    if getattr(value, "ndim", None) == 0:  # an array of one number
-        value = value.item()
+    value = _as_python(value)
     if isinstance(value, bool):
         return None
     try:
         return float(value) if isinstance(value, Real) else None
     except OverflowError:
         return None
-
-
-def _words(hint: Any) -> str:
-    """Say in words what a type is."""
-    said = []
-    for one in _choices(hint):
-        origin, inside = get_origin(one), get_args(one)
-        if origin is Literal:
-            said += [repr(item) for item in inside]
-        elif origin is Sequence:
-            said.append("a list")
-        else:
-            kind = origin or one
-            said.append(_PLAIN.get(kind) or f"a {kind.__name__}")
-    return f"are {', '.join(said[:-1])} and {said[-1]}" if len(said) > 1 else f"is {said[0]}"

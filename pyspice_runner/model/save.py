@@ -1,39 +1,44 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a motor is written as a TOML file, by its ``[[modes]]``; :func:`.load_motor` reads it back."""
+"""Writes a motor as a TOML file with ``[[modes]]``; :func:`.load_motor` reads it."""
 
 from __future__ import annotations
 
 import json
-
-from pyspice_runner.model.motor import Motor
+from collections.abc import Mapping
+from typing import Any
 
 _KINDS = ("given", "derived", "assumed")
+_SECTIONS = ("piezo", "contact", "rotor", "mount", "drive")
 
 
-def motor_toml(motor: Motor, *, heading: str = "") -> str:
-    """Return a motor as TOML, every value as it was set, with where it comes from as far as the motor knows.
+def motor_toml(document: Mapping[str, Any], provenance: Mapping[str, Any], *, heading: str = "") -> str:
+    """Return a motor as TOML, every value as it was set, with where it comes from as far as that is known.
 
     Args:
-        motor: the motor.
+        document: the motor's values by section.
+        provenance: dotted path → where the value comes from, as kind and note.
         heading: words for the first lines, as a comment.
     """
+
+    def entries(path: str, table: Mapping[str, Any]) -> list[str]:
+        return [
+            f"{key} = {_with_origin(value, provenance.get(f'{path}.{key}'))}"
+            for key, value in table.items()
+            if value is not None
+        ]
+
     lines = [*(f"# {line}".rstrip() for line in heading.splitlines()), "# USE: piezomotor simulate THIS.toml"]
-    lines += ["", f"name = {_written(motor.name)}"]
-    document = motor.model_dump()
+    lines += ["", f"name = {_written(document['name'])}"]
     for index, mode in enumerate(document["modes"]):
-        lines += ["", "[[modes]]", *_entries(motor, f"modes.{index}", mode)]
-    for section in ("piezo", "contact", "rotor"):
-        lines += ["", f"[{section}]", *_entries(motor, section, document[section])]
+        lines += ["", "[[modes]]", *entries(f"modes.{index}", mode)]
+    for section in _SECTIONS:
+        if document.get(section) is not None:
+            lines += ["", f"[{section}]", *entries(section, document[section])]
     return "\n".join(lines) + "\n"
 
 
-def _entries(motor: Motor, path: str, table: dict[str, object]) -> list[str]:
-    return [f"{key} = {_value(motor, f'{path}.{key}', value)}" for key, value in table.items()]
-
-
-def _value(motor: Motor, path: str, value: object) -> str:
+def _with_origin(value: object, origin: Any) -> str:
     text = _written(value)
-    origin = motor.provenance.get(path)
     if origin is None or origin.kind not in _KINDS:
         return text
     return f"{{ value = {text}, {origin.kind} = {_written(origin.note)} }}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a stator warms up and drifts: coefficients with where they come from, and what follows from the structure."""
+"""Thermal drift of a stator: coefficients with their origin, and the heat capacity of the structure."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ PROVENANCE = {
 
 
 class Thermal(Stated):
-    """Drift of a stator with temperature, and the one body that its losses heat. The defaults are for andersen2002.
+    """Drift of a stator with temperature, and its heat balance as one body. The defaults are for andersen2002.
 
     Raises:
-        ParameterError: by the constructor, for a value that is refused.
+        ParameterError: by the constructor, for an invalid value.
     """
 
     frequency_drift_per_k: float = quantity(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-r"""What a resonance tracker is designed by: the lag of the stator's phase, and the loop filter that goes with it.
+r"""Design of a resonance tracker: the phase lag of the stator and the loop filter.
 
 The phase of a driven resonator follows a change of frequency like a first-order lag, whose time constant is that of
 its free decay with the *loaded* quality factor,
@@ -31,7 +31,7 @@ _CYCLE = 720  # points of a cycle of the slider
 
 @dataclass(frozen=True)
 class StatorLag:
-    """Resonance of one mode of a running motor, and the lag of its phase.
+    """Resonance of one mode of a running motor, and its phase lag.
 
     Attributes:
         resonance_hz: frequency at which the mode's velocity is in phase with the force of the groups.
@@ -71,9 +71,9 @@ class LoopFilter:
 
 
 def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True) -> StatorLag:
-    """Return resonance and loaded quality of a mode that a force of some amplitude drives.
+    """Return resonance and loaded quality factor of a mode under a force of a given amplitude.
 
-    On the rotor the tip rubs at the preload along a surface that stands, or moves slowly against the tip.
+    The tip slides at the preload on a rotor surface that is at rest or slow compared with the tip.
 
     Args:
         motor: the motor.
@@ -148,7 +148,7 @@ def propose_filter(
 ) -> LoopFilter:
     """Propose a filter with which the loop gain is 1 at the bandwidth.
 
-    Its zero lies on the stator's lag, so that the loop is an integrator; the pole against ripple lies ``ripple_ratio``
+    Its zero cancels the lag of the stator, so that the loop is an integrator. The ripple pole lies ``ripple_ratio``
     above the bandwidth and takes atan(1/ripple_ratio) of the phase margin.
 
     Args:
@@ -170,5 +170,5 @@ def propose_filter(
 
 
 def predicted_margin_deg(ripple_ratio: float) -> float:
-    """Return the phase margin of the proposed loop at resonance: 90° less what the pole against ripple takes."""
+    """Return the phase margin of the proposed loop at resonance: 90° minus the lag of the ripple pole."""
     return 90.0 - atan(1.0 / ripple_ratio) * 180.0 / pi

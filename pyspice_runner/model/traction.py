@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-r"""Closed forms of what happens inside the contact: pressure, traction in stick and slip, surface displacements.
+r"""Closed forms of pressure, traction in stick and slip, and surface displacements in the contact.
 
 Two elastic bodies touch in a circle of radius a under Hertz's pressure and are then dragged along x (Cattaneo,
 Mindlin). A ring slips, c ≤ r ≤ a; inside it the surfaces stick together:
@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class HertzPatch:
-    """The contact circle of two elastic bodies that are pressed together and dragged.
+    """The contact circle of two elastic bodies under a normal and a tangential force.
 
     Attributes:
         force_n: normal force F_N.
@@ -63,7 +63,7 @@ class HertzPatch:
         for name in ("force_n", "friction", "effective_modulus_pa", "effective_radius_m"):
             value = getattr(self, name)
             if not (isfinite(value) and value > 0.0):
-                raise ParameterError(f"HertzPatch: {name} = {value:g} is refused; allowed is a number > 0.")
+                raise ParameterError(f"HertzPatch: {name} = {value:g} is not valid: it must be a number > 0.")
 
     @property
     def radius_m(self) -> float:
@@ -88,12 +88,12 @@ class HertzPatch:
         """Return the radius c (m) of the circle that sticks, c = a ∛(1 − F_T/(μ F_N)) (paper eq. 12, corrected).
 
         Raises:
-            ParameterError: beyond μ F_N, which no contact can carry.
+            ParameterError: for a force above μ F_N, the largest friction force.
         """
         share = abs(tangential_force_n) / (self.friction * self.force_n)
         if not share <= 1.0:
             raise ParameterError(
-                f"tangential_force_n = {tangential_force_n:g} N is refused; friction carries at most "
+                f"tangential_force_n = {tangential_force_n:g} N is not valid; friction carries at most "
                 f"{self.friction * self.force_n:g} N."
             )
         return self.radius_m * cbrt(1.0 - share)
@@ -106,7 +106,7 @@ class HertzPatch:
         return np.asarray(np.sign(tangential_force_n) * self.friction * self.peak_pressure_pa * whole)
 
     def normal_displacement(self, r: ArrayLike) -> Array:
-        """Return by how much both surfaces together give way (m) at distances r (m), inside and outside."""
+        """Return the total displacement of both surfaces (m) at distances r (m), inside and outside."""
         first, _ = _chords(np.asarray(r, dtype=float), self.radius_m)
         return self.peak_pressure_pa / (2.0 * self.radius_m * self.effective_modulus_pa) * first
 
@@ -135,7 +135,7 @@ class HertzPatch:
 
 
 def virgin_force(amplitude: ArrayLike) -> Array:
-    """Return F_T/(μ F_N) of a contact dragged by u/u_lim for the first time, 1 − (1 − u/u_lim)^(3/2)."""
+    """Return F_T/(μ F_N) of a contact in first loading to u/u_lim, 1 − (1 − u/u_lim)^(3/2)."""
     return np.asarray(1.0 - np.maximum(1.0 - np.asarray(amplitude, dtype=float), 0.0) ** 1.5)
 
 

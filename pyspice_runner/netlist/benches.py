@@ -10,16 +10,15 @@ from math import degrees, pi
 from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.model import contact as contact_law
-from pyspice_runner.model.drive import Drive, Tone, check_together
+from pyspice_runner.model.drive import Drive, Tone
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw
+from pyspice_runner.netlist.contact import ContactLaw, Law
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import (
-    Discretisation,
     Motion,
     add_motor,
-    crown_node,
+    contact_nodes,
     dielectric_resistance,
     instantiate,
 )
@@ -28,9 +27,12 @@ from pyspice_runner.netlist.motor import (
 # V, N, µm, m/s and rad/s of order one; a nanovolt and a nanoampere stand for nothing. The step is uniform: trtol takes
 # the truncation-error control, which would shorten steps, out of play.
 TRANSIENT_OPTIONS = {"reltol": "1e-6", "vntol": "1e-9", "abstol": "1e-9", "trtol": "1e9", "method": "trap"}
+FEWEST_POINTS_PER_PERIOD = 16  # of the fastest motion; coarser, its shape is lost
+UNIFORM_POINTS = 128  # steps in a period of the fastest motion, see Source.points_per_period
 _SMALL = 1e-5  # of the smallest of a motor's own forces and displacements: below it, a nanovolt is too much
 # ngspice ends a sweep within reltol of a frequency step: much smaller, and round-off may drop the last frequency.
 AC_OPTIONS = {"reltol": "1e-6", "vntol": "1e-12", "abstol": "1e-12"}
+METERED = ("metered_a", "metered_b")  # nodes of what drives a motor behind wattmeters
 _METERS = ("piezomotor_contactmeter", "piezomotor_wattmeter", "piezomotor_heat")
 
 
@@ -53,48 +55,6 @@ def transient_options(motor: Motor, contact: ContactLaw | None = "spring-slider"
     }
 
 
-def transient_bench(
-    motor: Motor,
-    drive: Drive,
-    *,
-    contact: ContactLaw | None = "spring-slider",
-    sliders: int = SLIDERS,
-    speed: float | None = None,
-    load_torque: float = 0.0,
-    discretisation: Discretisation | None = None,
-    thermal: Thermal | None = None,
-    title: str = "",
-) -> Circuit:
-    """Drive a motor by ideal voltage sources, its shaft free, loaded or held.
-
-    Args:
-        motor: the motor; instance ``Xmotor`` on the nodes a, b, 0, shaft.
-        drive: the two voltages; sources ``Va`` and ``Vb``.
-        contact: law of the contact; ``None`` for a free tip.
-        sliders: number of sliders of the brush.
-        speed: if given, a source ``Vshaft`` holds the shaft at this speed, rad/s.
-        load_torque: torque in N·m that a source ``Iload`` draws from the shaft.
-        discretisation: adaptation to a uniform step, if any.
-        thermal: drift of the motor; its losses then heat it through ``Xcooling`` on the nodes heat and temperature.
-        title: title line of the deck.
-    """
-    check_together(motor, drive)
-    circuit = Circuit(title or f"{motor.name}: transient")
-    _drive_group(circuit, "a", drive.tones_a, drive.soft_start)
-    _drive_group(circuit, "b", drive.tones_b, drive.soft_start)
-    if speed is not None:
-        circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(speed)!r}")
-    elif load_torque:
-        circuit.I("load", "shaft", circuit.gnd, f"DC {float(load_torque)!r}")
-    if thermal is not None:
-        add_cooling(circuit, thermal)
-    add_motor(
-        circuit, motor, ("a", "b", circuit.gnd, "shaft", *(("temperature", "heat") if thermal else ())),
-        contact=contact, sliders=sliders, discretisation=discretisation, thermal=thermal,
-    )  # fmt: skip
-    return circuit
-
-
 @dataclass(frozen=True)
 class SpeedRamp:
     """A commanded speed that rises or falls linearly.
@@ -110,74 +70,43 @@ class SpeedRamp:
     duration: float
 
 
-def dynamometer_bench(
-    motor: Motor,
-    drive: Drive,
-    *,
-    speed: float | SpeedRamp | None,
-    load_torque: float = 0.0,
-    contact: ContactLaw = "spring-slider",
-    sliders: int = SLIDERS,
-    meters: bool = True,
-    step: float | None = None,
-    discretisation: Discretisation | None = None,
-    start: Motion | None = None,
-    begun: float = 0.0,
-    title: str = "",
-) -> Circuit:
-    """Put a motor on a dynamometer, and unless it need only settle, on meters of power, losses and states.
-
-    The integrals are the nodes ``xbrake.v_*``, and with meters ``xcontactmeter.v_*``, ``xmeter_a.v_*``,
-    ``xmeter_b.v_*``, ``xheat_*.v_heat``.
-
-    Args:
-        motor: the motor; instance ``Xmotor``.
-        drive: the two voltages.
-        speed: at which the brake holds the shaft, rad/s; ``None`` leaves it free but for the load.
-        load_torque: torque in N·m that the brake draws besides.
-        contact: law of the contact.
-        sliders: number of sliders of the brush.
-        meters: whether there is more than the brake; the meters take two fifths of the run time.
-        step: time step in s of the run, for what has to do with numerics in the meters; by default their own.
-        discretisation: adaptation to a uniform step, if any.
-        start: motion to go on from; by default preloaded rest.
-        begun: time in s since the drive came on: the phases go on from there.
-        title: title line of the deck.
-    """
-    check_together(motor, drive)
-    circuit = Circuit(title or f"{motor.name}: dynamometer")
+def add_brake(circuit: Circuit, *, meters: bool) -> None:
+    """Put the subcircuits of a dynamometer into a circuit, and with meters theirs."""
     parts = ("piezomotor_dynamometer", *(_METERS if meters else ()))
     circuit.raw_spice += "\n".join(read_library(name).subcircuit for name in parts) + "\n"
-    lines = ("line_a", "line_b") if meters else ("a", "b")
-    _drive_group(circuit, "a", drive.tones_a, drive.soft_start, begun, node=lines[0])
-    _drive_group(circuit, "b", drive.tones_b, drive.soft_start, begun, node=lines[1])
+
+
+def add_set_speed(circuit: Circuit, speed: float | SpeedRamp | None) -> None:
+    """Put the commanded speed of a dynamometer, in rad/s, at the node ``set``."""
     if isinstance(speed, SpeedRamp):
         slope = (speed.last - speed.first) / speed.duration
         circuit.raw_spice += f"Bset set 0 V=({speed.first!r})+({slope!r})*time\n"
     else:
         circuit.V("set", "set", circuit.gnd, f"DC {float(speed or 0.0)!r}")
-    add_motor(
-        circuit, motor, ("a", "b", circuit.gnd, "shaft"),
-        contact=contact, sliders=sliders, discretisation=discretisation, start=start,
-    )  # fmt: skip
+
+
+def connect_brake(circuit: Circuit, load_torque: float, *, grips: bool) -> None:
+    """Put the brake on the shaft: it holds the speed, or lets go of the shaft but for a torque in N·m."""
     instantiate(
         circuit, "brake", "piezomotor_dynamometer", ("set", "shaft", "xmotor.normal", "xmotor.friction"),
-        torque=load_torque, **({"grip": 0.0} if speed is None else {}),
+        torque=load_torque, **({} if grips else {"grip": 0.0}),
     )  # fmt: skip
-    if meters:
-        _add_meters(circuit, motor, {} if step is None else {"lag": step / 2.0})
-    return circuit
 
 
-def _add_meters(circuit: Circuit, motor: Motor, lag: dict[str, float]) -> None:
-    inside = [f"xmotor.{name}" for name in (crown_node(motor), "vx", "vy", "normal", "friction", "state")]
+def add_meters(circuit: Circuit, motor: Motor, lag: dict[str, float]) -> None:
+    """Put meters of power, losses and states around a motor whose source is at ``metered_a`` and ``metered_b``."""
+    tip = contact_nodes(motor)
+    inside = [f"xmotor.{name}" for name in (tip["x"], tip["vx"], tip["vy"], "normal", "friction", "state")]
     nodes: tuple[str | int, ...] = ("shaft", *inside)
     instantiate(circuit, "contactmeter", "piezomotor_contactmeter", nodes, radius=motor.rotor.radius_m, **lag)
     for index, mode in enumerate(motor.modes, start=1):
         nodes = (f"xmotor.xmode{index}.arm_r", f"xmotor.xmode{index}.elastic")
         instantiate(circuit, f"heat_{index}", "piezomotor_heat", nodes, resistance=mode.damping_n_s_per_m)
-    for group in ("a", "b"):
-        nodes = (f"line_{group}", group, circuit.gnd)
+    if motor.mount:
+        nodes = ("xmotor.xmount.arm_r", "xmotor.xmount.elastic")
+        instantiate(circuit, "heat_mount", "piezomotor_heat", nodes, resistance=motor.mount.damping_n_s_per_m)
+    for group, line in zip(("a", "b"), METERED, strict=True):
+        nodes = (line, group, circuit.gnd)
         instantiate(circuit, f"meter_{group}", "piezomotor_wattmeter", nodes, **lag)
         nodes = (group, f"xmotor.xgroup_{group}.plate")
         resistance = dielectric_resistance(motor, group)
@@ -215,21 +144,18 @@ def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circu
     return circuit
 
 
-def start_voltages(start: Motion, instance: str = "motor") -> dict[str, float]:
-    """Return the initial voltages of the plates and of a brush's cells for a run that goes on from a motion."""
-    cells = {f"x{instance}.xcontact.q{number}": 1e6 * moved for number, moved in enumerate(start.brush_m, start=1)}
+def start_voltages(start: Motion, law: Law | None, instance: str = "motor") -> dict[str, float]:
+    """Return the initial voltages of the plates and the contact for a run that continues a motion."""
+    states = law.states if law and start.contact_v else ()
+    cells = {f"x{instance}.{node}": voltage for node, voltage in zip(states, start.contact_v, strict=True)}
     plates = {"a": start.plate_a_v, "b": start.plate_b_v}
     return {f"x{instance}.xgroup_{group}.plate": voltage for group, voltage in plates.items()} | cells
 
 
-def plate_voltages(drive: Drive, instance: str = "motor") -> dict[str, float]:
-    """Return the initial voltages of the clamped capacitances, for ``.ic``.
-
-    They start charged to the drive's first value: an ideal source that steps onto a capacitance would have to deliver
-    an infinite current. The mechanics are not affected.
-    """
-    voltage_a, voltage_b = drive.initial_voltages()
-    return {f"x{instance}.xgroup_a.plate": voltage_a, f"x{instance}.xgroup_b.plate": voltage_b}
+def add_drive(circuit: Circuit, drive: Drive, pins: tuple[str, str], *, begun: float = 0.0) -> None:
+    """Put ideal sources ``Va`` and ``Vb`` at the nodes of groups A and B; they came on ``begun`` seconds ago."""
+    for group, node, tones in zip(("a", "b"), pins, (drive.tones_a, drive.tones_b), strict=True):
+        _drive_group(circuit, group, tones, drive.soft_start, begun, node=node)
 
 
 def _drive_group(

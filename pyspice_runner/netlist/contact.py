@@ -2,53 +2,123 @@
 """The laws of the contact: which library stands for each, and what values an instance of it takes.
 
 ``spring-slider`` is the paper's, ``brush`` a row of sliders that slip one after the other (partial slip), ``coulomb``
-friction that follows the velocity, without a spring. All have the same pins. ``behavioral/piezomotor_brush.lib`` is
-written by :func:`brush_library`: ``python -m pyspice_runner.netlist.contact``; a test proves it fresh.
+friction that follows the velocity, without a spring. All have the same pins. The path of a ``.lib`` file is a
+user's own law, see :mod:`.own_law`. ``behavioral/piezomotor_brush.lib`` is written by :func:`brush_library`:
+``python -m pyspice_runner.netlist.contact``; a test proves it fresh.
 """
 
 from __future__ import annotations
 
+import re
 import sys
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, get_args
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.parameters import Contact
 from pyspice_runner.netlist.library import Library, data_path, parse_library, read_library
+from pyspice_runner.netlist.own_law import ENDING, PINS, read_own_law
 
-ContactLaw = Literal["spring-slider", "brush", "coulomb"]
-LIBRARIES: dict[ContactLaw, str] = {
+BuiltInLaw = Literal["spring-slider", "brush", "coulomb"]
+ContactLaw = BuiltInLaw | str  # a text is the path of a user's own law
+LIBRARIES: dict[str, str] = {
     "spring-slider": "piezomotor_contact",
     "brush": "piezomotor_brush",
     "coulomb": "piezomotor_coulomb",
 }
-PINS = ("x", "y", "vx", "vy", "fx", "fy", "shaft", "normal", "friction", "slider", "state")
 SLIDERS = 8
 MOST_SLIDERS = 200
 REACH = 4.0  # penetration over the static one that the sliders of a motor's brush cover evenly: eight times its force
 
 
+@dataclass(frozen=True)
+class Law:
+    """The law of a contact, with what it needs to be written. ``None`` in its place stands for a free tip.
+
+    Attributes:
+        name: which law.
+        sliders: number of sliders of the brush.
+
+    Raises:
+        ParameterError: by the constructor, for a law or a number of sliders that does not exist.
+    """
+
+    name: ContactLaw = "spring-slider"
+    sliders: int = SLIDERS
+
+    def __post_init__(self) -> None:
+        check_law(self.name, free=False)
+        contact_library(self.name, self.sliders)
+
+    @property
+    def library(self) -> Library:
+        """The library with the law's subcircuit."""
+        return contact_library(self.name, self.sliders)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The nodes inside a motor whose capacitors hold the state of the contact, for ``.ic``.
+
+        That of ``spring-slider`` has its own place in a :class:`~pyspice_runner.netlist.motor.Motion`.
+        """
+        if self.name == "spring-slider":
+            return ()
+        nodes = re.findall(r"^C\w+ (\w+) 0 ", self.library.subcircuit, re.M | re.I)
+        return tuple(node if node in PINS else f"xcontact.{node}" for node in map(str.lower, nodes))
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the law as results state it, JSON-ready."""
+        return {"contact": self.name, **({"sliders": self.sliders} if self.name == "brush" else {})}
+
+
+def law_of(contact: ContactLaw | None, sliders: int = SLIDERS) -> Law | None:
+    """Return the law that the arguments ``contact`` and ``sliders`` of an analysis ask for; ``None`` is a free tip.
+
+    Raises:
+        ParameterError: for a law or a number of sliders that does not exist.
+    """
+    check_law(contact)
+    return None if contact is None else Law(contact, sliders)
+
+
+def is_own(contact: object) -> bool:
+    """Return whether a law is a user's own file, by its ending."""
+    return isinstance(contact, str | Path) and str(contact).lower().endswith(ENDING)
+
+
 def check_law(contact: str | None, *, free: bool = True) -> None:
-    """Refuse what is not a law; ``None``, a free tip, only where there may be one.
+    """Check that there is such a law; ``None``, a free tip, is one only where ``free``.
 
     Raises:
         ParameterError: naming the laws.
     """
-    if contact in get_args(ContactLaw) or (free and contact is None):
+    if contact in get_args(BuiltInLaw) or (free and contact is None):
         return
-    *laws, last = (*(repr(law) for law in get_args(ContactLaw)), *(["None (free tip)"] if free else []))
-    raise ParameterError(f"contact = {contact!r} is refused; allowed are {', '.join(laws)} and {last}.")
+    if is_own(contact):
+        read_own_law(str(contact))
+        return
+    laws = ", ".join(repr(law) for law in get_args(BuiltInLaw))
+    tip = ", None (free tip)" if free else ""
+    raise ParameterError(f"contact = {contact!r} is not valid: it must be {laws}{tip} or the path of a {ENDING} file.")
 
 
-def contact_library(law: ContactLaw, sliders: int = SLIDERS) -> Library:
-    """Return the library of a law; the brush is written for the number of sliders asked for.
+def contact_library(law: ContactLaw, sliders: int = SLIDERS, contact: Contact | None = None) -> Library:
+    """Return the library of a law; the brush is written for the given number of sliders.
+
+    The spring-slider of a contact whose friction falls with the slip velocity has a library of its own.
 
     Raises:
-        ParameterError: for a number of sliders that is refused.
+        ParameterError: for a number of sliders that is out of range, or a user's own law that is not usable.
     """
     if sliders not in range(1, MOST_SLIDERS + 1):
-        raise ParameterError(f"sliders = {sliders} is refused; allowed is a whole number from 1 to {MOST_SLIDERS}.")
+        raise ParameterError(f"sliders = {sliders} is not valid: it must be a whole number from 1 to {MOST_SLIDERS}.")
+    if is_own(law):
+        return read_own_law(str(law))
     name = LIBRARIES[law]
+    if law == "spring-slider" and contact is not None and contact.sliding_ratio < 1.0:
+        return read_library("piezomotor_stribeck")
     if law == "brush" and sliders != SLIDERS:
         return parse_library(name, brush_library(int(sliders)))
     return read_library(name)
@@ -82,14 +152,26 @@ def contact_values(
         "preload": preload,
         "deflection": 1e6 * deflection,
     }
+    declared = {parameter.name for parameter in contact_library(law).parameters}
     damping = contact_law.normal_damping(contact)
     if damping:
+        if "damping" not in declared:
+            raise ParameterError(
+                f"The contact law {law} has no parameter damping. Set contact.restitution to 1, or add it to the law."
+            )
         values["damping"] = damping
-    if law != "coulomb":
+    if contact.sliding_ratio < 1.0:
+        if law != "spring-slider":
+            raise ParameterError(
+                f"contact.sliding_ratio = {contact.sliding_ratio:g} is not valid with the contact {law}, which has one "
+                "coefficient of friction. Set it to 1, or choose the contact spring-slider."
+            )
+        values |= {"sliding": contact.sliding_ratio, "stribeck": contact.stribeck_velocity_m_s}
+    if "compliance" in declared:
         values["compliance"] = contact_law.total_compliance(contact)
-        if slider_time is not None:
-            values["slider_time"] = slider_time
-    if law == "brush":
+    if "slider_time" in declared and slider_time is not None:
+        values["slider_time"] = slider_time
+    if "span" in declared:
         values["span"] = 1e6 * (span if span is not None else REACH * contact_law.static_penetration(contact))
     return values
 
@@ -123,7 +205,7 @@ def brush_library(sliders: int = SLIDERS) -> str:
 
 _BRUSH = """\
 * SPDX-License-Identifier: GPL-3.0-or-later
-* piezomotor_brush: Hertz normal contact and a row of {sliders} friction sliders, which slip from the edge inwards
+* piezomotor_brush: a row of {sliders} friction sliders that slip from the edge inwards, on Hertz normal contact
 *
 *      rotor      ___|_|_|_|_|_|_|_|___      half of the contact's width, from its centre to its edge, in cells
 *                 s s s s s s s s s          of one width; springs without a coupling between them (method of
@@ -163,13 +245,16 @@ _BRUSH = """\
 * PAR  deflection        um         0        0     1e6   static bending of the stator under the preload
 * PAR  damping           s/m        0        0     1e6   Hunt-Crossley damping: F_N grows by damping * approach velocity
 * PAR  span              um         1.6      1e-9  1e9   penetration that the sliders cover evenly
-* PAR  slider_time       s          50n      1e-12 1e-3  time constant of the pull that holds the sliders
+* PAR  slider_time       s          50n      1e-12 1e-3  time constant of the pull on the sliders: half of the time step
 *
+* NEEDS  piezomotor_normal
 * SOURCE Popov, Hess, Method of Dimensionality Reduction in Contact Mechanics and Friction, 2015, applied to Hertz
 * OMITS  roughness, wear, adhesion, sideways slip in the contact, motion of the rotor's centre
-* TESTED WITH ngspice 39
+* REVISION 2
+* STEP   1/100 of the shortest period of the motion; slider_time is half of it
+* TESTED WITH ngspice 39 and 46
 *
-* USE
+* USE    the first line of a deck is its title; then:
 *   * a tip pressed and dragged at 10 mm/s along a rotor that stands still: partial slip, then gross slip
 *   Vx x 0 0
 *   Vy y 0 0
@@ -184,40 +269,24 @@ _BRUSH = """\
 *
 .subckt piezomotor_brush {pins} normal_stiffness=7e9 compliance=3.3e-7 mu=0.3 radius=0.01 preload=5 deflection=0 \
 damping=0 span=1.6 slider_time=50n
-.param seat={{1e6*(preload/normal_stiffness)**(2/3)+deflection}}
-.param radius_um={{1e6*radius}}
 .param ratio={{compliance*normal_stiffness**(2/3)}}
 .param cell={{span/{square}}}
 .param spring={{1.5e-9*normal_stiffness*cell**0.5/ratio}}
-* geometry in um: delta (2 R - delta) = sigma (2 R - sigma) - x^2, of which Newton's iteration finds the small root;
-* sine and versine (1 - cosine) of the angle by which the contact lies off the crown of the rotor
-Vseat sigma y {{seat}}
-Bdelta delta 0 V=V(sigma)+{{0.5/radius_um}}*(V(delta)*V(delta)-V(sigma)*V(sigma)-V(x)*V(x))
-Bsine sine 0 V=V(x)/({{radius_um}}-V(delta))
-Bversine versine 0 V=0.5*(V(sine)*V(sine)+V(versine)*V(versine))
-* normal force: Hertz's, times 1 + damping * approach velocity
-Belastic elastic 0 V={{normal_stiffness*1e-9}}*uramp(V(delta))**1.5
-Bhold hold 0 V=uramp(1+{{damping}}*(V(vy)-V(vx)*V(sine)-V(vy)*V(versine)))
-Bnormal normal 0 V=V(elastic)*V(hold)
+* normal contact, and the relative velocity as the voltage of slip
+Xnormal x y vx vy fx fy shaft normal friction delta factor slip piezomotor_normal \
+normal_stiffness={{normal_stiffness}} radius={{radius}} preload={{preload}} deflection={{deflection}} \
+damping={{damping}}
+Rslip slip 0 1
 * the edge of the contact, in cells, with a floor under the penetration that keeps the root smooth
 Bdepth depth 0 V=max(V(delta),1e-9)
 Bedge edge 0 V=sqrt(max(V(delta),1e-9)/{{cell}})
-* relative velocity
-Gtip 0 slip vx 0 1
-Grotor slip 0 shaft 0 {{radius}}
-Bturn 0 slip I=V(vy)*V(sine)-V(vx)*V(versine)
-Rslip slip 0 1
 * cells, from the centre outwards: w, l, q held inside +-l, q; their sums, and the number of those that slip
 {cells}
 Rheld held 0 1
 Rslips slips 0 1
 * in gross slip the sum is mu ratio depth edge 2/3, and the friction force mu F_N
-Bfriction friction 0 V={{spring}}*V(hold)*V(held)
-* forces on the tip and torque on the rotor
-Bfx fx 0 V=V(normal)*V(sine)-V(friction)+V(friction)*V(versine)
-Bfy fy 0 V=V(normal)*V(versine)-V(normal)-V(friction)*V(sine)
-Gtorque 0 shaft friction 0 {{radius}}
-* for the eye only: nothing depends on these
+Bfriction friction 0 V={{spring}}*V(factor)*V(held)
+* for plotting only; nothing depends on these
 Bslider slider 0 V=V(c1)/max(V(w1),1e-6)
 Bstate state 0 V=u(V(delta))*(1+V(slips)/V(edge))
 .ends piezomotor_brush

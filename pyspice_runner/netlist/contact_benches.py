@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Benches of the contact alone: a thrown sphere, and a tip that is moved to and fro under a normal force."""
+"""Benches of the contact alone: a thrown sphere, and a tip that is moved back and forth under a normal force."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.impact import Throw
 from pyspice_runner.model.parameters import Contact, Rotor
-from pyspice_runner.netlist.contact import PINS, SLIDERS, ContactLaw, contact_library, contact_values
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, contact_library, contact_values
+from pyspice_runner.netlist.library import definitions
 from pyspice_runner.netlist.motor import instantiate
+from pyspice_runner.netlist.own_law import PINS
 
 _HALF_SPACE = 10.0  # m: radius of the rotor that stands for a half-space; the bench has no motion along it
 
@@ -33,8 +35,8 @@ def impact_bench(
         title: title line of the deck.
     """
     circuit = Circuit(title or "sphere thrown at a half-space")
-    library = contact_library(contact, sliders)
     constants = throw.contact
+    library = contact_library(contact, sliders, constants)
     values = contact_values(
         contact, constants, radius=_HALF_SPACE, preload=constants.preload_n,
         slider_time=step / 2.0, span=throw.greatest_penetration_m,
@@ -44,7 +46,7 @@ def impact_bench(
     seat = contact_law.static_penetration(constants)
     mass, radius = f"{throw.mass_kg:.10g}", f"{throw.radius_m:.10g}"
     lines = [
-        library.subcircuit,
+        definitions(library),
         "* approach: mass, and the path in um",
         f"Capproach vy 0 {mass} ic={throw.velocity_m_s:.10g}",
         "Gapproach 0 vy fy 0 1",
@@ -77,7 +79,7 @@ def cyclic_bench(
     step: float,
     title: str = "",
 ) -> Circuit:
-    """Move the tip to and fro along a rotor that stands, at a constant or a swinging normal force.
+    """Move the tip back and forth along a rotor that stands, at a constant or a swinging normal force.
 
     The displacement is amplitude · sin(2πft), the node ``moved`` in µm; the normal force F₀ (1 + swing ·
     sin(2πnft + φ)). The node ``power`` is what friction takes up.
@@ -95,8 +97,8 @@ def cyclic_bench(
         step: time step of the run in s; a slider's pull is half of it.
         title: title line of the deck.
     """
-    circuit = Circuit(title or "tip moved to and fro")
-    library = contact_library(law, sliders)
+    circuit = Circuit(title or "tip moved back and forth")
+    library = contact_library(law, sliders, contact)
     span = contact_law.static_penetration(contact) * (1.0 + abs(swing)) ** (2.0 / 3.0)
     values = contact_values(
         law, contact, radius=rotor.radius_m, preload=contact.preload_n, slider_time=step / 2.0, span=span
@@ -110,7 +112,7 @@ def cyclic_bench(
     force = f"(1+({swing:.10g})*sin({swings}))"
     rate = f"{2e-6 / 3.0 * depth * swing * harmonic * omega:.10g}*cos({swings})"
     lines = [
-        library.subcircuit,
+        definitions(library),
         "* displacement, um, and velocity along the rotor",
         f"Bmoved moved 0 V={1e6 * amplitude:.10g}*sin({turn})",
         f"Bvx vx 0 V={amplitude * omega:.10g}*cos({turn})",

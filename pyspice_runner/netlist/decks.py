@@ -7,42 +7,34 @@ the motor's own parameters, not those adapted to a time step, so that the step m
 
 from __future__ import annotations
 
+import re
 import sys
 import textwrap
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from PySpice.Spice.Netlist import Circuit
 from PySpice.Spice.Simulation import CircuitSimulation
 
 from pyspice_runner.model.contact import limit_ratio, resonance_under_preload, static_penetration
-from pyspice_runner.model.drive import Drive, TwoPhaseDrive, TwoToneDrive
+from pyspice_runner.model.drive import Drive, Load, TwoPhaseDrive, TwoToneDrive
 from pyspice_runner.model.impact import Throw
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.model.tracking import LoopFilter, StatorLag
-from pyspice_runner.netlist.benches import (
-    AC_OPTIONS,
-    TRANSIENT_OPTIONS,
-    admittance_bench,
-    dynamometer_bench,
-    plate_voltages,
-    transient_bench,
-)
-from pyspice_runner.netlist.contact import ContactLaw
+from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS, admittance_bench
 from pyspice_runner.netlist.contact_benches import cyclic_bench, impact_bench
-from pyspice_runner.netlist.drivers import GROUPS, SWITCHED_OPTIONS, Driver, driver_bench
+from pyspice_runner.netlist.drivers import GROUPS, Driver
 from pyspice_runner.netlist.library import data_path
+from pyspice_runner.netlist.motor import Discretisation
+from pyspice_runner.netlist.sources import PAPER_LAW, Bench, DriveSource, dynamometer_bench, motor_bench
 from pyspice_runner.netlist.trackers import (
-    TRACKER_OPTIONS,
-    Disturbance,
+    TrackedSource,
     Tracker,
     add_average,
     averaged_bench,
     tracked_lag,
     tracker_filter,
-    tracking_bench,
 )
 
 MOTOR = "andersen2002"
@@ -82,7 +74,7 @@ def _admittance(motor: Motor, *, preloaded: bool) -> str:
         "conductance_bending_1_s": "MAX v(y_sum) FROM=10k TO=25k",  # of a complex vector ngspice takes the real part
         "conductance_bending_2_s": "MAX v(y_difference) FROM=45k TO=60k",
     }
-    simulation = _simulation(circuit, AC_OPTIONS, "ac", measures)
+    simulation = _simulation(Bench(circuit, AC_OPTIONS), "ac", measures)
     simulation.ac(variation="lin", number_of_points=9501, start_frequency=5e3, stop_frequency=100e3)
     return _finish(
         simulation,
@@ -95,13 +87,10 @@ def _admittance(motor: Motor, *, preloaded: bool) -> str:
 def _transient(
     motor: Motor, drive: Drive, what: str, *, contact: bool = True, duration: float, load_torque: float = 0.0
 ) -> str:
-    circuit = transient_bench(
-        motor,
-        drive,
-        contact="spring-slider" if contact else None,
-        load_torque=load_torque,
+    bench = motor_bench(
+        motor, DriveSource(drive), load=Load(torque=load_torque), law=PAPER_LAW if contact else None,
         title=f"{motor.name}: {what.split('.')[0]}",
-    )
+    )  # fmt: skip
     tail = f"FROM={duration - _TAIL_PERIODS * drive.period:.9g} TO={duration:g}"
     measures = {"tip_x_peak_to_peak_um": f"PP v(xmotor.x) {tail}", "tip_y_peak_to_peak_um": f"PP v(xmotor.y) {tail}"}
     if contact:
@@ -111,16 +100,48 @@ def _transient(
             "friction_force_mean_n": f"AVG v(xmotor.friction) {tail}",
             "rotor_speed_mean_rad_s": f"AVG v(shaft) {tail}",
         }
-    simulation = _simulation(circuit, TRANSIENT_OPTIONS, "tran", measures)
-    charged = {node: value for node, value in plate_voltages(drive).items() if value}
-    if charged:
-        simulation.initial_condition(**charged)
+    simulation = _simulation(bench, "tran", measures)
     simulation.transient(step_time=_STEP, end_time=duration, max_time=_STEP, use_initial_condition=True)
-    return _finish(
+    text = _finish(
         simulation,
         f"""{what} To plot, inside ngspice: v(xmotor.x), v(xmotor.y), v(xmotor.slider) in um, v(xmotor.normal),
         v(xmotor.friction) in N, v(xmotor.state) 0 separated 1 stick 2 slip, v(shaft) in rad/s.""",
     )
+    return _parametrised(text, motor, drive, duration) if contact and isinstance(drive, TwoPhaseDrive) else text
+
+
+def _parametrised(text: str, motor: Motor, drive: TwoPhaseDrive, duration: float) -> str:
+    """Return a deck that begins with its parameters, to which its sources, motor, times and measures refer."""
+    values = {
+        "frequency": drive.frequency,
+        "voltage": drive.voltage,
+        "phase": drive.phase_deg,
+        "preload": motor.contact.preload_n,
+        "stop": duration,
+        "step": _STEP,
+    }
+    meaning = {"frequency": "Hz", "voltage": "V, amplitude", "phase": "degrees, group B ahead of A", "preload": "N"}
+    block = [
+        f"* {name}: {meaning.get(name, 's')}\n.param {name}={float(f'{value:.10g}')!r}"
+        for name, value in values.items()
+    ]
+    lines = []
+    for line in text.splitlines():
+        if re.match(r"V[ab] [ab] 0 SIN\(", line):
+            phase = "{phase}" if line.startswith("Vb") else "0"
+            line = f"{line[:6]} SIN(0 {{voltage}} {{frequency}} 0 0 {phase})"
+        elif line.startswith("Xmotor "):
+            line += " preload={preload} slider_time={0.5*step}"
+        elif line.startswith(".ic "):
+            continue
+        elif line.startswith(".meas "):
+            line = re.sub(r"FROM=\S+ TO=\S+", f"FROM={{stop-{_TAIL_PERIODS}/frequency}} TO={{stop}}", line)
+        elif line.startswith(".tran "):
+            lines.append(".ic V(xmotor.xgroup_b.plate)={voltage*sin(phase*0.017453292519943295)}")
+            line = ".tran {step} {stop} 0 {step} uic"
+        lines.append(line)
+    first = next(index for index, line in enumerate(lines[1:], start=1) if not line.startswith("*"))
+    return "\n".join([*lines[:first], *block, *lines[first:], ""])
 
 
 def _ellipse(motor: Motor) -> str:
@@ -162,7 +183,7 @@ def _spin_up(motor: Motor) -> str:
 
 def _dynamometer(motor: Motor) -> str:
     drive = TwoToneDrive(voltage_1=100.0, frequency_1=18e3, voltage_2=50.0, frequency_2=54e3, phase_deg=165.0)
-    circuit = dynamometer_bench(motor, drive, speed=4.0, title=f"{motor.name}: dynamometer")
+    bench = dynamometer_bench(motor, DriveSource(drive), speed=4.0, title=f"{motor.name}: dynamometer")
     first, last = 126, 162  # periods: the first 7 ms settle, the next 2 ms are averaged over
     begin, end = first * drive.period, last * drive.period
     integrals = {
@@ -180,8 +201,7 @@ def _dynamometer(motor: Motor) -> str:
         measures[f"{name}_0"] = f"FIND v({node}) AT={begin:.12g}"
         measures[f"{name}_1"] = f"FIND v({node}) AT={end:.12g}"
         measures[name] = f"PARAM='({name}_1-{name}_0)*{1e-6 * factor / (end - begin):.12g}'"
-    simulation = _simulation(circuit, TRANSIENT_OPTIONS, "tran", measures)
-    simulation.initial_condition(**{node: value for node, value in plate_voltages(drive).items() if value})
+    simulation = _simulation(bench, "tran", measures)
     simulation.transient(step_time=_STEP, end_time=end + _STEP, max_time=_STEP, use_initial_condition=True)
     return _finish(
         simulation,
@@ -208,7 +228,7 @@ def _impact() -> str:
         "greatest_penetration_um": "MAX v(xcontact.delta)",
         "duration_s": "WHEN v(xcontact.delta)=0 FALL=1",
     }
-    simulation = _simulation(circuit, TRANSIENT_OPTIONS, "tran", measures)
+    simulation = _simulation(Bench(circuit, TRANSIENT_OPTIONS), "tran", measures)
     stop = float(f"{end + step:.9g}")
     simulation.transient(step_time=step, end_time=stop, max_time=step, use_initial_condition=True)
     return _finish(
@@ -236,23 +256,24 @@ def _hysteresis(motor: Motor, swing: float, what: str, remark: str) -> str:
         "part_that_slips_greatest": f"MAX v(slips) {second}",
     }
     circuit.raw_spice += "Bslips slips 0 V=max(0,V(state)-1)\n"
-    simulation = _simulation(circuit, TRANSIENT_OPTIONS, "tran", measures)
+    simulation = _simulation(Bench(circuit, TRANSIENT_OPTIONS), "tran", measures)
     simulation.transient(step_time=step, end_time=2 * period, max_time=step, use_initial_condition=True)
     return _finish(
         simulation,
-        f"""Hysteresis, {what}. The tip of the motor {motor.name} is moved to and fro along a rotor that stands, by 0.8
-        of the displacement at which all of the contact slips under the preload. To plot, inside ngspice: v(friction) in
-        N over v(moved) in um, v(normal) in N, v(slips) the part of the contact that slips. Prints the energy lost in
-        the second cycle. {remark}""",
+        f"""Hysteresis, {what}. The tip of the motor {motor.name} is moved back and forth along a rotor that stands, by
+        0.8 of the displacement at which all of the contact slips under the preload. To plot, inside ngspice:
+        v(friction) in N over v(moved) in um, v(normal) in N, v(slips) the part of the contact that slips. Prints
+        the energy lost in the second cycle. {remark}""",
     )
 
 
 def _thermal_drift(motor: Motor) -> str:
     drive = TwoPhaseDrive(voltage=20.0, frequency=51.7e3, phase_deg=180.0)
     duration = 10e-3
-    circuit = transient_bench(
-        motor, drive, contact=None, thermal=Thermal(heat_capacity_j_per_k=2.1e-5), title=f"{motor.name}: thermal drift"
-    )
+    bench = motor_bench(
+        motor, DriveSource(drive), law=None, thermal=Thermal(heat_capacity_j_per_k=2.1e-5),
+        title=f"{motor.name}: thermal drift",
+    )  # fmt: skip
     early = f"FROM=1e-3 TO={1e-3 + _TAIL_PERIODS * drive.period:.9g}"
     late = f"FROM={duration - _TAIL_PERIODS * drive.period:.9g} TO={duration:g}"
     measures = {
@@ -262,7 +283,7 @@ def _thermal_drift(motor: Motor) -> str:
         "temperature_late_k": f"AVG v(temperature) {late}",
         "heat_late_w": f"AVG v(heat) {late}",
     }
-    simulation = _simulation(circuit, TRANSIENT_OPTIONS, "tran", measures)
+    simulation = _simulation(bench, "tran", measures)
     simulation.transient(step_time=_STEP, end_time=duration, max_time=_STEP, use_initial_condition=True)
     return _finish(
         simulation,
@@ -288,7 +309,7 @@ _FILTERS = {
 
 
 def _driver(motor: Motor, driver: Driver, what: str) -> str:
-    circuit = driver_bench(motor, driver, title=f"{motor.name}: {what.split('.')[0]}")
+    bench = motor_bench(motor, driver, title=f"{motor.name}: {what.split('.')[0]}")
     duration = 1e-3
     tail = f"FROM={duration - _TAIL_PERIODS * driver.period:.9g} TO={duration:g}"
     supplies = [(f"v({rail}_{g})", f"i(vv{rail[1]}_{g})") for g in GROUPS for rail in ("vp", "vn")]
@@ -304,8 +325,7 @@ def _driver(motor: Motor, driver: Driver, what: str) -> str:
     for group in GROUPS:
         measures[f"voltage_{group}_rms_v"] = f"RMS v({group}) {tail}"
         measures[f"current_{group}_rms_a"] = f"RMS i(vpin_{group}) {tail}"
-    options = SWITCHED_OPTIONS if driver.switched else TRANSIENT_OPTIONS
-    simulation = _simulation(circuit, options, "tran", measures)
+    simulation = _simulation(bench, "tran", measures)
     simulation.transient(step_time=_STEP, end_time=duration, max_time=_STEP, use_initial_condition=True)
     return _finish(
         simulation,
@@ -335,12 +355,12 @@ def _rounded(lag: StatorLag, loop_filter: LoopFilter) -> tuple[StatorLag, LoopFi
 def _tracker(motor: Motor, kind: str, duration: float, what: str) -> str:
     drive = {"kind": kind, "voltage": 50.0, "ratio_b": 2.0, "phase_deg": 90.0}
     tracker = Tracker(frequency=51.7e3, offset=0.03 if kind == "pll" else 0.01, **drive)
-    contact: ContactLaw | None = "spring-slider" if kind == "pll" else None
-    lag = tracked_lag(motor, tracker, 1, contact=contact is not None)
+    law = PAPER_LAW if kind == "pll" else None
+    lag = tracked_lag(motor, tracker, 1, contact=law is not None)
     _, loop_filter = _rounded(lag, tracker_filter(tracker, lag))
-    circuit = tracking_bench(
-        motor, tracker, Disturbance("start"), mode=1, loop_filter=loop_filter, step=_STEP, contact=contact,
-        title=f"{motor.name}: {what.split('.')[0]}",
+    bench = motor_bench(
+        motor, TrackedSource(tracker, 1, loop_filter), law=law,
+        discretisation=Discretisation(_STEP, exact_resonance=False), title=f"{motor.name}: {what.split('.')[0]}",
     )  # fmt: skip
     tail = f"FROM={duration - 2e-3:g} TO={duration:g}"
     measures = {
@@ -352,8 +372,7 @@ def _tracker(motor: Motor, kind: str, duration: float, what: str) -> str:
         "force_rms_v": f"RMS v(force) {tail}",
         "in_phase_va": f"AVG par('v(force)*v(motional)') {tail}",
     }
-    simulation = _simulation(circuit, TRACKER_OPTIONS, "tran", measures)
-    simulation.initial_condition(**{"xmotor.xgroup_b.plate": 100.0})
+    simulation = _simulation(bench, "tran", measures)
     simulation.transient(step_time=_STEP, end_time=duration, max_time=_STEP, use_initial_condition=True)
     return _finish(
         simulation,
@@ -376,7 +395,7 @@ def _tracking_loop(motor: Motor) -> str:
         "loop_gain": "PARAM='sqrt(real*real+imaginary*imaginary)'",
         "phase_margin_deg": "PARAM='57.29577951308232*atan(imaginary/real)'",
     }
-    simulation = _simulation(circuit, AC_OPTIONS, "ac", measures)
+    simulation = _simulation(Bench(circuit, AC_OPTIONS), "ac", measures)
     simulation.ac(variation="dec", number_of_points=100, start_frequency=5, stop_frequency=50e3)
     return _finish(
         simulation,
@@ -437,13 +456,13 @@ _DECKS: dict[str, Callable[[Motor], str]] = {
 }
 
 
-def _simulation(
-    circuit: Circuit, options: Mapping[str, str], analysis: str, measures: Mapping[str, str]
-) -> CircuitSimulation:
-    simulation = CircuitSimulation(circuit)
+def _simulation(bench: Bench, analysis: str, measures: Mapping[str, str]) -> CircuitSimulation:
+    simulation = CircuitSimulation(bench.circuit)
     for name in ("TEMP", "TNOM"):  # nothing here depends on them
         simulation._options.pop(name)
-    simulation.options(**options)
+    simulation.options(**bench.options)
+    if bench.start:
+        simulation.initial_condition(**bench.start)
     for name, what in measures.items():
         simulation.measure(analysis, name, what)
     return simulation

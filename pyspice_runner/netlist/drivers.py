@@ -23,9 +23,10 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import quantity
 from pyspice_runner.model.refusal import Stated, quoted
-from pyspice_runner.netlist.contact import ContactLaw
-from pyspice_runner.netlist.library import Library, read_library
-from pyspice_runner.netlist.motor import Discretisation, add_motor, instantiate
+from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS, transient_options
+from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.library import Library, definitions, read_library
+from pyspice_runner.netlist.motor import instantiate
 
 DriverKind = Literal["ideal", "linear", "half-bridge", "full-bridge"]
 NetworkKind = Literal["none", "inductor", "llcc"]
@@ -45,6 +46,7 @@ _NETWORKS: dict[NetworkKind, tuple[str, str]] = {
 
 # Switching edges: ngspice chooses the steps. Its error control weighs charges against reltol; with the currents' own
 # tolerance of 1 pA Newton's iteration fails in steps of a picosecond, where round-off alone is more than that.
+SWITCHED_POINTS = 250  # steps in a period of the fastest motion, at least; ngspice takes more at the edges
 SWITCHED_OPTIONS = {"reltol": "1e-4", "vntol": "1e-5", "abstol": "1e-6", "method": "trap"}
 
 
@@ -74,7 +76,7 @@ class Driver(Stated):
     in front of the network; the control, and the supply of a bridge, follow from it.
 
     Raises:
-        ParameterError: by the constructor, for a value that is refused.
+        ParameterError: by the constructor, for an invalid value.
     """
 
     kind: DriverKind = Field(description="power stage")
@@ -109,14 +111,14 @@ class Driver(Stated):
                 if high - low > HIGHEST_RAILS:
                     raise ParameterError(
                         f"Driver: {high - low:.4g} V between the rails of the {self.kind} of group {group.upper()} are "
-                        f"refused; its transistors take {HIGHEST_RAILS:g} V, so lower the voltage."
+                        f"too high; its transistors take {HIGHEST_RAILS:g} V, so lower the voltage."
                     )
             dead_time = self._setting("bridge", "dead_time", "a", 200e-9)
             longest = LARGEST_DEAD_TIME / self.frequency
             if dead_time > longest:
                 raise ParameterError(
-                    f"Driver: bridge.dead_time = {dead_time:g} s is refused at {self.frequency:g} Hz; allowed is a "
-                    f"fifth of a period, {longest:.3g} s."
+                    f"Driver: bridge.dead_time = {dead_time:g} s is not valid at {self.frequency:g} Hz: it must be at "
+                    f"most a fifth of a period, {longest:.3g} s."
                 )
 
     @property
@@ -128,6 +130,36 @@ class Driver(Stated):
     def period(self) -> float:
         """Period in s."""
         return 1.0 / self.frequency
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """Frequencies in Hz that the time step must resolve, beside the edges, for which ngspice shortens its steps."""
+        return (self.frequency,)
+
+    @property
+    def uniform(self) -> bool:
+        """Whether a run takes uniform steps."""
+        return not self.switched
+
+    @property
+    def continues(self) -> bool:
+        """No: its inductors and capacitors hold a state that a run cannot go on from."""
+        return False
+
+    @property
+    def rise_time(self) -> float:
+        """Time in s over which the supply rises."""
+        return 0.0 if self.kind == "ideal" else self.supply_rise_s
+
+    @property
+    def points_per_period(self) -> int:
+        """Default number of steps in a period of the fastest motion, of a bridge between its edges."""
+        return SWITCHED_POINTS if self.switched else UNIFORM_POINTS
+
+    @property
+    def fewest_points(self) -> int:
+        """Least number of steps in a period of the fastest motion."""
+        return FEWEST_POINTS_PER_PERIOD
 
     @property
     def label(self) -> str:
@@ -162,7 +194,7 @@ class Driver(Stated):
         """Return a driver with some values changed: its own by their name, those of its parts by PART.PARAMETER.
 
         Raises:
-            ParameterError: for a name that does not exist or a value that is refused.
+            ParameterError: for a name that does not exist or an invalid value.
         """
         values = self.model_dump()
         for name, value in changes.items():
@@ -171,6 +203,24 @@ class Driver(Stated):
             else:
                 values[name] = value
         return Driver(**values)
+
+    def setting(self, path: str) -> float:
+        """Return the value of a part's parameter, by PART.PARAMETER; of a part of both groups that of group A.
+
+        Raises:
+            ParameterError: for a part or a parameter that does not exist.
+        """
+        self._check_setting(path)
+        label, _, name = path.partition(".")
+        plain, group = (label[:-2], label[-1]) if label[-2:] in ("_a", "_b") else (label, "a")
+        return next(part.values[name] for part in self.parts(group) if part.label == plain)
+
+    def unit(self, path: str) -> str:
+        """Return the unit of a part's parameter, by PART.PARAMETER."""
+        label, _, name = path.partition(".")
+        found = {part.label: part for group in GROUPS for part in self.parts(group)}
+        library = found[label[:-2] if label[-2:] in ("_a", "_b") else label].library
+        return next(parameter.unit for parameter in library.parameters if parameter.name == name)
 
     def parts(self, group: str) -> tuple[Part, ...]:
         """Return the chain of one group, from the stage to the pin."""
@@ -182,6 +232,41 @@ class Driver(Stated):
         if self.network in _NETWORKS:
             chain.append(_NETWORKS[self.network])
         return tuple(self._part(label, name, group) for label, name in chain)
+
+    def check(self, motor: Motor) -> None:
+        """A driver suits every motor: what it cannot drive shows in the report."""
+
+    def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
+        """Return ngspice's options for a run with the driver."""
+        return SWITCHED_OPTIONS if self.switched else transient_options(motor, law.name if law else None)
+
+    def add(self, circuit: Circuit, motor: Motor, pins: tuple[str, str], *, begun: float) -> None:  # noqa: ARG002
+        """Add both channels and their control source between ground and the nodes of groups A and B.
+
+        For group g the supply is ``Vvp_g`` and ``Vvn_g``; the stage's output is the node ``out_g`` (against
+        ``return_g`` for a full bridge) with its current in ``Vout_g``; the current into the pin is that of ``Vpin_g``.
+        """
+        add_driver(circuit, self, dict(zip(GROUPS, pins, strict=True)))
+
+    def initial_voltages(self) -> tuple[float, float]:
+        """Return the voltages of the pins at t = 0: an ideal source must not step onto a capacitance."""
+        if self.kind == "ideal" and self.network == "none":
+            volts = self.phasors()
+            return volts["a"].imag, volts["b"].imag
+        return 0.0, 0.0
+
+    def current(self, group: str) -> tuple[str, float]:
+        """Return the vector of the current into a pin, and its sign."""
+        return f"i(vpin_{group})", 1.0
+
+    @property
+    def vectors(self) -> tuple[str, ...]:
+        """What a run records beside the motor's."""
+        return ()
+
+    def measured_period(self, samples: Mapping[str, Any]) -> float:  # noqa: ARG002
+        """Return the period in s."""
+        return self.period
 
     def to_dict(self) -> dict[str, Any]:
         """Return the driver and every parameter of its parts, JSON-ready."""
@@ -233,40 +318,6 @@ class Driver(Stated):
         return self.amplitude(group) / (ratio * sqrt(1.0 - level**2))
 
 
-def driver_bench(
-    motor: Motor,
-    driver: Driver,
-    *,
-    contact: ContactLaw | None = "spring-slider",
-    speed: float | None = None,
-    load_torque: float = 0.0,
-    discretisation: Discretisation | None = None,
-    title: str = "",
-) -> Circuit:
-    """Put a driver in front of a motor, its shaft free, loaded or held.
-
-    For group g the supply is ``Vvp_g`` and ``Vvn_g``; the stage's output is the node ``out_g`` (against ``return_g``
-    for a full bridge) with its current in ``Vout_g``; the pin is ``g`` with its current in ``Vpin_g``.
-
-    Args:
-        motor: the motor; instance ``Xmotor`` on the nodes a, b, 0, shaft.
-        driver: the driver.
-        contact: law of the contact; ``None`` for a free tip.
-        speed: if given, a source ``Vshaft`` holds the shaft at this speed, rad/s.
-        load_torque: torque in N·m that a source ``Iload`` draws from the shaft.
-        discretisation: adaptation to a uniform step, if any.
-        title: title line of the deck.
-    """
-    circuit = Circuit(title or f"{motor.name}: {driver.kind}")
-    add_driver(circuit, driver, {"a": "a", "b": "b"})
-    if speed is not None:
-        circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(speed)!r}")
-    elif load_torque:
-        circuit.I("load", "shaft", circuit.gnd, f"DC {float(load_torque)!r}")
-    add_motor(circuit, motor, ("a", "b", circuit.gnd, "shaft"), contact=contact, discretisation=discretisation)
-    return circuit
-
-
 def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, source: bool = True) -> None:
     """Put both channels of a driver into a circuit.
 
@@ -280,7 +331,7 @@ def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, sou
     libraries = [part.library for group in GROUPS for part in driver.parts(group)]
     if source:
         libraries.insert(0, read_library("driver_source"))
-    circuit.raw_spice += "\n".join(dict.fromkeys(library.subcircuit for library in libraries)) + "\n"
+    circuit.raw_spice += definitions(*libraries) + "\n"
     if source:
         amplitudes = {f"amplitude_{group}": control_amplitude(driver, group) for group in GROUPS}
         nodes = ("control_a", "control_b", circuit.gnd)

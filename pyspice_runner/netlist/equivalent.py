@@ -3,30 +3,16 @@
 
 from __future__ import annotations
 
-import re
 from math import pi
 
 import numpy as np
 
-from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.equivalent import EquivalentCircuit
 from pyspice_runner.model.refusal import checked
+from pyspice_runner.netlist.library import check_name
 
 RESONATOR = "resonator"
 _LEAST = 1e-9
-
-
-def check_name(name: str) -> str:
-    """Return a subcircuit's name if every SPICE takes it.
-
-    Raises:
-        ParameterError: otherwise.
-    """
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,39}", name):
-        raise ParameterError(
-            f"name = {name!r} is refused; allowed are at most 40 letters, digits and _, the first a letter."
-        )
-    return name
 
 
 @checked
@@ -42,7 +28,7 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
         title: what the circuit stands for, one line.
 
     Raises:
-        ParameterError: for a name that is refused.
+        ParameterError: for an invalid name.
     """
     check_name(name)
     first, last = circuit.arms[0].series_resonance_hz, circuit.arms[-1].series_resonance_hz
@@ -90,9 +76,11 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
         "*",
         "* SOURCE equivalent circuit after Butterworth and Van Dyke, IEEE 176-1987",
         "* OMITS  a loss tangent that stays the same over frequency (here it rises in proportion), nonlinearity",
-        "* TESTED WITH ngspice 39",
+        "* REVISION 1",
+        f"* STEP   at most {1e-2 / last:.2g} s, a hundredth of the shortest period of its arms",
+        "* TESTED WITH ngspice 39 and 46",
         "*",
-        "* USE",
+        "* USE    the first line of a deck is its title; then:",
         "*   * driven by minus one volt: the source's current is then the admittance, here its largest real part",
         "*   Vdrive a 0 DC 0 AC -1",
         f"*   Xpiezo a 0 {name}",

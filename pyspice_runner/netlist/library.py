@@ -3,14 +3,17 @@
 
 A library's header is read by machines: ``PIN`` lines (name, direction, unit, meaning) in the order of the
 ``.subckt`` line, ``PAR`` lines (name, unit, default, least, greatest, meaning), ``SOURCE``, ``OMITS``,
-``TESTED WITH``, and a usage example between ``USE`` and ``END USE``. Where a part dissipates, feeds or stores energy,
-``LOSS``, ``FEED`` and ``STORE`` lines (name, meaning) tell of its inner nodes ``loss_NAME`` and ``feed_NAME``, 1 V =
-1 W, and ``store_NAME``, 1 V = 1 uJ. ``behavioral/CONVENTIONS.md`` explains them.
+``REVISION`` (of pins, parameters and results), ``STEP`` (the coarsest time step at which the results are right),
+``TESTED WITH``, and a usage example between ``USE`` and ``END USE``. ``NEEDS`` names other libraries whose subcircuits
+it instantiates. Where a part dissipates, feeds or stores energy, ``LOSS``, ``FEED`` and ``STORE`` lines (name, meaning)
+name its inner nodes ``loss_NAME`` and ``feed_NAME``, 1 V = 1 W, and ``store_NAME``, 1 V = 1 uJ.
+``behavioral/CONVENTIONS.md`` explains them.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
@@ -19,6 +22,8 @@ from pathlib import Path
 
 from pyspice_runner.errors import ParameterError
 
+PREFIX = "piezomotor"  # of the names of a motor's parts, and name of the motor itself
+LAW = "_law"  # ends the name that a user's own contact law gets in a netlist
 _EXPONENTS = {"t": 12, "g": 9, "meg": 6, "k": 3, "": 0, "m": -3, "u": -6, "n": -9, "p": -12, "f": -15}
 
 
@@ -54,6 +59,8 @@ class Library:
     parameters: tuple[LibraryParameter, ...]
     source: str
     omits: str
+    revision: str
+    step: str
     tested_with: str
     usage: str
     subcircuit: str
@@ -61,27 +68,57 @@ class Library:
     losses: tuple[tuple[str, str], ...] = ()
     feeds: tuple[tuple[str, str], ...] = ()
     stores: tuple[tuple[str, str], ...] = ()
+    needs: tuple[str, ...] = ()
 
     def check(self, **values: float) -> dict[str, float]:
-        """Return the values if every one is a known parameter inside its range.
+        """Return the values if each is a known parameter within its range.
 
-        ngspice takes an unknown subcircuit parameter without a word, so it is refused here.
+        ngspice ignores an unknown parameter of a subcircuit without a message, so it is an error here.
 
         Raises:
             ParameterError: otherwise.
         """
-        known = {parameter.name: parameter for parameter in self.parameters}
-        for name, value in values.items():
-            if name not in known:
-                raise ParameterError(f"Subcircuit {self.name} has no parameter {name!r}; it has {', '.join(known)}.")
-            parameter = known[name]
-            if not parameter.least <= value <= parameter.greatest:
-                unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-                raise ParameterError(
-                    f"Subcircuit {self.name}: {name} = {value:g}{unit} is refused; "
-                    f"allowed is {parameter.least:g} to {parameter.greatest:g}{unit}."
-                )
+        check_parameters(self.name, self.parameters, values)
         return values
+
+
+def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: Mapping[str, float | str]) -> None:
+    """Check what an instance of a subcircuit is given; of a text, which is an expression, only the parameter's name.
+
+    Raises:
+        ParameterError: for an unknown parameter or a number out of range.
+    """
+    known = {parameter.name: parameter for parameter in parameters}
+    for key, value in values.items():
+        if key not in known:
+            raise ParameterError(f"Subcircuit {name} has no parameter {key!r}; it has {', '.join(known)}.")
+        parameter = known[key]
+        if not isinstance(value, str) and not parameter.least <= value <= parameter.greatest:
+            unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+            raise ParameterError(
+                f"Subcircuit {name}: {key} = {value:g}{unit} is not valid: "
+                f"it must be {parameter.least:g} to {parameter.greatest:g}{unit}."
+            )
+
+
+def check_name(name: str) -> str:
+    """Return a subcircuit's name if every SPICE takes it and no part of another export can have it.
+
+    Raises:
+        ParameterError: otherwise.
+    """
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,39}", name):
+        raise ParameterError(
+            f"name = {name!r} is not valid: it must be at most 40 letters, digits and _, the first a letter."
+        )
+    suffixes = {part.removeprefix(PREFIX) for part in library_names() if part.startswith(f"{PREFIX}_")} | {LAW}
+    taken = next((suffix for suffix in sorted(suffixes) if name.lower().endswith(suffix)), "")
+    if taken and name != f"{PREFIX}_thermal":
+        raise ParameterError(
+            f"name = {name!r} ends in {taken!r}, like a part of the motor {name[: -len(taken)]!r} would. "
+            "Choose another ending."
+        )
+    return name
 
 
 def data_path(folder: str) -> Path:
@@ -126,8 +163,11 @@ def parse_library(name: str, text: str) -> Library:
     title = re.search(rf"^\* {re.escape(name)}: (.+)$", text, re.M)
     subcircuit = re.search(rf"^\.subckt {re.escape(name)} (.+)$", text, re.M)
     end = re.compile(rf"^\.ends {re.escape(name)}$", re.M).search(text, subcircuit.end() if subcircuit else 0)
-    usage = re.search(r"^\* USE$\n(.*?)^\* END USE$", text, re.M | re.S)
-    facts = {key: re.search(rf"^\* {key} +(.+)$", text, re.M) for key in ("SOURCE", "OMITS", "TESTED WITH")}
+    usage = re.search(r"^\* USE\b[^\n]*\n(.*?)^\* END USE$", text, re.M | re.S)
+    facts = {
+        key: re.search(rf"^\* {key} +(.+)$", text, re.M)
+        for key in ("SOURCE", "OMITS", "REVISION", "STEP", "TESTED WITH")
+    }
     missing = [
         key
         for key, match in {"title": title, ".subckt": subcircuit and end, "USE": usage, **facts}.items()
@@ -159,6 +199,8 @@ def parse_library(name: str, text: str) -> Library:
         parameters=parameters,
         source=facts["SOURCE"].group(1),  # type: ignore[union-attr]
         omits=facts["OMITS"].group(1),  # type: ignore[union-attr]
+        revision=facts["REVISION"].group(1),  # type: ignore[union-attr]
+        step=facts["STEP"].group(1),  # type: ignore[union-attr]
         tested_with=facts["TESTED WITH"].group(1),  # type: ignore[union-attr]
         usage=re.sub(r"^\*(   ?)?", "", usage.group(1), flags=re.M),
         subcircuit=text[subcircuit.start() : end.end()],
@@ -166,7 +208,45 @@ def parse_library(name: str, text: str) -> Library:
         losses=_powers("LOSS", text),
         feeds=_powers("FEED", text),
         stores=_powers("STORE", text),
+        needs=tuple(name for line in re.findall(r"^\* NEEDS +(.+)$", text, re.M) for name in line.split()),
     )
+
+
+def definitions(*libraries: Library, prefix: str = PREFIX) -> str:
+    """Return the subcircuits of libraries and of all they need, each once, ready for a netlist.
+
+    Args:
+        libraries: the libraries.
+        prefix: what the names of a motor's parts begin with, in place of ``piezomotor``: two motors in one netlist
+            then have no name in common.
+    """
+    wanted: dict[str, Library] = {}
+
+    def add(library: Library) -> None:
+        for name in library.needs:
+            add(read_library(name))
+        wanted.setdefault(library.name, library)
+
+    for library in libraries:
+        add(library)
+    text = "\n".join(library.subcircuit for library in wanted.values())
+    names = "|".join(re.escape(name) for name in wanted)
+    return re.sub(rf"\b({names})\b", lambda match: part_name(match.group(), prefix), text)
+
+
+def part_name(name: str, prefix: str = PREFIX) -> str:
+    """Return what the subcircuit of a library is called in a netlist whose motor's parts begin with ``prefix``."""
+    return re.sub(rf"^{PREFIX}_", f"{prefix}_", name)
+
+
+def header_parameters(where: str, text: str) -> dict[str, LibraryParameter]:
+    """Return what the ``PAR`` lines of a library's header state, by name.
+
+    Raises:
+        ParameterError: naming ``where``, for a number that is none or a default out of its range.
+    """
+    found = re.findall(r"^\* PAR +(\S+) +(\S+) +(\S+) +(\S+) +(\S+) +(.+)$", text, re.M)
+    return {match[0]: _parameter(where, *match) for match in found}
 
 
 def _powers(keyword: str, text: str) -> tuple[tuple[str, str], ...]:
@@ -179,7 +259,7 @@ def _parameter(
 ) -> LibraryParameter:
     value, low, high = (_number_in(library, key, text) for text in (default, least, greatest))
     if not low <= value <= high:
-        raise ParameterError(f"behavioral/{library}.lib: the default of {key} lies outside its range; mend its PAR.")
+        raise ParameterError(f"behavioral/{library}.lib: the default of {key} is outside its range; correct its PAR.")
     return LibraryParameter(key, unit, value, low, high, meaning)
 
 

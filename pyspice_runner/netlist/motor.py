@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The motor as a PySpice subcircuit: modes, groups, contact and rotor put together.
+"""The motor as a PySpice subcircuit, assembled from modes, groups, contact and rotor.
 
-``.subckt piezomotor a b com shaft`` is the face of the model; see ``behavioral/CONVENTIONS.md`` for nodes and units.
+``.subckt piezomotor a b com shaft`` is the interface of the model; ``behavioral/CONVENTIONS.md`` defines nodes and
+units.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import cos, pi, sin
 
 from PySpice.Spice.Netlist import Netlist, SubCircuit
@@ -15,16 +16,45 @@ from PySpice.Spice.Netlist import Netlist, SubCircuit
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.parameters import Mode
+from pyspice_runner.model.parameters import Mode, Mount, Rotor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.contact import PINS, SLIDERS, ContactLaw, check_law, contact_library, contact_values
-from pyspice_runner.netlist.library import Library, read_library
+from pyspice_runner.netlist.contact import (
+    REACH,
+    SLIDERS,
+    ContactLaw,
+    check_law,
+    contact_library,
+    contact_values,
+)
+from pyspice_runner.netlist.library import (
+    PREFIX,
+    Library,
+    LibraryParameter,
+    check_name,
+    check_parameters,
+    definitions,
+    part_name,
+    read_library,
+)
+from pyspice_runner.netlist.own_law import PINS
 
-SUBCIRCUIT = "piezomotor"
+SUBCIRCUIT = PREFIX
+MOUNTED = {"y": "contact_y", "vy": "contact_vy"}  # where the contact sees a tip on a mount
 CROWN = "crown"  # node inside a motor whose preload bends the tip sideways: the tip's x from there, in µm
 THERMAL_SUBCIRCUIT = "piezomotor_thermal"
-_PARTS = ("piezomotor_mode", "piezomotor_group", "piezomotor_rotor")
+REVISION = 2  # of the exported motor: its pins, its parameters and what they mean
+_POINTS = 100  # a period of the fastest motion, the least with which an exported motor gives right results
+# parameters of the motor's X line that set one of the contact's, and what that is called there
+_OF_CONTACT = {
+    "preload": "preload",
+    "friction": "mu",
+    "normal_stiffness": "normal_stiffness",
+    "compliance": "compliance",
+    "radius": "radius",
+}
+_OF_ROTOR = ("inertia", "bearing")
+_DERIVED = ("deflection", "damping", "span", "start")  # parameters of a contact that the motor sets
 # at the highest mode's frequency; it stands for none: SPICE allows no resistor of zero ohm, and a tiny one costs digits
 _SMALLEST_LOSS = 3e-8
 
@@ -45,8 +75,8 @@ class Discretisation:
     step: float
     exact_resonance: bool = True
 
-    def mode(self, mode: Mode) -> tuple[float, float]:
-        """Return the mass (kg) and stiffness (N/m) to write for a mode."""
+    def mode(self, mode: Mode | Mount) -> tuple[float, float]:
+        """Return the mass (kg) and stiffness (N/m) to write for a mode or a carrier."""
         if not self.exact_resonance:
             return mode.mass_kg, mode.stiffness_n_per_m
         half_angle = pi * mode.frequency_hz * self.step
@@ -69,7 +99,10 @@ class Motion:
         speed_rad_s: speed of the rotor.
         plate_a_v: voltage of the clamped capacitance of group A.
         plate_b_v: the same of group B.
-        brush_m: sums of the displacements of a brush's cells, from the centre outwards; for ``.ic``.
+        contact_v: voltages of the nodes :attr:`.Law.states`, in V, for ``.ic``.
+        carrier_m: displacement of the carrier towards the rotor.
+        carrier_m_s: velocity of the carrier.
+        bearing: share of its torque that a dry bearing takes, from -1 to 1.
     """
 
     displacements_m: tuple[float, ...]
@@ -78,10 +111,40 @@ class Motion:
     speed_rad_s: float
     plate_a_v: float
     plate_b_v: float
-    brush_m: tuple[float, ...] = ()
+    contact_v: tuple[float, ...] = ()
+    carrier_m: float = 0.0
+    carrier_m_s: float = 0.0
+    bearing: float = 0.0
 
 
-class MotorSubCircuit(SubCircuit):
+class Assembly(SubCircuit):
+    """A subcircuit that consists of parts from libraries; the names of the parts begin with its own."""
+
+    def __init__(self, name: str, *pins: str, **defaults: str) -> None:
+        super().__init__(name, *pins, **defaults)
+        self._libraries: list[Library] = []
+
+    @property
+    def parts(self) -> str:
+        """The text of the subcircuits that it consists of."""
+        return definitions(*self._libraries, prefix=self.name)
+
+    def _put(
+        self,
+        instance: str,
+        part: str | Library,
+        nodes: Sequence[str | int],
+        values: Mapping[str, float | str],
+        passed: Sequence[str] = (),
+    ) -> None:
+        """Add an instance of a part; the ``passed`` parameters are those of the X line of the same name."""
+        library = part if isinstance(part, Library) else read_library(part)
+        self._libraries.append(library)
+        named = replace(library, name=part_name(library.name, self.name))
+        instantiate(self, instance, named, nodes, **{**values, **{name: f"{{{name}}}" for name in passed}})
+
+
+class MotorSubCircuit(Assembly):
     """``.subckt piezomotor a b com shaft`` of one motor; a thermal one has the pins temperature and heat besides.
 
     Args:
@@ -93,8 +156,8 @@ class MotorSubCircuit(SubCircuit):
             brush are not among it: their voltages are for ``.ic``.
         thermal: drift with the pin ``temperature`` (1 V = 1 K), and a pin ``heat`` (1 V = 1 W). Both pins may be left
             open, then nothing drifts.
-        approach: whether there is, as the last pin, ``approach`` (1 V = 1 um), by which the tip is moved towards the
-            rotor: the preload changes.
+        approach: whether there is, as the last pin, ``approach`` (1 V = 1 um), by which the tip, or the far end of the
+            mount's springs, is moved towards the rotor: the preload changes.
         name: name of the subcircuit; by default ``piezomotor``, or ``piezomotor_thermal``.
     """
 
@@ -110,68 +173,154 @@ class MotorSubCircuit(SubCircuit):
         approach: bool = False,
         name: str = "",
     ) -> None:
+        law = contact_library(contact, sliders, motor.contact) if contact else None
+        rotor = read_library("piezomotor_rotor")
         warm = ("temperature", "heat") if thermal else ()
         kind = "_thermal" if thermal else ""
-        pins = ("a", "b", "com", "shaft", *warm, *(("approach",) if approach else ()))
-        super().__init__(name or (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT), *pins)
-        preload = motor.contact.preload_n if contact else 0.0
+        preload = motor.contact.preload_n if law else 0.0
         adapted = [
             discretisation.mode(mode) if discretisation else (mode.mass_kg, mode.stiffness_n_per_m)
             for mode in motor.modes
         ]
+        flexibility = sum(mode.tip_y**2 / stiffness for mode, (_, stiffness) in zip(motor.modes, adapted, strict=True))
+        flexibility += motor.contact.series_compliance_m_per_n
+        touching: dict[str, float] = {}
+        if contact:
+            touching = contact_values(
+                contact, motor.contact, radius=motor.rotor.radius_m, preload=preload, deflection=preload * flexibility,
+                slider_time=discretisation.slider_time if discretisation else None,
+            )  # fmt: skip
+            if start and contact == "spring-slider":
+                touching["start"] = 1e6 * start.slider_m
+        turning = {"inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s}
+        #: parameters of the X line, with their defaults and ranges
+        self.settable = (*_settable(law, touching), *_settable_rotor(rotor, turning))
+
+        pins = ("a", "b", "com", "shaft", *warm, *(("approach",) if approach else ()))
+        defaults = {parameter.name: repr(parameter.default) for parameter in self.settable}
+        super().__init__(name or (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT), *pins, **defaults)
         loss = _loss_tangent(motor)
+        drift = {"capacitance_drift": thermal.capacitance_drift_per_k} if thermal else {}
         for group, capacitance in (("a", motor.piezo.capacitance_a_f), ("b", motor.piezo.capacitance_b_f)):
-            instantiate(
-                self, f"group_{group}", f"piezomotor_group{kind}", (group, "com", *warm),
-                capacitance=capacitance, loss=loss, reference=motor.piezo.loss_reference_hz,
-                **({"capacitance_drift": thermal.capacitance_drift_per_k} if thermal else {}),
-            )  # fmt: skip
+            values = {"capacitance": capacitance, "loss": loss, "reference": motor.piezo.loss_reference_hz}
+            nodes = (group, "com", f"xgroup_{group}.plate", *warm)
+            self._put(f"group_{group}", f"piezomotor_group{kind}", nodes, values | drift)
         for index, (mode, (mass, stiffness)) in enumerate(zip(motor.modes, adapted, strict=True), start=1):
-            instantiate(
-                self, f"mode{index}", f"piezomotor_mode{kind}",
-                ("a", "b", "com", "fx", "fy", "x", "y", "vx", "vy", *warm),
-                mass=mass, damping=mode.damping_n_s_per_m, stiffness=stiffness,
-                coupling_a=mode.coupling_a_n_per_v, coupling_b=mode.coupling_b_n_per_v,
-                tip_x=mode.tip_x, tip_y=mode.tip_y, preload=preload,
+            values = {
+                "mass": mass, "damping": mode.damping_n_s_per_m, "stiffness": stiffness,
+                "coupling_a": mode.coupling_a_n_per_v, "coupling_b": mode.coupling_b_n_per_v,
+                "tip_x": mode.tip_x, "tip_y": mode.tip_y, "preload": preload,
                 **_mode_start(start, index - 1, mode.tip_y * preload / stiffness), **_mode_drift(thermal),
-            )  # fmt: skip
+            }  # fmt: skip
+            nodes = ("a", "b", "com", "fx", "fy", "x", "y", "vx", "vy", f"xmode{index}.elastic", *warm)
+            self._put(f"mode{index}", f"piezomotor_mode{kind}", nodes, values, ["preload"] if law else [])
         for node in ("x", "y", "vx", "vy"):
             self.R(f"sum_{node}", node, self.gnd, 1)
         if thermal:
             self.R("sum_heat", "heat", self.gnd, 1)
             self.R("open_temperature", "temperature", self.gnd, 1e9)
-        if contact:
-            deflection = preload * sum(
-                mode.tip_y**2 / stiffness for mode, (_, stiffness) in zip(motor.modes, adapted, strict=True)
-            )
-            values = contact_values(
-                contact, motor.contact, radius=motor.rotor.radius_m, preload=preload, deflection=deflection,
-                slider_time=discretisation.slider_time if discretisation else None,
-            )  # fmt: skip
-            sway = contact_law.static_sway(motor.contact, _softened(motor, discretisation))
-            if sway:  # the rotor's crown stands over the tip as it rests
-                self.V("sway", "x", CROWN, f"DC {float(f'{1e6 * sway:.10g}')!r}")
-            if start and contact == "spring-slider":
-                values["start"] = 1e6 * start.slider_m
-            if approach:
-                self.VCVS("approach", "pressed", "y", "approach", self.gnd, voltage_gain=1)
-                self.R("open_approach", "approach", self.gnd, 1e9)
-            moved = {"y": "pressed" if approach else "y", "x": CROWN if sway else "x"}
-            nodes = [moved.get(pin, pin) for pin in PINS]
-            instantiate(self, "contact", contact_library(contact, sliders), nodes, **values)
+        if law:
+            sway = contact_law.static_sway(motor.contact, _softened(motor, discretisation)) / preload
+            if sway:  # the rotor's crown is above the resting tip
+                self.V("sway", "x", CROWN, f"DC {{{_digits(1e6 * sway)!r}*preload}}")
+            moved = {"x": CROWN} if sway else {}
+            moved |= self._add_mount(motor.mount, preload, discretisation, start, approach=approach)
+            moved |= self._add_stem(motor.contact.series_compliance_m_per_n, moved.get("y", "y"))
+            nodes = tuple(moved.get(pin, pin) for pin in PINS)
+            law.check(**touching)
+            self._put("contact", law, nodes, {**touching, **_expressions(law, touching, flexibility)})
         else:
             self.R("free_fx", "fx", self.gnd, 1)
             self.R("free_fy", "fy", self.gnd, 1)
-        instantiate(
-            self, "rotor", "piezomotor_rotor", ("shaft",),
-            inertia=motor.rotor.inertia_kg_m2, bearing=motor.rotor.bearing_damping_n_m_s,
-            **({"start": start.speed_rad_s} if start else {}),
-        )  # fmt: skip
+        spinning = {"start": start.speed_rad_s} if start else {}
+        self._put("rotor", rotor, ("shaft",), turning | spinning, _OF_ROTOR)
+        self._add_dry_bearing(motor.rotor, start)
+
+    def _add_stem(self, compliance: float, y: str) -> dict[str, str]:
+        """Put in the compliance in series with the contact, in m/N: the end of the stem stays behind its foot."""
+        if not compliance:
+            return {}
+        self.VCVS("stem", "stem_y", y, "normal", self.gnd, voltage_gain=_digits(-1e6 * compliance))
+        return {"y": "stem_y"}
+
+    def _add_dry_bearing(self, rotor: Rotor, start: Motion | None) -> None:
+        if not rotor.bearing_friction_n_m:
+            return
+        values = {"torque": rotor.bearing_friction_n_m, "angle": rotor.bearing_presliding_rad}
+        before = {"start": start.bearing} if start else {}
+        self._put("bearing", "piezomotor_bearing", ("shaft", "xbearing.share"), values | before)
+
+    def _add_mount(
+        self,
+        mount: Mount | None,
+        preload: float,
+        discretisation: Discretisation | None,
+        start: Motion | None,
+        *,
+        approach: bool,
+    ) -> dict[str, str]:
+        """Put in carrier and approach, and return the nodes that the contact is connected to in place of its pins."""
+        if approach:
+            self.R("open_approach", "approach", self.gnd, 1e9)
+        if mount is None:
+            if not approach:
+                return {}
+            self.VCVS("approach", "pressed", "y", "approach", self.gnd, voltage_gain=1)
+            return {"y": "pressed"}
+        mass, stiffness = discretisation.mode(mount) if discretisation else (mount.mass_kg, mount.stiffness_n_per_m)
+        if approach:  # the far end of the springs moves
+            gain = float(f"{1e-6 * stiffness:.10g}")
+            self.VCVS("approach", "pressed", "fy", "approach", self.gnd, voltage_gain=gain)
+        values = {"stiffness": stiffness, "mass": mass, "damping": mount.damping_n_s_per_m, "preload": preload}
+        moving = {"start": 1e6 * start.carrier_m, "velocity": start.carrier_m_s} if start else {}
+        nodes = ("pressed" if approach else "fy", "y", "vy", *MOUNTED.values())
+        self._put("mount", "piezomotor_mount", nodes, values | moving, ["preload"])
+        return MOUNTED
 
 
-def crown_node(motor: Motor) -> str:
-    """Return the node inside a motor at which the tip's sideways displacement from the rotor's crown stands."""
-    return CROWN if contact_law.static_sway(motor.contact, motor.modes) else "x"
+def _expressions(law: Library, values: Mapping[str, float], flexibility: float) -> dict[str, str]:
+    """Return what is written for a law's parameters that depend on the X line; ``flexibility`` of the stator in m/N."""
+    outer = {inner: name for name, inner in _OF_CONTACT.items()}
+    written = {name: f"{{{outer.get(name, name)}}}" for name in _settable_names(law)}
+    written["deflection"] = f"{{{_digits(1e6 * flexibility)!r}*preload}}"
+    if "span" in values:
+        written["span"] = f"{{{1e6 * REACH!r}*(preload/normal_stiffness)**(2/3)}}"
+    return written
+
+
+def _settable_names(law: Library) -> list[str]:
+    """Return the parameters of a law that the X line of a motor sets, as the law calls them."""
+    return [parameter.name for parameter in law.parameters if parameter.name not in _DERIVED]
+
+
+def _settable(law: Library | None, values: Mapping[str, float]) -> list[LibraryParameter]:
+    """Return the parameters of the X line that set those of the contact; a law's own ones keep their names."""
+    if law is None:
+        return []
+    declared = {parameter.name: parameter for parameter in law.parameters}
+    names = {outer: inner for outer, inner in _OF_CONTACT.items() if inner in declared}
+    names |= {name: name for name in _settable_names(law) if name not in _OF_CONTACT.values()}
+    return [
+        replace(declared[inner], name=outer, default=_digits(values.get(inner, declared[inner].default)))
+        for outer, inner in names.items()
+    ]
+
+
+def _settable_rotor(rotor: Library, values: Mapping[str, float]) -> list[LibraryParameter]:
+    return [replace(item, default=_digits(values[item.name])) for item in rotor.parameters if item.name in _OF_ROTOR]
+
+
+def _digits(value: float) -> float:
+    """Round to ten digits: the last ones of an eigenvalue depend on the machine, and a deck must not."""
+    return float(f"{value:.10g}")
+
+
+def contact_nodes(motor: Motor) -> dict[str, str]:
+    """Return the nodes inside a motor where the contact sees the tip, by x (from the crown), y, vx and vy."""
+    nodes = {name: name for name in ("x", "y", "vx", "vy")}
+    if contact_law.static_sway(motor.contact, motor.modes):
+        nodes["x"] = CROWN
+    return nodes | (MOUNTED if motor.mount else {})
 
 
 def _softened(motor: Motor, discretisation: Discretisation | None) -> tuple[Mode, ...]:
@@ -181,11 +330,10 @@ def _softened(motor: Motor, discretisation: Discretisation | None) -> tuple[Mode
     return tuple(mode.model_copy(update={"stiffness_n_per_m": discretisation.mode(mode)[1]}) for mode in motor.modes)
 
 
-def parts_text(contact: ContactLaw | None = "spring-slider", sliders: int = SLIDERS, *, thermal: bool = False) -> str:
-    """Return the text of the subcircuits that a motor is put together from."""
-    parts = (f"{part}_thermal" if thermal and part != "piezomotor_rotor" else part for part in _PARTS)
-    mode, group, rotor = (read_library(part).subcircuit for part in parts)
-    return "\n".join([mode, group, *([contact_library(contact, sliders).subcircuit] if contact else []), rotor])
+def coarsest_step(motor: Motor) -> float:
+    """Return the coarsest time step in s at which an exported motor gives right results."""
+    resonances = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor)
+    return 1.0 / (_POINTS * max(*(mode.frequency_hz for mode in motor.modes), *map(float, resonances)))
 
 
 def add_motor(
@@ -200,8 +348,10 @@ def add_motor(
     start: Motion | None = None,
     thermal: Thermal | None = None,
     approach: bool = False,
+    name: str = "",
+    settings: Mapping[str, float | str] | None = None,
 ) -> None:
-    """Put a motor into a PySpice circuit; its definitions are written once, however many copies there are.
+    """Put a motor into a PySpice circuit. All copies of one motor share one definition.
 
     Args:
         circuit: the circuit to add to.
@@ -214,44 +364,70 @@ def add_motor(
         start: as in :class:`MotorSubCircuit`.
         thermal: as in :class:`MotorSubCircuit`.
         approach: as in :class:`MotorSubCircuit`.
+        name: as in :class:`MotorSubCircuit`; a second, different motor in one circuit needs its own.
+        settings: parameters of the X line, such as ``{"preload": 8}``; a text such as ``"{preload}"`` is an expression.
 
     Raises:
-        ParameterError: if the circuit already has a different motor.
+        ParameterError: if the circuit already has a different motor of that name, or for a setting that the motor
+            does not have or whose value is out of range.
     """
     definition = MotorSubCircuit(
         motor, contact=contact, sliders=sliders, discretisation=discretisation, start=start, thermal=thermal,
-        approach=approach,
+        approach=approach, name=name,
     )  # fmt: skip
     name = definition.name
     present = [str(subcircuit) for subcircuit in circuit.subcircuits if subcircuit.name == name]
     if not present:
-        circuit.raw_spice += parts_text(contact, sliders, thermal=thermal is not None) + "\n"
+        circuit.raw_spice += definition.parts + "\n"
         circuit.subcircuit(definition)
     elif present[0] != str(definition):
         raise ParameterError(
-            f"The circuit already has a different {name}; {motor.name} as {instance!r} is refused. "
-            "Copies in one circuit must have the same values."
+            f"The circuit already has a different motor called {name}, so {motor.name} cannot be its {instance!r}. "
+            "Give the second motor another name, or the same values."
         )
-    circuit.X(instance, name, *nodes)
+    check_parameters(name, definition.settable, settings or {})
+    circuit.X(instance, name, *nodes, **(settings or {}))
 
 
 @checked
-def motor_library(motor: Motor, *, contact: ContactLaw = "spring-slider", sliders: int = SLIDERS) -> str:
+def motor_library(
+    motor: Motor,
+    *,
+    contact: ContactLaw = "spring-slider",
+    sliders: int = SLIDERS,
+    name: str = "",
+    thermal: Thermal | None = None,
+) -> str:
     """Return a self-contained library of one motor: header, parts and ``.subckt piezomotor a b com shaft``.
 
     Args:
         motor: the motor.
         contact: law of the contact, as in ``simulate``.
         sliders: number of sliders of the brush.
+        name: name of the subcircuit; by default ``piezomotor``, or ``piezomotor_thermal`` with ``thermal``. The names
+            of its parts begin with it, so that two exports with different names can be used in one circuit.
+        thermal: drift with temperature; the subcircuit then has the pins ``temperature`` and ``heat``.
 
     Raises:
-        ParameterError: for a law or a number of sliders that is refused.
+        ParameterError: for a law, a number of sliders or a name that is not possible.
     """
     check_law(contact, free=False)
-    subcircuit = str(MotorSubCircuit(motor, contact=contact, sliders=sliders)).strip()
+    circuit = MotorSubCircuit(
+        motor, contact=contact, sliders=sliders, thermal=thermal, name=check_name(name) if name else ""
+    )
+    name = circuit.name
+    fastest = max(mode.frequency_hz for mode in motor.modes)
+    step = coarsest_step(motor)
+    pins = [("shaft", "rad/s", "rotor speed; a current fed into the pin is a driving torque")]
+    if thermal:
+        pins += [
+            ("temperature", "K", "temperature above that at which the parameters hold; if open, nothing drifts"),
+            ("heat", "W", "heat of the losses, 1 V = 1 W; it may stay open"),
+        ]
+    law = contact_library(contact, sliders, motor.contact)
     lines = [
         "* SPDX-License-Identifier: GPL-3.0-or-later",
-        f"* {SUBCIRCUIT}: standing-wave piezomotor {motor.name}, with Hertz contact, friction ({contact}) and rotor",
+        f"* {name}: standing-wave piezomotor {motor.name}, with Hertz contact, friction ({contact}) and rotor",
         "*",
         "*     a o---.---------------------------------.",
         "*           |  stator: clamped capacitance    |       1 V = 1 rad/s",
@@ -262,32 +438,51 @@ def motor_library(motor: Motor, *, contact: ContactLaw = "spring-slider", slider
         "* PIN  a      inout  V      electrical pin of group A",
         "* PIN  b      inout  V      electrical pin of group B",
         "* PIN  com    inout  V      common electrical pin",
-        "* PIN  shaft  inout  rad/s  rotor speed; a current fed into the pin is a driving torque",
+        *(f"* PIN  {pin:<5}  inout  {unit:<5}  {meaning}" for pin, unit, meaning in pins),
+        "*",
+        "*      name              unit       default  min   max   meaning",
+        *(
+            f"* PAR  {item.name:<16}  {item.unit:<9}  {item.default!r}  {item.least:g}  {item.greatest:g}  "
+            f"{item.meaning}"
+            for item in circuit.settable
+        ),
         "*",
         *(
             f"* MODE {mode.name}: {mode.frequency_hz:.6g} Hz, Q {mode.quality_factor:.4g}, "
             f"coupling A {mode.coupling_a_n_per_v:.4g} N/V, B {mode.coupling_b_n_per_v:.4g} N/V"
             for mode in motor.modes
         ),
-        f"* PRELOAD {motor.contact.preload_n:g} N, friction {motor.contact.friction:g}; with uic it starts at rest",
+        _mount_line(motor),
         "* NODES inside, to plot: x y slider (um), vx vy (m/s), normal friction (N), state (0 open, 1 stick, 2 slip)",
         "*",
         '* SOURCE Andersen, Helbo, Blanke, "Modelling and Experiments of a Standing Wave Piezomotor", 2002, corrected',
-        f"* OMITS  temperature, piezoelectric hysteresis, {contact_library(contact, sliders).omits}",
-        "* TESTED WITH ngspice 39",
+        f"* OMITS  {'' if thermal else 'temperature, '}piezoelectric hysteresis, {law.omits}",
+        f"* REVISION {REVISION}",
+        f"* STEP   at most {step:.2g} s; with a coarser one currents and speed are wrong, and no simulator warns",
+        f"* TESTED WITH {law.tested_with}",
         "*",
-        "* USE",
-        f"*   Va a 0 SIN(0 50 {max(mode.frequency_hz for mode in motor.modes):.6g})",
-        f"*   Vb b 0 SIN(0 50 {max(mode.frequency_hz for mode in motor.modes):.6g} 0 0 90)",
-        f"*   Xmotor a b 0 shaft {SUBCIRCUIT}",
+        "* USE    the first line of a deck is its title; then:",
+        f"*   Va a 0 SIN(0 50 {fastest:.6g})",
+        f"*   Vb b 0 SIN(0 50 {fastest:.6g} 0 0 90)",
+        f"*   Xmotor a b 0 shaft {'0 heat ' if thermal else ''}{name}",
         "*   .tran 100n 500u 0 100n uic",
         "*   .measure tran speed_rad_s FIND v(shaft) AT=499u",
         "* END USE",
         "*",
-        parts_text(contact, sliders),
-        subcircuit,
+        circuit.parts,
+        str(circuit).strip(),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _mount_line(motor: Motor) -> str:
+    if motor.mount is None:
+        return "* MOUNT none: the stator is held at a fixed distance from the rotor"
+    mount = motor.mount
+    return (
+        f"* MOUNT {mount.mass_kg:g} kg on springs of {mount.stiffness_n_per_m:g} N/m, "
+        f"damping {mount.damping_n_s_per_m:g} N.s/m: the preload is a force"
+    )
 
 
 def _mode_start(start: Motion | None, index: int, bending: float) -> dict[str, float]:
@@ -316,10 +511,25 @@ def _loss_tangent(motor: Motor) -> float:
 
 
 def instantiate(
-    parent: Netlist, instance: str, part: str | Library, nodes: Sequence[str | int], **values: float
+    parent: Netlist,
+    instance: str,
+    part: str | Library,
+    nodes: Sequence[str | int],
+    **values: float | str,
 ) -> None:
-    """Put an instance of a library's subcircuit into a netlist, its values held against the library's header."""
+    """Put an instance of a library's subcircuit into a netlist and check its values by the library's header.
+
+    Args:
+        parent: circuit or subcircuit to add to.
+        instance: name of the instance (``X`` + this).
+        part: the library, or its name.
+        nodes: one for each pin.
+        values: parameters of the subcircuit; a text such as ``"{preload}"`` is an expression.
+
+    Raises:
+        ParameterError: for a parameter that the library does not have or a value out of its range.
+    """
     library = part if isinstance(part, Library) else read_library(part)
-    # ten digits: the last ones of an eigenvalue depend on the machine's linear algebra, and a deck must not
-    rounded = {name: float(f"{value:.10g}") for name, value in values.items()}
-    parent.X(instance, library.name, *nodes, **library.check(**rounded))
+    check_parameters(library.name, library.parameters, values)
+    rounded = {name: value if isinstance(value, str) else _digits(value) for name, value in values.items()}
+    parent.X(instance, library.name, *nodes, **rounded)

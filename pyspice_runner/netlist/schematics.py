@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The example schematics of ``examples/``: the motor between two sources, for KiCad and for LTspice.
 
-``python -m pyspice_runner.netlist.schematics FOLDER`` writes them anew; a test proves that the ones checked in are
-fresh, takes the circuit out of either drawing, and runs it. Neither program itself runs where this is developed.
+``python -m pyspice_runner.netlist.schematics FOLDER`` writes them. A test compares them with the ones in ``examples/``,
+takes the circuit out of either drawing, and runs it. ``make kicad`` does the same with KiCad 9; LTspice is not tested.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from pathlib import Path
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.motor import SUBCIRCUIT, motor_library
-from pyspice_runner.netlist.symbols import MOTOR_PINS, UNTESTED, kicad_symbol, ltspice_symbol
+from pyspice_runner.netlist.symbols import MOTOR_PINS, TESTED, UNTESTED, kicad_symbol, ltspice_symbol
 
 MOTOR = "andersen2002"
 NAME = "motor"  # of all files, which find each other by it
-VOLTAGE, PHASES = 50.0, {"Va": 0.0, "Vb": 90.0}  # V and degrees
+VOLTAGE, PHASES = 50.0, {"V1": 0.0, "V2": 90.0}  # V and degrees; KiCad wants names that end in a number
 STEP, STOP = "100n", "5m"
 _ROOT = uuid.uuid5(uuid.NAMESPACE_URL, "pyspice-runner/examples/kicad")
 _FONT = "(effects (font (size 1.27 1.27))"
@@ -33,12 +33,13 @@ def example_texts() -> dict[str, str]:
     title = f"standing-wave piezomotor {motor.name}"
     library = motor_library(motor)
     symbol = kicad_symbol(SUBCIRCUIT, MOTOR_PINS, f"{NAME}.lib", title)
+    symbols = f"{symbol.rstrip().removesuffix(')').rstrip()}\n{_SOURCE}\n)\n"  # the library of the project
     table = f'(lib (name "{NAME}")(type "KiCad")(uri "${{KIPRJMOD}}/{NAME}.kicad_sym")(options "")(descr ""))'
     project = {"meta": {"filename": f"{NAME}.kicad_pro", "version": 1}, "sheets": [[str(_ROOT), ""]]}
     return {
         f"kicad/{NAME}.kicad_pro": json.dumps(project, indent=2) + "\n",
         f"kicad/{NAME}.kicad_sch": kicad_schematic(motor, symbol),
-        f"kicad/{NAME}.kicad_sym": symbol,
+        f"kicad/{NAME}.kicad_sym": symbols,
         "kicad/sym-lib-table": f"(sym_lib_table\n  (version 7)\n  {table}\n)\n",
         f"kicad/{NAME}.lib": library,
         f"ltspice/{NAME}_example.asc": ltspice_schematic(motor),
@@ -80,7 +81,7 @@ def ltspice_schematic(motor: Motor) -> str:
         ]
     lines += [f"SYMBOL {NAME} 448 128 R0", "SYMATTR InstName X1"]
     lines += [f"TEXT 160 368 Left 2 !.tran 0 {STOP} 0 {STEP} uic", "TEXT 160 400 Left 2 !.options method=trap"]
-    lines += [f"TEXT 160 432 Left 2 ;V(shaft): 1 V is 1 rad/s. {UNTESTED} LTspice."]
+    lines += [f"TEXT 160 432 Left 2 ;V(shaft): 1 V is 1 rad/s. {UNTESTED}."]
     return "\n".join(lines) + "\n"
 
 
@@ -94,7 +95,8 @@ def kicad_schematic(motor: Motor, symbol: str) -> str:
     copy = "\n".join(symbol.splitlines()[1:-1]).replace(f'"{SUBCIRCUIT}"', f'"{NAME}:{SUBCIRCUIT}"', 1)
     frequency = motor.modes[-1].frequency_hz
     parts = [f'(kicad_sch (version 20230121) (generator pyspice_runner)\n  (uuid {_ROOT})\n  (paper "A4")']
-    parts.append(f"  (lib_symbols\n{copy}\n{_SOURCE}\n  )")
+    source = _SOURCE.replace('"VSIN"', f'"{NAME}:VSIN"', 1)
+    parts.append(f"  (lib_symbols\n{copy}\n{source}\n  )")
     parts += [_wire(number, *wire) for number, wire in enumerate(_KICAD_WIRES)]
     parts.append(f"  (junction (at 101.6 99.06) (diameter 0) (color 0 0 0 0) (uuid {_id('junction')}))")
     for name, (x, y) in {"a": (95.25, 76.2), "b": (106.68, 78.74), "shaft": (147.32, 76.2)}.items():
@@ -102,7 +104,8 @@ def kicad_schematic(motor: Motor, symbol: str) -> str:
     parts.append(
         f'  (global_label "0" (shape input) (at 88.9 99.06 180) {_FONT} (justify right)) (uuid {_id("ground")}))'
     )
-    notes = (f".tran {STEP} {STOP} 0 {STEP} uic", f"V(/shaft): 1 V is 1 rad/s. {UNTESTED} KiCad.")
+    parts.append(f"  (no_connect (at 147.32 76.2) (uuid {_id('open shaft')}))")
+    notes = (f".tran {STEP} {STOP} 0 {STEP} uic", f"V(/shaft): 1 V is 1 rad/s. {TESTED}.")
     for number, note in enumerate(notes):
         parts.append(
             f'  (text "{note}" (at 88.9 {111.76 + 5.08 * number:g} 0) {_FONT} (justify left bottom)) '
@@ -114,7 +117,7 @@ def kicad_schematic(motor: Motor, symbol: str) -> str:
     for number, (name, phase) in enumerate(PHASES.items()):
         waveform = f"dc=0 ampl={VOLTAGE:g} f={frequency:.6g} td=0 theta=0 phase={phase:g}"
         fields = {"Sim.Device": "V", "Sim.Type": "SIN", "Sim.Params": waveform, "Sim.Pins": "1=+ 2=-"}
-        parts.append(_placed("Simulation_SPICE:VSIN", name, "VSIN", (88.9 + 12.7 * number, 88.9), fields, 2))
+        parts.append(_placed(f"{NAME}:VSIN", name, "VSIN", (88.9 + 12.7 * number, 88.9), fields, 2))
     parts.append('  (sheet_instances (path "/" (page "1")))\n)')
     return "\n".join(parts) + "\n"
 
@@ -129,7 +132,7 @@ _KICAD_WIRES: tuple[tuple[Point, Point], ...] = (
 )  # fmt: skip
 
 _SOURCE = f"""\
-  (symbol "Simulation_SPICE:VSIN" (pin_names (offset 0.254)) (in_bom yes) (on_board yes)
+  (symbol "VSIN" (pin_names (offset 0.254)) (in_bom yes) (on_board yes)
     (property "Reference" "V" (at 2.54 2.54 0) {_FONT}))
     (property "Value" "VSIN" (at 2.54 0 0) {_FONT}))
     (property "Footprint" "" (at 0 0 0) {_FONT} hide))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Schematic symbols for a library: LTspice ``.asy`` and KiCad ``.kicad_sym``.
 
-Neither program runs where this is developed. Tests hold the files against parsers of the two formats; that the programs
-take them is untested, and the files say so.
+``make kicad`` opens, checks and exports the example with KiCad 9. LTspice is not tested: a test reads its files by a
+parser of the format, and the files say so.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import Literal
 
 from pyspice_runner.errors import ParameterError
 
-UNTESTED = "Untested: written by pyspice-runner and checked by a parser, never opened in"
+UNTESTED = "Untested: written by pyspice-runner and checked by a parser, never opened in LTspice"
+TESTED = "Tested with KiCad 9"
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ MOTOR_PINS = (
     SymbolPin("com", "left"),
     SymbolPin("shaft", "right"),
 )
+THERMAL_PINS = (SymbolPin("temperature", "right"), SymbolPin("heat", "right"))
 RESONATOR_PINS = (SymbolPin("p", "left"), SymbolPin("n", "right"))
 
 
@@ -55,7 +57,7 @@ def ltspice_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: st
         f"SYMATTR Value {name}",
         "SYMATTR Prefix X",
         f"SYMATTR ModelFile {library}",
-        f"SYMATTR Description {_line(title)}. {usage}. {UNTESTED} LTspice.",
+        f"SYMATTR Description {_line(title)}. {usage}. {UNTESTED}.",
     ]
     for order, (pin, row) in enumerate(zip(pins, rows, strict=True), start=1):
         x = -64 if pin.side == "left" else 64
@@ -84,7 +86,7 @@ def kicad_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: str)
         ("Sim.Library", library, 0.0, True),
         ("Sim.Name", name, 0.0, True),
         ("Sim.Pins", " ".join(f"{number}={pin.name}" for number, pin in enumerate(pins, start=1)), 0.0, True),
-        ("ki_description", f"{_line(title)}. {UNTESTED} KiCad.", 0.0, True),
+        ("ki_description", f"{_line(title)}. {TESTED}.", 0.0, True),
         ("Usage", f"Put {library} beside the schematic; Inspect, Simulator runs it.", 0.0, True),
     ]
     font = "(effects (font (size 1.27 1.27))"

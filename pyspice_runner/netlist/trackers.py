@@ -11,6 +11,7 @@ The parts are the libraries ``behavioral/tracker_*.lib``; docs/tracking.md expla
 from __future__ import annotations
 
 from cmath import rect
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi, radians, tan
 from typing import Any, Literal, get_args
@@ -26,9 +27,10 @@ from pyspice_runner.model.parameters import quantity
 from pyspice_runner.model.refusal import Stated
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.model.tracking import LoopFilter, StatorLag, propose_filter, stator_lag
-from pyspice_runner.netlist.contact import ContactLaw
+from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.drivers import GROUPS, Driver, add_driver, control_amplitude
 from pyspice_runner.netlist.library import read_library
-from pyspice_runner.netlist.motor import Discretisation, add_motor, dielectric_resistance, instantiate
+from pyspice_runner.netlist.motor import dielectric_resistance, instantiate
 
 TrackerKind = Literal["none", "pll", "observe-current", "observe-power"]
 DisturbanceKind = Literal["start", "target", "load", "preload", "temperature"]
@@ -44,7 +46,7 @@ class Tracker(Stated):
     """A two-phase drive whose frequency a tracker sets; with ``none`` it stays where it is.
 
     Raises:
-        ParameterError: by the constructor, for a value that is refused.
+        ParameterError: by the constructor, for an invalid value.
     """
 
     kind: TrackerKind = Field(description="tracker")
@@ -73,7 +75,7 @@ class Tracker(Stated):
         super().__init__(**values)
         if abs(self.offset) > self.span:
             raise ParameterError(
-                f"Tracker: offset = {self.offset:g} is refused; the oscillator reaches {self.span:g} either way, so "
+                f"Tracker: offset = {self.offset:g} is not valid; the oscillator reaches {self.span:g} either way, so "
                 "widen its span."
             )
 
@@ -124,7 +126,7 @@ class Disturbance:
     def __post_init__(self) -> None:
         if self.kind not in get_args(DisturbanceKind):
             allowed = ", ".join(get_args(DisturbanceKind))
-            raise ParameterError(f"disturb = {self.kind!r} is refused; allowed are {allowed}.")
+            raise ParameterError(f"disturb = {self.kind!r} is not valid: it must be one of {allowed}.")
         for name, value, low, high, unit in (
             ("load_torque", self.load_torque_n_m, -1e3, 1e3, " N·m"),
             ("preload_change", self.preload_change, -0.9, 10.0, ""),
@@ -134,7 +136,7 @@ class Disturbance:
         ):
             if not low <= value <= high:
                 raise ParameterError(
-                    f"{name} = {value:g}{unit} is refused; allowed is a number from {low:g} to {high:g}{unit}."
+                    f"{name} = {value:g}{unit} is not valid: it must be a number from {low:g} to {high:g}{unit}."
                 )
 
     @property
@@ -184,71 +186,132 @@ def weights(motor: Motor, mode: int) -> dict[str, float]:
     }  # fmt: skip
 
 
-def tracking_bench(
-    motor: Motor,
-    tracker: Tracker,
-    disturbance: Disturbance,
-    *,
-    mode: int,
-    loop_filter: LoopFilter,
-    step: float,
-    contact: ContactLaw | None = "spring-slider",
-    speed: float | None = None,
-    inject: str = "",
-    title: str = "",
-) -> Circuit:
-    """Put a tracker in front of a motor, and what disturbs it around it.
+@dataclass(frozen=True)
+class TrackedSource:
+    """An oscillator whose frequency a tracker sets, straight at the pins or in front of a driver circuit.
 
-    Nodes: ``sine``, ``cosine``, ``tuned`` (Hz) of the oscillator, ``control`` and ``tuning`` before it; ``a``, ``b``
-    the pins; ``motional``, ``force``, ``ahead``, ``power`` what is sensed; ``target`` (degrees).
+    Nodes: ``sine``, ``cosine``, ``tuned`` (Hz) of the oscillator, ``control`` and ``tuning`` before it; ``motional``,
+    ``force``, ``ahead``, ``power`` what is sensed at the pins; ``target`` (degrees).
 
-    Args:
-        motor: the motor; instance ``Xmotor``.
-        tracker: the tracker and its drive.
-        disturbance: what happens.
+    Attributes:
+        tracker: the tracker, its drive and its oscillator.
         mode: index of the mode to follow, from 0.
         loop_filter: filter of a phase-locked loop.
-        step: largest time step in s.
-        contact: law of the contact; ``None`` for a free tip.
-        speed: if given, the shaft is held at this speed, rad/s.
+        driver: what amplifies the oscillator; ``None`` for ideal sources. Its voltages and phase are then those of the
+            drive, and its frequency is the oscillator's.
+        disturbance: what happens to the target.
         inject: source between ``control`` and ``tuning``, which otherwise are the same.
-        title: title line of the deck.
     """
-    circuit = Circuit(title or f"{motor.name}: {tracker.kind}, {disturbance.kind}")
-    parts = ["tracker_sense", "tracker_oscillator", "tracker_phases"]
-    parts += {"none": [], "pll": ["tracker_detector", "tracker_filter"]}.get(tracker.kind, ["tracker_observer"])
-    circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
-    instantiate(
-        circuit, "oscillator", "tracker_oscillator", ("tuning", "sine", "cosine", "tuned"),
-        least=tracker.frequency * (1.0 - tracker.span), greatest=tracker.frequency * (1.0 + tracker.span), rail=RAIL,
-    )  # fmt: skip
-    instantiate(
-        circuit, "phases", "tracker_phases", ("sine", "cosine", "line_a", "line_b", circuit.gnd),
-        amplitude_a=tracker.voltage, amplitude_b=tracker.voltage * tracker.ratio_b, phase_deg=tracker.phase_deg,
-    )  # fmt: skip
-    copies = {}
-    for group in ("a", "b"):
-        copies[f"capacitance_{group}"] = getattr(motor.piezo, f"capacitance_{group}_f") * (
-            1 + tracker.capacitance_error
-        )
-        copies[f"resistance_{group}"] = dielectric_resistance(motor, group)
-    instantiate(
-        circuit, "sense", "tracker_sense",
-        ("line_a", "a", "line_b", "b", circuit.gnd, "motional", "force", "ahead", "power"),
-        frequency=tracker.frequency, **copies, **weights(motor, mode),
-    )  # fmt: skip
-    circuit.V("inject", "tuning", "control", inject or "DC 0")
-    _add_tracker(circuit, motor, tracker, mode, loop_filter, disturbance)
-    nodes = _add_disturbance(circuit, motor, disturbance)
-    if speed is not None:
-        circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(speed)!r}")
-    add_motor(
-        circuit, motor, ("a", "b", circuit.gnd, "shaft", *nodes), contact=contact,
-        discretisation=Discretisation(step, exact_resonance=False),
-        thermal=disturbance.coefficients if disturbance.kind == "temperature" else None,
-        approach=disturbance.kind == "preload",
-    )  # fmt: skip
-    return circuit
+
+    tracker: Tracker
+    mode: int
+    loop_filter: LoopFilter
+    driver: Driver | None = None
+    disturbance: Disturbance | None = None
+    inject: str = ""
+    uniform = False  # digital events shorten steps
+    continues = False
+    rise_time = 0.0
+    vectors = ("v(tuned)",)
+    fewest_points = 50  # the phase detector sees an edge at the end of a step: 7 degrees
+
+    @property
+    def label(self) -> str:
+        """Tracker, voltages and middle frequency."""
+        through = f" through {self.driver.label}" if self.driver else ""
+        return f"{self.tracker.kind} about {self.tracker.frequency / 1e3:.6g} kHz{through}"
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """The highest that the oscillator reaches."""
+        return (self.tracker.frequency * (1.0 + self.tracker.span),)
+
+    @property
+    def period(self) -> float:
+        """Period in s in the middle of the oscillator's range."""
+        return 1.0 / self.tracker.frequency
+
+    @property
+    def points_per_period(self) -> int:
+        """Default number of steps in a period of the fastest motion."""
+        return 250 if self.driver and self.driver.switched else 200
+
+    def measured_period(self, samples: Mapping[str, Any]) -> float:
+        """Return the period in s of the oscillator at the end of a run, from its mean frequency over 20 periods."""
+        time, tuned = (np.asarray(samples[name]) for name in ("time", "v(tuned)"))
+        late = time >= time[-1] - 20.0 * self.period
+        return float((time[late][-1] - time[late][0]) / np.trapezoid(tuned[late], time[late]))
+
+    def check(self, motor: Motor) -> None:
+        """Raise a ParameterError if no group drives the mode."""
+        weights(motor, self.mode)
+
+    def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
+        """Return ngspice's options: behind switching edges those of the driver."""
+        return self.driver.options(motor, law) if self.driver and self.driver.switched else TRACKER_OPTIONS
+
+    def add(self, circuit: Circuit, motor: Motor, pins: tuple[str, str], *, begun: float) -> None:  # noqa: ARG002
+        """Add oscillator, tracker, driver and sensing between ground and the nodes of groups A and B."""
+        tracker, driver = self.tracker, self.driver
+        parts = ["tracker_sense", "tracker_oscillator", "tracker_phases"]
+        parts += {"none": [], "pll": ["tracker_detector", "tracker_filter"]}.get(tracker.kind, ["tracker_observer"])
+        circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
+        instantiate(
+            circuit, "oscillator", "tracker_oscillator", ("tuning", "sine", "cosine", "tuned"),
+            least=tracker.frequency * (1.0 - tracker.span), greatest=tracker.frequency * (1.0 + tracker.span),
+            rail=RAIL,
+        )  # fmt: skip
+        lines = tuple(f"sensed_{group}" if driver else f"line_{group}" for group in GROUPS)
+        controls = tuple(f"control_{group}" for group in GROUPS) if driver else lines
+        amplitudes = [control_amplitude(driver, group) for group in GROUPS] if driver else [
+            tracker.voltage, tracker.voltage * tracker.ratio_b
+        ]  # fmt: skip
+        instantiate(
+            circuit, "phases", "tracker_phases", ("sine", "cosine", *controls, circuit.gnd),
+            amplitude_a=amplitudes[0], amplitude_b=amplitudes[1],
+            phase_deg=driver.phase_deg if driver else tracker.phase_deg,
+        )  # fmt: skip
+        if driver:
+            add_driver(circuit, driver, dict(zip(GROUPS, lines, strict=True)), source=False)
+        copies = {}
+        for group in GROUPS:
+            copies[f"capacitance_{group}"] = getattr(motor.piezo, f"capacitance_{group}_f") * (
+                1 + tracker.capacitance_error
+            )
+            copies[f"resistance_{group}"] = dielectric_resistance(motor, group)
+        instantiate(
+            circuit, "sense", "tracker_sense",
+            (lines[0], pins[0], lines[1], pins[1], circuit.gnd, "motional", "force", "ahead", "power"),
+            frequency=tracker.frequency, **copies, **weights(motor, self.mode),
+        )  # fmt: skip
+        circuit.V("inject", "tuning", "control", self.inject or "DC 0")
+        _add_tracker(circuit, motor, tracker, self.mode, self.loop_filter, self.disturbance or Disturbance("start"))
+
+    def initial_voltages(self) -> tuple[float, float]:
+        """Return the voltages of the pins at t = 0: the oscillator starts with cosine 1."""
+        if self.driver:
+            return self.driver.initial_voltages()
+        volts = self.tracker.phasors()
+        return volts["a"].imag, volts["b"].imag
+
+    def current(self, group: str) -> tuple[str, float]:
+        """Return the vector of the current into a pin, and its sign."""
+        return f"i(v.xsense.vline_{group})", 1.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return tracker, mode and driver, JSON-ready."""
+        return {
+            "kind": "tracker", "label": self.label, "tracker": self.tracker.model_dump(), "mode": self.mode,
+            "driver": self.driver.to_dict() if self.driver else None,
+        }  # fmt: skip
+
+
+def tracked_source(tracker: Tracker, motor: Motor, law: Law | None) -> TrackedSource:
+    """Return a tracker of the last mode, with the filter that is proposed for its bandwidth."""
+    mode = len(motor.modes) - 1
+    return TrackedSource(
+        tracker, mode, tracker_filter(tracker, tracked_lag(motor, tracker, mode, contact=law is not None))
+    )
 
 
 def averaged_bench(
@@ -336,8 +399,8 @@ def _add_tracker(
     )  # fmt: skip
 
 
-def _add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) -> tuple[str, ...]:
-    """Add the sources and return the nodes of the motor's further pins."""
+def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) -> tuple[str, ...]:
+    """Add the sources that disturb a motor, and return the nodes of its further pins."""
 
     def ramp(value: float) -> str:
         return f"PWL(0 0 {disturbance.begin_s:.9g} 0 {disturbance.end_s:.9g} {value:.10g})"
@@ -345,10 +408,13 @@ def _add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) -
     if disturbance.kind == "load":
         circuit.I("load", "shaft", circuit.gnd, ramp(disturbance.load_torque_n_m))
     if disturbance.kind == "preload":
-        factor = 1.0 + disturbance.preload_change
-        deeper = contact_law.static_penetration(motor.contact) * (factor ** (2.0 / 3.0) - 1.0)
-        bent = contact_law.static_deflection(motor.contact, motor.modes) * disturbance.preload_change
-        circuit.V("approach", "approach", circuit.gnd, ramp(1e6 * (deeper + bent)))
+        if motor.mount:  # the far end of the springs moves
+            moved = motor.contact.preload_n * disturbance.preload_change / motor.mount.stiffness_n_per_m
+        else:
+            factor = 1.0 + disturbance.preload_change
+            deeper = contact_law.static_penetration(motor.contact) * (factor ** (2.0 / 3.0) - 1.0)
+            moved = deeper + contact_law.static_deflection(motor.contact, motor.modes) * disturbance.preload_change
+        circuit.V("approach", "approach", circuit.gnd, ramp(1e6 * moved))
         return ("approach",)
     if disturbance.kind == "temperature":
         temperature = disturbance.drift / disturbance.coefficients.frequency_drift_per_k

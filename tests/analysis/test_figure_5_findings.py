@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.run.waveforms import Waveforms
 
 pytestmark = pytest.mark.xdist_group("figure 5")  # the runs are shared
 
@@ -38,7 +39,7 @@ STEP = 0.25e-6  # 50 points in a period of the fastest drive
 
 
 @cache
-def free_and_held(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> tuple[pr.Waveforms, pr.Waveforms]:
+def free_and_held(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> tuple[Waveforms, Waveforms]:
     free = pr.simulate(MOTOR, drive, duration=DURATION, step=STEP, contact=None)
     return free, pr.simulate(MOTOR, drive, duration=DURATION, step=STEP, speed=0.0)
 

@@ -13,7 +13,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.simulate import shortest_period
+from pyspice_runner.netlist.sources import PAPER_LAW, DriveSource
+from pyspice_runner.run.steps import shortest_period
+from pyspice_runner.run.waveforms import Waveforms
 from tests.reference.integrator import ReferenceRun, Tone, integrate
 
 # one worker keeps all of these tests, which share reference runs
@@ -30,11 +32,19 @@ class Point:
     drive: pr.TwoPhaseDrive | pr.TwoToneDrive
     preload: float
     load: dict[str, float] = field(default_factory=dict)
-    changes: dict[str, float] = field(default_factory=dict)
+    changes: dict[str, Any] = field(default_factory=dict)
+    mount: dict[str, float] | None = None
 
     @property
     def motor(self) -> pr.Motor:
-        return pr.load_motor("andersen2002").updated({"contact.preload_n": self.preload, **self.changes})
+        return pr.load_motor("andersen2002").updated(
+            {"contact.preload_n": self.preload, "mount": self.mount, **self.changes}
+        )
+
+
+def springs(stiffness: float, mass: float, damping: float) -> dict[str, float]:
+    """A mount by its stiffness in N/m, the carrier's mass in kg and the damping in N·s/m."""
+    return {"stiffness_n_per_m": stiffness, "mass_kg": mass, "damping_n_s_per_m": damping}
 
 
 def two_phase(voltage: float, frequency: float, phase_deg: float) -> pr.TwoPhaseDrive:
@@ -81,6 +91,18 @@ POINTS = {
             "rotor.inertia_kg_m2": 2e-8,
         },
     ),
+    # on mounts, from soft springs to what is as good as rigid
+    "sprung, mostly slip": Point(two_phase(100.0, 51.7e3, 90.0), 5.0, mount=springs(1e4, 0.05, 50.0)),
+    "sprung, opens": Point(two_phase(60.0, 17.9e3, 90.0), 3.0, mount=springs(2e4, 0.05, 50.0)),
+    "sprung, opens far": Point(two_phase(150.0, 10e3, 45.0), 5.0, mount=springs(2e4, 0.2, 100.0)),
+    "sprung, strong drive": Point(two_phase(300.0, 52.5e3, 90.0), 10.0, mount=springs(1e5, 0.02, 20.0)),
+    "sprung, held shaft": Point(two_phase(200.0, 53e3, 90.0), 5.0, {"speed": 3.0}, mount=springs(2e4, 0.05, 50.0)),
+    "sprung, two tones": Point(two_tone(80.0, 17.9e3, 60.0, 35.8e3, 45.0), 10.0, mount=springs(1e6, 0.05, 100.0)),
+    "stiff mount, load torque": Point(
+        two_phase(100.0, 53e3, 90.0), 5.0, {"load_torque": 5e-5}, mount=springs(3e7, 0.01, 50.0)
+    ),
+    "stiff mount, opens": Point(two_phase(100.0, 16.5e3, 60.0), 4.0, mount=springs(1e9, 0.3, 500.0)),
+    "rigid mount, opens": Point(two_phase(60.0, 17.9e3, 90.0), 3.0, mount=springs(1e11, 1.0, 1e3)),
 }
 
 
@@ -109,11 +131,11 @@ def averaged(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> float:
 
 
 @cache
-def ours(name: str, points_per_period: int | None = None, exact_resonance: bool = True) -> pr.Waveforms:
+def ours(name: str, points_per_period: int | None = None, exact_resonance: bool = True) -> Waveforms:
     point = POINTS[name]
     settings: dict[str, Any] = {"exact_resonance": exact_resonance}
     if points_per_period is not None:
-        settings["step"] = shortest_period(point.motor, point.drive, contact=True) / points_per_period
+        settings["step"] = shortest_period(point.motor, DriveSource(point.drive), PAPER_LAW) / points_per_period
     return pr.simulate(point.motor, point.drive, duration=DURATION, **point.load, **settings)
 
 
@@ -121,7 +143,7 @@ def rms(signal: np.ndarray) -> float:
     return float(np.sqrt(np.mean(signal**2)))
 
 
-def trajectory_error(name: str, run: pr.Waveforms) -> float:
+def trajectory_error(name: str, run: Waveforms) -> float:
     """RMS distance of the tip from the reference's, relative to the RMS of the tip's own motion."""
     exact = reference(name)
     away = np.hypot(
@@ -143,12 +165,12 @@ def test_tip_follows_the_reference(name: str) -> None:
     assert trajectory_error(name, ours(name)) < 0.005  # required; measured 0.01 % to 0.1 %
 
 
-def state_error(name: str, run: pr.Waveforms) -> float:
+def state_error(name: str, run: Waveforms) -> float:
     """Largest deviation of a state's share of time from the reference's."""
     return max(abs(run.state_fractions[state] - share) for state, share in reference(name).state_fractions.items())
 
 
-def speed_error(name: str, run: pr.Waveforms) -> float:
+def speed_error(name: str, run: Waveforms) -> float:
     """Deviation of the mean rotor speed over the last periods, relative to the peak speed."""
     exact = reference(name)
     window = exact.time_s >= DURATION - averaged(POINTS[name].drive) - 0.5 * OUTPUT_STEP

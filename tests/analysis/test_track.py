@@ -16,7 +16,10 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.analysis.loop import LoopDesign, averaged_step, loop_design
+from pyspice_runner.analysis.track import measured_loop_gain, running_resonance
 from pyspice_runner.cli import run
+from pyspice_runner.model.tracking import LoopFilter, propose_filter
 
 pytestmark = pytest.mark.xdist_group("trackers")
 
@@ -32,7 +35,7 @@ def motor() -> pr.Motor:
 
 @cache
 def resonance(contact: bool = True) -> float:
-    return pr.running_resonance(motor(), drive("pll", frequency=50e3), contact=contact).resonance_hz
+    return running_resonance(motor(), drive("pll", frequency=50e3), contact=contact).resonance_hz
 
 
 def drive(kind: str, **values: Any) -> pr.Tracker:
@@ -160,14 +163,14 @@ def free(bandwidth: float, ratio: float, **values: Any) -> pr.Tracker:
 
 
 @cache
-def design(chosen: pr.Tracker) -> pr.LoopDesign:
-    lag = pr.running_resonance(motor(), chosen, contact=False)
-    return pr.loop_design(chosen, lag, proposed(chosen))
+def design(chosen: pr.Tracker) -> LoopDesign:
+    lag = running_resonance(motor(), chosen, contact=False)
+    return loop_design(chosen, lag, proposed(chosen))
 
 
-def proposed(chosen: pr.Tracker) -> pr.LoopFilter:
-    lag = pr.running_resonance(motor(), chosen, contact=False)
-    return pr.propose_filter(
+def proposed(chosen: pr.Tracker) -> LoopFilter:
+    lag = running_resonance(motor(), chosen, contact=False)
+    return propose_filter(
         lag, chosen.bandwidth_hz, gain_hz_per_v=chosen.gain_hz_per_v, current_a=chosen.pump_current_a,
         target_deg=chosen.target_deg, ripple_ratio=chosen.ripple_ratio,
     )  # fmt: skip
@@ -180,7 +183,7 @@ def test_the_phase_margin_moves_with_the_bandwidth_as_predicted(bandwidth: float
     found = design(chosen)
     assert found.crossover_hz == pytest.approx(bandwidth, rel=1e-3)
     assert found.phase_margin_deg == pytest.approx(90.0 - degrees(atan(1.0 / ratio)), abs=0.1)
-    gain = pr.measured_loop_gain(motor(), chosen, bandwidth, contact=None, cycles=3)
+    gain = measured_loop_gain(motor(), chosen, bandwidth, contact=None, cycles=3)
     assert abs(gain) == pytest.approx(1.0, rel=0.05)
     # the phase swings by 8 to 17°, of which a step is 1.8°, and the stator is linear to 3 %
     assert 180.0 + np.degrees(np.angle(gain)) == pytest.approx(found.phase_margin_deg, abs=2.0)
@@ -189,7 +192,7 @@ def test_the_phase_margin_moves_with_the_bandwidth_as_predicted(bandwidth: float
 def test_the_loop_gain_off_resonance_is_that_of_the_closed_form() -> None:
     chosen = free(500.0, 6.0, target_deg=-40.0)
     found = design(chosen)
-    lag, s = pr.running_resonance(motor(), chosen, contact=False), 2j * np.pi * found.frequency_hz
+    lag, s = running_resonance(motor(), chosen, contact=False), 2j * np.pi * found.frequency_hz
     tau, off = lag.time_constant_s, np.tan(np.radians(40.0))
     values = found.loop_filter
     whole = values.capacitance_f + values.ripple_f
@@ -218,9 +221,9 @@ def test_the_averaged_loop_steps_like_the_full_transient(bandwidth: float) -> No
     found = pr.track(
         motor(), chosen, disturb="target", target_step=20.0, contact=None, begin=begin, duration=begin + 4.0 / bandwidth
     )
-    lag = pr.running_resonance(motor(), chosen, contact=False)
+    lag = running_resonance(motor(), chosen, contact=False)
     at_resonance = chosen.model_copy(update={"target_deg": 0.0})
-    time, averaged = pr.averaged_step(
+    time, averaged = averaged_step(
         at_resonance, lag, proposed(chosen), step_deg=20.0, begin=begin, duration=begin + 4.0 / bandwidth
     )
     expected = features(time, averaged / 20.0)
@@ -240,18 +243,18 @@ def test_the_averaged_loop_steps_like_the_full_transient(bandwidth: float) -> No
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        ({"disturb": "earthquake"}, "disturb = 'earthquake' is refused; allowed are start, target, load"),
-        ({"mode": 2}, "mode = 2 is refused; andersen2002 has the modes 0 to 1."),
+        ({"disturb": "earthquake"}, "disturb = 'earthquake' is not valid: it must be 'start', 'target', 'load'"),
+        ({"mode": 2}, "mode = 2 is not valid; andersen2002 has the modes 0 to 1."),
         ({"disturb": "load", "contact": None}, "disturb = 'load' needs a rotor"),
         ({"disturb": "load", "speed": 1.0}, "speed and disturb = 'load' exclude each other"),
         ({"speed": 2e5}, "its rim would move at 2e+03 m/s"),
         (
             {"disturb": "preload", "preload_change": -1.0},
-            "preload_change = -1 is refused; allowed is a",
+            "preload_change = -1 is not valid: it must be a",
         ),
-        ({"disturb": "temperature", "drift": 0.5}, "drift = 0.5 is refused"),
-        ({"step": 1e-6}, "step = 1e-06 s is refused"),
-        ({"duration": 1e-6}, "duration = 1e-06 s is refused"),
+        ({"disturb": "temperature", "drift": 0.5}, "drift = 0.5 is not valid"),
+        ({"step": 1e-6}, "step = 1e-06 s is too coarse"),
+        ({"duration": 1e-6}, "duration = 1e-06 s is not valid"),
     ],
 )
 def test_refusals_name_the_value(settings: dict[str, Any], sentence: str) -> None:
@@ -264,7 +267,7 @@ def test_only_a_loop_has_a_target_and_a_gain() -> None:
     with pytest.raises(pr.ParameterError, match="only a pll has a target"):
         pr.track(motor(), tracker("none"), disturb="target")
     with pytest.raises(pr.ParameterError, match="has no loop gain"):
-        pr.measured_loop_gain(motor(), tracker("none"), 500.0)
+        measured_loop_gain(motor(), tracker("none"), 500.0)
 
 
 def test_the_command_tracks_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -284,3 +287,29 @@ def test_the_command_tracks_and_writes(tmp_path: Path, capsys: pytest.CaptureFix
     assert "no" in shown.split("lock time")[0]
     assert run(["track", "andersen2002", "--tracker", "none", "--disturb", "target"]) == 2
     assert "only a pll has a target" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_run_of_fewer_periods_than_are_averaged_is_rejected_before_it_begins() -> None:
+    tracker = pr.Tracker(kind="observe-current", voltage=20.0, frequency=13.5e3)
+    with pytest.raises(pr.ParameterError, match=r"duration = 0\.0022 s is not valid: it must be from 0\.00335 to"):
+        pr.track(pr.load_motor("andersen2002"), tracker, mode=0, duration=2.2e-3)
+
+
+# --- a disturbance that is not seen ---
+
+
+def test_a_disturbance_after_the_end_is_an_error_not_a_success() -> None:
+    with pytest.raises(
+        pr.ParameterError, match=r"does not show the disturbance, which lasts from 0\.00782 to"
+    ) as error:
+        pr.track(motor(), tracker(), disturb="load", load_torque=1e-4, duration=5e-3)
+    assert "Give at least 0.008" in str(error.value)
+
+
+def test_a_speed_that_still_moves_after_the_disturbance_is_marked() -> None:
+    heavy = motor().updated({"rotor.inertia_kg_m2": 1e-5})
+    found = pr.track(heavy, tracker(), disturb="load", load_torque=1e-4, begin=2e-3, duration=4e-3, step=COARSE)
+    assert found.settled is False
+    assert found.to_dict()["settled"] is False
+    assert "not settled" in found.summary()["speed"]
+    assert any("not settled" in caution for caution in found.cautions)

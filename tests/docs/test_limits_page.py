@@ -8,6 +8,7 @@ from functools import cache
 from itertools import pairwise
 from math import pi, sqrt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 import pyspice_runner as pr
+from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.model import contact as law
 from pyspice_runner.model.beam import clamped_capacitances, resonator_modes, solve_resonator
 from pyspice_runner.model.motor import Structure
@@ -245,6 +247,27 @@ def test_mean_normal_force() -> None:
     says(f"in phase at {resonance / 1e3:.1f} kHz and 20 V")
     run = pr.simulate(MOTOR, pr.TwoPhaseDrive(voltage=20.0, frequency=17.9e3, phase_deg=0.0), duration=5e-3)
     says(f"rises from {CONTACT.preload_n:g} N to {run.mean(run.normal_force_n):.1f} N")
+
+
+@pytest.mark.slow
+def test_mean_normal_force_of_a_held_rotor() -> None:
+    """At a fixed distance the preload is no mean force; on a mount it is."""
+    motor = pr.load_motor("andersen2002-unintended-mode").updated({"mount": None})
+    sprung = motor.updated({"mount": {"stiffness_n_per_m": 1e4, "mass_kg": 0.02, "damping_n_s_per_m": 2.0}})
+
+    def stall(motor: pr.Motor, frequency: float) -> dict[str, Any]:
+        drive = pr.TwoPhaseDrive(voltage=100.0, frequency=frequency, phase_deg=180.0)
+        return operating_point(motor, drive, speed=0.0)
+
+    low, high, soft = stall(motor, 44.5e3), stall(motor, 46e3), stall(sprung, 44.5e3)
+    says(f"it is {low['normal_force_n']:.1f} N at 44.5 kHz", f"off for {100 * low['separated']:.0f} % of the time")
+    says(f"and {high['normal_force_n']:.1f} N at 46 kHz")
+    assert high["separated"] < 1e-6  # the share is a sum of steps, rounded
+    says(f"the stall torque is {1e3 * low['torque_n_m']:.1f} mN·m at the fixed distance")
+    says(f"{1e3 * soft['torque_n_m']:.1f} mN·m with a mount", f"the mean force is {soft['normal_force_n']:.1f} N")
+    drive = pr.TwoPhaseDrive(voltage=100.0, frequency=17e3, phase_deg=90.0)
+    run = pr.simulate(MOTOR.updated({"mount": None}), drive, duration=5e-3, speed=0.0, audit=False)
+    says(f"it is {run.mean(run.normal_force_n):.1f} N at the end of 5 ms")
 
 
 def test_error_of_a_deck() -> None:

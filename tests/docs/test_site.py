@@ -3,11 +3,17 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
+import runpy
+import shutil
 import subprocess
 import sys
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 
 import pytest
 import typer
@@ -66,6 +72,9 @@ def test_every_public_name_is_there_with_what_it_takes(site: Path) -> None:
         home = getattr(pr, name).__module__
         assert f'id="{home}.{name}"' in page, name
     assert "load_torque" in page
+    pages = runpy.run_path(str(ROOT / "docs" / "site_pages.py"))
+    for name in (*pages["result_names"](), *pages["FURTHER"]):
+        assert f'id="{name}"' in page, name
 
 
 def test_every_subcircuit_and_parameter_is_there(site: Path) -> None:
@@ -90,3 +99,50 @@ def test_formulas_are_mathml(site: Path) -> None:
     assert "```math" not in page
     fences = re.findall(r"^```math$", (ROOT / "docs" / "physics.md").read_text(encoding="utf-8"), re.M)
     assert page.count('display="block"') == len(fences) > 3
+
+
+def browser() -> str | None:
+    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+MEASURE = """<pre></pre><script>
+(async () => {
+  for (const page of %s) {
+    const frame = document.createElement("iframe");
+    frame.style = "width: 390px; height: 844px; border: 0";
+    frame.src = page;
+    document.body.append(frame);
+    await new Promise((done) => (frame.onload = done));
+    await new Promise((done) => setTimeout(done, 100));
+    const root = frame.contentDocument.documentElement;
+    const cut = [...root.querySelectorAll(".commands > code")].filter((code) => code.scrollWidth > code.clientWidth);
+    document.querySelector("pre").append(`${page} ${root.scrollWidth} ${cut.length}\\n`);
+    frame.remove();
+  }
+})();
+</script>"""
+
+
+def test_no_page_is_wider_than_a_phone_and_no_command_is_cut(site: Path) -> None:
+    pages = sorted(page.name for page in site.glob("*.html"))
+    (site / "measure.htm").write_text(MEASURE % json.dumps(pages), encoding="utf-8")
+    handler = partial(QuietHandler, directory=str(site))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        command = (
+            browser() or "chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+            "--disable-background-networking", "--disable-component-update", "--disable-sync",
+            "--virtual-time-budget=60000", "--dump-dom", f"http://127.0.0.1:{server.server_port}/measure.htm",
+        )  # fmt: skip
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+        server.shutdown()
+    found = re.findall(r"^(?:.*<pre>)?(\w+\.html) (\d+) (\d+)$", done.stdout, re.M)
+    assert [page for page, _, _ in found] == pages
+    assert {page: (width, cut) for page, width, cut in found if int(width) > 390 or int(cut)} == {}
+
+
+class QuietHandler(SimpleHTTPRequestHandler):
+    """Serve the site without a log."""
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""

@@ -41,7 +41,7 @@ def gain(frequency: NDArray[np.float64] | float) -> NDArray[np.complex128]:
     return 1.0 / (1.0 + s * RESISTANCE * CAPACITANCE + s**2 * INDUCTANCE * CAPACITANCE)
 
 
-def test_transient_of_a_resonator_that_is_switched_on() -> None:
+def test_the_transient_of_a_resonator_follows_its_closed_form() -> None:
     simulator = BatchSimulator(rlc())
     simulator.options(reltol=1e-6)
     analysis = simulator.transient(
@@ -69,7 +69,7 @@ def test_start_time_leaves_the_beginning_out() -> None:
 
 
 @pytest.mark.parametrize(("variation", "number"), [("lin", 31), ("dec", 20), ("oct", 7)])
-def test_ac_over_any_sweep(variation: str, number: int) -> None:
+def test_ac_sweeps_of_every_kind_follow_the_closed_form(variation: str, number: int) -> None:
     analysis = BatchSimulator(rlc()).ac(
         variation=variation, number_of_points=number, start_frequency=170 @ u_Hz, stop_frequency=19.3 @ u_kHz
     )
@@ -85,7 +85,7 @@ def test_ac_over_any_sweep(variation: str, number: int) -> None:
     np.testing.assert_allclose(np.asarray(analysis.source), 1.0, rtol=1e-12)
 
 
-def test_operating_point_and_sweep_of_a_divider() -> None:
+def test_operating_point_and_dc_sweep_of_a_divider_follow_ohms_law() -> None:
     circuit = Circuit("divider")
     circuit.V("in", "top", circuit.gnd, 10 @ u_V)
     circuit.R(1, "top", "tap", 3 @ u_kOhm)
@@ -108,7 +108,7 @@ def test_temperature_reaches_the_elements() -> None:
         np.testing.assert_allclose(np.asarray(point.vin), [-1.0 / ohms], rtol=1e-9)
 
 
-def test_node_and_source_of_one_name_are_told_apart() -> None:
+def test_a_node_and_a_source_may_have_the_same_name() -> None:
     circuit = Circuit("namesakes")
     circuit.V("x", "vx", circuit.gnd, 3 @ u_V)
     circuit.R(1, "vx", circuit.gnd, 1 @ u_kOhm)
@@ -117,7 +117,7 @@ def test_node_and_source_of_one_name_are_told_apart() -> None:
     np.testing.assert_allclose(np.asarray(point.branches["vx"]), [-3e-3])
 
 
-def test_only_what_is_saved_comes_back_in_the_order_asked_for() -> None:
+def test_saved_vectors_are_returned_in_the_order_of_the_request() -> None:
     simulator = BatchSimulator(rlc())
     simulator.save("v(out)", "i(L1)")
     simulator.save(["source", "v(out)"])
@@ -129,7 +129,7 @@ def test_only_what_is_saved_comes_back_in_the_order_asked_for() -> None:
     assert list(analysis.branches) == ["l1"]
 
 
-def test_probes_and_internal_parameters() -> None:
+def test_probes_and_internal_parameters_are_returned() -> None:
     analysis = BatchSimulator(rlc()).transient(step_time=1 @ u_us, end_time=0.1 @ u_ms, probes=["out"])
     assert list(analysis.nodes) == ["out"]
     simulator = BatchSimulator(rlc())
@@ -149,7 +149,7 @@ def test_prepare_writes_the_deck_and_runs_nothing(monkeypatch: pytest.MonkeyPatc
     assert simulator.result is None
 
 
-def test_failure_raises_and_leaves_nothing_of_the_run_before() -> None:
+def test_a_failure_raises_and_removes_the_result_of_the_previous_run() -> None:
     circuit = rlc()
     simulator = BatchSimulator(circuit)
     simulator.transient(step_time=1 @ u_us, end_time=0.1 @ u_ms)
@@ -167,20 +167,20 @@ def test_vector_that_does_not_exist_raises() -> None:
         simulator.operating_point()
 
 
-def test_measurement_raises_since_it_would_not_be_made() -> None:
+def test_a_measurement_raises_because_it_would_not_be_made() -> None:
     simulator = BatchSimulator(rlc())
     simulator.measure("TRAN", "top", "MAX v(out)")
     with pytest.raises(SimulationError, match=r"No \.measure possible"):
         simulator.transient(step_time=1 @ u_us, end_time=0.1 @ u_ms)
 
 
-def test_timeout_of_the_simulator_holds_for_every_run() -> None:
+def test_the_timeout_of_the_simulator_applies_to_every_run() -> None:
     simulator = BatchSimulator(rlc(), timeout=0.2)
     with pytest.raises(SimulationError, match=r"did not finish within 0\.2 s"):
         simulator.transient(step_time=1 @ u_us, end_time=1e4, max_time=1 @ u_us)
 
 
-def test_analysis_that_it_does_not_run_is_refused() -> None:
+def test_an_analysis_that_it_cannot_run_is_rejected() -> None:
     with pytest.raises(ParameterError) as caught:
         BatchSimulator(rlc()).noise("out", "0", "Vdrive", "lin", 10, 1, 100)
     assert str(caught.value) == "BatchSimulator does not run noise; it runs operating_point, dc, ac, transient."
@@ -189,12 +189,16 @@ def test_analysis_that_it_does_not_run_is_refused() -> None:
 def test_deck_is_the_same_in_every_process() -> None:
     script = """
 import pyspice_runner as pr
-from pyspice_runner.analysis.simulate import transient_simulator
+from pyspice_runner.model.drive import Load
+from pyspice_runner.netlist.sources import source_of
+from pyspice_runner.run.kernel import simulator as ready
+from pyspice_runner.run.setup import Setup
 from pyspice_runner.netlist.motor import motor_library
 from pyspice_runner.netlist.benches import admittance_bench
 motor = pr.load_motor("andersen2002")
 drive = pr.TwoToneDrive(voltage_1=1, frequency_1=2e4, voltage_2=2, frequency_2=4e4, phase_deg=30)
-simulator = transient_simulator(motor, drive, load_torque=1e-3)
+setup = Setup(motor, source_of(drive, motor, None), Load(torque=1e-3))
+simulator = ready(setup.bench(), setup.recording().vectors(None))
 print(simulator.prepare("transient", step_time=1e-7, end_time=1e-3), motor_library(motor))
 print(admittance_bench(motor, preloaded=True))
 """
@@ -211,6 +215,6 @@ print(admittance_bench(motor, preloaded=True))
 
 
 @pytest.mark.parametrize("timeout", [0.0, -1.0, float("nan")])
-def test_a_timeout_that_is_none_is_refused(timeout: float) -> None:
-    with pytest.raises(ParameterError, match=r"timeout = .* s is refused; allowed is a number > 0 s"):
+def test_an_invalid_timeout_is_rejected(timeout: float) -> None:
+    with pytest.raises(ParameterError, match=r"timeout = .* s is not valid: it must be a number > 0 s"):
         BatchSimulator(Circuit("empty"), timeout=timeout)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Raw files: read back as written, or refused; never a wrong array, never another exception."""
+"""A raw file is read as it was written, or rejected: no wrong array and no other exception."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ names = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, 
 
 @settings(max_examples=100, deadline=None)
 @given(table=tables, data=st.data(), title=st.text(st.characters(exclude_characters="\n", codec="utf-8")))
-def test_round_trip(table: NDArray[np.generic], data: st.DataObject, title: str) -> None:
+def test_a_raw_file_is_read_as_it_was_written(table: NDArray[np.generic], data: st.DataObject, title: str) -> None:
     count = table.shape[1]
     keys = data.draw(st.lists(names, min_size=count, max_size=count, unique_by=str.lower))
     raw = read(written(dict(zip(keys, table.T, strict=True)), title=title))
@@ -76,7 +76,7 @@ def test_round_trip(table: NDArray[np.generic], data: st.DataObject, title: str)
         np.testing.assert_array_equal(raw.vectors[key.lower()], column)
 
 
-def test_title_may_hold_words_of_the_header() -> None:
+def test_a_title_may_contain_words_of_the_header() -> None:
     for title in ("Binary:", "No. Points: 99", "Flags: complex", "Variables:"):
         np.testing.assert_array_equal(read(written(SAMPLE, title=title)).vectors["v(out)"], np.sin(TIME))
 
@@ -88,11 +88,11 @@ def test_file_cut_in_its_header_has_no_binary_part(kept: int) -> None:
 
 @settings(max_examples=50, deadline=None)
 @given(lost=st.integers(1, TIME.size * 3 * 8))
-def test_file_cut_in_its_data_is_refused(lost: int) -> None:
+def test_file_cut_in_its_data_is_rejected(lost: int) -> None:
     assert refusal(written(SAMPLE)[:-lost]) == "the raw file is cut short: it announces 7 points of 3 vectors"
 
 
-def test_two_analyses_in_one_file_are_refused() -> None:
+def test_two_analyses_in_one_file_are_rejected() -> None:
     assert refusal(written(SAMPLE) * 2) == "the raw file holds more than one analysis"
 
 
@@ -115,13 +115,13 @@ def test_two_analyses_in_one_file_are_refused() -> None:
         (b"Binary:", b"Values:", "the raw file has no binary part"),
     ],
 )
-def test_broken_header_is_refused(old: bytes, new: bytes, sentence: str) -> None:
+def test_broken_header_is_rejected(old: bytes, new: bytes, sentence: str) -> None:
     data = written(SAMPLE)
     assert data.count(old) == 1
     assert refusal(data.replace(old, new)).startswith(sentence)
 
 
-def test_no_file_and_no_regular_file_are_refused(tmp_path: Path) -> None:
+def test_no_file_and_no_regular_file_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(RawFileError, match=r"no raw file was written \(No such file or directory\)"):
         read_rawfile(tmp_path / "out.raw")
     with pytest.raises(RawFileError, match=r"no raw file was written \(Is a directory\)"):
@@ -130,13 +130,13 @@ def test_no_file_and_no_regular_file_are_refused(tmp_path: Path) -> None:
 
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.binary(max_size=400))
-def test_garbage_is_refused(data: bytes) -> None:
+def test_garbage_is_rejected(data: bytes) -> None:
     refusal(data)
 
 
 @settings(max_examples=300, deadline=None)
 @given(data=st.data())
-def test_damaged_header_is_refused_or_harmless(data: st.DataObject) -> None:
+def test_damaged_header_is_rejected_or_harmless(data: st.DataObject) -> None:
     good = written(SAMPLE)
     header = good.index(b"Binary:\n") + 8
     at = data.draw(st.integers(0, header - 1))

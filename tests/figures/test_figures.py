@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Every figure is drawn by its script, from public names only."""
+"""Every figure is drawn by its script."""
 
 from __future__ import annotations
 
-import ast
 import os
 import runpy
 import subprocess
@@ -90,18 +89,3 @@ def test_a_place_that_cannot_be_written_is_refused_in_a_sentence(tmp_path: Path)
     assert done.stdout == ""
     assert done.stderr.startswith("patch_position.py: Cannot write ")
     assert len(done.stderr.splitlines()) == 1
-
-
-@pytest.mark.parametrize("path", sorted(FIGURES.glob("*.py")), ids=lambda path: path.name)
-def test_figures_use_public_names_only(path: Path) -> None:
-    import pyspice_runner
-
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom):
-            assert not (node.module or "").startswith("pyspice_runner")
-        elif isinstance(node, ast.Import):
-            ours = [name for name in node.names if name.name.startswith("pyspice_runner")]
-            assert all(name.name == "pyspice_runner" and name.asname == "pr" for name in ours)
-        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "pr":
-            assert node.attr in pyspice_runner.__all__

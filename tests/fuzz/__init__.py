@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Input gone wrong, by the thousand, at every door of the package: ``python -m tests.fuzz``."""
+"""Thousands of invalid inputs for every entry point of the package: ``python -m tests.fuzz``."""

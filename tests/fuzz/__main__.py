@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The fuzzer as a command: ``python -m tests.fuzz --count 10000 --door motor --seed 0``."""
+"""The fuzzer as a command: ``python -m tests.fuzz --count 10000 --entry-point motor --seed 0``."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from tests.fuzz.doors import DOORS, Door, attempt, warm
+from tests.fuzz.entry_points import ENTRY_POINTS, EntryPoint, attempt, warm
 
 
-def drawn(door: Door, seed: int, number: int) -> Any:
-    """The input of a door by its number."""
-    return door.draw(random.Random(f"{door.name} {seed} {number}"))
+def drawn(entry_point: EntryPoint, seed: int, number: int) -> Any:
+    """Return the input of an entry point that has this number."""
+    return entry_point.draw(random.Random(f"{entry_point.name} {seed} {number}"))
 
 
-def fault(door: Door, content: Any, folder: Path) -> tuple[bool, str | None]:
-    """Return whether the door took an input, and what is wrong with how it was dealt with."""
+def fault(entry_point: EntryPoint, content: Any, folder: Path) -> tuple[bool, str | None]:
+    """Return whether the entry point accepted an input, and what it did wrong, if anything."""
     here = Path.cwd()
     before = set(folder.parent.iterdir())
     try:
         with contextlib.chdir(folder):
-            taken = attempt(door, content, folder)
+            taken = attempt(entry_point, content, folder)
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # noqa: BLE001 - whatever it is, it must not come out
+    except BaseException as error:  # noqa: BLE001 - no exception may escape
         return False, "".join(traceback.format_exception(error, limit=-12))
     finally:
         os.chdir(here)
@@ -45,14 +45,14 @@ def fault(door: Door, content: Any, folder: Path) -> tuple[bool, str | None]:
     return taken, f"files beside the folder: {stray}" if stray else None
 
 
-def keep(into: Path, door: Door, seed: int, number: int, content: Any, words: str) -> Path:
-    """Write a failing input to a file, and beside it what came of it."""
+def keep(into: Path, entry_point: EntryPoint, seed: int, number: int, content: Any, words: str) -> Path:
+    """Write an input that failed to a file, and the failure to another beside it."""
     into.mkdir(exist_ok=True)
-    path = into / f"{door.name}-{seed}-{number}"
+    path = into / f"{entry_point.name}-{seed}-{number}"
     if isinstance(content, bytes):
         path.write_bytes(content)
     else:
-        sys.set_int_max_str_digits(0)  # an input may hold a number that Python does not write otherwise
+        sys.set_int_max_str_digits(0)  # repr() of a very long number needs it
         path.write_text(repr(content), encoding="utf-8", errors="backslashreplace")
         sys.set_int_max_str_digits(sys.int_info.default_max_str_digits)
     path.with_name(f"{path.name}.txt").write_text(words, encoding="utf-8", errors="backslashreplace")
@@ -60,19 +60,29 @@ def keep(into: Path, door: Door, seed: int, number: int, content: Any, words: st
 
 
 def main(
-    count: Annotated[int, typer.Option(help="Inputs per door; of a slow one a tenth.")] = 10_000,
-    seed: Annotated[int, typer.Option(help="Seed; the same gives the same inputs.")] = 0,
-    door: Annotated[list[str] | None, typer.Option(help=f"Of {', '.join(DOORS)}; default: all. Repeatable.")] = None,
-    first: Annotated[int, typer.Option(help="Number of the first input, to begin at a failing one.")] = 0,
-    failures: Annotated[Path, typer.Option(help="Folder for inputs that fail.")] = Path("fuzz-failures"),
+    count: Annotated[int, typer.Option(help="Inputs for each entry point; a slow one gets a tenth.")] = 10_000,
+    seed: Annotated[int, typer.Option(help="Seed of the random numbers; the same seed gives the same inputs.")] = 0,
+    entry_point: Annotated[
+        list[str] | None, typer.Option(help=f"One of {', '.join(ENTRY_POINTS)}; default: all. Repeatable.")
+    ] = None,
+    first: Annotated[int, typer.Option(help="Number of the first input, to repeat one that failed.")] = 0,
+    failures: Annotated[Path, typer.Option(help="Folder for the inputs that fail.")] = Path("fuzz-failures"),
 ) -> None:
-    """Give every door of the package inputs gone wrong. Exit status 1 if one is neither taken nor clearly refused."""
-    if unknown := set(door or ()) - set(DOORS):
-        raise typer.BadParameter(f"there is no door {', '.join(sorted(unknown))}; there are {', '.join(DOORS)}")
+    """Give every entry point invalid inputs. Exit status 1 if one is neither accepted nor clearly rejected."""
+    if unknown := set(entry_point or ()) - set(ENTRY_POINTS):
+        raise typer.BadParameter(f"no entry point {', '.join(sorted(unknown))}; there are {', '.join(ENTRY_POINTS)}")
     warm()
     console = Console(stderr=True)
     table = Table(
-        "door", "inputs", "taken", "refused", "failed", "slowest / s", "seconds", box=None, padding=(0, 2, 0, 0)
+        "entry point",
+        "inputs",
+        "accepted",
+        "rejected",
+        "failed",
+        "slowest / s",
+        "seconds",
+        box=None,
+        padding=(0, 2, 0, 0),
     )
     failed = 0
     columns = (
@@ -83,8 +93,8 @@ def main(
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        for name in door or DOORS:
-            total = max(1, round(count * DOORS[name].share))
+        for name in entry_point or ENTRY_POINTS:
+            total = max(1, round(count * ENTRY_POINTS[name].share))
             task, came, slowest, began = bar.add_task(name, total=total), Counter[str](), 0.0, perf_counter()
             root = Path(tempfile.mkdtemp(prefix="fuzz-"))
             os.environ["XDG_CACHE_HOME"] = os.environ["TMPDIR"] = str(root / "out")
@@ -93,20 +103,20 @@ def main(
                 folder = root / "out"
                 shutil.rmtree(folder, ignore_errors=True)
                 folder.mkdir()
-                content = drawn(DOORS[name], seed, number)
+                content = drawn(ENTRY_POINTS[name], seed, number)
                 start = perf_counter()
-                taken, words = fault(DOORS[name], content, folder)
+                taken, words = fault(ENTRY_POINTS[name], content, folder)
                 slowest = max(slowest, perf_counter() - start)
-                came["failed" if words else "taken" if taken else "refused"] += 1
+                came["failed" if words else "accepted" if taken else "rejected"] += 1
                 if words:
-                    path = keep(failures, DOORS[name], seed, number, content, words)
+                    path = keep(failures, ENTRY_POINTS[name], seed, number, content, words)
                     console.print(
                         f"{path}: {words.strip().splitlines()[-1][:300]}", markup=False, highlight=False, soft_wrap=True
                     )
                 bar.advance(task)
             shutil.rmtree(root, ignore_errors=True)
             failed += came["failed"]
-            shown = (came["taken"], came["refused"], came["failed"])
+            shown = (came["accepted"], came["rejected"], came["failed"])
             if not console.is_terminal:
                 console.print(f"{name}: {total} inputs, {came['failed']} failed, {perf_counter() - began:.0f} s")
             table.add_row(name, str(total), *map(str, shown), f"{slowest:.2f}", f"{perf_counter() - began:.0f}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Mutations that know what they mutate: bytes, lines, fields and numbers of a text, leaves of a document."""
+"""Mutations of bytes, of the lines, fields and numbers of a text, and of the leaves of a document."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _FIELD = re.compile(r"[^\s,;=]+")
 _NOISE = "\0\x1b\x7f\x85\ufeff\u202e'\"`$\\{}[]()<>=#*;%&|~^!?,.:\n\r\t "
 _ATTEMPTS = tuple(ATTEMPTS.values())
-_LONGEST = 3 * 2**20  # characters; what grows beyond is cut
+_LONGEST = 3 * 2**20  # characters; a longer text is cut
 
 
 def nasty(rng: random.Random) -> str:
-    """A text that means ill; the long ones seldom, or nothing else would be tried."""
+    """A hostile text; rarely a long one, which would take all the time."""
     text = rng.choice(_ATTEMPTS + NUMBERS)
     return text if len(text) < 10_000 or rng.random() < 0.05 else text[: rng.randrange(1, 300)]
 
 
 def value(rng: random.Random) -> Any:
-    """A Python value that is not what was asked for."""
+    """A Python value of a wrong type or size."""
     if rng.random() < 0.3:
         edge = float(rng.choice(EDGES))
         return int(edge) if edge.is_integer() else edge
@@ -42,7 +42,7 @@ def _truncated(text: str, rng: random.Random) -> str:
 
 
 def _spliced(text: str, rng: random.Random) -> str:
-    """One part of the text comes to stand in another's place."""
+    """Replace one part of the text by another."""
     (start, stop), (first, last) = _span(len(text), rng), _span(len(text), rng)
     return text[:start] + text[first:last] + text[stop:]
 

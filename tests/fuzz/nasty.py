@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texts, numbers and values that have broken programs before; each means something to someone who reads it wrongly."""
+"""Texts, numbers and values that are known to break programs, or that some program takes for a command."""
 
 from __future__ import annotations
 
-MARKER = "marker"  # a file that none of the attempts may make
+MARKER = "marker"  # a file that no attempt may create
 _COMMAND = f"shell touch {MARKER}"
 
-# What someone may write where a name or a value is expected, so that it runs, reads or writes something.
+# Texts that an attacker gives where a name or a value is expected, to run, read or write something.
 ATTEMPTS: dict[str, str] = {
     "a line of its own": f"x\n{_COMMAND}",
     "a control section": f"x\n.control\n{_COMMAND}\n.endc\n*",
@@ -47,53 +47,14 @@ ATTEMPTS: dict[str, str] = {
 }
 
 NUMBERS = (
-    *[
-        "nan",
-        "-nan",
-        "inf",
-        "-inf",
-        "Infinity",
-        "1e400",
-        "-1e400",
-        "1e-400",
-        "-0",
-        "-0.0",
-        "0",
-        "1e308",
-        "-1e308",
-        "5e-324",
-        "0x1F",
-        "0b1",
-        "1_000",
-        "1,5",
-        "1.2.3",
-        "1e",
-        "e5",
-    ],
-    *[
-        "--1",
-        "+-1",
-        "5%",
-        "true",
-        "None",
-        "1e3000000",
-        ".",
-        "-",
-        "1j",
-        "2147483648",
-        "9223372036854775808",
-        "18446744073709551616",
-        "1e9",
-        "-1",
-        "0.5",
-        "1",
-        "2",
-    ],
-    *("9" * 400, "9" * 5000, "0x" + "f" * 5000, "1" + "0" * 999_999, " 5 ", "5 V"),
-    *("\u0665", "\uff15", "\u00b2", "\u2155", "\u22121", "1\u00a0000"),  # digits, and signs that look like some
-)
+    "nan", "-nan", "inf", "-inf", "Infinity", "1e400", "-1e400", "1e-400", "-0", "-0.0", "0", "1e308", "-1e308",
+    "5e-324", "0x1F", "0b1", "1_000", "1,5", "1.2.3", "1e", "e5", "--1", "+-1", "5%", "true", "None", "1e3000000",
+    ".", "-", "1j", "2147483648", "9223372036854775808", "18446744073709551616", "1e9", "-1", "0.5", "1", "2",
+    "9" * 400, "9" * 5000, "0x" + "f" * 5000, "1" + "0" * 999_999, " 5 ", "5 V",
+    "\u0665", "\uff15", "\u00b2", "\u2155", "\u22121", "1\u00a0000",  # look like digits
+)  # fmt: skip
 
-EDGES = ("0", "-1", "0.5", "1e9", "nan", "inf")  # which programs forget most often
+EDGES = ("0", "-1", "0.5", "1e9", "nan", "inf")  # the values that programs forget most often
 
 VALUES: tuple[object, ...] = (
     *(float("nan"), float("inf"), float("-inf"), -0.0, 0.0, 1e308, -1e308, 5e-324, 1e18, -1.0),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A few of the inputs that `make fuzz` gives every door; and that the fuzzer sees what it looks for."""
+"""A few of the inputs of `make fuzz` for every entry point; the fuzzer detects each kind of failure."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ import pytest
 import pyspice_runner as pr
 from tests.fuzz import watch
 from tests.fuzz.__main__ import drawn, fault
-from tests.fuzz.doors import DOORS, Door, warm
+from tests.fuzz.entry_points import ENTRY_POINTS, EntryPoint, warm
 
-COUNT, SEED = 50, 7
+COUNT, SEED = 20, 7
 
 
 @pytest.fixture
@@ -32,12 +32,12 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "out"
 
 
-@pytest.mark.parametrize("door", DOORS.values(), ids=lambda door: door.name)
-def test_every_door_takes_an_input_or_refuses_it_clearly(door: Door, folder: Path) -> None:
-    for number in range(round(COUNT * door.share)):
-        _, words = fault(door, drawn(door, SEED, number), folder)
+@pytest.mark.parametrize("entry_point", ENTRY_POINTS.values(), ids=lambda entry_point: entry_point.name)
+def test_every_entry_point_accepts_an_input_or_rejects_it_clearly(entry_point: EntryPoint, folder: Path) -> None:
+    for number in range(round(COUNT * entry_point.share)):
+        _, words = fault(entry_point, drawn(entry_point, SEED, number), folder)
         assert words is None, (
-            f"python -m tests.fuzz --door {door.name} --seed {SEED} --first {number} --count 1\n{words}"
+            f"python -m tests.fuzz --entry-point {entry_point.name} --seed {SEED} --first {number} --count 1\n{words}"
         )
 
 
@@ -79,17 +79,17 @@ def _crash() -> None:
 
 
 @pytest.mark.parametrize("deed", [_sleep, _eat, _warn, _start, _write, _remove, _swallow, _mumble, _crash])
-def test_it_sees_what_an_input_must_not_bring_about(
+def test_the_fuzzer_detects_what_an_input_must_not_cause(
     deed: Callable[[], None], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(watch, "MOST_SECONDS", 0.2)
     (folder.parent / "precious").touch()
-    taken, words = fault(Door("bad", lambda rng: rng, lambda _, __: deed()), None, folder)
+    taken, words = fault(EntryPoint("bad", lambda rng: rng, lambda _, __: deed()), None, folder)
     assert not taken
     assert words is not None
     assert sorted(path.name for path in folder.parent.iterdir()) == ["out", "precious"]
 
 
-def test_an_input_is_the_same_each_time() -> None:
-    for door in DOORS.values():
-        assert repr(drawn(door, 1, 2))[:5000] == repr(drawn(door, 1, 2))[:5000]
+def test_the_same_seed_gives_the_same_input() -> None:
+    for entry_point in ENTRY_POINTS.values():
+        assert repr(drawn(entry_point, 1, 2))[:5000] == repr(drawn(entry_point, 1, 2))[:5000]

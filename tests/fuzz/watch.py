@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an input may not do: hang, eat the memory, warn, start a process, write where it should not."""
+"""Limits for the processing of an input: time, memory, no warning, no process, no file outside of its folder."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
-MOST_SECONDS = 5.0
+MOST_SECONDS = 5.0  # of processor time; a busy machine does not count
+_PATIENCE = 12.0  # times as much of wall time
 MOST_BYTES = 2 * 2**30  # of address space beyond what was there
 
 _WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
@@ -32,16 +33,16 @@ _PROCESSES = (
     "os.spawn",
     "pty.spawn",
 )
-_allowed: Sequence[str] | None = None  # where may be written now; None while nothing is watched
+_allowed: Sequence[str] | None = None  # folders that may be written now; None while nothing is watched
 _hooked = False
 
 
-class Offence(BaseException):
-    """What an input must not bring about; no `except Exception` may keep it in."""
+class Violation(BaseException):
+    """A limit was exceeded. Not an ``Exception``, so that no handler of the package catches it."""
 
 
 class Said(io.TextIOWrapper):
-    """Standard output or error as Python opens them: what cannot be encoded is an error, or is written with escapes."""
+    """Standard output or error as Python opens them: a character that cannot be encoded is an error, or is escaped."""
 
     def __init__(self, errors: str) -> None:
         self._bytes = io.BytesIO()
@@ -56,7 +57,7 @@ def _hook(event: str, arguments: tuple[Any, ...]) -> None:
     if _allowed is None:
         return
     if event in _PROCESSES or event == "socket.connect":
-        raise Offence(f"{event}{arguments[:2]!r}"[:300])
+        raise Violation(f"{event}{arguments[:2]!r}"[:300])
     paths: tuple[Any, ...] = ()
     if event == "open" and arguments[2] & _WRITES:
         paths = arguments[:1]
@@ -66,33 +67,37 @@ def _hook(event: str, arguments: tuple[Any, ...]) -> None:
         if isinstance(path, str | bytes):
             real = os.path.realpath(os.fsdecode(path))
             if real != os.devnull and not any(real == one or real.startswith(one + os.sep) for one in _allowed):
-                raise Offence(f"{event} of {real!r}"[:300])
+                raise Violation(f"{event} of {real!r}"[:300])
 
 
-def _late(*_: object) -> None:
-    raise Offence(f"it took more than {MOST_SECONDS:g} s")
+def _late(number: int, _: object) -> None:
+    seconds, of = (MOST_SECONDS, "processor") if number == signal.SIGPROF else (_PATIENCE * MOST_SECONDS, "wall")
+    raise Violation(f"it took more than {seconds:g} s of {of} time")
 
 
 @contextmanager
 def watched(*folders: Path) -> Iterator[tuple[Said, Said]]:
-    """Hold what runs within to the rules; it may write into the folders. Yields what goes to stdout and stderr."""
+    """Apply the limits to what runs within; it may write to the folders only. Yields its standard output and error."""
     global _allowed, _hooked
     if not _hooked:
         sys.addaudithook(_hook)
         _hooked = True
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    before = signal.signal(signal.SIGALRM, _late)
+    before = {number: signal.signal(number, _late) for number in (signal.SIGPROF, signal.SIGALRM)}
     out, err = Said("strict"), Said("backslashreplace")
     try:
         resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MOST_BYTES, hard))
-        signal.setitimer(signal.ITIMER_REAL, MOST_SECONDS)
+        signal.setitimer(signal.ITIMER_PROF, MOST_SECONDS)
+        signal.setitimer(signal.ITIMER_REAL, _PATIENCE * MOST_SECONDS)
         _allowed = [os.path.realpath(folder) for folder in folders]
         with warnings.catch_warnings(), redirect_stdout(out), redirect_stderr(err):
             warnings.simplefilter("error")
             yield out, err
     finally:
         _allowed = None
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))

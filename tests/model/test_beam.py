@@ -301,7 +301,7 @@ def test_patch_across_the_middle_does_not_drive_the_second_mode() -> None:
     assert second.coupling_b_n_per_v == 0.0
 
 
-def test_mirrored_motor() -> None:
+def test_a_mirrored_motor_has_mirrored_modes() -> None:
     length = BEAM.length_m
     mirrored = tuple(p.model_copy(update={"start_m": length - p.end_m, "end_m": length - p.start_m}) for p in SKEW)
     tip = SKEW_TIP.model_copy(update={"position_m": length - SKEW_TIP.position_m})
@@ -404,7 +404,7 @@ def test_capacitance_of_one_face_is_free_to_stretch(faces: str) -> None:
     assert clamped_capacitances(BEAM, (p, SYMMETRIC[1]))[0] == pytest.approx(expected)
 
 
-# --- what is refused ----------------------------------------------------------------------------------------
+# --- invalid input ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -420,7 +420,7 @@ def test_capacitance_of_one_face_is_free_to_stretch(faces: str) -> None:
         ((), "group A"),
     ],
 )
-def test_patches_that_do_not_fit(patches: tuple[Patch, ...], message: str) -> None:
+def test_patches_that_do_not_fit_are_rejected(patches: tuple[Patch, ...], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
         resonator_modes(BEAM, patches, CENTRAL_TIP, DAMPING)
     with pytest.raises(ParameterError, match=message):
@@ -435,19 +435,19 @@ def test_patches_may_touch_despite_round_off() -> None:
     assert capacitance_a == pytest.approx(capacitance_b)
 
 
-def test_tip_beyond_the_beam() -> None:
+def test_a_tip_beyond_the_beam_is_rejected() -> None:
     tip = CENTRAL_TIP.model_copy(update={"position_m": 0.0301})
     with pytest.raises(ParameterError, match=r"tip\.position_m = 0\.0301 m lies beyond beam\.length_m = 0\.03 m"):
         resonator_modes(BEAM, SYMMETRIC, tip, DAMPING)
 
 
 @pytest.mark.parametrize(("count", "shapes"), [(0, 40), (41, 40), (1, 0), (-1, 5)])
-def test_count_must_fit_shapes(count: int, shapes: int) -> None:
+def test_the_number_of_modes_must_fit_the_shapes(count: int, shapes: int) -> None:
     with pytest.raises(ParameterError, match=f"count = {count} .* shapes = {shapes}"):
         resonator_modes(BEAM, SYMMETRIC, CENTRAL_TIP, DAMPING, count=count, shapes=shapes)
 
 
-def test_undamped_modes_are_refused() -> None:
+def test_undamped_modes_are_rejected() -> None:
     with pytest.raises(ParameterError, match=r"damping\.alpha_per_s = 0 1/s and damping\.beta_s = 0 s"):
         resonator_modes(BEAM, SYMMETRIC, CENTRAL_TIP, Damping(alpha_per_s=0.0, beta_s=0.0))
 

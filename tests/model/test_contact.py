@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pyspice_runner.model import contact as law
 from pyspice_runner.model.load import Materials
-from pyspice_runner.model.parameters import Contact, Rotor
+from pyspice_runner.model.parameters import Contact, Mount, Rotor
 from tests.motors import mode, motor
 
 # two different bodies: a glass lens on a bronze cylinder
@@ -20,7 +20,7 @@ E1, NU1, R1 = 72e9, 0.17, 0.031
 E2, NU2, R2 = 105e9, 0.35, 0.044
 
 
-def test_steel_ball_on_a_steel_plate() -> None:
+def test_a_steel_ball_on_a_steel_plate_has_the_published_indentation() -> None:
     """A ball of 20 mm under 100 N; E = 210 GPa, ν = 0.3 (Johnson §4.2: a and δ of a sphere on a plane)."""
     modulus = law.effective_modulus(210e9, 0.3, 210e9, 0.3)
     assert modulus == pytest.approx(115.38e9, rel=1e-4)
@@ -58,7 +58,7 @@ def test_limit_of_stick_is_mindlins(force: float, friction: float) -> None:
     assert friction * compliance * force ** (2.0 / 3.0) == pytest.approx(johnson, rel=1e-12)
 
 
-def test_the_softer_body_decides() -> None:
+def test_the_softer_body_determines_the_modulus() -> None:
     assert law.effective_modulus(1e9, 0.4, 1e15, 0.2) == pytest.approx(1e9 / (1.0 - 0.16), rel=1e-5)
     assert law.effective_modulus(E1, NU1, E2, NU2) == law.effective_modulus(E2, NU2, E1, NU1)
     assert law.effective_radius(0.02, 0.02) == pytest.approx(0.01)
@@ -108,7 +108,7 @@ def test_static_deflection_is_that_of_all_springs() -> None:
     assert law.static_deflection(subject.contact, (mode("m", 2e4, 0.003, 50.0, tip_x=1.0),)) == 0.0
 
 
-def test_pressed_mode_on_a_rigid_rotor() -> None:
+def test_a_pressed_mode_on_a_rigid_rotor_has_its_closed_form() -> None:
     """A mode that alone moves towards the rotor is stiffened by k_c Y²."""
     contact = motor().contact
     vertical = mode("m", 31e3, 0.0042, 70.0, tip_y=0.7)
@@ -119,6 +119,18 @@ def test_pressed_mode_on_a_rigid_rotor() -> None:
     # the rotor is not driven by a vertical motion: it turns freely, but for its own contact spring
     rotor_alone = sqrt(law.tangential_stiffness_at_preload(contact) * 0.013**2 / 3e-6) / (2.0 * pi)
     np.testing.assert_allclose(found, sorted([rotor_alone, expected]), rtol=1e-9)
+
+
+def test_a_carrier_bounces_on_the_contact() -> None:
+    """On a stator that does not bend its frequency is √((k_c + k)/m)/2π, and it does not move along the rotor."""
+    contact = motor().contact
+    stiff = mode("m", 1e5, 1e3, 70.0, tip_y=1.0)
+    mount = Mount(stiffness_n_per_m=3e6, mass_kg=0.05, damping_n_s_per_m=50.0)
+    found = law.linearised_resonances(contact, (stiff,), motor().rotor, mount)
+    expected = sqrt((law.normal_stiffness_at_preload(contact) + 3e6) / 0.05) / (2.0 * pi)
+    assert found[0] == pytest.approx(expected, rel=1e-6)  # the stator is 2e4 times as heavy
+    without = law.linearised_resonances(contact, (stiff,), motor().rotor)
+    np.testing.assert_allclose(found[1:], without, rtol=1e-6)
 
 
 def test_tangential_mode_and_rotor_are_a_two_mass_system() -> None:
@@ -133,7 +145,7 @@ def test_tangential_mode_and_rotor_are_a_two_mass_system() -> None:
     np.testing.assert_allclose(found, np.sqrt(squares) / (2.0 * pi), rtol=1e-9)
 
 
-def test_there_is_one_resonance_more_than_modes_in_rising_order() -> None:
+def test_contact_adds_one_resonance_and_they_are_in_rising_order() -> None:
     subject = motor()
     found = law.linearised_resonances(subject.contact, subject.modes, subject.rotor)
     assert len(found) == 4

@@ -21,7 +21,7 @@ import pyspice_runner as pr
 from pyspice_runner.engine.ngspice import run_deck
 from pyspice_runner.model import contact as law
 from pyspice_runner.model.parameters import Contact
-from pyspice_runner.netlist.library import read_library
+from pyspice_runner.netlist.library import definitions, read_library
 
 Array = NDArray[np.float64]
 
@@ -130,7 +130,7 @@ def tangential_displacement(x: float, y: float, radius: float, g: float, nu: flo
 
 
 @pairs
-def test_hertz_pressure_presses_two_spheres_together_as_k_n_says(pair: Pair) -> None:
+def test_the_hertz_pressure_gives_the_stiffness_k_n_of_two_spheres(pair: Pair) -> None:
     a, p0 = pair.patch, pair.pressure
     for r in (0.0, 0.31 * a, 0.77 * a, 0.999 * a):
         depth = p0 * normal_displacement(r * cos(0.4), r * sin(0.4), a, pair.modulus)
@@ -141,7 +141,7 @@ def test_hertz_pressure_presses_two_spheres_together_as_k_n_says(pair: Pair) -> 
 
 
 @pairs
-def test_printed_4_and_5_cannot_be(pair: Pair) -> None:
+def test_equations_4_and_5_as_printed_are_impossible(pair: Pair) -> None:
     """With the moduli in MPa instead of Pa, K_N must come out in MN/m^1.5: by the same factor."""
 
     def printed(scale: float) -> float:
@@ -204,7 +204,7 @@ def test_displacement_depends_on_the_direction_and_its_angular_mean_does_not(nu:
 
 @pairs
 @pytest.mark.parametrize("share", [0.2, 0.6, 0.95])
-def test_corrected_traction_holds_the_stick_circle_together(pair: Pair, share: float) -> None:
+def test_the_corrected_traction_moves_the_stick_circle_as_a_whole(pair: Pair, share: float) -> None:
     """One body. Inside r ≤ c everything moves by the same u_x and not at all along y, in spite of (7)'s angles."""
     a, c = pair.patch, share * pair.patch
     g, nu = pair.shear_moduli[0], pair.nu1
@@ -262,7 +262,7 @@ def test_traction_adds_up_to_the_friction_force(pair: Pair, share: float) -> Non
 
 @pairs
 @pytest.mark.parametrize("share", [0.05, 0.4, 0.9])
-def test_law_of_stick_is_the_sum_of_both_bodies(pair: Pair, share: float) -> None:
+def test_the_law_of_stick_adds_the_compliances_of_both_bodies(pair: Pair, share: float) -> None:
     """Both bodies' stick circles by quadrature, as functions of c; eliminating c must give the law."""
     a, c = pair.patch, share * pair.patch
     moves = []
@@ -283,7 +283,7 @@ def test_law_of_stick_is_the_sum_of_both_bodies(pair: Pair, share: float) -> Non
 
 
 @pairs
-def test_limit_is_linear_in_the_penetration_whatever_the_radius(pair: Pair) -> None:
+def test_limit_is_linear_in_the_penetration_for_every_radius(pair: Pair) -> None:
     by_force = pair.limit / pair.penetration
     g1, g2 = pair.shear_moduli
     closed = pair.mu * pair.modulus / 4 * ((2 - pair.nu1) / g1 + (2 - pair.nu2) / g2)
@@ -329,7 +329,7 @@ def test_parameter_set_uses_these_constants() -> None:
 
 
 @pairs
-def test_printed_stick_test_would_never_end_stick(pair: Pair) -> None:
+def test_the_printed_stick_test_never_ends_stick(pair: Pair) -> None:
     ratio = np.linspace(0, 1, 101)
     force = pair.mu * pair.force * (1 - (1 - ratio) ** 1.5)
     assert (force < pair.force).all()  # "F_mu < F_N" holds to the very end …
@@ -384,7 +384,7 @@ def ellipse(
     return depth, amplitude * 0.8 * 2 * pi * np.sin(2 * pi * t + radians(phase_deg)), 1 / points
 
 
-def test_printed_event_rule_gives_energy_back() -> None:
+def test_the_printed_event_rule_creates_energy() -> None:
     """The example of the page, per period once it repeats, to its two digits; the steps' error is 1e-3 of it."""
     depth, velocity, step = ellipse(150.0)
     last = len(depth) - 1 - round(1 / step)
@@ -396,7 +396,7 @@ def test_printed_event_rule_gives_energy_back() -> None:
 
 @pytest.mark.parametrize("amplitude", [0.5, 1.0, 2.0, 5.0])
 @pytest.mark.parametrize("phase_deg", range(0, 360, 30))
-def test_projection_never_gives_energy_back_and_parts_from_the_printed_rule_only_there(
+def test_the_projection_never_creates_energy_and_differs_from_the_printed_rule_only_there(
     phase_deg: float, amplitude: float
 ) -> None:
     depth, velocity, step = ellipse(phase_deg, amplitude, periods=2, points=1000)
@@ -422,7 +422,7 @@ def test_both_rules_agree_under_a_constant_and_a_falling_load(seed: int) -> None
         np.testing.assert_array_equal(printed.slip, projected.slip)
 
 
-def test_circuit_sticks_again_when_its_limit_outgrows_the_slider() -> None:
+def test_the_circuit_sticks_again_when_its_limit_exceeds_the_slider() -> None:
     """ngspice: dragged at a constant speed until it slips, then pressed in so fast that u_lim grows faster than that.
 
     The slider must then move with the surfaces (the printed rule would keep it on its limit), and slip again once the
@@ -431,7 +431,7 @@ def test_circuit_sticks_again_when_its_limit_outgrows_the_slider() -> None:
     contact = read_library("piezomotor_contact")
     speed = 0.01  # m/s
     deck = f"""contact, dragged and pressed
-{contact.subcircuit}
+{definitions(contact)}
 Vx x 0 0
 Vy y 0 PWL(0 0 60u 0 80u 2 200u 2)
 Vvx vx 0 {speed}

@@ -20,8 +20,10 @@ from pyspice_runner.model.drive import (
     TwoToneDrive,
     check_shaft,
     check_together,
+    default_drive,
     free_tip,
 )
+from pyspice_runner.model.load import available_motors, load_motor
 from tests.model.toml_text import reads_well
 from tests.motors import mode, motor
 
@@ -42,6 +44,22 @@ def test_two_phases_are_equation_1() -> None:
     assert TwoPhaseDrive(voltage=1.0, frequency=1e3).phase_deg == 90.0
     assert drive.frequencies == (48e3,)
     assert drive.period == 1.0 / 48e3
+
+
+def test_the_default_drive_is_that_of_the_set_or_two_phases_at_the_last_mode() -> None:
+    tones = TwoToneDrive(voltage_1=20.0, frequency_1=13e3, voltage_2=9.0, frequency_2=26e3)
+    table = {"kind": "two-tone", "voltage_1": 20.0, "frequency_1": 13e3, "voltage_2": 9.0, "frequency_2": 26e3}
+    assert default_drive(motor(drive=table)) == tones
+    changed = motor(drive=table).updated({"contact.preload_n": 5.0, "modes.0.frequency_hz": 23e3})
+    assert default_drive(changed) == tones
+    assert default_drive(motor()) == TwoPhaseDrive(
+        voltage=50.0, frequency=motor().modes[-1].frequency_hz, phase_deg=90.0
+    )
+    for name in available_motors():
+        recommended = load_motor(name)
+        assert recommended.drive is not None
+        check_together(recommended, default_drive(recommended))
+        assert all(any(path == f"drive.{key}" for path in recommended.provenance) for key in ("voltage", "frequency"))
 
 
 def test_two_tones_are_equation_2() -> None:
@@ -86,7 +104,7 @@ def test_tones_without_a_short_common_period_give_that_of_the_lower() -> None:
     phase=st.floats(-360.0, 360.0),
     start=st.floats(0.0, 1.0),
 )
-def test_first_voltages_are_those_at_the_first_moment(
+def test_the_first_voltages_are_those_at_time_zero(
     voltage: float, frequency: float, phase: float, start: float
 ) -> None:
     drive = TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase, soft_start=start)
@@ -112,7 +130,7 @@ def test_drive_cannot_be_changed() -> None:
         drive.voltage = 2.0
 
 
-def test_drive_of_no_kind_has_no_tones() -> None:
+def test_a_drive_without_a_kind_has_no_tones() -> None:
     for name in ("tones_a", "tones_b", "label"):
         with pytest.raises(NotImplementedError):
             getattr(Drive(), name)
@@ -134,13 +152,13 @@ LIMITS = {
 
 @pytest.mark.parametrize("kind", GOOD)
 @pytest.mark.parametrize("wrong", [-1e9, 1e12, float("nan"), float("inf"), "5", True, None, [1.0]])
-def test_wrong_value_is_refused_with_its_range(kind: type[Drive], wrong: Any) -> None:
+def test_wrong_value_is_rejected_with_its_range(kind: type[Drive], wrong: Any) -> None:
     for name in GOOD[kind]:
         unit, allowed = LIMITS[name.rstrip("_12")]
         with pytest.raises(ParameterError) as caught:
             kind(**{**GOOD[kind], name: wrong})
         shown = f"{wrong:g} {unit}" if isinstance(wrong, float) else repr(wrong)
-        assert str(caught.value) == f"{kind.__name__}: {name} = {shown} is refused; allowed is a number {allowed}."
+        assert str(caught.value) == f"{kind.__name__}: {name} = {shown} is not valid: it must be a number {allowed}."
         assert reads_well(str(caught.value))
 
 
@@ -185,24 +203,24 @@ def test_free_tip_at_resonance_is_force_over_damping() -> None:
         (
             TwoPhaseDrive(voltage=1.0, frequency=21.9),
             (
-                "A drive at 21.9 Hz is refused for off the defaults, whose modes lie from 2.2e+04 to 6.6e+04 Hz; "
-                "allowed is a frequency ≥ 22 and ≤ 6.6e+06 Hz."
+                "A drive at 21.9 Hz does not suit off the defaults, whose modes lie from 2.2e+04 to 6.6e+04 Hz: "
+                "give a frequency ≥ 22 and ≤ 6.6e+06 Hz."
             ),
         ),
         (
             TwoToneDrive(voltage_1=1.0, frequency_1=2e4, voltage_2=0.0, frequency_2=7e6),
             (
-                "A drive at 7e+06 Hz is refused for off the defaults, whose modes lie from 2.2e+04 to 6.6e+04 Hz; "
-                "allowed is a frequency ≥ 22 and ≤ 6.6e+06 Hz."
+                "A drive at 7e+06 Hz does not suit off the defaults, whose modes lie from 2.2e+04 to 6.6e+04 Hz: "
+                "give a frequency ≥ 22 and ≤ 6.6e+06 Hz."
             ),
         ),
         (
             TwoPhaseDrive(voltage=9e3, frequency=22e3),
-            "The drive (9000 V at 22 kHz, 90° apart) is refused for off the defaults: it would swing the free tip by",
+            "The drive (9000 V at 22 kHz, 90° apart) is too strong for off the defaults: the free tip would move by",
         ),
     ],
 )
-def test_a_drive_that_no_motor_of_this_kind_has_is_refused(drive: Drive, sentence: str) -> None:
+def test_a_drive_that_no_motor_of_this_kind_has_is_rejected(drive: Drive, sentence: str) -> None:
     check_together(motor(), TwoPhaseDrive(voltage=100.0, frequency=22e3))
     with pytest.raises(ParameterError) as caught:
         check_together(motor(), drive)
@@ -210,9 +228,9 @@ def test_a_drive_that_no_motor_of_this_kind_has_is_refused(drive: Drive, sentenc
     assert reads_well(str(caught.value))
 
 
-def test_a_rotor_is_not_held_where_it_bursts() -> None:
+def test_a_speed_at_which_the_rotor_bursts_is_rejected() -> None:
     check_shaft(motor(), 7e4)
-    with pytest.raises(ParameterError, match=r"its rim would move at 1\.04e\+03 m/s, .* up to 7\.69e\+04 rad/s\.$"):
+    with pytest.raises(ParameterError, match=r"its rim would move at 1\.04e\+03 m/s, .* at most 7\.69e\+04 rad/s\.$"):
         check_shaft(motor(), -8e4)
-    with pytest.raises(ParameterError, match=r"speed = nan rad/s is refused"):
+    with pytest.raises(ParameterError, match=r"speed = nan rad/s is not valid"):
         check_shaft(motor(), float("nan"))

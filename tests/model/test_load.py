@@ -20,8 +20,10 @@ from pyspice_runner.model import contact as law
 from pyspice_runner.model.load import SETS, available_motors, load_motor
 from pyspice_runner.model.motor import Motor, Provenance
 from pyspice_runner.model.parameters import Beam, Damping, Patch, Tip
+from tests.fuzz.watch import watched
 from tests.model.toml_text import reads_well, toml
 from tests.motors import within
+from tests.selection import mostly
 
 Document = dict[str, Any]
 
@@ -159,7 +161,7 @@ def test_beam_gives_the_modes_and_capacitances_of_rayleigh_ritz(load: Callable[[
     assert (subject.structure.beam, subject.structure.patches) == structure
 
 
-def test_ceramic_states_what_all_patches_share(load: Callable[[Document], Motor]) -> None:
+def test_the_ceramic_table_states_the_shared_values_of_all_patches(load: Callable[[Document], Motor]) -> None:
     shared = {key: PATCH[key] for key in ("width_m", "thickness_m", "layers", "youngs_modulus_pa", "density_kg_m3")}
     patches = [{k: v for k, v in patch.items() if k not in shared} for patch in BEAM["patches"]]
     assert load(BEAM | {"ceramic": shared, "patches": patches}).modes == load(BEAM).modes
@@ -174,7 +176,7 @@ def test_modes_are_taken_as_stated_and_sorted(load: Callable[[Document], Motor])
     assert subject.piezo.model_dump() == LOSS | CAPACITANCES
 
 
-def test_frequency_and_quality_stand_for_stiffness_and_damping(load: Callable[[Document], Motor]) -> None:
+def test_frequency_and_quality_factor_replace_stiffness_and_damping(load: Callable[[Document], Motor]) -> None:
     plain = {k: v for k, v in MODE.items() if k not in ("stiffness_n_per_m", "damping_n_s_per_m")}
     item = load(MODES | {"modes": [plain | {"frequency_hz": 23e3, "quality_factor": 77.0}]}).modes[0]
     assert item.stiffness_n_per_m == pytest.approx(0.006 * (2 * pi * 23e3) ** 2, rel=1e-14)
@@ -182,7 +184,7 @@ def test_frequency_and_quality_stand_for_stiffness_and_damping(load: Callable[[D
     assert (item.frequency_hz, item.quality_factor) == (pytest.approx(23e3), pytest.approx(77.0))
 
 
-def test_rayleigh_damping_serves_modes_without_their_own(load: Callable[[Document], Motor]) -> None:
+def test_rayleigh_damping_applies_to_modes_without_their_own(load: Callable[[Document], Motor]) -> None:
     free = {k: v for k, v in MODE.items() if k != "damping_n_s_per_m"}
     damping = {"alpha_per_s": 700.0, "beta_s": 2e-8}
     subject = load(MODES | {"modes": [free, SIDE], "damping": damping})
@@ -204,7 +206,7 @@ def test_arms_draw_the_current_that_they_state(load: Callable[[Document], Motor]
         assert item.mass_kg == 0.005
 
 
-def test_electrical_values_of_a_mode_bring_the_mode_back(load: Callable[[Document], Motor]) -> None:
+def test_the_electrical_values_of_a_mode_give_the_same_mode(load: Callable[[Document], Motor]) -> None:
     modes = []
     for item in (MODE, SIDE):
         squared = item["coupling_a_n_per_v"] ** 2
@@ -239,7 +241,7 @@ def test_contact_by_materials_has_hertz_and_mindlins_constants(load: Callable[[D
     assert subject.contact.tangential_compliance_rotor_m_per_n23 == pytest.approx(rotor)
 
 
-def test_whole_numbers_are_numbers(load: Callable[[Document], Motor]) -> None:
+def test_whole_numbers_are_accepted_as_numbers(load: Callable[[Document], Motor]) -> None:
     assert load(changed(MODES, "contact.preload_n", 7)).contact.preload_n == 7.0
     assert load(changed(MODES, "rotor.bearing_damping_n_m_s", 0)).rotor.bearing_damping_n_m_s == 0.0
 
@@ -259,7 +261,7 @@ def test_provenance_is_recorded_and_plain_numbers_are_just_stated(load: Callable
     assert subject == load(MODES).model_copy(update={"name": "noted", "provenance": subject.provenance})
 
 
-def test_what_a_file_leaves_out_is_a_default(load: Callable[[Document], Motor]) -> None:
+def test_a_value_that_a_file_omits_has_its_default(load: Callable[[Document], Motor]) -> None:
     subject = load(MODES)
     assert subject.provenance["contact.restitution"] == Provenance("default", "not stated")
     lossy = subject.updated({"contact.restitution": 0.8})
@@ -278,10 +280,10 @@ def test_provenance_follows_a_mode_to_its_place(load: Callable[[Document], Motor
 def test_every_value_of_the_papers_motor_says_where_it_comes_from() -> None:
     provenance = load_motor("andersen2002").provenance
     stated = {path for path, origin in provenance.items() if origin.kind == "stated"}
-    assert {path.rpartition(".")[2] for path in stated} == {"name", "group", "faces"}
+    assert {path.rpartition(".")[2] for path in stated} == {"name", "group", "faces", "kind"}
     assert all(origin.note for path, origin in provenance.items() if path not in stated)
     assert {path for path, origin in provenance.items() if origin.kind == "given"} == {
-        "damping.alpha_per_s", "damping.beta_s",
+        "damping.alpha_per_s", "damping.beta_s", "drive.phase_deg",
     }  # fmt: skip
 
 
@@ -296,7 +298,7 @@ def test_every_value_of_the_papers_motor_says_where_it_comes_from() -> None:
         {"given": "here"},
     ],
 )
-def test_malformed_provenance_is_refused(table: Document, load: Callable[[Document], Motor]) -> None:
+def test_malformed_provenance_is_rejected(table: Document, load: Callable[[Document], Motor]) -> None:
     assert refusal(load, changed(MODES, "contact.friction", table)) == (
         'mine.toml: contact.friction must read { value = …, given | derived | assumed = "why" }, one of the three.'
     )
@@ -305,7 +307,7 @@ def test_malformed_provenance_is_refused(table: Document, load: Callable[[Docume
 # --- names and files -----------------------------------------------------------------------------------------
 
 
-def test_every_set_that_comes_along_loads() -> None:
+def test_every_parameter_set_of_the_package_loads() -> None:
     assert "andersen2002" in available_motors()
     for name in available_motors():
         assert load_motor(name) == load_motor(SETS / f"{name}.toml") == load_motor(str(SETS / f"{name}.toml"))
@@ -331,14 +333,14 @@ SETS_TEXT = f"there are {', '.join(available_motors())}"
         ("\0.toml", "There is no file '\\x00.toml'. Give the path of a TOML file or the name of a set."),
     ],
 )
-def test_unknown_source_is_refused(source: str | Path, sentence: str) -> None:
+def test_unknown_source_is_rejected(source: str | Path, sentence: str) -> None:
     with pytest.raises(ParameterError) as caught:
         load_motor(source)
     assert str(caught.value) == sentence
     assert reads_well(sentence)
 
 
-def test_directory_is_no_file(tmp_path: Path) -> None:
+def test_a_folder_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match=r"There is no file .*\. Give the path of a TOML file"):
         load_motor(tmp_path)
 
@@ -350,27 +352,33 @@ TOML = "mine.toml is not valid TOML:"
     ("content", "sentence"),
     [
         (b"\xff\xfe\x00", "Cannot read {path}: it is not UTF-8 text. Give a readable TOML file."),
-        (b"name = 'x'\nmass = = 3\n", f"{TOML} Invalid value (at line 2, column 8). Mend that line."),
-        (b"[a\n", f"{TOML} Expected ']' at the end of a table declaration (at line 1, column 3). Mend that line."),
-        (b"a = 1\na = 2\n", f"{TOML} Cannot overwrite a value (at line 2, column 6). Mend that line."),
-        (b"a = " + b"9" * 5000, "mine.toml holds a number of thousands of digits. Write it as 1e-3 is."),
+        (b"name = 'x'\nmass = = 3\n", f"{TOML} Invalid value (at line 2, column 8). Correct that line."),
+        (b"[a\n", f"{TOML} Expected ']' at the end of a table declaration (at line 1, column 3). Correct that line."),
+        (b"a = 1\na = 2\n", f"{TOML} Cannot overwrite a value (at line 2, column 6). Correct that line."),
+        (b"a = " + b"9" * 5000, "mine.toml holds a number of thousands of digits. Write numbers as in 1e-3."),
         (
             b"name = 0x" + b"f" * 5000 + b"\n[contact]\n[rotor]\n[piezo]\n[[modes]]\nmass_kg = 0x" + b"f" * 5000,
             "mine.toml: rotor.radius_m is missing (radius R at the contact, in m). State it.",
         ),
-        (b"a = " + b"[" * 5000, "mine.toml nests its values too deeply. Write them as a motor's TOML does."),
+        (b"a = " + b"[" * 5000, "mine.toml nests its values too deeply. Use the structure of a motor's TOML."),
+        (b".".join([b"a"] * 40_000) + b" = 1", "mine.toml has a key of more than 32 dotted parts. {hint}"),
+        (
+            b"[" + b" . ".join([b'"a.b"', b"c"] * 40_000) + b"]",
+            "mine.toml has a key of more than 32 dotted parts. {hint}",
+        ),
         (b"", "mine.toml must state its modes by exactly one of [beam], [[modes]] or [[arms]]; it has none of them."),
     ],
 )
-def test_unreadable_file_is_refused(content: bytes, sentence: str, tmp_path: Path) -> None:
+def test_unreadable_file_is_rejected(content: bytes, sentence: str, tmp_path: Path) -> None:
+    """Within the memory that a motor takes; parsing a key of 40,000 parts would take 6.4 GB."""
     path = tmp_path / "mine.toml"
     path.write_bytes(content)
-    with pytest.raises(ParameterError) as caught:
+    with watched(tmp_path), pytest.raises(ParameterError) as caught:
         load_motor(path)
-    assert str(caught.value) == sentence.format(path=path)
+    assert str(caught.value) == sentence.format(path=path, hint="Use the keys of a motor's TOML.")
 
 
-def test_file_that_may_not_be_read_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_file_that_may_not_be_read_is_rejected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(toml(MODES))
 
@@ -386,10 +394,26 @@ def test_file_that_may_not_be_read_is_refused(tmp_path: Path, monkeypatch: pytes
 
 # --- mistakes in a document ----------------------------------------------------------------------------------
 
-TOP = "name, description, beam, ceramic, patches, tip, damping, modes, arms, piezo, contact, rotor"
+TOP = "name, description, beam, ceramic, patches, tip, damping, modes, arms, piezo, contact, rotor, mount, drive"
 MISTAKES: list[tuple[Document, str]] = [
     (changed(MODES, "rottor", {}), "there is no 'rottor'. Did you mean 'rotor'?"),
     (changed(MODES, "xyz", {}), f"there is no 'xyz'. Known are {TOP}."),
+    (
+        changed(MODES, "drive", {"kind": "three-phase"}),
+        "drive.kind = 'three-phase' is not valid: it must be one of two-phase, two-tone.",
+    ),
+    (
+        changed(MODES, "drive", {"voltage": 5.0}),
+        "[drive]: TwoPhaseDrive: frequency is missing (frequency f, in Hz). State it.",
+    ),
+    (
+        changed(MODES, "drive", {"voltage": 5.0, "frequency": 1e4, "phase": 3.0}),
+        "[drive]: TwoPhaseDrive: there is no 'phase'. Did you mean 'phase_deg'?",
+    ),
+    (
+        changed(MODES, "mount", {"mass_kg": 0.1}),
+        "mount.stiffness_n_per_m is missing (stiffness k_c of the springs along y, in N/m). State it.",
+    ),
     (changed(MODES, "contact.fricton", 0.2), "there is no 'contact.fricton'. Did you mean 'friction'?"),
     (changed(MODES, "modes.1.freq_hz", 2e4), "there is no 'modes.1.freq_hz'. Did you mean 'frequency_hz'?"),
     (changed(BEAM, "patches.0.layer", 2), "there is no 'patches.0.layer'. Did you mean 'layers'?"),
@@ -419,14 +443,14 @@ MISTAKES: list[tuple[Document, str]] = [
     ),
     (
         changed(changed(MODES, "modes.0.damping_n_s_per_m", ...), "modes.0.quality_factor", 0.5),
-        "modes.0.quality_factor = 0.5 is refused; allowed is a number > 0.5.",
+        "modes.0.quality_factor = 0.5 is not valid: it must be > 0.5.",
     ),
     (changed(MODES, "modes", {}), "modes must be one or more tables [[modes]]."),
     (changed(MODES, "modes", []), "modes must be one or more tables [[modes]]."),
     (changed(MODES, "modes.0", 5.0), "modes.0 must be a table [modes.0], not 5."),
     (
         changed(MODES, "modes", [MODE | {"name": f"m{i}"} for i in range(21)]),
-        "modes = 21 entries is refused; allowed is 1 to 20 entries.",
+        "modes = 21 entries is not valid: it must be 1 to 20 entries.",
     ),
     (changed(MODES, "contact", 5), "contact must be a table [contact], not 5."),
     (
@@ -437,10 +461,10 @@ MISTAKES: list[tuple[Document, str]] = [
     (changed(ARMS, "ceramic", {}), "[ceramic] belongs to a [beam]; with [[arms]] leave it out."),
     (changed(BEAM, "tip", ...), " has a [beam] but no 'tip'; a beam needs patches, tip and damping."),
     (changed(BEAM, "patches", {}), "patches must be one or more tables [[patches]]."),
-    (changed(BEAM, "patches.1.group", "C"), "patches.1.group = 'C' is refused; allowed is one of A, B."),
+    (changed(BEAM, "patches.1.group", "C"), "patches.1.group = 'C' is not valid: it must be one of A, B."),
     (
         changed(BEAM, "patches.1.layers", 1.5),
-        "patches.1.layers = 1.5 is refused; allowed is a whole number ≥ 1 and ≤ 500.",
+        "patches.1.layers = 1.5 is not valid: it must be a whole number ≥ 1 and ≤ 500.",
     ),
     (
         changed(BEAM, "patches.1.end_m", 0.012),
@@ -474,7 +498,7 @@ MISTAKES: list[tuple[Document, str]] = [
     ),
     (
         changed(MODES, "contact", {"friction": 0.2, "preload_n": 1.0, "materials": MATERIALS | {"tip_poisson": 0.5}}),
-        "contact.materials.tip_poisson = 0.5 is refused; allowed is a number ≥ 0 and < 0.5.",
+        "contact.materials.tip_poisson = 0.5 is not valid: it must be a number ≥ 0 and < 0.5.",
     ),
     (
         changed(MODES, "contact.preload_n", 5e4),
@@ -487,7 +511,7 @@ MISTAKES: list[tuple[Document, str]] = [
         changed(ARMS, "arms.0.inductance_h", 1e-12),
         (
             "the values of arms.0 and its mass_kg = 0.005 kg give a mode with damping_n_s_per_m = 2.25e+12 N·s/m; "
-            "allowed is a number ≥ 1e-12 and ≤ 1e+09 N·s/m."
+            "it must be a number ≥ 1e-12 and ≤ 1e+09 N·s/m."
         ),
     ),
     (
@@ -501,7 +525,7 @@ MISTAKES: list[tuple[Document, str]] = [
     (
         changed(MODES, "name", "a\nb"),
         (
-            "name = 'a\\nb' is refused; allowed is a text of at most 60 letters, digits, spaces, dots, - and _, "
+            "name = 'a\\nb' is not valid: it must be a text of at most 60 letters, digits, spaces, dots, - and _, "
             "the first a letter or digit."
         ),
     ),
@@ -509,7 +533,7 @@ MISTAKES: list[tuple[Document, str]] = [
 
 
 @pytest.mark.parametrize(("document", "sentence"), MISTAKES, ids=[sentence[:60] for _, sentence in MISTAKES])
-def test_mistake_is_named(document: Document, sentence: str, load: Callable[[Document], Motor]) -> None:
+def test_a_mistake_is_named(document: Document, sentence: str, load: Callable[[Document], Motor]) -> None:
     found = refusal(load, document)
     assert found == (f"mine.toml{sentence}" if sentence.startswith(" ") else f"mine.toml: {sentence}")
 
@@ -524,12 +548,16 @@ def paths(document: Any, prefix: str = "") -> Iterator[str]:
             yield f"{prefix}{key}"
 
 
-@pytest.mark.parametrize(("way", "path"), [(way, path) for way, document in WAYS.items() for path in paths(document)])
-def test_wrong_number_is_named_with_its_path(way: str, path: str, load: Callable[[Document], Motor]) -> None:
+NUMBERS = [(way, path) for way, document in WAYS.items() for path in paths(document)]
+ALWAYS = [(way, path) for way, path in NUMBERS if way == "arms" or path.startswith(("beam.", "patches.0.", "modes.0."))]
+
+
+@pytest.mark.parametrize(("way", "path"), mostly(pytest.mark.fuzz, NUMBERS, ALWAYS))
+def test_a_wrong_number_is_named_with_its_path(way: str, path: str, load: Callable[[Document], Motor]) -> None:
     for wrong in (float("nan"), float("inf"), -1e30, 1e30, "1", True, [1.0], {}):
         sentence = refusal(load, changed(WAYS[way], path, wrong))
         assert sentence.startswith(f"mine.toml: {path} = ")
-        assert " is refused; allowed is a " in sentence
+        assert " is not valid: it must be a " in sentence
         assert "number" in sentence
 
 
@@ -561,7 +589,7 @@ def loads_or_refuses(text: str, folder: Path) -> None:
 
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_damaged_document_loads_or_is_refused(data: st.DataObject, tmp_path: Path) -> None:
+def test_a_damaged_document_loads_or_is_rejected(data: st.DataObject, tmp_path: Path) -> None:
     document: Document = copy.deepcopy(data.draw(st.sampled_from([MODES, MODES, ARMS, BEAM])))
     for _ in range(data.draw(st.integers(1, 3))):
         place: Any = document
@@ -586,19 +614,19 @@ def test_damaged_document_loads_or_is_refused(data: st.DataObject, tmp_path: Pat
 
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(document=st.dictionaries(st.one_of(st.sampled_from(TOP.split(", ")), st.text(max_size=8)), junk, max_size=6))
-def test_junk_is_refused(document: Document, tmp_path: Path) -> None:
+def test_random_bytes_are_rejected(document: Document, tmp_path: Path) -> None:
     loads_or_refuses(toml(document), tmp_path)
 
 
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(text=st.text(max_size=200))
-def test_any_text_is_refused(text: str, tmp_path: Path) -> None:
+def test_any_text_is_rejected(text: str, tmp_path: Path) -> None:
     loads_or_refuses(text, tmp_path)
 
 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_any_beam_within_the_ranges_loads_or_is_refused(data: st.DataObject, tmp_path: Path) -> None:
+def test_any_beam_within_the_ranges_loads_or_is_rejected(data: st.DataObject, tmp_path: Path) -> None:
     beam = data.draw(within(Beam))
     length = beam["length_m"]
     patches = []

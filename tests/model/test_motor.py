@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 import pickle
-from math import pi
+from math import pi, sqrt
 from typing import Any
 
 import pytest
@@ -47,7 +47,7 @@ def leaves(document: dict[str, Any]) -> dict[str, float]:
 @pytest.mark.parametrize("subject", [load_motor("andersen2002"), motor()], ids=lambda m: m.name)
 def test_document_has_the_agreed_shape(subject: Motor) -> None:
     document = json.loads(json.dumps(subject.to_dict(), allow_nan=False))
-    assert set(document) == {"name", *SHAPE}
+    assert set(document) == {"name", "mount", *SHAPE}
     for part in ("piezo", "contact", "rotor"):
         assert set(document[part]) == SHAPE[part]
     for item, given_mode in zip(document["modes"], subject.modes, strict=True):
@@ -108,6 +108,30 @@ def test_new_frequency_keeps_mass_and_damping() -> None:
     assert item.damping_n_s_per_m == before.modes[0].damping_n_s_per_m
 
 
+SPRINGS = {"stiffness_n_per_m": 2e4, "mass_kg": 0.05, "damping_n_s_per_m": 50.0}
+
+
+def test_a_mount_is_put_in_changed_and_taken_out() -> None:
+    held = motor().updated({"mount": None})
+    assert held.to_dict()["mount"] is None
+    sprung = held.updated({"mount": SPRINGS})
+    assert sprung.to_dict()["mount"] == SPRINGS
+    assert sprung.to_dict() == held.updated({f"mount.{name}": value for name, value in SPRINGS.items()}).to_dict()
+    softer = sprung.updated({"mount.stiffness_n_per_m": 1e4})
+    assert softer.to_dict()["mount"] == SPRINGS | {"stiffness_n_per_m": 1e4}
+    assert softer.mount is not None
+    assert softer.mount.frequency_hz == pytest.approx(sqrt(1e4 / 0.05) / (2 * pi), rel=1e-15)
+    assert softer.updated({"mount": None}).to_dict() == held.to_dict()
+    with pytest.raises(ParameterError, match=r"mount\.mass_kg is missing"):
+        held.updated({"mount.stiffness_n_per_m": 2e4})
+    with pytest.raises(ParameterError, match=r"mount must be"):
+        held.updated({"mount": 2e4})
+    with pytest.raises(ParameterError, match=r"Did you mean 'mount.mass_kg'"):
+        sprung.updated({"mount.mass": 0.1})
+    with pytest.raises(ParameterError, match=r"mount\.stiffness_n_per_m = -1"):
+        sprung.updated({"mount.stiffness_n_per_m": -1.0})
+
+
 def test_modes_stay_sorted_and_their_provenance_moves_along() -> None:
     changed = motor().updated({"modes.0.frequency_hz": 50e3})
     assert [item.name for item in changed.modes] == ["pull", "push", "turn"]
@@ -123,13 +147,13 @@ def test_structure_is_forgotten_when_a_mode_no_longer_follows_from_it() -> None:
     assert paper.updated({"modes.0.damping_n_s_per_m": 10.0}).structure is None
 
 
-def test_no_change_is_no_change() -> None:
+def test_an_empty_change_keeps_the_motor() -> None:
     assert motor().updated({}) == motor()
 
 
 @settings(max_examples=60, deadline=None)
 @given(data=st.data())
-def test_any_allowed_changes_come_back_in_the_document(data: st.DataObject) -> None:
+def test_all_allowed_changes_appear_in_the_document(data: st.DataObject) -> None:
     before = motor()
     values = leaves(before.to_dict())
     paths = data.draw(st.lists(st.sampled_from(sorted(values)), unique=True, max_size=8))
@@ -164,7 +188,6 @@ MODES = "there are push, pull, turn, numbered from 0."
         ({"": 1.0}, f"There is no parameter ''. {PATHS}"),
         ({"structure.beam.length_m": 1.0}, f"There is no parameter 'structure.beam.length_m'. {PATHS}"),
         ({"provenance": {}}, f"There is no parameter 'provenance'. {PATHS}"),
-        ({5: 1.0}, f"There is no parameter '5'. {PATHS}"),
         ({"modes.0": {}}, f"There is no parameter 'modes.0'. {PATHS}"),
         ({"modes": []}, f"There is no mode '' in 'modes'; {MODES}"),
         ({"modes.3.mass_kg": 1.0}, f"There is no mode '3' in 'modes.3.mass_kg'; {MODES}"),
@@ -184,18 +207,18 @@ MODES = "there are push, pull, turn, numbered from 0."
         ),
         (
             {"modes.0.frequency_hz": 0.0},
-            "modes.0.frequency_hz = 0 Hz is refused; allowed is a number > 0 and < 1e+18 Hz.",
+            "modes.0.frequency_hz = 0 Hz is not valid: it must be a number > 0 and < 1e+18 Hz.",
         ),
         (
             {"modes.0.frequency_hz": 1e12},
             (
-                "modes.0.frequency_hz = 1e+12 Hz is refused; with a mass of 0.004 kg it takes a "
-                "stiffness of 1.58e+23 N/m, and allowed is a number > 0.001 and ≤ 1e+15 N/m."
+                "modes.0.frequency_hz = 1e+12 Hz is not valid: with a mass of 0.004 kg it needs a "
+                "stiffness of 1.58e+23 N/m, which must be a number > 0.001 and ≤ 1e+15 N/m."
             ),
         ),
         (
             {"modes.0.frequency_hz": 2e4, "modes.0.mass_kg": "light"},
-            "modes.0.mass_kg = 'light' is refused; allowed is a number > 1e-12 and ≤ 1000 kg.",
+            "modes.0.mass_kg = 'light' is not valid: it must be a number > 1e-12 and ≤ 1000 kg.",
         ),
         (
             {"modes.1.damping_n_s_per_m": 1e8},
@@ -209,7 +232,7 @@ MODES = "there are push, pull, turn, numbered from 0."
             {"modes.0.frequency_hz": 9.0},
             (
                 "mode push swings at 9 Hz by its mass and stiffness; a piezo motor's modes lie from 10 to 1e+07 Hz, so "
-                "mend one of them."
+                "correct one of them."
             ),
         ),
         (
@@ -223,7 +246,7 @@ MODES = "there are push, pull, turn, numbered from 0."
             {"modes.0.coupling_b_n_per_v": 2.0},
             (
                 "the modes give group B a coupling k_eff² = 0.96, the share of Σ θ²/k in it and piezo.capacitance_b_f; "
-                "no ceramic exceeds 0.9, so mend coupling_b_n_per_v or the capacitance."
+                "no ceramic exceeds 0.9, so correct coupling_b_n_per_v or the capacitance."
             ),
         ),
         (
@@ -237,16 +260,16 @@ MODES = "there are push, pull, turn, numbered from 0."
             {"rotor.inertia_kg_m2": 5e-13},
             (
                 "pressed on the rotor the tip swings at 8.692e+06 Hz, more than 100 times the highest mode's 6.6e+04 "
-                "Hz: it has next to no mass, or the rotor at its rim; mend tip_x and tip_y, "
-                "contact.normal_stiffness_n_per_m15 or rotor.inertia_kg_m2."
+                "Hz: the tip, the rotor at its rim or the carrier has too little mass; change tip_x and tip_y, "
+                "contact.normal_stiffness_n_per_m15, rotor.inertia_kg_m2 or mount.mass_kg."
             ),
         ),
         (
             {"contact.tangential_compliance_tip_m_per_n23": 5e-3},
             (
                 "contact.normal_stiffness_n_per_m15 and the tangential compliances do not go together: K_t K_N^(2/3) = "
-                "1.26e+04; of two elastic bodies it is 1 to 1.5, and allowed is 0.1 to 100, so state "
-                "[contact.materials] or mend the one that is off."
+                "1.26e+04; of two elastic bodies it is 1 to 1.5, and it must be 0.1 to 100, so state "
+                "[contact.materials] or correct the one that is off."
             ),
         ),
         (
@@ -259,14 +282,14 @@ MODES = "there are push, pull, turn, numbered from 0."
         (
             {"name": "a/b"},
             (
-                "name = 'a/b' is refused; allowed is a text of at most 60 letters, digits, spaces, "
+                "name = 'a/b' is not valid: it must be a text of at most 60 letters, digits, spaces, "
                 "dots, - and _, the first a letter or digit."
             ),
         ),
         (
             {"modes.0.name": "1st"},
             (
-                "modes.0.name = '1st' is refused; allowed is a text of at most 40 letters, digits, "
+                "modes.0.name = '1st' is not valid: it must be a text of at most 40 letters, digits, "
                 "- and _, the first a letter."
             ),
         ),
@@ -288,11 +311,11 @@ def test_wrong_value_names_path_value_unit_and_range(path: str, wrong: Any) -> N
     sentence = str(caught.value)
     assert reads_well(sentence)
     assert sentence.startswith(f"motor off the defaults: {path} = ")
-    assert " is refused; allowed is a number " in sentence
+    assert " is not valid: it must be a number " in sentence
     unit = UNITS[path.rpartition(".")[2]]
     assert sentence.endswith(f" {unit}." if unit else ".")
     if isinstance(wrong, float):
-        assert f" = {wrong:g}{f' {unit}' if unit else ''} is refused" in sentence
+        assert f" = {wrong:g}{f' {unit}' if unit else ''} is not valid" in sentence
 
 
 UNITS = {
@@ -327,6 +350,11 @@ def test_any_change_gives_a_motor_or_one_clear_refusal(changes: dict[str, Any]) 
 @pytest.mark.parametrize(
     "number", ["9" * 5000, "7", "-1", "\N{ARABIC-INDIC DIGIT ZERO}", "\N{SUPERSCRIPT TWO}", "0x0", ""]
 )
-def test_a_number_of_no_mode_is_refused(number: str) -> None:
+def test_a_number_of_no_mode_is_rejected(number: str) -> None:
     with pytest.raises(ParameterError, match=r"There is no mode .* there are .*, numbered from 0"):
         motor().updated({f"modes.{number}.tip_x": 1.0})
+
+
+def test_a_wrong_argument_of_a_method_is_an_error_of_the_package() -> None:
+    with pytest.raises(ParameterError, match=r"^updated: changes = 5 is not valid: it must be "):
+        motor().updated({5: 1.0})  # type: ignore[dict-item]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sentences by which a value is refused."""
+"""The messages for invalid values."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
 from pydantic import Field
 
+import pyspice_runner as pr
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import refusal
 from pyspice_runner.model.load import Arm, Materials
@@ -44,7 +44,7 @@ class Thing(Parameters):
     name: str = label("what it is called")
 
 
-NAMES = "is refused; allowed is a text of at most 40 letters, digits, - and _, the first a letter."
+NAMES = "is not valid: it must be a text of at most 40 letters, digits, - and _, the first a letter."
 GOOD = {"size": 1.0, "share": 0.5, "count": 3, "side": "left", "name": "it"}
 
 
@@ -62,17 +62,17 @@ def test_good_table_is_built() -> None:
 @pytest.mark.parametrize(
     ("name", "value", "sentence"),
     [
-        ("size", 0.0, "size = 0 m is refused; allowed is a number > 0 and ≤ 2 m."),
-        ("size", 2.5, "size = 2.5 m is refused; allowed is a number > 0 and ≤ 2 m."),
-        ("size", float("nan"), "size = nan m is refused; allowed is a number > 0 and ≤ 2 m."),
-        ("size", "2 m", "size = '2 m' is refused; allowed is a number > 0 and ≤ 2 m."),
-        ("size", True, "size = True is refused; allowed is a number > 0 and ≤ 2 m."),
-        ("size", date(2002, 6, 10), "size = 2002-06-10 is refused; allowed is a number > 0 and ≤ 2 m."),
-        ("share", 1.0, "share = 1 is refused; allowed is a number ≥ 0 and < 1."),
-        ("count", 2.5, "count = 2.5 is refused; allowed is a whole number ≥ 1 and ≤ 9."),
-        ("count", 10, "count = 10 is refused; allowed is a whole number ≥ 1 and ≤ 9."),
-        ("side", "up", "side = 'up' is refused; allowed is one of left, right."),
-        ("side", 1, "side = 1 is refused; allowed is one of left, right."),
+        ("size", 0.0, "size = 0 m is not valid: it must be a number > 0 and ≤ 2 m."),
+        ("size", 2.5, "size = 2.5 m is not valid: it must be a number > 0 and ≤ 2 m."),
+        ("size", float("nan"), "size = nan m is not valid: it must be a number > 0 and ≤ 2 m."),
+        ("size", "2 m", "size = '2 m' is not valid: it must be a number > 0 and ≤ 2 m."),
+        ("size", True, "size = True is not valid: it must be a number > 0 and ≤ 2 m."),
+        ("size", date(2002, 6, 10), "size = 2002-06-10 is not valid: it must be a number > 0 and ≤ 2 m."),
+        ("share", 1.0, "share = 1 is not valid: it must be a number ≥ 0 and < 1."),
+        ("count", 2.5, "count = 2.5 is not valid: it must be a whole number ≥ 1 and ≤ 9."),
+        ("count", 10, "count = 10 is not valid: it must be a whole number ≥ 1 and ≤ 9."),
+        ("side", "up", "side = 'up' is not valid: it must be one of left, right."),
+        ("side", 1, "side = 1 is not valid: it must be one of left, right."),
         (
             "name",
             "7up",
@@ -110,7 +110,7 @@ def test_misspelt_name_is_recognised() -> None:
 
 
 @pytest.mark.parametrize("table", [5, "x", None, [GOOD], True])
-def test_what_is_no_table_is_refused(table: Any) -> None:
+def test_a_value_that_is_not_a_table_is_rejected(table: Any) -> None:
     assert said(table).startswith("shelf.toml: things.0 must be a table [things.0], not ")
 
 
@@ -124,8 +124,10 @@ def test_long_value_is_shortened() -> None:
 def test_every_quantity_says_its_range_unit_and_meaning(kind: type[Parameters]) -> None:
     for name, field in kind.model_fields.items():
         assert field.description
-        # a default stands for the absence of something: here, of loss in an impact
-        assert field.is_required() or name in ("restitution", "restitution_velocity_m_s")
+        # a default leaves an optional effect out, and lies in the range of the field
+        schema = kind.model_json_schema()["properties"][name]
+        least = schema.get("minimum", schema.get("exclusiveMinimum"))
+        assert field.is_required() or least <= field.default <= schema["maximum"]
         allowed = refusal.allowed_range(kind, name)
         assert "inf" not in allowed
         if field.annotation is float:
@@ -144,32 +146,29 @@ def test_positive_number_passes(value: float) -> None:
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf"), 1e18, 10**400, "1", True, None])
-def test_other_than_positive_is_refused(value: Any) -> None:
+def test_a_number_that_is_not_positive_is_rejected(value: Any) -> None:
     with pytest.raises(ParameterError) as caught:
         refusal.positive(value, "modes.0.frequency_hz", "motor x", "Hz")
     assert reads_well(str(caught.value))
     assert str(caught.value).startswith("motor x: modes.0.frequency_hz = ")
-    assert str(caught.value).endswith(" is refused; allowed is a number > 0 and < 1e+18 Hz.")
+    assert str(caught.value).endswith(" is not valid: it must be a number > 0 and < 1e+18 Hz.")
 
 
 @pytest.mark.parametrize("value", [2.1, 0.0, "1", True, float("nan")])
-def test_single_value_is_held_to_the_range_of_its_field(value: Any) -> None:
+def test_a_single_value_must_be_in_the_range_of_its_field(value: Any) -> None:
     assert refusal.limited(Thing, "size", 2, "things.0.size", "shelf.toml") == 2.0
     with pytest.raises(ParameterError) as caught:
         refusal.limited(Thing, "size", value, "things.0.size", "shelf.toml")
     assert str(caught.value) == said(GOOD | {"size": value})
 
 
-def test_what_python_cannot_write_is_named_all_the_same() -> None:
+def test_a_value_without_a_repr_is_named() -> None:
     assert refusal.quoted(10**5000) == "int too large to be shown"
     assert refusal.quoted([10**5000]) == "list too large to be shown"
 
 
 class _Part:
     pass
-
-
-_Part.__module__ = "pyspice_runner.model.part"
 
 
 @refusal.checked
@@ -182,41 +181,95 @@ def held(
     names: Sequence[str] | None = None,
     tables: Mapping[str, float] | None = None,
     tell: Callable[[], object] | None = None,
-    like: ArrayLike = (),
     whole: bool = True,
     **rest: Any,
 ) -> tuple[Any, ...]:
-    return part, size, count, way, names, tables, tell, like, whole, rest
+    return part, size, count, way, names, tables, tell, whole, rest
 
 
-def test_right_types_pass_and_numbers_become_those_of_python() -> None:
-    assert held(_Part(), np.array(0.5))[1] == 0.5  # type: ignore[arg-type]
-    found = held(_Part(), np.float32(0.5), count=np.int64(3), names=("a", "b"), like=[[1.0]], rest={"x": 1})
+@refusal.checked
+def strict_names(duration: float, *, load_torque: float = 0.0, record_every: int = 1) -> float:
+    return duration * load_torque * record_every
+
+
+def test_valid_types_pass_and_numpy_numbers_become_python_numbers() -> None:
+    part = _Part()
+    found = held(part, np.array(0.5), count=np.int64(3), names=("a", "b"), way="up", rest={"x": 1})  # type: ignore[arg-type]
+    assert found[:5] == (part, 0.5, 3, "up", ("a", "b"))
     assert [type(value) for value in found[1:3]] == [float, int]
-    assert held(_Part(), 2, count=4.0)[1:3] == (2.0, 4)  # type: ignore[arg-type]
-    assert held(_Part(), float("nan"), way="sideways")[3] == "sideways"  # type: ignore[arg-type]
+    assert held(part, np.float32(0.5))[1] == 0.5
+    assert held(part, 2)[1] == 2.0
 
 
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({"part": 5}, "part = 5 is refused; allowed is a _Part."),
-        ({"size": "1"}, "size = '1' is refused; allowed is a number."),
-        ({"size": True}, "size = True is refused; allowed is a number."),
-        ({"size": None}, "size = None is refused; allowed is a number."),
-        ({"size": 10**400}, "size = 1000"),
-        ({"size": 1j}, "size = 1j is refused; allowed is a number."),
-        ({"count": 2.5}, "count = 2.5 is refused; allowed is a whole number."),
-        ({"count": float("inf")}, "count = inf is refused; allowed is a whole number."),
-        ({"way": 3}, "way = 3 is refused; allowed are 'up', 'down' and None."),
-        ({"names": "abc"}, "names = 'abc' is refused; allowed are a list and None."),
-        ({"names": [1]}, "names = [1] is refused; allowed are"),
-        ({"tables": [1]}, "tables = [1] is refused; allowed are a dictionary and None."),
-        ({"tell": 1}, "tell = 1 is refused; allowed are a function and None."),
-        ({"whole": 1}, "whole = 1 is refused; allowed is True or False."),
+        ({"part": 5}, "part = 5 is not valid: it must be an instance of _Part."),
+        ({"size": "1"}, "size = '1' is not valid: it must be a number."),
+        ({"size": True}, "size = True is not valid: it must be a number."),
+        ({"size": None}, "size = None is not valid: it must be a number."),
+        ({"size": 1j}, "size = 1j is not valid: it must be a number."),
+        ({"count": 2.0}, "count = 2.0 is not valid: it must be a whole number."),
+        ({"count": float("inf")}, "count = inf is not valid: it must be a whole number."),
+        ({"way": "sideways"}, "way = 'sideways' is not valid: it must be 'up' or 'down'."),
+        ({"names": "abc"}, "names = 'abc' is not valid: it must be a list."),
+        ({"names": [1]}, "names = 1 is not valid: it must be a text."),
+        ({"tables": [1]}, "tables = [1] is not valid: it must be a dictionary."),
+        ({"tell": 1}, "tell = 1 is not valid: it must be a function."),
+        ({"whole": 1}, "whole = 1 is not valid: it must be True or False."),
     ],
 )
-def test_an_argument_of_another_type_is_refused(given: dict[str, Any], says: str) -> None:
+def test_an_argument_of_another_type_is_an_error_that_names_the_function(given: dict[str, Any], says: str) -> None:
     with pytest.raises(ParameterError) as caught:
         held(**{"part": _Part(), "size": 1.0, **given})
-    assert str(caught.value).startswith(says)
+    assert str(caught.value) == f"held: {says}"
+
+
+@pytest.mark.parametrize(
+    ("args", "kwargs", "says"),
+    [
+        ((1.0,), {"load_torqe": 1.0}, "there is no argument 'load_torqe'. Did you mean 'load_torque'?"),
+        ((1.0,), {"xyz": 1.0}, "there is no argument 'xyz'. The arguments are duration, load_torque, record_every."),
+        ((), {}, "the argument duration is missing."),
+        ((1.0, 2.0), {}, "there are too many arguments without a name. Name them: load_torque, record_every, …"),
+        ((1.0,), {"duration": 2.0}, "the argument duration is given twice."),
+    ],
+)
+def test_a_wrong_name_is_an_error_that_names_the_function_and_the_nearest_name(
+    args: tuple[float, ...], kwargs: dict[str, float], says: str
+) -> None:
+    with pytest.raises(ParameterError) as caught:
+        strict_names(*args, **kwargs)  # type: ignore[arg-type]
+    assert str(caught.value) == f"strict_names: {says}"
+
+
+@pytest.mark.parametrize(
+    ("name", "typo", "meant"),
+    [
+        ("simulate", "load_torqe", "load_torque"),
+        ("simulate_averaged", "phasses", "phases"),
+        ("steady_state", "sped", "speed"),
+        ("speed_torque", "speds", "speeds"),
+        ("admittance", "pionts", "points"),
+        ("drive_report", "proposal", "proposals"),
+        ("track", "disturbed", "disturb"),
+        ("fit_spectrum", "mode", "modes"),
+        ("fit_two_port", "mode", "modes"),
+        ("compare", "conection", "connection"),
+        ("report", "level", "levels"),
+        ("export_motor", "contcat", "contact"),
+    ],
+)
+def test_a_typo_in_an_argument_of_a_public_function_names_the_function_and_the_argument(
+    name: str, typo: str, meant: str
+) -> None:
+    with pytest.raises(ParameterError) as caught:
+        getattr(pr, name)(**{typo: 1})
+    assert str(caught.value) == f"{name}: there is no argument '{typo}'. Did you mean '{meant}'?"
+
+
+def test_a_typo_in_an_argument_of_a_sweep_names_the_argument() -> None:
+    motor, drive = pr.load_motor("andersen2002"), pr.TwoPhaseDrive(voltage=1.0, frequency=5e4)
+    for typo, meant in (("sample", "samples"), ("duraton", "duration")):
+        with pytest.raises(ParameterError, match=f"There is no argument '{typo}'. Did you mean '{meant}'"):
+            pr.sweep(motor, drive, over={"drive.voltage": [1.0]}, **{typo: 1})

@@ -174,11 +174,11 @@ def test_a_row_of_many_elements_runs_through_the_same_loop(amplitude: float) -> 
 @pytest.mark.parametrize(
     ("values", "says"),
     [
-        ({"force_n": 0.0}, "HertzPatch: force_n = 0 is refused; allowed is a number > 0."),
-        ({"friction": float("nan")}, "HertzPatch: friction = nan is refused; allowed is a number > 0."),
+        ({"force_n": 0.0}, "HertzPatch: force_n = 0 is not valid: it must be a number > 0."),
+        ({"friction": float("nan")}, "HertzPatch: friction = nan is not valid: it must be a number > 0."),
     ],
 )
-def test_an_impossible_patch_is_refused(values: dict[str, float], says: str) -> None:
+def test_an_impossible_patch_is_rejected(values: dict[str, float], says: str) -> None:
     with pytest.raises(ParameterError) as caught:
         HertzPatch(
             **{"force_n": 1.0, "friction": 0.3, "effective_modulus_pa": 1e11, "effective_radius_m": 0.01} | values
@@ -186,8 +186,8 @@ def test_an_impossible_patch_is_refused(values: dict[str, float], says: str) -> 
     assert str(caught.value) == says
 
 
-def test_more_than_friction_carries_is_refused() -> None:
+def test_a_force_above_the_friction_limit_is_rejected() -> None:
     patch = HertzPatch(force_n=10.0, friction=0.3, effective_modulus_pa=1e11, effective_radius_m=0.01)
     with pytest.raises(ParameterError) as caught:
         patch.traction(0.0, 3.1)
-    assert str(caught.value) == "tangential_force_n = 3.1 N is refused; friction carries at most 3 N."
+    assert str(caught.value) == "tangential_force_n = 3.1 N is not valid; friction carries at most 3 N."

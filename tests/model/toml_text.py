@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writes plain values as TOML, and judges the sentences by which a motor is refused."""
+"""Writes plain values as TOML, and checks the messages for an invalid motor."""
 
 from __future__ import annotations
 

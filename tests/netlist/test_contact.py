@@ -26,7 +26,7 @@ from pyspice_runner.netlist.contact import (
     contact_library,
     contact_values,
 )
-from pyspice_runner.netlist.library import data_path, parse_library, read_library
+from pyspice_runner.netlist.library import data_path, definitions, parse_library, read_library
 from pyspice_runner.netlist.motor import MotorSubCircuit, add_motor
 
 
@@ -74,7 +74,7 @@ SAVED = ("v(normal)", "v(friction)", "v(slider)", "v(state)", "v(xcontact.delta)
 
 def drag(sliders: int, span: float, speed: float, y: str = "0", more: str = "") -> dict[str, float]:
     """What a brush says after 40 µs of dragging at a speed in m/s."""
-    text = DECK.format(library=brush_library(sliders), y=y, speed=speed, span=span, more=more)
+    text = DECK.format(library=definitions(contact_library("brush", sliders)), y=y, speed=speed, span=span, more=more)
     vectors = run_deck(text, vectors=list(SAVED), stop_time=40e-6).raw.vectors
     return {name[2:-1]: float(vectors[name][-1].real) for name in SAVED}
 
@@ -121,7 +121,7 @@ def test_separated_contact_forgets() -> None:
 
 
 def test_normal_damping_is_hunt_and_crossleys() -> None:
-    text = DECK.format(library=brush_library(8), y="0", speed=1.0, span=0.8, more="damping=0.6")
+    text = DECK.format(library=definitions(contact_library("brush")), y="0", speed=1.0, span=0.8, more="damping=0.6")
     text = text.replace("Vvy vy 0 0", "Vvy vy 0 0.5")
     normal = run_deck(text, vectors=list(SAVED), stop_time=40e-6).raw.vectors["v(normal)"].real
     assert normal[-1] == pytest.approx(5.0 * (1 + 0.6 * 0.5), rel=1e-6)
@@ -183,19 +183,22 @@ def test_unknown_law_and_impossible_brush_are_refused() -> None:
     with pytest.raises(ParameterError) as caught:
         check_law("glue")
     assert str(caught.value) == (
-        "contact = 'glue' is refused; allowed are 'spring-slider', 'brush', 'coulomb' and None (free tip)."
+        "contact = 'glue' is not valid: it must be 'spring-slider', 'brush', 'coulomb', None (free tip) or the path of "
+        "a .lib file."
     )
     check_law(None)
-    with pytest.raises(ParameterError, match=r"contact = None is refused; allowed are 'spring-slider', 'brush' and"):
+    with pytest.raises(ParameterError, match=r"contact = None is not valid: it must be 'spring-slider', 'brush', "):
         check_law(None, free=False)
     for sliders in (0, 201, 2.5):
-        with pytest.raises(ParameterError, match="allowed is a whole number from 1 to 200"):
+        with pytest.raises(ParameterError, match="it must be a whole number from 1 to 200"):
             contact_library("brush", sliders)  # type: ignore[arg-type]
 
 
 def test_generator_writes_the_library(tmp_path: Path) -> None:
     (tmp_path / "mine.lib").write_text(brush_library(3), encoding="utf-8")
-    deck = f"include\n.include {tmp_path / 'mine.lib'}\n{read_library('piezomotor_brush').usage}.save v(state)\n.end\n"
+    normal = data_path("behavioral") / "piezomotor_normal.lib"
+    includes = f".include {normal}\n.include {tmp_path / 'mine.lib'}\n"
+    deck = f"include\n{includes}{read_library('piezomotor_brush').usage}.save v(state)\n.end\n"
     deck = re.sub(r"^\.measure.*\n", "", deck, flags=re.M)
     assert run_deck(deck, vectors=["v(state)"], stop_time=100e-6).raw.vectors["v(state)"].real[-1] == pytest.approx(
         2.0, abs=1e-9

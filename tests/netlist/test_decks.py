@@ -12,7 +12,10 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.analysis.hysteresis import hysteresis
 from pyspice_runner.model.contact import limit_ratio, linearised_resonances, static_penetration
+from pyspice_runner.model.impact import Throw
+from pyspice_runner.model.traction import microslip_loss, virgin_force
 from pyspice_runner.netlist.decks import deck_texts, write_decks
 from pyspice_runner.netlist.library import data_path
 from tests.reference.row import throw as exact_throw
@@ -119,6 +122,25 @@ def test_transient_decks_agree_with_simulate(
     assert result["rotor_speed_mean_rad_s"] == pytest.approx(run.mean_rotor_speed_rad_s, rel=0.05)
 
 
+def test_a_deck_follows_the_parameters_at_its_beginning(tmp_path: Path) -> None:
+    deck = tmp_path / "ellipse.cir"
+    text = deck_texts()["ellipse.cir"]
+    values = {"frequency": (51700.0, 52000.0), "phase": (90.0, 60.0), "preload": (5.0, 8.0), "stop": (0.003, 0.001)}
+    for name, (old, new) in values.items():
+        assert f".param {name}={old!r}\n" in text
+        text = text.replace(f".param {name}={old!r}\n", f".param {name}={new!r}\n")
+    deck.write_text(text, encoding="ascii")
+    done = subprocess.run(["ngspice", "-b", str(deck)], capture_output=True, text=True, timeout=120, check=True)
+    found = dict(re.findall(r"^(\w+) *= +(\S+)", done.stdout, re.M))
+    motor = pr.load_motor("andersen2002").updated({"contact.preload_n": 8.0})
+    drive = pr.TwoPhaseDrive(voltage=50.0, frequency=52e3, phase_deg=60.0)
+    run = pr.simulate(motor, drive, duration=1e-3, step=1e-7, exact_resonance=False)
+    last = run.time_s >= 1e-3 - 20.0 / 52e3
+    # the same circuit and steps; the ends of the window fall between points
+    assert float(found["tip_x_peak_to_peak_um"]) == pytest.approx(1e6 * np.ptp(run.tip_x_m[last]), rel=1e-4)
+    assert float(found["normal_force_greatest_n"]) == pytest.approx(run.normal_force_n[last].max(), rel=1e-4)
+
+
 def test_first_resonance_hammers(tmp_path: Path) -> None:
     result = measured("first_resonance", tmp_path)
     preload = pr.load_motor("andersen2002").contact.preload_n
@@ -150,7 +172,7 @@ def test_dynamometer_deck_integrates_what_the_waveforms_of_simulate_hold(tmp_pat
 
 def test_impact_deck_rebounds_as_hertz_and_the_theory_say(tmp_path: Path) -> None:
     result = measured("impact", tmp_path)
-    throw = pr.Throw(psi=1.2)
+    throw = Throw(psi=1.2)
     assert result["psi_1"] == pytest.approx(1.2, rel=1e-6)
     ratio = (2 - throw.poisson) / (2 * (1 - throw.poisson))
     assert result["psi_2"] == pytest.approx(exact_throw(1.2, ratio)[0], abs=0.0065)  # eight sliders
@@ -166,11 +188,11 @@ def test_hysteresis_decks_lose_what_the_closed_form_and_the_bench_say(tmp_path: 
     result = measured("hysteresis", tmp_path)
     slide = motor.contact.friction * motor.contact.preload_n
     limit = limit_ratio(motor.contact) * static_penetration(motor.contact)
-    assert result["loss_j"] == pytest.approx(float(pr.microslip_loss(0.8)) * slide * limit, rel=0.03)  # eight sliders
-    assert result["friction_force_greatest_n"] == pytest.approx(float(pr.virgin_force(0.8)) * slide, rel=0.006)
+    assert result["loss_j"] == pytest.approx(float(microslip_loss(0.8)) * slide * limit, rel=0.03)  # eight sliders
+    assert result["friction_force_greatest_n"] == pytest.approx(float(virgin_force(0.8)) * slide, rel=0.006)
     assert result["part_that_slips_greatest"] == pytest.approx(1 - np.sqrt(0.2), abs=1 / 8)
     varying = measured("hysteresis_varying", tmp_path)
-    bench = pr.hysteresis(motor, 0.8, "brush", swing=0.6, phase_deg=90.0)
+    bench = hysteresis(motor, 0.8, "brush", swing=0.6, phase_deg=90.0)
     assert varying["loss_j"] == pytest.approx(bench.loss_j, rel=2e-3)  # ngspice and numpy sum other points
     assert varying["loss_j"] > 1.2 * result["loss_j"]
     assert varying["normal_force_least_n"] == pytest.approx(0.4 * motor.contact.preload_n, rel=1e-5)

@@ -16,9 +16,10 @@ import pyspice_runner as pr
 from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import PROVENANCE, Thermal, heat_capacity
-from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS, transient_bench
+from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import add_motor
+from pyspice_runner.netlist.sources import DriveSource, motor_bench
 from tests.motors import motor as odd_motor
 from tests.netlist.test_decks import measured
 
@@ -101,7 +102,7 @@ def test_heat_is_what_a_free_stator_takes_up() -> None:
     """Settled, all the electrical power becomes heat in damping and dielectric."""
     motor = andersen()
     drive = pr.TwoPhaseDrive(voltage=20.0, frequency=51.7e3, phase_deg=180.0)
-    circuit = transient_bench(motor, drive, contact=None, thermal=pr.Thermal(heat_capacity_j_per_k=1e6))
+    circuit = motor_bench(motor, DriveSource(drive), law=None, thermal=pr.Thermal(heat_capacity_j_per_k=1e6)).circuit
     simulator = BatchSimulator(circuit)
     simulator.options(**TRANSIENT_OPTIONS)
     simulator.save("v(a)", "v(b)", "i(va)", "i(vb)", "v(heat)", "v(temperature)")
@@ -182,7 +183,7 @@ def test_derived_values_follow_from_what_they_are_derived_from() -> None:
 @pytest.mark.parametrize(
     ("values", "sentence"),
     [
-        ({"heat_capacity_j_per_k": 0.0}, "heat_capacity_j_per_k = 0 J/K is refused; allowed is a number ≥ 1e-09"),
+        ({"heat_capacity_j_per_k": 0.0}, "heat_capacity_j_per_k = 0 J/K is not valid: it must be a number ≥ 1e-09"),
         ({"frequency_drift": 1.0}, "there is no 'frequency_drift'. Did you mean 'frequency_drift_per_k'?"),
     ],
 )

@@ -11,14 +11,17 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.analysis.track import running_resonance
 from pyspice_runner.engine.pyspice import BatchSimulator
+from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.motor import Discretisation
+from pyspice_runner.netlist.sources import motor_bench
 from pyspice_runner.netlist.trackers import (
-    TRACKER_OPTIONS,
     Disturbance,
+    TrackedSource,
     Tracker,
     tracked_lag,
     tracker_filter,
-    tracking_bench,
     weights,
 )
 from tests.motors import motor as odd_motor
@@ -36,11 +39,13 @@ def tracker(**values: Any) -> Tracker:
 def run(chosen: Tracker, disturbance: Disturbance, contact: Any, end: float, *names: str) -> dict[str, np.ndarray]:
     lag = tracked_lag(MOTOR, chosen, 1, contact=contact is not None)
     step = 100e-9
-    circuit = tracking_bench(
-        MOTOR, chosen, disturbance, mode=1, loop_filter=tracker_filter(chosen, lag), step=step, contact=contact
-    )
-    simulator = BatchSimulator(circuit)
-    simulator.options(**TRACKER_OPTIONS)
+    source = TrackedSource(chosen, 1, tracker_filter(chosen, lag), disturbance=disturbance)
+    bench = motor_bench(
+        MOTOR, source, law=Law() if contact else None, disturbance=disturbance,
+        discretisation=Discretisation(step, exact_resonance=False),
+    )  # fmt: skip
+    simulator = BatchSimulator(bench.circuit)
+    simulator.options(**bench.options)
     simulator.save(*names)
     simulator.transient(step_time=step, end_time=end, max_time=step, use_initial_condition=True)
     assert simulator.result is not None
@@ -104,11 +109,11 @@ def test_a_preload_steps_to_what_is_asked_for(change: float) -> None:
 @pytest.mark.parametrize(
     ("values", "sentence"),
     [
-        ({"kind": "magic"}, "kind = 'magic' is refused"),
+        ({"kind": "magic"}, "kind = 'magic' is not valid"),
         ({"bandwith_hz": 500.0}, "there is no 'bandwith_hz'. Did you mean 'bandwidth_hz'?"),
-        ({"offset": 0.1}, "offset = 0.1 is refused; the oscillator reaches 0.07 either way"),
-        ({"target_deg": 90.0}, "target_deg = 90 ° is refused"),
-        ({"polarity": 0}, "polarity = 0 is refused"),
+        ({"offset": 0.1}, "offset = 0.1 is not valid; the oscillator reaches 0.07 either way"),
+        ({"target_deg": 90.0}, "target_deg = 90 ° is not valid"),
+        ({"polarity": 0}, "polarity = 0 is not valid"),
     ],
 )
 def test_refusals_name_the_value(values: dict[str, Any], sentence: str) -> None:
@@ -122,7 +127,7 @@ def test_refusals_name_the_value(values: dict[str, Any], sentence: str) -> None:
 
 def test_deck_of_the_phase_locked_loop_locks(tmp_path: Path) -> None:
     found = measured("tracker_pll", tmp_path)
-    lag = pr.running_resonance(MOTOR, tracker(ratio_b=2.0))
+    lag = running_resonance(MOTOR, tracker(ratio_b=2.0))
     assert found["frequency_start_hz"] == pytest.approx(1.03 * 51.7e3)
     # harmonic balance leaves out what the other mode and the turning rotor do: 2 % of the bandwidth, 1100 Hz
     assert found["frequency_end_hz"] == pytest.approx(lag.resonance_hz, abs=20.0)

@@ -11,6 +11,13 @@ The law
     u_lim = μ K_t F_N^{2/3} = κ δ  with  κ = μ K_t K_N^{2/3}
     F_T = sign(u) μ F_N [1 − (1 − |u|/u_lim)^{3/2}]
 
+On a mount the stator's carrier moves by z, and y above is Σ Y_n r_n + z:
+    m_c z'' + d_c z' + k_c z = F_0 + F_y
+Stribeck friction, with w = |v_rel − u'| the slip velocity, μ_∞ = ρ μ the friction of fast sliding:
+    slip: |F_T| = μ F_N [ρ + (1 − ρ) exp(−(w/v_s)²)]
+A dry bearing (Dahl): its torque T rises to T_c over an angle of some φ_0 after each reversal,
+    J Ω' + C_R Ω + T = R F_T − τ_load,  T' = (T_c Ω − T |Ω|)/φ_0
+
 Four states, each with smooth equations of its own:
     separated   δ ≤ 0:  F_N = F_T = u = 0
     stick       u' = v_rel, |u| ≤ u_lim
@@ -76,14 +83,18 @@ class ReferenceRun:
     energies_j: dict[str, float]
     """The balance of the run: input = kinetic + elastic + damping + contact_elastic + tangential + shaft.
     The stored energies are end minus start, tangential = ∫ F_T v_rel dt (slip and what the tangential spring
-    takes), shaft = ∫ R F_T Ω dt, which a free rotor divides into rotor_kinetic + bearing + load."""
+    takes), shaft = ∫ R F_T Ω dt, which a free rotor divides into rotor_kinetic + bearing + load.
+    On a mount there are two more terms: mount (kinetic and elastic energy less the work of F_0) and
+    mount_damping. bearing includes the dry friction."""
     events: int
     """changes of state"""
+    carrier_displacement_m: Array
+    """z of the mount, towards the rotor; 0 for a stator that is held"""
 
 
 SEPARATED, STICK, SLIP_UP, SLIP_DOWN = 0, 1, 2, 3
 _TOUCH, _UPPER, _LOWER, _REVERSAL, _FOLD = 0, 1, 2, 3, 4  # what ends a step
-_QUADRATURES = ("input", "damping", "tangential", "slip", "bearing", "load", "shaft")
+_QUADRATURES = ("input", "damping", "tangential", "slip", "bearing", "load", "shaft", "mount_damping")
 _BISECTION_S = 1e-16
 _EVENTS_A_STEP = 40
 _DONE, _CHATTER, _NOT_FINITE = 0, 1, 2
@@ -91,7 +102,10 @@ _DONE, _CHATTER, _NOT_FINITE = 0, 1, 2
 # Rows of the matrix of modes, places in the vector of scalars.
 _M, _C, _K, _TA, _TB, _X, _Y = range(7)
 _R, _GAP, _KN, _KAPPA, _MU, _J, _CR, _TAU, _FREE_SHAFT, _CONTACT = range(10)
-# The state: r_1 … r_n, r_1' … r_n', u, Ω, then the quadratures.
+_SPRUNG, _MASS, _RESIST, _SPRING, _PRELOAD, _DROP, _VS, _DRY, _ANGLE = range(10, 19)
+_SCALARS = 19
+# The state: r_1 … r_n, r_1' … r_n', u, Ω, z, z', T, then the quadratures.
+_U, _OMEGA, _Z, _ZDOT, _T, _Q = range(6)  # after the modes
 
 
 @njit(nogil=True)
@@ -112,6 +126,8 @@ def _contact(z, modes, p):
         y += modes[_Y, i] * z[i]
         vx += modes[_X, i] * z[n + i]
         vy += modes[_Y, i] * z[n + i]
+    y += z[2 * n + _Z]
+    vy += z[2 * n + _ZDOT]
     approach = p[_GAP] + y  # R − h, so that δ = R − D loses no digits
     h = p[_R] - approach
     d = np.sqrt(x * x + h * h)
@@ -119,6 +135,12 @@ def _contact(z, modes, p):
     ex = x / d
     ey = h / d
     return delta, ey * vy - ex * vx, vx * ey + vy * ex - p[_R] * z[2 * n + 1], ex, ey
+
+
+@njit(nogil=True)
+def _sliding(w, p):
+    """Friction at the slip velocity w over that at the limit of stick (Stribeck)."""
+    return 1.0 - p[_DROP] * (1.0 - np.exp(-((w / p[_VS]) ** 2)))
 
 
 @njit(nogil=True)
@@ -142,8 +164,9 @@ def _rates(z, ua, ub, state, modes, p, dz):
                     ft = -ft
         else:
             s = 1.0 if state == SLIP_UP else -1.0
-            ft = s * p[_MU] * fn
-            slip = ft * (vrel - s * p[_KAPPA] * ddelta)
+            w = vrel - s * p[_KAPPA] * ddelta
+            ft = s * p[_MU] * fn * _sliding(w, p)
+            slip = ft * w
     fx = fn * ex - ft * ey
     fy = -fn * ey - ft * ex
     power_in = power_lost = 0.0
@@ -157,15 +180,22 @@ def _rates(z, ua, ub, state, modes, p, dz):
         power_in += drive * v
         power_lost += resist * v
     torque = p[_R] * ft
-    dz[2 * n + 1] = p[_FREE_SHAFT] * (torque - p[_CR] * speed - p[_TAU]) / p[_J]
-    q = 2 * n + 2
+    dry = z[2 * n + _T]
+    dz[2 * n + 1] = p[_FREE_SHAFT] * (torque - p[_CR] * speed - dry - p[_TAU]) / p[_J]
+    rise = z[2 * n + _ZDOT]
+    dz[2 * n + _Z] = rise
+    force = p[_PRELOAD] + fy - p[_RESIST] * rise - p[_SPRING] * z[2 * n + _Z]
+    dz[2 * n + _ZDOT] = p[_SPRUNG] * force / p[_MASS]
+    dz[2 * n + _T] = (p[_DRY] * speed - dry * abs(speed)) / p[_ANGLE]
+    q = 2 * n + _Q
     dz[q] = power_in
     dz[q + 1] = power_lost
     dz[q + 2] = ft * vrel
     dz[q + 3] = slip
-    dz[q + 4] = p[_CR] * speed * speed
+    dz[q + 4] = (p[_CR] * speed + dry) * speed
     dz[q + 5] = p[_TAU] * speed
     dz[q + 6] = torque * speed
+    dz[q + 7] = p[_RESIST] * rise * rise
 
 
 @njit(nogil=True)
@@ -391,8 +421,9 @@ def integrate(
     """Integrate a motor (the mapping that ``piezomotor show MOTOR --json`` prints) from preloaded rest.
 
     The step is the largest that divides output_step and is not above ``step``. With ``contact=False`` the tip
-    is free and starts from r = 0. ``speed`` holds the shaft; without it the rotor starts from rest against
-    ``load_torque``. ``perturbation_m`` shifts the start of r_1: two runs that differ in it alone show chaos.
+    is free and starts from r = 0. A ``mount`` that is not null springs the carrier; a free tip has none.
+    ``speed`` holds the shaft; without it the rotor starts from rest against ``load_torque``. ``perturbation_m``
+    shifts the start of r_1: two runs that differ in it alone show chaos.
     """
     if not (duration > 0.0 and output_step > 0.0 and step > 0.0 and 0.0 <= statistics_from < duration):
         raise ValueError("duration, output_step and step must be > 0, and 0 <= statistics_from < duration")
@@ -415,24 +446,30 @@ def integrate(
     kappa = friction * compliance * hertz ** (2.0 / 3.0)
     approach = (preload / hertz) ** (2.0 / 3.0)
     bending = preload * float(np.sum(modes[_Y] ** 2 / modes[_K]))
-    scalars = np.zeros(10)
+    mount = (motor.get("mount") or {}) if contact else {}
+    scalars = np.zeros(_SCALARS)
+    scalars[[_SPRUNG, _MASS, _PRELOAD]] = bool(mount), mount.get("mass_kg", 1.0), preload
+    scalars[[_RESIST, _SPRING]] = mount.get("damping_n_s_per_m", 0.0), mount.get("stiffness_n_per_m", 0.0)
+    scalars[[_DROP, _VS]] = 1.0 - law.get("sliding_ratio", 1.0), law.get("stribeck_velocity_m_s", 1.0)
+    scalars[[_DRY, _ANGLE]] = rotor.get("bearing_friction_n_m", 0.0), rotor.get("bearing_presliding_rad", 1.0)
     scalars[[_R, _GAP, _KN, _KAPPA, _MU]] = radius, approach + bending, hertz, kappa, friction
     scalars[[_J, _CR, _TAU]] = rotor["inertia_kg_m2"], rotor["bearing_damping_n_m_s"], load_torque
     scalars[[_FREE_SHAFT, _CONTACT]] = speed is None, contact
 
     n = modes.shape[1]
-    start = np.zeros(2 * n + 2 + len(_QUADRATURES))
+    start = np.zeros(2 * n + _Q + len(_QUADRATURES))
     if contact:
         start[:n] = -modes[_Y] * preload / modes[_K]
     start[0] += perturbation_m
     start[2 * n + 1] = 0.0 if speed is None else speed
 
-    def indentation(r: Array) -> Array:
-        x, s = modes[_X] @ r, approach + bending + modes[_Y] @ r
+    def indentation(z: Array) -> Array:
+        r = z[:n]
+        x, s = modes[_X] @ r, approach + bending + modes[_Y] @ r + z[2 * n + _Z]
         distance = np.hypot(x, radius - s)
         return np.asarray((2.0 * radius * s - s * s - x * x) / (radius + distance))
 
-    first = STICK if contact and float(indentation(start[:n])) > 0.0 else SEPARATED
+    first = STICK if contact and float(indentation(start)) > 0.0 else SEPARATED
     count = floor(duration / output_step * (1.0 + 1e-12)) + 1
     substeps = max(1, ceil(output_step / step * (1.0 - 1e-9)))
     samples = np.zeros((count, start.size))
@@ -464,24 +501,31 @@ def integrate(
 
     time: Array = np.arange(count, dtype=np.float64) * np.float64(output_step)
     r, v = samples[:, :n].T.copy(), samples[:, n : 2 * n].T.copy()
-    limit = kappa * np.maximum(indentation(r), 0.0)
+    limit = kappa * np.maximum(indentation(samples.T), 0.0)
     normal = np.where(states == SEPARATED, 0.0, hertz * (limit / kappa) ** 1.5)
     u = np.where(states == STICK, samples[:, 2 * n], np.where(states == SLIP_UP, limit, -limit))
     u[states == SEPARATED] = 0.0
     ratio = np.minimum(np.abs(u) / np.where(limit > 0.0, limit, 1.0), 1.0)
+    slipping = np.isin(states, (SLIP_UP, SLIP_DOWN))
+    sliding = np.ones(count)
+    for k in np.flatnonzero(slipping):
+        _, growth, relative, _, _ = _contact(samples[k], modes, scalars)
+        sliding[k] = _sliding(abs(relative) - kappa * growth, scalars)
 
-    def stored(z: Array) -> tuple[float, float, float, float]:
-        depth = max(float(indentation(z[:n])), 0.0) if contact else 0.0
+    def stored(z: Array) -> tuple[float, float, float, float, float]:
+        depth = max(float(indentation(z)), 0.0) if contact else 0.0
+        lift, rise = float(z[2 * n + _Z]), float(z[2 * n + _ZDOT])
         return (
             0.5 * float(modes[_M] @ z[n : 2 * n] ** 2),
             0.5 * float(modes[_K] @ z[:n] ** 2),
             0.4 * hertz * depth**2.5,
             0.5 * float(scalars[_J]) * float(z[2 * n + 1]) ** 2,
+            0.5 * float(scalars[_MASS]) * rise**2 + 0.5 * float(scalars[_SPRING]) * lift**2 - preload * lift,
         )
 
-    energies = {name: float(final[2 * n + 2 + i]) for i, name in enumerate(_QUADRATURES)}
+    energies = {name: float(final[2 * n + _Q + i]) for i, name in enumerate(_QUADRATURES)}
     for name, before, after in zip(
-        ("kinetic", "elastic", "contact_elastic", "rotor_kinetic"), stored(start), stored(final), strict=True
+        ("kinetic", "elastic", "contact_elastic", "rotor_kinetic", "mount"), stored(start), stored(final), strict=True
     ):
         energies[name] = after - before
     window = duration - statistics_from
@@ -492,7 +536,7 @@ def integrate(
         tip_x_m=modes[_X] @ r,
         tip_y_m=modes[_Y] @ r,
         normal_force_n=normal,
-        friction_force_n=np.sign(u) * friction * normal * (1.0 - (1.0 - ratio) ** 1.5),
+        friction_force_n=np.sign(u) * friction * normal * sliding * (1.0 - (1.0 - ratio) ** 1.5),
         contact_displacement_m=u,
         contact_state=np.minimum(states, 2),
         rotor_speed_rad_s=samples[:, 2 * n + 1].copy(),
@@ -503,4 +547,5 @@ def integrate(
         input_mechanical_energy_j=energies["input"],
         energies_j=energies,
         events=int(events),
+        carrier_displacement_m=samples[:, 2 * n + _Z].copy(),
     )

@@ -402,6 +402,114 @@ def test_a_flight_shorter_than_a_step_is_found() -> None:
     assert flights[1] == pytest.approx(flights[0], rel=0.1)
 
 
+MOUNTS = {
+    "soft": {"stiffness_n_per_m": 1e4, "mass_kg": 0.05, "damping_n_s_per_m": 60.0},
+    "middling": {"stiffness_n_per_m": 1e7, "mass_kg": 0.02, "damping_n_s_per_m": 20.0},
+    "stiff": {"stiffness_n_per_m": 1e9, "mass_kg": 0.05, "damping_n_s_per_m": 100.0},
+}
+
+
+def _everything(mount: str) -> dict[str, Any]:
+    motor = _motor()
+    motor["mount"] = MOUNTS[mount]
+    motor["contact"] |= {"sliding_ratio": 0.7, "stribeck_velocity_m_s": 0.05}
+    motor["rotor"] |= {"bearing_friction_n_m": 5e-4, "bearing_presliding_rad": 1e-3}
+    return motor
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("name", ["mostly slip", "opening", "opening, shaft held", "opening, loaded"])
+def test_energy_balances_on_a_mount_with_stribeck_friction_and_a_dry_bearing(name: str, mount: str) -> None:
+    point = dict(OPERATING_POINTS[name])
+    tones_a, tones_b = point.pop("tones")
+    run = integrate(_everything(mount), tones_a, tones_b, duration=2e-3, output_step=4e-7, **point)
+    e = run.energies_j
+    spent = e["kinetic"] + e["elastic"] + e["damping"] + e["contact_elastic"] + e["tangential"] + e["shaft"]
+    assert spent + e["mount"] + e["mount_damping"] == pytest.approx(e["input"], rel=1e-9)
+    assert e["mount_damping"] > 0.0
+    assert e["slip"] > 0.0
+    if "speed" not in point:
+        assert e["rotor_kinetic"] + e["bearing"] + e["load"] == pytest.approx(e["shaft"], rel=1e-6, abs=1e-14)
+
+
+def test_the_carrier_swings_on_the_stiffness_of_its_springs_and_the_contact() -> None:
+    motor = _motor()
+    carrier, stiffness = 0.05, 2e6
+    # so heavy and slow that it stays where it starts
+    motor["modes"] = [_mode(1.0, 1e10, 0.0, 0.0, 0.0, 1.0) | {"damping_n_s_per_m": 0.0}]
+    motor["mount"] = {"stiffness_n_per_m": stiffness, "mass_kg": carrier, "damping_n_s_per_m": 0.0}
+    contact = 1.5 * HERTZ ** (2.0 / 3.0) * PRELOAD ** (1.0 / 3.0)
+    period = 2.0 * pi * sqrt(carrier / (contact + stiffness))
+    start = 1e-12
+    run = integrate(motor, [], [], duration=10 * period, output_step=period / 40, perturbation_m=start)
+    swing = start * contact / (contact + stiffness)
+    expected = -swing * (1.0 - np.cos(2.0 * pi * run.time_s / period))
+    # the mode comes back by some 1e-4 of its start, and rounding is 1e-19 m
+    np.testing.assert_allclose(run.carrier_displacement_m, expected, rtol=0.0, atol=1e-3 * swing)
+
+
+def test_a_mount_too_heavy_to_move_is_a_stator_that_is_held() -> None:
+    tones_a, tones_b = OPERATING_POINTS["opening"]["tones"]
+    motor = _motor()
+    held = integrate(motor, tones_a, tones_b, duration=1e-3, output_step=4e-7)
+    motor["mount"] = {"stiffness_n_per_m": 1e4, "mass_kg": 1e12, "damping_n_s_per_m": 0.0}
+    heavy = integrate(motor, tones_a, tones_b, duration=1e-3, output_step=4e-7)
+    assert _distance(heavy, held) < 1e-9
+    assert not held.carrier_displacement_m.any()
+
+
+def test_the_carrier_obeys_the_law_of_momentum() -> None:
+    """m Δz' + d Δz + k ∫z dt = ∫(F_0 − F_y) dt, by Simpson's rule over the samples."""
+    tones_a, tones_b = OPERATING_POINTS["opening"]["tones"]
+    motor = _motor()
+    motor["mount"] = MOUNTS["soft"]
+    run = integrate(motor, tones_a, tones_b, duration=2e-3, output_step=5e-8)
+    z = run.carrier_displacement_m
+    x, y = run.tip_x_m, run.tip_y_m + z
+    bending = PRELOAD / motor["modes"][0]["stiffness_n_per_m"]
+    h = RADIUS - (PRELOAD / HERTZ) ** (2.0 / 3.0) - bending - y
+    d = np.hypot(x, h)
+    pressed = run.normal_force_n * h / d + run.friction_force_n * x / d
+    impulse = cumulative_simpson(PRELOAD - pressed, x=run.time_s, initial=0.0)[-1]
+    velocity = np.gradient(z, run.time_s, edge_order=2)[-1]
+    mount = MOUNTS["soft"]
+    springs = mount["stiffness_n_per_m"] * cumulative_simpson(z, x=run.time_s, initial=0.0)[-1]
+    momentum = mount["mass_kg"] * velocity + mount["damping_n_s_per_m"] * z[-1] + springs
+    assert momentum == pytest.approx(impulse, rel=1e-4)
+
+
+@pytest.mark.parametrize("speed", [1.0, 4.0, 30.0])
+def test_fast_sliding_has_the_friction_of_stribeck(speed: float) -> None:
+    motor = _motor()
+    motor["contact"] |= {"sliding_ratio": 0.6, "stribeck_velocity_m_s": 0.05}
+    run = integrate(motor, [], [], duration=30e-3, output_step=1e-5, step=1e-7, speed=speed)
+    late = run.time_s > 28e-3
+    friction = FRICTION * (0.6 + 0.4 * np.exp(-((RADIUS * speed / 0.05) ** 2)))
+    np.testing.assert_allclose(-run.friction_force_n[late], friction * run.normal_force_n[late], rtol=1e-6)
+
+
+def test_a_dry_bearing_brakes_with_its_torque_and_then_holds() -> None:
+    motor = _motor()
+    dry, angle, inertia = 2e-3, 1e-4, motor["rotor"]["inertia_kg_m2"]
+    motor["rotor"] |= {"bearing_friction_n_m": dry, "bearing_presliding_rad": angle, "bearing_damping_n_m_s": 0.0}
+    # half of the dry torque turns the rotor by the little that presliding takes, T = dry (1 − exp(−φ/angle)); it is
+    # fastest where T is the load, at φ = angle ln 2
+    load = -0.5 * dry
+    run = integrate(motor, [], [], duration=40e-3, output_step=1e-5, step=5e-7, contact=False, load_torque=load)
+    fastest = sqrt((1.0 - np.log(2.0)) * dry * angle / inertia)
+    assert np.max(run.rotor_speed_rad_s) == pytest.approx(fastest, rel=1e-4)  # between samples
+    # more accelerates it with what is left
+    run = integrate(motor, [], [], duration=20e-3, output_step=1e-5, step=5e-7, contact=False, load_torque=-2 * dry)
+    late = run.time_s > 10e-3
+    slope = np.polyfit(run.time_s[late], run.rotor_speed_rad_s[late], 1)[0]
+    assert slope == pytest.approx(dry / inertia, rel=1e-6)
+    # held at a speed it takes its torque times the angle, but for the presliding
+    turned = 1.0 * 5e-3
+    run = integrate(motor, [], [], duration=5e-3, output_step=1e-5, step=5e-7, contact=False, speed=1.0)
+    taken = dry * (turned - angle * (1.0 - np.exp(-turned / angle)))
+    assert run.energies_j["bearing"] == pytest.approx(taken, rel=1e-6)
+
+
 def test_output_grid_and_window() -> None:
     fine = _operate("opening", duration=3e-4, output_step=1e-7)
     odd = _operate("opening", duration=3e-4, output_step=0.7e-6, statistics_from=1e-4)

@@ -1,0 +1,367 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Seconds of motor time: the averaged motor, its settings changing as they do in a control loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import SkipValidation
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.drive import Drive, Load, TwoPhaseDrive, check_together
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
+from pyspice_runner.model.thermal import Thermal
+from pyspice_runner.netlist.averaged import (
+    HARMONICS,
+    PHASES,
+    SETTINGS,
+    Course,
+    averaged_bench,
+    check_averaged,
+    check_resolution,
+)
+from pyspice_runner.result import Audit, Result
+from pyspice_runner.run.kernel import Outcome, transient
+
+Array = NDArray[np.float64]
+MOST_POINTS_OF_A_COURSE = 10_000
+FEWEST_PERIODS = 10
+LONGEST_STEPS = 50  # of the duration: ngspice's longest step
+TRUSTED_CHECK, TRUSTED_OPEN = 0.02, 0.0
+BALANCE_BOUND = 0.05  # of the energy put in; ngspice's own steps, summed by the trapezoidal rule
+
+COLUMNS: dict[str, tuple[str, str]] = {
+    "time_s": ("s", "time"),
+    "frequency_hz": ("Hz", "drive frequency"),
+    "amplitude_a_v": ("V", "amplitude of the voltage of group A"),
+    "amplitude_b_v": ("V", "amplitude of the voltage of group B"),
+    "phase_deg": ("deg", "phase of group B ahead of group A"),
+    "current_amplitude_a_a": ("A", "amplitude of the current into group A"),
+    "current_amplitude_b_a": ("A", "amplitude of the current into group B"),
+    "electrical_power_w": ("W", "real power into both groups"),
+    "heat_w": ("W", "losses of the stator: dielectric and modal damping"),
+    "contact_power_w": ("W", "power of the stator into the contact: friction loss and power on the rotor"),
+    "tip_x_amplitude_m": ("m", "amplitude of the tip's fundamental, tangential"),
+    "tip_y_amplitude_m": ("m", "amplitude of the tip's fundamental, towards the rotor"),
+    "normal_force_n": ("N", "mean normal force"),
+    "torque_n_m": ("N·m", "mean torque of the contact on the rotor"),
+    "load_torque_n_m": ("N·m", "torque that the load draws"),
+    "rotor_speed_rad_s": ("rad/s", "rotor speed"),
+    "rotor_position_rad": ("rad", "angle of the rotor"),
+    "separated": ("1", "share of the period in which the contact is open"),
+    "slip": ("1", "share of the period in which the contact slips"),
+    "temperature_k": ("K", "temperature of the stator above that at which its parameters hold"),
+    "check": ("1", "motion at the harmonics that are left out, relative to static penetration and limit of stick"),
+}
+
+
+@dataclass(frozen=True, repr=False)
+class AveragedRun(Result):
+    """A run of the averaged motor: means and amplitudes over time.
+
+    The arrays share one time axis, which is not uniform.
+
+    Attributes:
+        curves: the arrays by the names of :data:`COLUMNS`; each is an attribute as well.
+        energy_residual: energy into the stator that is not found as heat, in the modes, in the plates or in the
+            contact, relative to the energy put in.
+        solver_seconds: wall time that ngspice took.
+        ngspice_version: version of ngspice.
+        provenance: motor, drive and run settings, JSON-ready.
+        deck: the netlist that was run.
+        audit: the power balance.
+    """
+
+    curves: Mapping[str, Array] = field(repr=False)
+    energy_residual: float
+    solver_seconds: float
+    ngspice_version: str
+    provenance: dict[str, Any] = field(repr=False)
+    deck: str = field(repr=False)
+    audit: Audit = field(default_factory=Audit)
+
+    units = COLUMNS
+
+    def __getattr__(self, name: str) -> Array:
+        curves = self.__dict__.get("curves", {})
+        if name in curves:
+            return np.asarray(curves[name])
+        raise AttributeError(f"An averaged run has no {name!r}; it has {', '.join(COLUMNS)}.")
+
+    def columns(self) -> Mapping[str, Array]:
+        """Return the curves over time."""
+        return self.curves
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the check passes from beginning to end.
+
+        It passes where the harmonics of the model are enough and the contact stays closed. Where it does not, speed and
+        torque may be off by more than 2 % of the friction torque μ F₀ R.
+        """
+        return not self._doubts
+
+    @property
+    def _doubts(self) -> tuple[str, ...]:
+        found = []
+        check, opened = float(self.curves["check"].max()), float(self.curves["separated"].max())
+        if check > TRUSTED_CHECK:
+            found.append(
+                f"The harmonics that the averaged model leaves out move the tip by {check:.2g} of its static "
+                f"penetration or limit of stick; up to {TRUSTED_CHECK:g} is accurate. Give more harmonics, or use "
+                "simulate."
+            )
+        if opened > TRUSTED_OPEN:
+            found.append(
+                f"The contact is open for up to {100.0 * opened:.3g} % of the period, where the averaged model is less "
+                "accurate. Compare with simulate, or give more phases and harmonics."
+            )
+        return tuple(found)
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Findings of the audit and of the model's own check."""
+        return (*self.audit.findings, *self._doubts)
+
+    def summary(self) -> dict[str, str]:
+        """Return the most important values at the end of the run."""
+        last = {name: float(values[-1]) for name, values in self.curves.items()}
+        return {
+            "speed": f"{last['rotor_speed_rad_s']:.4g} rad/s",
+            "torque": f"{last['torque_n_m']:.4g} N·m",
+            "duration": f"{last['time_s']:.4g} s",
+            "check": "passed" if self.trusted else "not passed",
+            "electrical power": f"{last['electrical_power_w']:.4g} W",
+            "temperature rise": f"{last['temperature_k']:.4g} K",
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the summary of the run at its end, JSON-ready; the keys of ``simulate`` and those of the average."""
+        last = {name: float(values[-1]) for name, values in self.curves.items()}
+        return {
+            "mean_rotor_speed_rad_s": last["rotor_speed_rad_s"],
+            "mean_torque_n_m": last["torque_n_m"],
+            "state_fractions": {
+                "separated": last["separated"],
+                "stick": max(0.0, 1.0 - last["separated"] - last["slip"]),
+                "slip": last["slip"],
+            },
+            "energy_residual": self.energy_residual,
+            "trusted": self.trusted,
+            "cautions": list(self.cautions),
+            "greatest_check": float(self.curves["check"].max()),
+            "greatest_separated": float(self.curves["separated"].max()),
+            "end": last,
+            "points": len(self.curves["time_s"]),
+            "solver_seconds": self.solver_seconds,
+            "ngspice_version": self.ngspice_version,
+            "audit": self.audit.to_dict(),
+            **self.provenance,
+        }
+
+
+@checked
+def simulate_averaged(
+    motor: Motor,
+    drive: Drive,
+    duration: float,
+    *,
+    contact: str = "spring-slider",
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    courses: Mapping[str, SkipValidation[ArrayLike]] | None = None,
+    thermal: Thermal | None = None,
+    phases: int = PHASES,
+    harmonics: int = HARMONICS,
+    progress: Callable[[float, float], object] | None = None,
+    timeout: float | None = None,
+) -> AveragedRun:
+    """Run the averaged motor from preloaded rest: seconds of motor time in about a second.
+
+    Amplitudes and means replace the waveforms; ``docs/averaged.md`` says what that leaves out. The result says by
+    :attr:`AveragedRun.trusted` whether the model's own check passes.
+
+    Args:
+        motor: the motor.
+        drive: a two-phase drive; a soft start is a course of both voltages.
+        duration: simulated time in s.
+        contact: law of the contact; only ``"spring-slider"`` has an average.
+        speed: if given, the shaft is held at this speed, rad/s.
+        load_torque: torque in N·m that a load draws from the free shaft.
+        courses: what changes during the run: ``frequency`` (Hz), ``voltage`` (V, both groups), ``voltage_a``,
+            ``voltage_b``, ``phase_deg``, ``load_torque`` (N·m) → rows of time (s) and value, linear in between.
+        thermal: drift with temperature; the losses then heat the stator.
+        phases: number of phases of the period at which the contact is evaluated.
+        harmonics: number of harmonics of the tip's motion, 1 to 6.
+        progress: called some times a second with the part that is done, 0 to 1, and the seconds that are left.
+        timeout: wall time in s after which ngspice is ended.
+
+    Raises:
+        ParameterError: for a value out of range, another kind of drive or law.
+        SimulationError: if ngspice fails or its result cannot be trusted.
+    """
+    if not isinstance(drive, TwoPhaseDrive):
+        raise ParameterError(
+            f"The averaged motor takes a drive with one frequency, a TwoPhaseDrive, not {drive.label}: use simulate."
+        )
+    check_averaged(contact)
+    check_resolution(phases, harmonics)
+    check_together(motor, drive)
+    load = Load(speed, load_torque)
+    load.check(motor)
+    if not (isfinite(duration) and duration >= FEWEST_PERIODS * drive.period):
+        raise ParameterError(
+            f"duration = {duration:g} s is out of range: it must be at least {FEWEST_PERIODS} periods of the drive, "
+            f"{FEWEST_PERIODS * drive.period:.3g} s."
+        )
+    settings = _settings(drive, load, courses or {})
+    bench = averaged_bench(motor, settings, load=load, phases=phases, harmonics=harmonics, thermal=thermal)
+    outcome = transient(
+        bench, _vectors(motor, harmonics, thermal), step=drive.period, longest=duration / LONGEST_STEPS,
+        duration=duration, timeout=timeout,
+        progress=None if progress is None else lambda reached: progress(reached / duration, float("nan")),
+    )  # fmt: skip
+    columns, residual = _columns(motor, outcome, harmonics)
+    return AveragedRun(
+        curves=columns,
+        energy_residual=residual,
+        audit=_audit(residual),
+        solver_seconds=outcome.seconds,
+        ngspice_version=outcome.ngspice_version,
+        provenance={
+            "motor": motor.to_dict(),
+            "drive": {"kind": type(drive).__name__, "label": drive.label, **drive.model_dump()},
+            "run": {
+                "duration_s": duration, "contact": contact, "speed_rad_s": speed, "load_torque_n_m": load_torque,
+                "phases": phases, "harmonics": harmonics,
+                "courses": {name: [*map(list, course)] for name, course in settings.items() if len(course) > 1},
+                "thermal": None if thermal is None else thermal.model_dump(),
+            },
+            "deck_sha256": outcome.deck_sha256,
+        },
+        deck=outcome.deck,
+    )  # fmt: skip
+
+
+def _audit(residual: float) -> Audit:
+    if residual <= BALANCE_BOUND:
+        return Audit()
+    found = (
+        f"The energy balance misses {100.0 * residual:.3g} % of the energy put in; the time steps explain up to "
+        f"{100.0 * BALANCE_BOUND:g} %."
+    )
+    return Audit((found,))
+
+
+def _settings(drive: TwoPhaseDrive, load: Load, courses: Mapping[str, ArrayLike]) -> dict[str, Course]:
+    """Return the courses of all settings: constant, or as the user states them."""
+    given = dict(courses)
+    if "voltage" in given:
+        if {"voltage_a", "voltage_b"} & given.keys():
+            raise ParameterError("courses: voltage and voltage_a or voltage_b exclude each other. Give one or the two.")
+        given["voltage_a"] = given["voltage_b"] = given.pop("voltage")
+    constant = {
+        "frequency": drive.frequency, "voltage_a": drive.voltage, "voltage_b": drive.voltage,
+        "phase_deg": drive.phase_deg, "load_torque": load.torque,
+    }  # fmt: skip
+    settings: dict[str, Course] = {name: [(0.0, value)] for name, value in constant.items()}
+    if drive.soft_start > 0.0:
+        ramp = [(0.0, 0.0), (drive.soft_start, drive.voltage)]
+        settings |= {"voltage_a": ramp, "voltage_b": ramp}
+    for name, rows in given.items():
+        if name not in SETTINGS:
+            raise ParameterError(f"courses: {name!r} is not known: it must be voltage or one of {', '.join(SETTINGS)}.")
+        settings[name] = _course(name, rows)
+    if load.speed is not None and "load_torque" in given:
+        raise ParameterError("courses: load_torque has no effect on a shaft that is held at a speed. Leave one out.")
+    return settings
+
+
+def _course(name: str, rows: ArrayLike) -> Course:
+    try:
+        table = np.asarray(rows, dtype=float)
+    except (TypeError, ValueError):
+        table = np.empty(0)
+    if table.ndim != 2 or table.shape[1] != 2 or not 1 <= len(table) <= MOST_POINTS_OF_A_COURSE:
+        raise ParameterError(
+            f"courses: {name} must be 1 to {MOST_POINTS_OF_A_COURSE} rows of time (s) and value ({SETTINGS[name]})."
+        )
+    if not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0.0).any() or table[0, 0] < 0.0:
+        raise ParameterError(f"courses: {name} must have finite values and rising times from 0 s on.")
+    if name == "frequency" and (table[:, 1] <= 0.0).any():
+        raise ParameterError(f"courses: frequency = {table[:, 1].min():g} Hz is out of range: it must be > 0 Hz.")
+    return [(float(time), float(value)) for time, value in table]
+
+
+def _vectors(motor: Motor, harmonics: int, thermal: Thermal | None) -> list[str]:
+    names = ["v(set_frequency)", "v(set_a)", "v(set_b)", "v(set_phase)", "v(shaft)", "v(position)"]
+    names += [f"v({pin})" for pin in ("a_re", "a_im", "b_re", "b_im")]
+    names += [f"i(v{pin})" for pin in ("a_re", "a_im", "b_re", "b_im")]
+    names += [f"v(xmotor.{node})" for node in ("normal", "friction", "open", "slip", "check", "x_0", "y_0")]
+    names.append("v(heat)")
+    names += ["v(temperature)"] if thermal else []
+    for order in range(1, harmonics + 1):
+        names += [f"v(xmotor.{axis}_{part}{order})" for axis in ("x", "y", "fx", "fy") for part in ("re", "im")]
+        for index in range(1, len(motor.modes) + 1):
+            mode = f"xmotor.xmode{index}_{order}"
+            names += [f"v({mode}.{node}_{part})" for node in ("r", "v") for part in ("re", "im")]
+    return names
+
+
+def _columns(motor: Motor, outcome: Outcome, harmonics: int) -> tuple[dict[str, Array], float]:
+    """Return the columns in SI units, and the residual of the energy balance."""
+    samples = outcome.vectors()
+    time = samples["time"]
+
+    def amplitude(name: str) -> NDArray[np.complex128]:
+        return np.asarray(samples[name.format("re")] + 1j * samples[name.format("im")])
+
+    voltages = {group: amplitude(f"v({group}_{{}})") for group in "ab"}
+    currents = {group: amplitude(f"i(v{group}_{{}})") for group in "ab"}
+    electrical, contact, stored = (np.zeros(len(time)) for _ in range(3))
+    for group, capacitance in (("a", motor.piezo.capacitance_a_f), ("b", motor.piezo.capacitance_b_f)):
+        electrical += 0.5 * np.real(voltages[group] * currents[group].conjugate())
+        stored += 0.25 * capacitance * np.abs(voltages[group]) ** 2
+    for order in range(1, harmonics + 1):
+        forces = {axis: amplitude(f"v(xmotor.f{axis}_{{}}{order})") for axis in "xy"}
+        for index, mode in enumerate(motor.modes, start=1):
+            place = f"xmotor.xmode{index}_{order}"
+            velocity = amplitude(f"v({place}.v_{{}})")
+            displacement = 1e-6 * amplitude(f"v({place}.r_{{}})")
+            force = mode.tip_x * forces["x"] + mode.tip_y * forces["y"]
+            contact -= 0.5 * np.real(force * velocity.conjugate())
+            stored += 0.25 * (mode.mass_kg * np.abs(velocity) ** 2 + mode.stiffness_n_per_m * np.abs(displacement) ** 2)
+    heat = samples["v(heat)"]
+    put_in = float(np.trapezoid(np.maximum(electrical, 0.0) + np.maximum(-contact, 0.0), time))
+    missing = float(np.trapezoid(electrical - heat - contact, time) - (stored[-1] - stored[0]))
+    zeros = np.zeros(len(time))
+    columns = {
+        "time_s": time,
+        "frequency_hz": samples["v(set_frequency)"],
+        "amplitude_a_v": np.abs(voltages["a"]),
+        "amplitude_b_v": np.abs(voltages["b"]),
+        "phase_deg": samples["v(set_phase)"],
+        "current_amplitude_a_a": np.abs(currents["a"]),
+        "current_amplitude_b_a": np.abs(currents["b"]),
+        "electrical_power_w": electrical,
+        "heat_w": heat,
+        "contact_power_w": contact,
+        "tip_x_amplitude_m": 1e-6 * np.abs(amplitude("v(xmotor.x_{}1)")),
+        "tip_y_amplitude_m": 1e-6 * np.abs(amplitude("v(xmotor.y_{}1)")),
+        "normal_force_n": samples["v(xmotor.normal)"],
+        "torque_n_m": motor.rotor.radius_m * samples["v(xmotor.friction)"],
+        "load_torque_n_m": zeros,
+        "rotor_speed_rad_s": samples["v(shaft)"],
+        "rotor_position_rad": samples["v(position)"],
+        "separated": np.clip(samples["v(xmotor.open)"], 0.0, 1.0),
+        "slip": np.clip(samples["v(xmotor.slip)"], 0.0, 1.0),
+        "temperature_k": samples.get("v(temperature)", zeros),
+        "check": samples["v(xmotor.check)"],
+    }
+    return {name: columns[name] for name in COLUMNS}, abs(missing) / put_in if put_in > 0.0 else abs(missing)

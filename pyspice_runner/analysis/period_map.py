@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The map of a motor's state over one period of its drive, evaluated by ngspice for many states at once.
+
+A run starts from the given states. ngspice's first steps grow from a small one and are of first order; the period
+begins after them, at the first of the uniform steps, and has a whole number of these. So the state at the end of the
+period is mapped from that at its beginning by uniform steps of second order alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from math import ceil
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.errors import SimulationError
+from pyspice_runner.netlist.copies import Copy, Plant, copies_bench, copy_name
+from pyspice_runner.netlist.motor import Discretisation
+from pyspice_runner.run.kernel import simulator
+
+Array = NDArray[np.float64]
+COPIES_PER_DECK = 20  # measured: beyond, the parse trees of the B-sources no longer fit the cache of a core
+_LEAD = 2.5  # steps; the first uniform step begins after less than two
+_CONTACT = ("normal", "friction", "state", "slider", "xcontact.delta")
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A copy over one period: uniform points from its beginning to its end, both included.
+
+    Attributes:
+        time: since the drive's phase was that of t = 0, s.
+        states: shape (order, points), SI units.
+        normal: normal force, N.
+        friction: friction force, N.
+        contact_state: switch state, 0 separated, 1 stick, 2 slip.
+        slider_um: displacement of the slider, not cut off at its limit, µm.
+        penetration_um: penetration, negative where there is a gap, µm.
+    """
+
+    time: Array
+    states: Array
+    normal: Array
+    friction: Array
+    contact_state: Array
+    slider_um: Array
+    penetration_um: Array
+
+    @property
+    def forces(self) -> Array:
+        """Mean normal and mean friction force in N."""
+        return np.array([self.normal[1:].mean(), self.friction[1:].mean()])
+
+
+@dataclass
+class PeriodMap:
+    """The map over one period of the drive.
+
+    Attributes:
+        period: period in s.
+        steps: number of uniform steps in it.
+        timeout: wall time in s after which a run of ngspice is ended.
+        runs: number of runs of ngspice.
+        evaluations: number of states that were mapped.
+        seconds: wall time in s that ngspice took, summed over the runs.
+        simulated_s: simulated time in s, summed over the states.
+    """
+
+    period: float
+    steps: int
+    timeout: float | None = None
+    runs: int = 0
+    evaluations: int = 0
+    seconds: float = 0.0
+    simulated_s: float = 0.0
+    _hashes: set[str] = field(default_factory=set, repr=False)
+    _texts: dict[int, tuple[str, str]] = field(default_factory=dict, repr=False)
+
+    @property
+    def step(self) -> float:
+        """Time step in s."""
+        return self.period / self.steps
+
+    @property
+    def discretisation(self) -> Discretisation:
+        """How motors are adapted to the step."""
+        return Discretisation(self.step)
+
+    def traces(self, copies: Sequence[Copy]) -> list[Trace | None]:
+        """Return the traces of the copies over a period; ``None`` where ngspice does not find one.
+
+        Raises:
+            SimulationError: if ngspice is missing or cannot be run.
+        """
+        return self._evaluated(copies, self.period + _LEAD * self.step, whole=True)
+
+    def settled(self, copies: Sequence[Copy], periods: int) -> list[Array | None]:
+        """Return the states after a number of periods from the start of the run."""
+        found = self._evaluated(copies, periods * self.period, whole=False)
+        return [None if trace is None else trace.states[:, -1] for trace in found]
+
+    def deck(self, copy: Copy) -> str:
+        """Return the deck that runs one copy over a period."""
+        ready = simulator(copies_bench([copy], self.discretisation), _vectors(0, copy.plant, whole=True))
+        return str(ready.prepare("transient", **self._timing(self.period + _LEAD * self.step, whole=True)))
+
+    def hashes(self) -> str:
+        """Return the hashes of the circuits that were run, in an order that does not depend on their timing."""
+        return "".join(sorted(self._hashes))
+
+    def _timing(self, duration: float, whole: bool) -> dict[str, Any]:
+        return {
+            "step_time": duration, "end_time": duration, "max_time": self.step, "use_initial_condition": True,
+            "start_time": 0.0 if whole else duration - self.step,
+        }  # fmt: skip
+
+    def _evaluated(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
+        if not copies:
+            return []
+        self.evaluations += len(copies)
+        self.simulated_s += len(copies) * duration
+        workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        decks = ceil(len(copies) / COPIES_PER_DECK)
+        decks = max(ceil(decks / workers) * workers if decks > 1 else 1, min(workers, len(copies) // 4))
+        parts = [part.tolist() for part in np.array_split(np.arange(len(copies)), decks)]
+
+        def evaluated(part: list[int]) -> list[Trace | None]:
+            return self._deck([copies[place] for place in part], duration, whole)
+
+        if decks == 1:
+            return evaluated(parts[0])
+        with ThreadPoolExecutor(workers) as pool:
+            return [trace for traces in pool.map(evaluated, parts) for trace in traces]
+
+    def _deck(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
+        """Run one deck; where that fails, run its halves, so that one copy does not take the others along."""
+        began = perf_counter()
+        try:
+            return self._run(copies, duration, whole)
+        except _Uneven:
+            pass
+        except SimulationError as error:
+            if error.deck is None or (self.timeout is not None and perf_counter() - began >= self.timeout):
+                raise  # ngspice did not run at all, or took too long
+            shutil.rmtree(error.deck.parent, ignore_errors=True)
+        if len(copies) == 1:
+            return [None]
+        half = len(copies) // 2
+        return [*self._deck(copies[:half], duration, whole), *self._deck(copies[half:], duration, whole)]
+
+    def _run(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
+        bench = copies_bench(copies, self.discretisation, self._texts)
+        self._hashes.add(hashlib.sha256(str(bench.circuit.raw_spice).encode()).hexdigest())
+        names = [_vectors(number, copy.plant, whole=whole) for number, copy in enumerate(copies)]
+        ready = simulator(bench, [name for own in names for name in own], self.timeout)
+        result = ready.verified("transient", **self._timing(duration, whole))
+        self.runs += 1
+        self.seconds += result.seconds
+        raw = result.raw.vectors
+        time = np.asarray(raw["time"].real)
+        window = self._window(time) if whole else slice(-1, None)
+        if window is None:
+            raise _Uneven
+        traces: list[Trace | None] = []
+        for copy, own in zip(copies, names, strict=True):
+            units = copy.plant.units(self.discretisation)
+            values = np.array([raw[name].real[window] for name in own])
+            order = copy.plant.order
+            contact = np.zeros((len(_CONTACT), values.shape[1]))
+            contact[: len(values) - order] = values[order:]
+            traces.append(Trace(copy.begun + time[window], values[:order] * units[:, np.newaxis], *contact))
+        return traces
+
+    def _window(self, time: Array) -> slice | None:
+        """Return the points of the period: the first uniform steps, as many as there are in it."""
+        uniform = np.abs(np.diff(time) - self.step) < 1e-6 * self.step
+        uneven = np.flatnonzero(~uniform[: -2 if len(uniform) > 2 else None])
+        first = int(uneven[-1]) + 1 if uneven.size else 0
+        if first + self.steps >= len(time) or not uniform[first : first + self.steps].all():
+            return None
+        return slice(first, first + self.steps + 1)
+
+
+def _vectors(number: int, plant: Plant, *, whole: bool) -> list[str]:
+    """Return the vectors to record of a copy: its states, and of a whole period its contact."""
+    instance = copy_name(number)
+    contact = _CONTACT if whole and plant.law else ()
+    return [*(name.format(instance) for name in plant.vectors()), *(f"v({instance}.{name})" for name in contact)]
+
+
+class _Uneven(Exception):
+    """ngspice shortened steps, because Newton's iteration did not converge for one of the copies."""

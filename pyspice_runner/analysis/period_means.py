@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The quantities of a speed–torque curve from a period of the steady state.
+
+The instruments of the dynamometer integrate inside the circuit; here the same means are taken of recorded points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.analysis.dynamometer import UNITS
+from pyspice_runner.analysis.period_map import Trace
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.netlist.copies import Plant, drive_voltage, phasor_at
+from pyspice_runner.netlist.motor import Discretisation, dielectric_resistance
+
+Array = NDArray[np.float64]
+
+
+def modal(plant: Plant, trace: Trace) -> tuple[Array, Array]:
+    """Return the modal displacements (m) and velocities (m/s) of a period, shape (modes, points)."""
+    return trace.states[: plant.modes], trace.states[plant.modes : 2 * plant.modes]
+
+
+def speed(plant: Plant, trace: Trace) -> Array:
+    """Return the speed of the rotor in rad/s."""
+    if plant.load.speed is not None:
+        return np.full(len(trace.time), plant.load.speed)
+    return np.asarray(trace.states[-1])
+
+
+def dry_bearing(plant: Plant) -> float:
+    """Return the torque in N·m that dry friction in the bearing of a held shaft takes: all of it once it has turned."""
+    return float(np.sign(plant.load.speed or 0.0)) * plant.motor.rotor.bearing_friction_n_m
+
+
+def tip(plant: Plant, trace: Trace) -> tuple[Array, Array, Array, Array]:
+    """Return the displacements x, y (m) of the tip and its velocities (m/s)."""
+    along = np.array([mode.tip_x for mode in plant.motor.modes])
+    towards = np.array([mode.tip_y for mode in plant.motor.modes])
+    displacement, velocity = modal(plant, trace)
+    return along @ displacement, towards @ displacement, along @ velocity, towards @ velocity
+
+
+def plate_current(plant: Plant, group: str, time: Array) -> Array:
+    """Return the current in A that charges the clamped capacitance of a group."""
+    capacitance: float = getattr(plant.motor.piezo, f"capacitance_{group}_f")
+    current = np.zeros(len(time))
+    for tone in getattr(plant.drive, f"tones_{group}"):
+        current = current + capacitance * phasor_at(tone, plant.plate_gain(group, tone), time)[1]
+    return current
+
+
+def current(plant: Plant, group: str, trace: Trace) -> Array:
+    """Return the current in A into a group."""
+    couplings = np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in plant.motor.modes])
+    return plate_current(plant, group, trace.time) + couplings @ modal(plant, trace)[1]
+
+
+def sway(plant: Plant, discretisation: Discretisation) -> float:
+    """Return the sideways displacement in m of the tip under the preload, where the rotor's crown stands."""
+    if plant.law is None:
+        return 0.0
+    softened = [
+        mode.model_copy(update={"stiffness_n_per_m": discretisation.mode(mode)[1]}) for mode in plant.motor.modes
+    ]
+    return contact_law.static_sway(plant.motor.contact, tuple(softened))
+
+
+def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[str, float]:
+    """Return the means over a period of which the quantities are made; all are linear in time averages."""
+    motor, radius = plant.motor, plant.motor.rotor.radius_m
+    x, _, vx, vy = (values[1:] for values in tip(plant, trace))
+    rise = trace.states[plant.carrier][1, 1:] if plant.mount else np.zeros(len(vy))
+    vy = vy + rise
+    x = x - sway(plant, discretisation)
+    normal, friction, state = trace.normal[1:], trace.friction[1:], trace.contact_state[1:]
+    turning = speed(plant, trace)[1:]
+    slipping = state > 1.5
+    sticking = (state > 0.5) & ~slipping
+    ended = sticking & np.roll(slipping, 1)  # slip that ended within a step: on average half of it
+    _, velocity = modal(plant, trace)
+    mount_loss = plant.mount.damping_n_s_per_m * float((rise**2).mean()) if plant.mount else 0.0
+    dampings = np.array([mode.damping_n_s_per_m for mode in motor.modes])
+    found = {
+        "friction": float(friction.mean()),
+        "friction_square": float((friction**2).mean()),
+        "normal": float(normal.mean()),
+        "touching": float((state > 0.5).mean()),
+        "slip": float(slipping.mean() - 0.5 * ended.mean()),
+        "work": float((friction * (vx + x * vy / radius)).mean()),
+        "press": float((normal * (vy - x * vx / radius)).mean()),
+        "given": radius * float((friction * turning).mean()),
+        "speed": float(turning.mean()),
+        "damping_loss": float((dampings @ velocity[:, 1:] ** 2).mean()) + mount_loss,
+        "dielectric_loss": 0.0,
+        "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
+    }
+    for group in "ab":
+        voltage = drive_voltage(getattr(plant.drive, f"tones_{group}"), trace.time)[1:]
+        amperes = current(plant, group, trace)[1:]
+        charging = plate_current(plant, group, trace.time)[1:]
+        found |= {
+            f"power_{group}": float((voltage * amperes).mean()),
+            f"voltage_square_{group}": float((voltage**2).mean()),
+            f"current_square_{group}": float((amperes**2).mean()),
+            f"peak_{group}": float(np.abs(amperes).max()),
+        }
+        found["dielectric_loss"] += dielectric_resistance(motor, group) * float((charging**2).mean())
+    return found
+
+
+def _stored(plant: Plant, trace: Trace, at: int) -> float:
+    """Return the energy in J in the modes and the mount."""
+    displacement, velocity = modal(plant, trace)
+    energy = 0.0
+    for index, mode in enumerate(plant.motor.modes):
+        energy += 0.5 * mode.mass_kg * float(velocity[index, at]) ** 2
+        energy += 0.5 * mode.stiffness_n_per_m * float(displacement[index, at]) ** 2
+    if plant.mount:
+        lift, rise = (float(value) for value in trace.states[plant.carrier][:, at])
+        energy += 0.5 * (plant.mount.mass_kg * rise**2 + plant.mount.stiffness_n_per_m * lift**2)
+        energy -= plant.motor.contact.preload_n * lift
+    return energy
+
+
+def average(several: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Return the mean of means."""
+    return {name: sum(one[name] for one in several) / len(several) for name in several[0]}
+
+
+def extrapolated(fine: Mapping[str, float], coarse: Mapping[str, float], ratio: float) -> dict[str, float]:
+    """Return what the means of two steps tend to when the step vanishes: their error is of second order.
+
+    Shares of time and squares stay in their range.
+    """
+    weight = 1.0 / (ratio**2 - 1.0)
+    limit = {name: value + weight * (value - coarse[name]) for name, value in fine.items()}
+    for name in ("touching", "slip"):
+        limit[name] = min(max(limit[name], 0.0), 1.0)
+    limit["slip"] = min(limit["slip"], limit["touching"])
+    limit["peak_a"], limit["peak_b"] = max(limit["peak_a"], 0.0), max(limit["peak_b"], 0.0)
+    return limit
+
+
+def quantities(plant: Plant, found: Mapping[str, float]) -> dict[str, float]:
+    """Return the quantities of a speed–torque curve (:data:`.dynamometer.UNITS`) from means."""
+    motor = plant.motor
+    radius, bearing = motor.rotor.radius_m, motor.rotor.bearing_damping_n_m_s
+    electrical, shaft = found["power_a"] + found["power_b"], found["given"]
+    losses = {
+        "dielectric_loss_w": found["dielectric_loss"],
+        "damping_loss_w": found["damping_loss"],
+        "friction_loss_w": found["work"] - shaft,
+        "normal_loss_w": found["press"],
+        "stored_power_w": found["stored"],
+    }
+    put_in = max(electrical, 0.0) + max(-shaft, 0.0)
+    torque = radius * found["friction"]
+    result = {
+        "torque_n_m": torque,
+        "torque_ripple_n_m": radius * sqrt(max(found["friction_square"] - found["friction"] ** 2, 0.0)),
+        "load_torque_n_m": torque - bearing * found["speed"] - dry_bearing(plant),
+        "normal_force_n": found["normal"],
+        "separated": 1.0 - found["touching"],
+        "stick": found["touching"] - found["slip"],
+        "slip": found["slip"],
+        "shaft_power_w": shaft,
+        "efficiency": shaft / electrical if electrical > 0.0 else float("nan"),
+        **losses,
+        "balance_residual": (electrical - shaft - sum(losses.values())) / put_in if put_in > 0.0 else 0.0,
+    }
+    for group in "ab":
+        volts, amperes = (sqrt(max(found[f"{what}_square_{group}"], 0.0)) for what in ("voltage", "current"))
+        result |= {
+            f"power_{group}_w": found[f"power_{group}"],
+            f"apparent_power_{group}_va": volts * amperes,
+            f"current_{group}_rms_a": amperes,
+            f"current_{group}_peak_a": found[f"peak_{group}"],
+        }
+    return {name: result[name] for name in UNITS}

@@ -1,0 +1,343 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Newton's method on the map of a motor's state over a drive period, for many operating points together.
+
+Let x be the state and Φ its map over one period. The steady state is the fixed point Φ(x) = x; its stability follows
+from the eigenvalues of dΦ/dx, the Floquet multipliers. ngspice evaluates Φ for many states in one run, so that the
+derivative is a matter of perturbed copies. T. J. Aprille and T. N. Trick, "Steady-state analysis of nonlinear circuits
+with periodic inputs", Proc. IEEE 60 (1972); P. Deuflhard, "Newton Methods for Nonlinear Problems", Springer 2004, for
+the damping. ``docs/steady_state.md`` has the derivation and what was measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import ceil, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.analysis.period_map import PeriodMap, Trace
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.parameters import Mode, Mount
+from pyspice_runner.netlist.copies import Copy, Plant, phasor_at
+
+Array = NDArray[np.float64]
+
+PERTURBATION = 3e-4  # of the scale of a state: between the noise of Newton's iteration in ngspice and the curvature
+TOLERANCE = 1e-4  # remaining Newton step, and what it would change of the mean forces, relative to their scales
+MOST_ITERATIONS = 12
+LEAST_DAMPING = 1.0 / 64.0
+GROWTH, FREE_STEPS = 3.0, 3  # by which the first few steps may grow: they pass from one kind of contact to another
+CHORD = 0.3  # contraction by which an old derivative is still good enough
+SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs before Newton's method begins anew
+
+
+@dataclass(eq=False)
+class Point:
+    """One operating point on its way to the steady state.
+
+    Attributes:
+        plant: motor, drive, load and law.
+        state: at the start of a run.
+        scale: size of each state.
+        begun: time in s at which a run begins, since the drive's phase was that of t = 0.
+        trace: the last period.
+        at_start: derivative of the state at the beginning of the period with respect to that at the start of the run.
+        at_end: the same of the state at the end of the period; both in scaled states.
+        measured_end: ``at_end`` as it was last measured, without later corrections.
+        force_slope: derivative of the mean forces with respect to the scaled state.
+        method: ``newton``, ``damped``, ``neighbour`` or ``settled``; empty while there is no solution.
+        iterations: Newton steps taken.
+    """
+
+    plant: Plant
+    state: Array
+    scale: Array
+    begun: float = 0.0
+    trace: Trace | None = None
+    at_start: Array | None = None
+    at_end: Array | None = None
+    measured_end: Array | None = None
+    force_slope: Array | None = None
+    step: Array | None = None
+    damping: float = 1.0
+    damped: bool = False
+    stale: bool = False
+    done: bool = False
+    failed: bool = False
+    method: str = ""
+    iterations: int = 0
+    residual: float = float("inf")
+
+    @property
+    def gap(self) -> Array:
+        """State at the end of the period less that at its beginning, scaled."""
+        assert self.trace is not None
+        return np.asarray((self.trace.states[:, -1] - self.trace.states[:, 0]) / self.scale)
+
+    def newton_step(self) -> Array:
+        """Return the step of the scaled state that closes the gap.
+
+        Least squares, because a slider that slips before the period begins has no influence on it.
+        """
+        assert self.at_start is not None
+        assert self.at_end is not None
+        return np.asarray(np.linalg.lstsq(self.at_end - self.at_start, -self.gap, rcond=1e-10)[0])
+
+    def remaining(self, step: Array) -> float:
+        """Return the size of a Newton step: of the state, and of what it changes of the mean forces."""
+        assert self.force_slope is not None
+        motor = self.plant.motor
+        size = float(np.sqrt(np.mean(step**2)))
+        if self.plant.law is None:
+            return size
+        force = max(motor.contact.preload_n, abs(float(self.trace.forces[0])) if self.trace else 0.0)
+        changes = np.abs(self.force_slope @ step) / np.array([force, motor.contact.friction * force])
+        return max(size, float(changes.max()))
+
+    def moved(self, begun: float) -> Point:
+        """Return the point with its period begun at another time in s, at the state that its orbit has there."""
+        assert self.trace is not None
+        time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
+        at = time[0] + (begun - time[0]) % period
+        state = np.array([np.interp(at, time, values) for values in self.trace.states])
+        return replace(self, state=state, begun=begun, trace=None, step=None)
+
+    def restart(self, state: Array) -> None:
+        """Begin anew from a state."""
+        self.state, self.at_start, self.at_end, self.measured_end = state.copy(), None, None, None
+
+    def judge(self) -> None:
+        """Decide by the size of the next step whether the point is solved."""
+        assert self.step is not None
+        self.residual = self.remaining(self.step)
+        self.done = self.residual <= TOLERANCE
+
+    def accepts(self, trial: Array, trace: Trace | None) -> bool:
+        """Take the trial as the new state if the step that would follow, by the old derivative, is shorter."""
+        assert self.step is not None
+        if trace is None:
+            return False
+        before, old, gap = float(np.linalg.norm(self.step)), self.trace, self.gap
+        self.trace = trace
+        step = self.newton_step()
+        after = float(np.linalg.norm(step))
+        if self.remaining(step) > TOLERANCE and after > (GROWTH if self.iterations <= FREE_STEPS else 1.0) * before:
+            self.trace = old
+            return False
+        self.stale = self.damping < 1.0 or after > CHORD * before
+        if not self.stale:
+            self._update(self.damping * self.step, gap)
+            step = self.newton_step()
+        self.state, self.step = trial, step
+        self.damping = min(1.0, 2.0 * self.damping)
+        self.judge()
+        return True
+
+    def _update(self, step: Array, gap: Array) -> None:
+        """Correct the derivative by what the last step, from a state with another gap, has shown (Broyden 1965)."""
+        assert self.at_start is not None
+        assert self.at_end is not None
+        missed = self.gap - gap - (self.at_end - self.at_start) @ step
+        self.at_end = self.at_end + np.outer(missed, step) / float(step @ step)
+
+    def differentiate(self, traces: Sequence[Trace | None]) -> None:
+        """Take the derivatives from the traces of the perturbed states."""
+        base, near = self.trace, [trace for trace in traces if trace is not None]
+        if base is None or len(near) < len(traces):
+            self.failed = True
+            return
+        starts = np.array([(trace.states[:, 0] - base.states[:, 0]) / self.scale for trace in near]).T
+        ends = np.array([(trace.states[:, -1] - base.states[:, -1]) / self.scale for trace in near]).T
+        self.at_start, self.at_end = starts / PERTURBATION, ends / PERTURBATION
+        self.measured_end = self.at_end
+        self.force_slope = np.array([trace.forces - base.forces for trace in near]).T / PERTURBATION
+        self.stale = False
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Floquet multipliers, the largest first.
+
+        They are those of the derivative as it was last measured. The corrections of :meth:`_update` serve Newton's step
+        along one direction and would mix the modes.
+        """
+        assert self.at_start is not None
+        assert self.measured_end is not None
+        # a slider that slips at the beginning of the period depends on nothing of the start: its multiplier is 0
+        monodromy = self.measured_end @ np.linalg.pinv(self.at_start, rcond=1e-8)
+        values = np.linalg.eigvals(monodromy).astype(complex)
+        return np.asarray(values[np.argsort(-np.abs(values))])
+
+
+def start_point(plant: Plant) -> Point:
+    """Return a point that starts from the response of the free stator, bent by the preload."""
+    motor, n = plant.motor, plant.modes
+    preload = motor.contact.preload_n if plant.law else 0.0
+    state = np.zeros(plant.order)
+    amplitudes = np.zeros(n)
+    for tone_a, tone_b in zip(plant.drive.tones_a, plant.drive.tones_b, strict=True):
+        omega = 2.0 * pi * tone_a.frequency
+        for index, mode in enumerate(motor.modes):
+            stiffness = mode.stiffness_n_per_m - omega**2 * mode.mass_kg + 1j * omega * mode.damping_n_s_per_m
+            for tone, coupling in ((tone_a, mode.coupling_a_n_per_v), (tone_b, mode.coupling_b_n_per_v)):
+                displacement, velocity = phasor_at(tone, coupling / stiffness, 0.0)
+                state[index] += displacement
+                state[n + index] += velocity
+            force = mode.coupling_a_n_per_v * tone_a.amplitude * np.exp(1j * tone_a.phase)
+            force += mode.coupling_b_n_per_v * tone_b.amplitude * np.exp(1j * tone_b.phase)
+            amplitudes[index] += abs(force / stiffness)
+    for index, mode in enumerate(motor.modes):
+        state[index] -= mode.tip_y * preload / mode.stiffness_n_per_m
+    masses = np.array([mode.mass_kg for mode in motor.modes])
+    stiffnesses = np.array([mode.stiffness_n_per_m for mode in motor.modes])
+    energy = 0.5 * float(stiffnesses @ amplitudes**2)
+    if plant.law:
+        energy += 0.4 * preload * contact_law.static_penetration(motor.contact)
+    energy = max(energy, np.finfo(float).tiny * 1e100)
+    fastest = np.sqrt(2.0 * energy / masses)
+    slide = contact_law.limit_ratio(motor.contact) * contact_law.static_penetration(motor.contact)
+    along = max(abs(mode.tip_x) * v for mode, v in zip(motor.modes, fastest, strict=True))
+    towards = max(abs(mode.tip_y) * v for mode, v in zip(motor.modes, fastest, strict=True))
+    carrier = []
+    if plant.mount:
+        lift = contact_law.static_penetration(motor.contact) + max(
+            abs(mode.tip_y) * a for mode, a in zip(motor.modes, amplitudes, strict=True)
+        )
+        carrier = [lift, lift / plant.drive.period]
+    turning = [max(along, towards) / motor.rotor.radius_m] if plant.turns else []
+    scale = np.array([*np.sqrt(2.0 * energy / stiffnesses), *fastest, *(slide,) * plant.sliders, *carrier, *turning])
+    return Point(plant, state, scale)
+
+
+class Shooting:
+    """Newton's method for many operating points together, on one map.
+
+    Args:
+        points: the points; they are changed in place.
+        period_map: the map over the period that all of them share.
+    """
+
+    def __init__(self, points: Sequence[Point], period_map: PeriodMap) -> None:
+        self.points = list(points)
+        self.map = period_map
+
+    def solve(self, points: Sequence[Point] | None = None) -> None:
+        """Iterate until every point is solved or has failed; what derivative a point has is used while it is good."""
+        active = list(self.points if points is None else points)
+        for point in active:
+            point.done = point.failed = point.damped = False
+            point.damping, point.iterations = 1.0, 0
+        self._evaluate(active)
+        for _ in range(2 * MOST_ITERATIONS):
+            active = [point for point in active if not (point.done or point.failed)]
+            if not active:
+                return
+            self._advance(active)
+        for point in active:
+            point.failed = not point.done
+
+    def _evaluate(self, points: Sequence[Point]) -> None:
+        """Evaluate the points where they start, with the derivative of those that have none."""
+        new = [point for point in points if point.at_end is None]
+        copies = [Copy(point.plant, point.state, point.begun) for point in points]
+        copies += [copy for point in new for copy in _perturbed(point)]
+        traces = self.map.traces(copies)
+        for point, trace in zip(points, traces, strict=False):
+            point.trace = trace
+            point.failed = trace is None
+        self._differentiate(new, traces[len(points) :])
+        for point in points:
+            if not point.failed:
+                point.step = point.newton_step()
+                point.judge()
+
+    def _advance(self, points: list[Point]) -> None:
+        """Try the next step of every point; evaluate the derivative anew where it is too old."""
+        trials = [point.state + point.damping * point.step * point.scale for point in points if point.step is not None]
+        traces = self.map.traces(
+            [Copy(point.plant, trial, point.begun) for point, trial in zip(points, trials, strict=True)]
+        )
+        renewed = []
+        for point, trial, trace in zip(points, trials, traces, strict=True):
+            point.iterations += 1
+            if not point.accepts(trial, trace):
+                point.damping *= 0.5
+                point.damped = True
+                point.failed = point.damping < LEAST_DAMPING
+            elif not point.done and point.stale:
+                renewed.append(point)
+            point.failed = point.failed or (point.iterations >= MOST_ITERATIONS and not point.done)
+        renewed = [point for point in renewed if not point.failed]
+        self._differentiate(renewed, self.map.traces([copy for point in renewed for copy in _perturbed(point)]))
+        for point in renewed:
+            if not point.failed:
+                point.step = point.newton_step()
+
+    def _differentiate(self, points: Sequence[Point], traces: Sequence[Trace | None]) -> None:
+        place = 0
+        for point in points:
+            point.differentiate(traces[place : place + point.plant.order])
+            place += point.plant.order
+
+    def search(self) -> None:
+        """Solve all points: from the free stator, from a solved neighbour, and after the motion has run for a while."""
+        self.solve()
+        for point in self.points:
+            point.method = ("damped" if point.damped else "newton") if point.done else ""
+        lost = [point for point in self.points if point.failed]
+        near = [(point, _neighbour(point, self.points)) for point in lost]
+        for point, other in near:
+            if other is not None:
+                point.restart(other.state)
+        self._retry([point for point, other in near if other is not None], "neighbour")
+        for decays in SETTLING:
+            lost = [point for point in self.points if point.failed]
+            self._settle(lost, decays)
+            self._retry(lost, "settled")
+
+    def _retry(self, points: Sequence[Point], method: str) -> None:
+        if points:
+            self.solve(points)
+        for point in points:
+            point.method = method if point.done else ""
+
+    def _settle(self, points: Sequence[Point], decays: float) -> None:
+        """Let points run from preloaded rest for so many decay times of their slowest mode."""
+        longest = 0.0
+        for point in points:
+            mount = point.plant.mount
+            springs: list[Mode | Mount] = [*point.plant.motor.modes, *([mount] if mount else [])]
+            longest = max(longest, decays * max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs))
+            point.restart(_rest(point.plant))
+        periods = max(10, ceil(longest / self.map.period))
+        ends = self.map.settled([Copy(point.plant, point.state, point.begun) for point in points], periods)
+        for point, end in zip(points, ends, strict=True):
+            if end is not None:
+                point.state = end
+
+
+def _neighbour(point: Point, points: Sequence[Point]) -> Point | None:
+    """Return the solved point of the same motor and drive whose speed is nearest."""
+    speed = point.plant.load.speed
+    if speed is None:
+        return None
+    others = [
+        other for other in points
+        if other.done and other.plant.load.speed is not None and other.plant.motor is point.plant.motor
+        and other.plant.drive is point.plant.drive
+    ]  # fmt: skip
+    return min(others, key=lambda other: abs((other.plant.load.speed or 0.0) - speed), default=None)
+
+
+def _rest(plant: Plant) -> Array:
+    state = np.zeros(plant.order)
+    if plant.law:
+        for index, mode in enumerate(plant.motor.modes):
+            state[index] = -mode.tip_y * plant.motor.contact.preload_n / mode.stiffness_n_per_m
+    return state
+
+
+def _perturbed(point: Point) -> list[Copy]:
+    states = point.state + PERTURBATION * np.diag(point.scale)
+    return [Copy(point.plant, state, point.begun) for state in states]

@@ -1,0 +1,442 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The periodic steady state of a motor, without a transient that settles.
+
+Newton's method (:mod:`.shooting`) finds it at a coarse step. The result is then corrected at two steps, in copies whose
+steps lie between each other's, and extrapolated to a vanishing step: a change of state is seen at the end of its step,
+which biases the small mean of a large alternating torque.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import ceil
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.analysis.dynamometer import UNITS
+from pyspice_runner.analysis.period_map import PeriodMap
+from pyspice_runner.analysis.period_means import average, current, extrapolated, means, quantities, speed, tip
+from pyspice_runner.analysis.shooting import Point, Shooting, start_point
+from pyspice_runner.engine.ngspice import ngspice_version
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.drive import Drive, Load
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
+from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
+from pyspice_runner.netlist.copies import Copy, Plant, drive_voltage
+from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.result import Audit, Result
+from pyspice_runner.run.audit import audit_point
+from pyspice_runner.run.recording import Recording
+from pyspice_runner.run.settings import Solver
+from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.waveforms import COLUMNS, HEATED, Waveforms
+from pyspice_runner.units import engineering
+
+Array = NDArray[np.float64]
+
+OFFSETS = 2  # copies of each point, whose steps lie between each other's
+MOST_REFINEMENTS = 2  # halvings of the step beyond the default
+ACCURACY = 2e-3  # of the friction torque under the preload, μ F₀ R
+LONGEST_PERIOD = 1000  # periods of the fastest motion in one of the drive; beyond, settling is cheaper
+
+
+@dataclass(frozen=True, repr=False)
+class SteadyState(Result):
+    """A periodic steady state. Its quantities are those of ``speed_torque`` and can be read as attributes.
+
+    Attributes:
+        motor: the motor.
+        drive: the voltages of both groups.
+        speed_rad_s: mean speed of the rotor.
+        quantities: by name: ``torque_n_m``, ``load_torque_n_m``, ``normal_force_n`` and the others of
+            :data:`.dynamometer.UNITS`; NaN without a solution.
+        torque_error_n_m: estimated error of the torque by the time step.
+        floquet_multipliers: eigenvalues of the map over one period, the largest first.
+        converged: whether there is a solution at every step that was used.
+        residual: the last Newton step, relative to the size of the motion and to the mean forces that it would change.
+        iterations: Newton steps at the coarse step.
+        method: how it was found: ``newton`` from the free stator's response, ``damped`` with shortened steps,
+            ``neighbour`` from another point of a curve, ``settled`` after a transient; empty without a solution.
+        step_s: finest time step, s.
+        audit: outcome of the physical audit.
+        waveforms: one period at the finest step, with the deck that runs it; ``None`` without a solution.
+        provenance: settings, numbers of runs and hashes, JSON-ready.
+    """
+
+    motor: Motor = field(repr=False)
+    drive: Drive
+    speed_rad_s: float
+    quantities: dict[str, float]
+    torque_error_n_m: float
+    floquet_multipliers: NDArray[np.complex128]
+    converged: bool
+    residual: float
+    iterations: int
+    method: str
+    step_s: float
+    audit: Audit = field(default=Audit(done=False))
+    waveforms: Waveforms | None = field(default=None, repr=False)
+    provenance: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    def __getattr__(self, name: str) -> float:
+        found = self.__dict__.get("quantities", {})
+        if name in found:
+            return float(found[name])
+        raise AttributeError(f"A steady state has no attribute {name!r}.")
+
+    @property
+    def stable(self) -> bool:
+        """Whether the motion returns to it after a small disturbance: all multipliers are inside the unit circle."""
+        return self.converged and bool(np.all(np.abs(self.floquet_multipliers) < 1.0))
+
+    @property
+    def instability(self) -> str:
+        """How a small disturbance grows, empty if it decays.
+
+        ``jump``: a multiplier beyond 1, the motion leaves for another one; ``period doubling``: a multiplier beyond -1,
+        the motion alternates from period to period; ``irrational``: a complex pair, a second frequency appears.
+        """
+        if self.stable or not self.converged:
+            return ""
+        largest = complex(self.floquet_multipliers[0])
+        if abs(largest.imag) > 1e-6 * abs(largest):
+            return "irrational"
+        return "jump" if largest.real > 0.0 else "period doubling"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result without its waveforms, JSON-ready."""
+        return {
+            "speed_rad_s": self.speed_rad_s,
+            **{name: None if value != value else value for name, value in self.quantities.items()},
+            "torque_error_n_m": self.torque_error_n_m if np.isfinite(self.torque_error_n_m) else None,
+            "floquet_multipliers": [[float(value.real), float(value.imag)] for value in self.floquet_multipliers],
+            "stable": self.stable,
+            "instability": self.instability,
+            "converged": self.converged,
+            "residual": self.residual if np.isfinite(self.residual) else None,
+            "iterations": self.iterations,
+            "method": self.method,
+            "step_s": self.step_s,
+            "audit": self.audit.to_dict(),
+            **self.provenance,
+        }
+
+    @property
+    def deck(self) -> str | None:  # type: ignore[override]
+        """The netlist that runs the period of the waveforms."""
+        return self.waveforms.deck if self.waveforms else None
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Findings of the audit, and what is known of convergence and stability."""
+        found = list(self.audit.findings)
+        if not self.converged:
+            found.append("No steady state was found.")
+        elif not self.stable:
+            found.append(f"The steady state is not stable: {self.instability}.")
+        return tuple(found)
+
+    def summary(self) -> dict[str, str]:
+        """Return speed, torque, forces, powers, stability and how the state was found."""
+        electrical = self.power_a_w + self.power_b_w
+        largest = max(np.abs(self.floquet_multipliers), default=float("nan"))
+        return {
+            "speed": engineering(self.speed_rad_s, "rad/s"),
+            "torque": engineering(self.torque_n_m, "N·m"),
+            "load torque": engineering(self.load_torque_n_m, "N·m"),
+            "normal force": engineering(self.normal_force_n, "N"),
+            "shaft power": engineering(self.shaft_power_w, "W"),
+            "electrical power": engineering(electrical, "W"),
+            "estimated error of the torque": engineering(self.torque_error_n_m, "N·m"),
+            "stable": f"{'yes' if self.stable else 'no'}, largest multiplier {largest:.5g}",
+            "found by": f"{self.method or 'no method'}, {self.iterations} iterations",
+        }
+
+    def columns(self) -> Mapping[str, Array]:
+        """Return one period of the waveforms, if they are there."""
+        return self.waveforms.columns() if self.waveforms else {}
+
+
+@checked
+def steady_state(
+    motor: Motor,
+    drive: Drive,
+    *,
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    contact: ContactLaw | None = "spring-slider",
+    sliders: int = SLIDERS,
+    step: float | None = None,
+    accuracy: float = ACCURACY,
+    timeout: float | None = None,
+    audit: bool = True,
+) -> SteadyState:
+    """Find the periodic steady state of a motor by shooting.
+
+    Args:
+        motor: the motor.
+        drive: the voltages of both groups. The tones of a two-tone drive must have a common period.
+        speed: at which the shaft is held, rad/s; ``None`` leaves it free but for its bearing and the load.
+        load_torque: torque in N·m that a load draws from the free shaft.
+        contact: law of the contact, as in ``simulate``; ``None`` for a free tip.
+        sliders: number of sliders of the brush.
+        step: longest time step in s of the result; by default that of ``simulate``.
+        accuracy: error of the torque, relative to the friction torque under the preload, above which the step is
+            halved, twice at most.
+        timeout: wall time in s after which a run of ngspice is ended.
+        audit: whether a result that fails the physical audit is an error. If not, the result carries the finding.
+
+    Returns:
+        The steady state. ``converged`` is false if none was found; then its quantities are NaN.
+
+    Raises:
+        ParameterError: for an invalid value, or for tones without a common period.
+        SimulationError: if ngspice fails or its result cannot be trusted.
+    """
+    setup = Setup(
+        motor, DriveSource(drive), Load(speed, load_torque), law_of(contact, sliders),
+        Solver(step, None, True, timeout, audit),
+    )  # fmt: skip
+    return steady_states([setup], accuracy=accuracy, waveforms=True)[0]
+
+
+def steady_states(setups: Sequence[Setup], *, accuracy: float = ACCURACY, waveforms: bool = False) -> list[SteadyState]:
+    """Find the steady states of many operating points together; see :func:`steady_state`.
+
+    Points whose drives have the same period share runs of ngspice.
+
+    Args:
+        setups: motor, drive, load, law and solver of each point.
+        accuracy: as in :func:`steady_state`.
+        waveforms: whether each result has the waveforms of one period.
+
+    Raises:
+        ParameterError: for a drive that has no steady state to be found.
+        SimulationError: if ngspice fails.
+    """
+    if not 1e-6 <= accuracy <= 0.1:
+        raise ParameterError(f"accuracy = {accuracy:g} is not valid: it must be a number from 1e-6 to 0.1.")
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for place, setup in enumerate(setups):
+        drive = _drive(setup)
+        law = setup.law.to_dict().values() if setup.law else ()
+        groups.setdefault((drive.period, *law), []).append(place)
+    found: dict[int, SteadyState] = {}
+    for places in groups.values():
+        found |= zip(places, _solve([setups[place] for place in places], accuracy, waveforms), strict=True)
+    return [found[place] for place in range(len(setups))]
+
+
+def _drive(setup: Setup) -> Drive:
+    """Return the drive of a setup, once it is seen to have a steady state that can be found.
+
+    Raises:
+        ParameterError: if not.
+    """
+    source = setup.source
+    if not isinstance(source, DriveSource):
+        raise ParameterError(
+            "A steady state by shooting takes ideal voltage sources; simulate a driver until it settles, by simulate."
+        )
+    if setup.load.speed is None and setup.motor.rotor.bearing_friction_n_m:
+        raise ParameterError(
+            f"rotor.bearing_friction_n_m = {setup.motor.rotor.bearing_friction_n_m:g} N·m: the steady state of a free "
+            "shaft on a bearing with dry friction is not found by shooting. Hold the shaft, or take simulate."
+        )
+    drive = source.drive
+    source.check(setup.motor)
+    for frequency in drive.frequencies:
+        turns = frequency * drive.period
+        if abs(turns - round(turns)) > 1e-6:
+            raise ParameterError(
+                f"The drive ({drive.label}) has no short common period: {frequency:g} Hz makes {turns:.6g} periods in "
+                f"{drive.period:.4g} s. Choose frequencies in a ratio of small whole numbers, or take mode = 'settle'."
+            )
+    if drive.period > LONGEST_PERIOD * setup.shortest_period:
+        raise ParameterError(
+            f"The drive ({drive.label}) repeats after {drive.period:.4g} s only, {LONGEST_PERIOD} times the period of "
+            "the fastest motion; take mode = 'settle'."
+        )
+    return drive
+
+
+def _solve(setups: Sequence[Setup], accuracy: float, waveforms: bool) -> list[SteadyState]:
+    """Solve points whose drives have the same period, under the same law."""
+    period = _drive(setups[0]).period
+    finest = min(setup.step for setup in setups)
+    shortest = min(setup.shortest_period for setup in setups)
+    timeout = setups[0].solver.timeout
+    steps = 2 * ceil(0.5 * period / finest - 1e-9)
+    coarse = max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
+    maps = [PeriodMap(period, coarse, timeout)]
+    plants: list[Plant] = []
+    same: dict[int, Drive] = {}
+    for setup in setups:
+        drive = same.setdefault(id(setup.source), _drive(setup))
+        plants.append(Plant(setup.motor, drive, setup.load, setup.law))
+    points = [start_point(plant) for plant in plants]
+    Shooting(points, maps[0]).search()
+    answers: dict[int, tuple[dict[str, float], float, Point, PeriodMap]] = {}
+    pending = [place for place, point in enumerate(points) if point.done]
+    level = _between(points, maps[0], own=True)
+    for refinement in range(MOST_REFINEMENTS + 1):
+        if not pending:
+            break
+        before = level
+        maps.append(PeriodMap(period, steps * 2**refinement, timeout))
+        level = [[] for _ in points]
+        for place, several in zip(
+            pending, _between([points[place] for place in pending], maps[-1], own=False), strict=True
+        ):
+            level[place] = several
+        still = []
+        for place in pending:
+            if not (all(point.done for point in level[place]) and all(point.done for point in before[place])):
+                points[place].done = False
+                continue
+            fine, spread = _averaged(level[place], maps[-1])
+            rough, _ = _averaged(before[place], maps[-2])
+            ratio = maps[-1].steps / maps[-2].steps
+            limit = extrapolated(fine, rough, ratio) if ratio > 1.0 else fine
+            radius = plants[place].motor.rotor.radius_m
+            error = radius * (abs(limit["friction"] - fine["friction"]) + 0.5 * spread)
+            answers[place] = limit, error, level[place][0], maps[-1]
+            contact = plants[place].motor.contact
+            if error > accuracy * contact.friction * contact.preload_n * radius and plants[place].law:
+                still.append(place)
+        pending = still
+    return [
+        _state(setup, point, answers.get(place) if point.done else None, maps, len(points), waveforms)
+        for place, (setup, point) in enumerate(zip(setups, points, strict=True))
+    ]
+
+
+def _between(points: Sequence[Point], period_map: PeriodMap, *, own: bool) -> list[list[Point]]:
+    """Return copies of solved points on a map, their steps between each other's; of unsolved ones none.
+
+    Args:
+        points: the points.
+        period_map: the map.
+        own: whether it is the map on which the points were solved; each is then its own first copy.
+    """
+    copies: list[list[Point]] = []
+    for point in points:
+        offsets = [number / OFFSETS * period_map.step for number in range(int(own), OFFSETS)]
+        copies.append([point.moved(offset) for offset in offsets] if point.done else [])
+    every = [copy for several in copies for copy in several]
+    shooting = Shooting(every, period_map)
+    shooting.solve()
+    lost = [copy for copy in every if not copy.done]
+    for copy in lost:  # the derivative of the coarse step did not serve
+        copy.restart(copy.state)
+    if lost:
+        shooting.solve(lost)
+    if own:
+        copies = [[point, *several] if point.done else [] for point, several in zip(points, copies, strict=True)]
+    return copies
+
+
+def _averaged(points: Sequence[Point], period_map: PeriodMap) -> tuple[dict[str, float], float]:
+    """Return the means over copies, and how far apart their mean friction forces are, N."""
+    several = []
+    for point in points:
+        assert point.trace is not None
+        several.append(means(point.plant, point.trace, period_map.discretisation))
+    found = average(several)
+    for group in "ab":
+        found[f"peak_{group}"] = max(one[f"peak_{group}"] for one in several)
+    forces = [one["friction"] for one in several]
+    return found, max(forces) - min(forces)
+
+
+def _state(
+    setup: Setup,
+    point: Point,
+    answer: tuple[dict[str, float], float, Point, PeriodMap] | None,
+    maps: Sequence[PeriodMap],
+    points: int,
+    waveforms: bool,
+) -> SteadyState:
+    drive = _drive(setup)
+    provenance: dict[str, Any] = {
+        "motor": setup.motor.to_dict(),
+        "drive": setup.source.to_dict(),
+        "run": setup.to_dict(),
+        "ngspice_version": ngspice_version(),
+        "simulated_s": sum(period_map.simulated_s for period_map in maps) / points,
+        "deck_sha256": hashlib.sha256("".join(period_map.hashes() for period_map in maps).encode()).hexdigest(),
+        "period_maps": sum(period_map.evaluations for period_map in maps),
+        "solver_seconds": sum(period_map.seconds for period_map in maps),
+    }
+    if answer is None:
+        held = setup.load.speed
+        return SteadyState(
+            setup.motor, drive, float("nan") if held is None else held, dict.fromkeys(UNITS, float("nan")),
+            float("nan"), np.zeros(0, complex), False, point.residual, point.iterations, "", setup.step,
+            provenance=provenance,
+        )  # fmt: skip
+    found, error, last, period_map = answer
+    result = quantities(point.plant, found)
+    audit = Audit(audit_point(setup.motor, result, period_map.step) if setup.law else (), done=setup.law is not None)
+    if setup.solver.audit:
+        audit.withhold(f"steady state at {found['speed']:.4g} rad/s")
+    provenance["audit"] = audit.to_dict()
+    waves = _waveforms(setup, last, period_map, provenance) if waveforms else None
+    return SteadyState(
+        setup.motor, drive, found["speed"], result, error, last.multipliers, True, last.residual, point.iterations,
+        point.method, period_map.step, audit, waves, provenance,
+    )  # fmt: skip
+
+
+def _waveforms(setup: Setup, point: Point, period_map: PeriodMap, provenance: dict[str, Any]) -> Waveforms:
+    """Return one period of a solved point as a recording of ``simulate`` is."""
+    plant, trace = point.plant, point.trace
+    assert trace is not None
+    x, y, _, _ = tip(plant, trace)
+    samples = {
+        "time": trace.time,
+        "v(xmotor.x)": 1e6 * x,
+        "v(xmotor.y)": 1e6 * y,
+        "v(shaft)": speed(plant, trace),
+    }
+    if plant.law:
+        samples |= {
+            "v(xmotor.normal)": trace.normal,
+            "v(xmotor.friction)": trace.friction,
+            "v(xmotor.slider)": trace.slider_um,
+            "v(xmotor.xcontact.delta)": trace.penetration_um,
+            "v(xmotor.state)": trace.contact_state,
+        }
+    for group in "ab":
+        name, sign = setup.source.current(group)
+        samples[f"v({group})"] = drive_voltage(getattr(plant.drive, f"tones_{group}"), trace.time)
+        samples[name] = sign * current(plant, group, trace)
+    units = plant.units(period_map.discretisation)
+    for index in range(plant.modes):
+        samples[f"v(xmotor.xmode{index + 1}.elastic)"] = trace.states[index] / units[index]
+        samples[f"i(v.xmotor.xmode{index + 1}.vvelocity)"] = trace.states[plant.modes + index]
+    if setup.motor.rotor.bearing_friction_n_m:
+        samples["v(xmotor.xbearing.share)"] = np.full(len(trace.time), np.sign(setup.load.speed or 0.0))
+    if plant.mount:
+        lift, rise = trace.states[plant.carrier]
+        stiffness = period_map.discretisation.mode(plant.mount)[1]
+        samples |= {"v(xmotor.xmount.elastic)": lift * stiffness, "i(v.xmotor.xmount.vvelocity)": rise}
+    recording = Recording(setup.motor, setup.source, setup.law, setup.load, period_map.discretisation, started=False)
+    waves = recording.columns(samples, COLUMNS)
+    arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED)}
+    return Waveforms(
+        **arrays,
+        energy=recording.energy(waves, samples),
+        drive_period_s=period_map.period,
+        rotor_radius_m=setup.motor.rotor.radius_m,
+        solver_seconds=period_map.seconds,
+        ngspice_version=ngspice_version(),
+        provenance=provenance,
+        deck=period_map.deck(Copy(plant, point.state, point.begun)),
+    )

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``piezomotor steady``: one periodic steady state, by shooting."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+import pyspice_runner as pr
+from pyspice_runner.commands.common import (
+    AuditOption,
+    JsonOption,
+    MotorArgument,
+    OutputOption,
+    PlotOption,
+    SetOption,
+    TimeoutOption,
+    busy,
+    check_targets,
+    complain,
+    deliver,
+    load_changed,
+    warn_of,
+)
+from pyspice_runner.commands.contacting import DEFAULT_LAW, LawOption, SlidersOption, check_contact
+from pyspice_runner.commands.driving import DriveOptions, with_drive_options
+
+
+@with_drive_options
+def steady(
+    context: typer.Context,
+    motor: MotorArgument,
+    drive: DriveOptions,
+    speed: Annotated[float | None, typer.Option(help="Speed at which the shaft is held, rad/s; default: free.")] = None,
+    load: Annotated[float, typer.Option(help="Torque that a load draws from the free shaft, N.m.")] = 0.0,
+    contact: LawOption = DEFAULT_LAW,
+    sliders: SlidersOption = 8,
+    step: Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")] = None,
+    accuracy: Annotated[float, typer.Option(help="Error allowed of the torque, relative to mu F0 R.")] = 2e-3,
+    timeout: TimeoutOption = None,
+    audit: AuditOption = True,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    output: OutputOption = None,
+    plot: PlotOption = None,
+) -> int:
+    """Find the periodic steady state and its stability. Writes .json, .csv or .nc (one period), .cir (its deck).
+
+    Example: piezomotor steady andersen2002 --voltage 50 --frequency 51.7e3 --speed 3 --json
+    """
+    check_contact(context, contact)
+    check_targets(output, (".json", ".csv", ".nc", ".cir"), plot)
+    loaded = load_changed(motor, changes)
+    with busy("ngspice runs periods of the drive"):
+        result = pr.steady_state(
+            loaded, drive.stated(loaded), speed=speed, load_torque=load, contact=contact, sliders=sliders,
+            step=step, accuracy=accuracy, timeout=timeout, audit=audit,
+        )  # fmt: skip
+    warn_of(result.audit.findings)
+    table = Table("quantity", "value", title=f"{loaded.name}: {result.drive.label}")
+    for name, value in result.summary().items():
+        table.add_row(name, value)
+    deliver(result.to_dict(), table, as_json, (output, result.save), (plot, result.plot))
+    if not result.converged:
+        complain("piezomotor: no steady state was found. Run simulate to see how the motor moves.")
+        return 3
+    if not result.stable:
+        complain(f"piezomotor: the steady state is not stable ({result.instability}).", style="yellow")
+    return 0

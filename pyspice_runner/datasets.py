@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Datasets as results: ``dataset.piezomotor`` has ``to_dict``, ``save``, ``plot`` and the display of a notebook.
+
+``speed_torque`` and ``sweep`` return an :class:`xarray.Dataset`. This module registers the accessor ``piezomotor``.
+It is there as soon as either has run; for a dataset read from a file, ``import pyspice_runner.datasets`` first.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray
+
+from pyspice_runner.files import write_json, write_netcdf
+from pyspice_runner.result import Audit, Result
+from pyspice_runner.units import engineering
+
+if TYPE_CHECKING:
+    import pandas
+
+SPEED = "speed_rad_s"
+_NOT_QUANTITIES = ("failure", "deck_sha256")  # of a sweep
+
+
+def labelled(
+    variables: Mapping[str, tuple[Sequence[str], Any, Mapping[str, Any]]],
+    coordinates: Mapping[str, Any],
+    attributes: Mapping[str, Any],
+) -> xarray.Dataset:
+    """Return a dataset of named variables, each with its dimensions, values and attributes."""
+    return xarray.Dataset(dict(variables), dict(coordinates), dict(attributes))
+
+
+class DatasetResult(Result):
+    """A dataset with the interface of a result.
+
+    Attributes:
+        dataset: the dataset.
+    """
+
+    def __init__(self, dataset: xarray.Dataset) -> None:
+        self.dataset = dataset
+
+    def writers(self) -> dict[str, Callable[[Path], object]]:
+        """Return the writers by ending: ``.nc``, ``.csv`` (one row for each point) and ``.json``."""
+        return {
+            ".nc": lambda file: write_netcdf(file, self.dataset),
+            ".csv": lambda file: self.dataset.to_dataframe().to_csv(file),
+            ".json": lambda file: write_json(file, self.to_dict()),
+        }
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the dataset itself."""
+        return self.dataset
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return a pandas table with one row for each point."""
+        return self.dataset.to_dataframe()
+
+    def _attributes(self) -> dict[str, Any]:
+        """Return the attributes of the dataset, those that hold JSON decoded."""
+        attributes = {str(name): value for name, value in self.dataset.attrs.items()}
+        coded = {name for name in ("motor", "drive", "run", "audit") if name in attributes}
+        return {name: json.loads(value) if name in coded else value for name, value in attributes.items()}
+
+
+class Curves(DatasetResult):
+    """The result of ``speed_torque``: torque and powers over the speed, and over further axes."""
+
+    @property
+    def audit(self) -> Audit:  # type: ignore[override]
+        """The outcome of the physical audit of all points."""
+        return Audit(tuple(json.loads(self.dataset.attrs["audit"])["findings"]))
+
+    @property
+    def others(self) -> list[str]:
+        """Names of the axes beside the speed."""
+        return [str(name) for name in self.dataset["torque_n_m"].dims if name != SPEED]
+
+    @property
+    def unsettled(self) -> int:
+        """Number of points that are finished and did not settle."""
+        return int((~self.dataset["settled"] & self.dataset["torque_n_m"].notnull()).sum())
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Findings of the audit, unsettled and missing points."""
+        found = list(self.audit.findings)
+        if self.unsettled:
+            found.append(
+                f"{self.unsettled} of {self.dataset['settled'].size} points did not settle. Their values are "
+                "means over an irregular motion."
+            )
+        return (*found, *([self.dataset.attrs["incomplete"]] if "incomplete" in self.dataset.attrs else []))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return axes, quantities and provenance, JSON-ready; ``None`` for what is not defined."""
+        data = self.dataset
+        return {
+            "dimensions": {str(name): data.sizes[name] for name in data["torque_n_m"].dims},
+            **{str(name): values.values.tolist() for name, values in data.coords.items()},
+            **{str(name): _finite(values.values.tolist()) for name, values in data.data_vars.items()},
+            **self._attributes(),
+        }
+
+    def summary(self) -> dict[str, str]:
+        """Return the range of the axes, the greatest torque, speed and efficiency, and how many points settled."""
+        data = self.dataset
+        found = {"curve": data.attrs["title"]}
+        for name in (*self.others, SPEED):
+            values = data[name].values
+            found[name] = f"{values.min():.4g} to {values.max():.4g}, {values.size} values"
+        if bool(data["torque_n_m"].notnull().any()):
+            found["greatest torque"] = engineering(float(data["torque_n_m"].max()), "N·m")
+            found["greatest shaft power"] = engineering(float(data["shaft_power_w"].max()), "W")
+            found["best efficiency"] = _percent(float(data["efficiency"].where(data["shaft_power_w"] > 0.0).max()))
+        found["settled"] = f"{int(data['settled'].sum())} of {data['settled'].size} points"
+        return found
+
+
+class Sweep(DatasetResult):
+    """The result of ``sweep``: quantities over axes and samples."""
+
+    @property
+    def quantities(self) -> list[str]:
+        """Names of the quantities."""
+        return [str(name) for name in self.dataset.data_vars if name not in _NOT_QUANTITIES]
+
+    @cached_property
+    def failures(self) -> list[dict[str, Any]]:
+        """The points that failed: where each is, and the reason."""
+        if "failure" not in self.dataset:
+            return []
+        failure = self.dataset["failure"]
+        points = [failure[tuple(index)] for index in np.argwhere(failure.values != "")]
+        return [
+            {"at": {str(name): value.item() for name, value in point.coords.items()}, "reason": point.item()}
+            for point in points
+        ]
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Says how many points failed."""
+        if not self.failures:
+            return ()
+        return (f"{len(self.failures)} of {self.dataset['failure'].size} points failed; see 'failure'.",)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return axes, quantities, failures and provenance, JSON-ready; ``None`` where a point failed."""
+        data = self.dataset
+        return {
+            "points": int(np.prod(list(data.sizes.values()))),
+            "dimensions": {str(name): size for name, size in data.sizes.items()},
+            "coordinates": {str(name): values.values.tolist() for name, values in data.coords.items()},
+            "quantities": {name: _finite(data[name].values.tolist()) for name in self.quantities},
+            "failures": self.failures,
+            "provenance": self._attributes(),
+        }
+
+    def summary(self) -> dict[str, str]:
+        """Return the axes, and the lowest and highest value of each quantity."""
+        data = self.dataset
+        found = {"sweep": str(data.attrs.get("title", ""))}
+        found |= {str(name): f"{size} values" for name, size in data.sizes.items()}
+        for name in self.quantities:
+            values = data[name].values[np.isfinite(data[name].values)]
+            unit = data[name].attrs["units"]
+            if values.size:
+                ends = (float(values.min()), float(values.max()))
+                found[name] = " to ".join(engineering(value, "" if unit == "1" else unit) for value in ends)
+        return found
+
+
+@xarray.register_dataset_accessor("piezomotor")  # type: ignore[untyped-decorator, no-untyped-call]
+def as_result(dataset: xarray.Dataset) -> DatasetResult:
+    """Return a dataset of ``speed_torque`` or ``sweep`` as a result."""
+    return Curves(dataset) if {SPEED, "torque_n_m", "settled"} <= set(dataset.variables) else Sweep(dataset)
+
+
+def _finite(values: Any) -> Any:
+    """Return numbers, or lists of them, with ``None`` for what is not finite."""
+    if isinstance(values, list):
+        return [_finite(value) for value in values]
+    return None if isinstance(values, float) and not np.isfinite(values) else values
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.3g} %" if np.isfinite(share) else "–"

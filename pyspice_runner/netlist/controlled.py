@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Benches for a controller in the loop: sources that a session alters, and integrals that a sample reads.
+
+The averaged and the full motor have the same command sources and the same sampled nodes. So one controller runs
+against both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+from PySpice.Spice.Netlist import Circuit
+
+from pyspice_runner.model.drive import Load, TwoPhaseDrive, check_together
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.thermal import Thermal
+from pyspice_runner.netlist.averaged import averaged_bench
+from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS, transient_options
+from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.motor import Discretisation
+from pyspice_runner.netlist.sources import FREE, PAPER_LAW, Bench, Pins, motor_bench
+
+COMMANDS = {"frequency": "vset_frequency", "voltage_a": "vset_a", "voltage_b": "vset_b", "phase_deg": "vset_phase"}
+SAMPLED = ("v(position)", "v(sum_re)", "v(sum_im)")  # angle in rad; integrals of the current's amplitude, 1 V = 1 uA.s
+_TURNS = f"{2.0 * pi!r}*V(turns)"
+
+
+@dataclass(frozen=True)
+class CommandedSource:
+    """Two sines whose frequency, amplitudes and phase are the values of DC sources; the phase goes on without a jump.
+
+    Attributes:
+        drive: the values at the start.
+    """
+
+    drive: TwoPhaseDrive
+    uniform = True
+    continues = False  # the oscillator stores its phase
+    rise_time = 0.0
+    points_per_period = UNIFORM_POINTS
+    fewest_points = FEWEST_POINTS_PER_PERIOD
+    vectors = ()
+
+    @property
+    def label(self) -> str:
+        """That of the drive at the start."""
+        return f"{self.drive.label} at the start, then as commanded"
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """That of the drive at the start."""
+        return self.drive.frequencies
+
+    @property
+    def period(self) -> float:
+        """That of the drive at the start."""
+        return self.drive.period
+
+    def check(self, motor: Motor) -> None:
+        """Raise a ParameterError for a frequency far from the modes, or a voltage that no stator withstands."""
+        check_together(motor, self.drive)
+
+    def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
+        """Return the options of a run with uniform steps."""
+        return transient_options(motor, law.name if law else None)
+
+    def measured_period(self, samples: Mapping[str, Any]) -> float:  # noqa: ARG002
+        """Return the period at the start."""
+        return self.period
+
+    def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
+        """Add the commands, the oscillator and the two sources ``Va`` and ``Vb``."""
+        drive = self.drive
+        values = {"frequency": drive.frequency, "a": drive.voltage, "b": drive.voltage, "phase": drive.phase_deg}
+        for name, value in values.items():
+            circuit.V(f"set_{name}", f"set_{name}", circuit.gnd, f"DC {float(value)!r}")
+        shift = f"{pi / 180.0!r}*V(set_phase)"
+        circuit.raw_spice += (
+            "Gturns 0 turns set_frequency 0 1u\nCturns turns 0 1u ic=0\nRturns turns 0 1t\n"
+            f"Bdrive_a drive_a 0 V=V(set_a)*sin({_TURNS})\n"
+            f"Bdrive_b drive_b 0 V=V(set_b)*sin({_TURNS}+{shift})\n"
+            f"Bsum_re 0 sum_re I=-2*I(Va)*sin({_TURNS})\nBsum_im 0 sum_im I=-2*I(Va)*cos({_TURNS})\n"
+        )
+        for group, pin in zip(
+            "ab", pins, strict=True
+        ):  # ngspice counts the current of Va from the pin into the source, hence the signs above
+            circuit.V(group, pin, f"drive_{group}", "DC 0")
+
+    def initial_voltages(self) -> tuple[float, float]:
+        """Return U_A and U_B at t = 0."""
+        return self.drive.initial_voltages()
+
+    def current(self, group: str) -> tuple[str, float]:
+        """Return the current of the group's source, which ngspice counts from the pin into the source."""
+        return f"i(v{group})", -1.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return kind, label and values of the drive at the start."""
+        return {"kind": type(self).__name__, "label": self.label, **self.drive.model_dump()}
+
+
+def controlled_bench(
+    motor: Motor,
+    drive: TwoPhaseDrive,
+    *,
+    sample_time: float,
+    step: float | None = None,
+    load: Load = FREE,
+    law: Law = PAPER_LAW,
+    thermal: Thermal | None = None,
+    title: str = "",
+) -> Bench:
+    """Put a motor on a bench whose commands a session can alter and whose samples it can read.
+
+    Args:
+        motor: the motor.
+        drive: the commands at the start.
+        sample_time: time in s between two samples; a clock makes ngspice take a time point at each.
+        step: uniform time step in s of the full motor; ``None`` for the averaged motor.
+        load: on the shaft.
+        law: law of the contact.
+        thermal: drift of the motor, which its losses then heat.
+        title: title line of the deck.
+    """
+    if step is None:
+        settings = {
+            "frequency": [(0.0, drive.frequency)], "voltage_a": [(0.0, drive.voltage)],
+            "voltage_b": [(0.0, drive.voltage)], "phase_deg": [(0.0, drive.phase_deg)],
+            "load_torque": [(0.0, load.torque)],
+        }  # fmt: skip
+        bench = averaged_bench(motor, settings, load=load, thermal=thermal, title=title)
+        bench.circuit.raw_spice += "Fsum_re 0 sum_re Va_re 1\nFsum_im 0 sum_im Va_im 1\n"
+    else:
+        bench = motor_bench(
+            motor, CommandedSource(drive), load=load, law=law, discretisation=Discretisation(step), thermal=thermal,
+            title=title,
+        )  # fmt: skip
+        bench.circuit.raw_spice += (
+            "Gposition 0 position shaft 0 1\nCposition position 0 1 ic=0\nRposition position 0 1t\n"
+        )
+    corners = (0.5 * sample_time, 0.2 * sample_time)  # of the clock; ngspice takes a time point at each
+    bench.circuit.raw_spice += (
+        "Csum_re sum_re 0 1u ic=0\nRsum_re sum_re 0 1t\nCsum_im sum_im 0 1u ic=0\nRsum_im sum_im 0 1t\n"
+        f"Vclock clock 0 PULSE(0 1 0 {corners[0]!r} {corners[1]!r} {corners[1]!r} {sample_time!r})\n"
+    )
+    return bench

@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Many copies of a running motor in one circuit, each from a state of its own: the bench of the steady state.
+
+All copies share the time axis, so that one run of ngspice maps all states over a period of the drive. Copies of the
+same motor share its subcircuit; the state at the start is a set of parameters on the X line of each copy.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+from PySpice.Spice.Netlist import Circuit
+
+from pyspice_runner.model.drive import Drive, Load, Tone
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.parameters import Mount
+from pyspice_runner.netlist.benches import transient_options
+from pyspice_runner.netlist.contact import SLIDERS, Law
+from pyspice_runner.netlist.motor import Discretisation, Motion, MotorSubCircuit, dielectric_resistance
+from pyspice_runner.netlist.sources import Bench
+
+Array = NDArray[np.float64]
+_MICRO = 1e-6  # m, for which 1 V stands
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A motor, its drive and its load with the order of the states that a period maps.
+
+    The states are the modal displacements (m), the modal velocities (m/s), the sliders of the contact (m), of a stator
+    on a mount the displacement (m) and velocity (m/s) of the carrier and, unless the shaft is held, the speed of the
+    rotor (rad/s). The plates are none of them: ideal voltage sources fix their
+    voltages.
+
+    Attributes:
+        motor: the motor.
+        drive: the two voltages, without soft start.
+        load: on the shaft.
+        law: law of the contact; ``None`` for a free tip.
+    """
+
+    motor: Motor
+    drive: Drive
+    load: Load
+    law: Law | None
+
+    @property
+    def modes(self) -> int:
+        """Number of modes."""
+        return len(self.motor.modes)
+
+    @property
+    def contact_states(self) -> tuple[str, ...]:
+        """Nodes inside the motor whose voltages are the states of the contact, 1 V for 1 µm of displacement."""
+        if self.law is None:
+            return ()
+        return ("slider",) if self.law.name == "spring-slider" else self.law.states
+
+    @property
+    def sliders(self) -> int:
+        """Number of states of the contact."""
+        return len(self.contact_states)
+
+    @property
+    def mount(self) -> Mount | None:
+        """The mount; a free tip has none."""
+        return self.motor.mount if self.law else None
+
+    @property
+    def carrier(self) -> slice:
+        """Where the states of the carrier are, if there is one."""
+        first = 2 * self.modes + self.sliders
+        return slice(first, first + (2 if self.mount else 0))
+
+    @property
+    def turns(self) -> bool:
+        """Whether the speed of the rotor is a state."""
+        return self.load.speed is None
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return 2 * self.modes + self.sliders + 2 * (self.mount is not None) + self.turns
+
+    def motor_text(self, discretisation: Discretisation, name: str) -> str:
+        """Return the subcircuits of the motor, with the state as parameters of the X line: r1 …, v1 …, u, z, s, w."""
+        still = (0.0,) * self.modes
+        definition = MotorSubCircuit(
+            self.motor, contact=self.law.name if self.law else None,
+            sliders=self.law.sliders if self.law else SLIDERS, discretisation=discretisation,
+            start=Motion(still, still, 0.0, 0.0, 0.0, 0.0), name=name,
+        )  # fmt: skip
+        text = str(definition)
+        numbers = range(1, self.modes + 1)
+        names = [*(f"r{number}" for number in numbers), *(f"v{number}" for number in numbers), "u", "z", "s", "w"]
+        text = re.sub(rf"^(\.subckt {name} .*)$", rf"\1 {' '.join(f'{one}=0' for one in names)}", text, flags=re.M)
+        for number in numbers:
+            text = _with(text, f"Xmode{number}", start=f"{{r{number}}}", velocity=f"{{v{number}}}")
+        if self.law and self.law.name == "spring-slider":
+            text = _with(text, "Xcontact", start="{u}")
+        text = _with(text, "Xmount", start="{z}", velocity="{s}")
+        return f"{definition.parts}\n{_with(text, 'Xrotor', start='{w}').strip()}"
+
+    def start_values(self, state: Array, discretisation: Discretisation) -> dict[str, float]:
+        """Return the parameters of the X line for a state."""
+        n = self.modes
+        preload = self.motor.contact.preload_n if self.law else 0.0
+        values = {}
+        for index, mode in enumerate(self.motor.modes):
+            bending = mode.tip_y * preload / discretisation.mode(mode)[1]
+            values[f"r{index + 1}"] = (float(state[index]) + bending) / _MICRO
+            values[f"v{index + 1}"] = float(state[n + index])
+        if self.law and self.law.name == "spring-slider":
+            values["u"] = float(state[2 * n]) / _MICRO
+        if self.mount:
+            displacement, velocity = state[self.carrier]
+            values |= {"z": float(displacement) / _MICRO, "s": float(velocity)}
+        values["w"] = float(state[-1]) if self.load.speed is None else self.load.speed
+        return values
+
+    def start_nodes(self, state: Array, begun: float) -> dict[str, float]:
+        """Return the initial voltages by node inside the motor: of plates and of a contact without start parameter."""
+        nodes = {}
+        for group, tones in (("a", self.drive.tones_a), ("b", self.drive.tones_b)):
+            plates = (phasor_at(tone, self.plate_gain(group, tone), begun)[0] for tone in tones)
+            nodes[f"xgroup_{group}.plate"] = float(sum(plates))
+        if self.law and self.law.name != "spring-slider":
+            values = state[2 * self.modes : 2 * self.modes + self.sliders]
+            nodes |= {node: float(u) / _MICRO for node, u in zip(self.contact_states, values, strict=True)}
+        return nodes
+
+    def plate_gain(self, group: str, tone: Tone) -> complex:
+        """Return voltage of the clamped capacitance over voltage of the pin."""
+        capacitance: float = getattr(self.motor.piezo, f"capacitance_{group}_f")
+        resistance = dielectric_resistance(self.motor, group)
+        return 1.0 / (1.0 + 2j * pi * tone.frequency * resistance * capacitance)
+
+    def vectors(self) -> list[str]:
+        """Return the vectors inside the motor that hold its states, in their order."""
+        numbers = range(1, self.modes + 1)
+        names = [f"v({{}}.xmode{number}.elastic)" for number in numbers]
+        names += [f"i(v.{{}}.xmode{number}.vvelocity)" for number in numbers]
+        names += [f"v({{}}.{node})" for node in self.contact_states]
+        if self.mount:
+            names += ["v({}.xmount.elastic)", "i(v.{}.xmount.vvelocity)"]
+        return [*names, "v({}_shaft)"] if self.turns else names
+
+    def units(self, discretisation: Discretisation) -> Array:
+        """Return the SI value for which 1 V or 1 A of each of these vectors stands."""
+        compliances = [1.0 / discretisation.mode(mode)[1] for mode in self.motor.modes]
+        carrier = [1.0 / discretisation.mode(self.mount)[1], 1.0] if self.mount else []
+        return np.array([*compliances, *(1.0,) * self.modes, *(_MICRO,) * self.sliders, *carrier, *(1.0,) * self.turns])
+
+
+def phasor_at(tone: Tone, gain: complex, time: float | Array) -> tuple[float | Array, float | Array]:
+    """Return a linear response to a tone, and its rate, at a time in s: Im(gain · amplitude · e^(jωt + jφ))."""
+    omega = 2.0 * pi * tone.frequency
+    turning = tone.amplitude * gain * np.exp(1j * (omega * time + tone.phase))
+    return turning.imag, (1j * omega * turning).imag
+
+
+@dataclass(frozen=True)
+class Copy:
+    """One copy of a plant.
+
+    Attributes:
+        plant: motor, drive, load and law.
+        state: at the start.
+        begun: time in s since the drive's phase was that of t = 0.
+    """
+
+    plant: Plant
+    state: Array
+    begun: float = 0.0
+
+
+def copy_name(number: int) -> str:
+    """Return the name of a copy's instance, in lower case as in ngspice's vectors."""
+    return f"xc{number}"
+
+
+def copies_bench(
+    copies: Sequence[Copy], discretisation: Discretisation, texts: dict[int, tuple[str, str]] | None = None
+) -> Bench:
+    """Return the bench of many copies: instances ``Xc0``, ``Xc1``, …, shafts on the nodes ``xc0_shaft``, ….
+
+    Copies with the same drive in the same phase share their sources. The law is the same in all copies.
+
+    Args:
+        copies: the copies.
+        discretisation: adaptation to the uniform step.
+        texts: subcircuits of motors that have been written before, by the identity of the motor: name and text.
+            It is filled.
+    """
+    first = copies[0].plant
+    texts = {} if texts is None else texts
+    lines: list[str] = []
+    sources: dict[tuple[int, float], int] = {}
+    written: set[int] = set()
+    start: dict[str, float] = {}
+    for number, copy in enumerate(copies):
+        plant, instance = copy.plant, copy_name(number)
+        motor = id(plant.motor)
+        if motor not in written:
+            written.add(motor)
+            if motor not in texts:
+                name = f"motor{len(texts)}"
+                texts[motor] = name, plant.motor_text(discretisation, name)
+            lines.append(texts[motor][1])
+        key = (id(plant.drive), copy.begun)
+        if key not in sources:
+            sources[key] = len(sources)
+            lines += _drive_lines(plant.drive, copy.begun, sources[key])
+        shaft = f"{instance}_shaft"
+        if plant.load.speed is not None:
+            lines.append(f"V{shaft} {shaft} 0 DC {float(plant.load.speed)!r}")
+        elif plant.load.torque:
+            lines.append(f"I{shaft} {shaft} 0 DC {float(plant.load.torque)!r}")
+        start_values = plant.start_values(copy.state, discretisation)
+        values = " ".join(f"{name}={value:.17g}" for name, value in start_values.items())
+        pins = f"a{sources[key]} b{sources[key]} 0 {shaft}"
+        lines.append(f"{instance} {pins} {texts[motor][0]} {values}")
+        start |= {f"{instance}.{node}": value for node, value in plant.start_nodes(copy.state, copy.begun).items()}
+    circuit = Circuit(f"{len(copies)} copies of {first.motor.name}")
+    circuit.raw_spice += "\n".join(lines) + "\n"
+    options = dict(transient_options(first.motor, first.law.name if first.law else None))
+    for copy in copies:
+        own = transient_options(copy.plant.motor, first.law.name if first.law else None)
+        options |= {name: own[name] for name in ("vntol", "abstol") if float(own[name]) < float(options[name])}
+    return Bench(circuit, options, start)
+
+
+def _drive_lines(drive: Drive, begun: float, number: int) -> list[str]:
+    lines = []
+    for group, tones in (("a", drive.tones_a), ("b", drive.tones_b)):
+        nodes = [f"{group}{number}", *(f"{group}{number}_{index}" for index in range(1, len(tones))), "0"]
+        for index, tone in enumerate(tones):
+            degrees = 180.0 / pi * tone.phase + 360.0 * ((tone.frequency * begun) % 1.0)
+            lines.append(
+                f"V{group}{number}_{index} {nodes[index]} {nodes[index + 1]} "
+                f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {degrees!r})"
+            )
+    return lines
+
+
+def _with(text: str, instance: str, **values: str) -> str:
+    """Replace the values of parameters in the line of an instance."""
+
+    def replaced(line: re.Match[str]) -> str:
+        changed = line.group()
+        for name, value in values.items():
+            changed = re.sub(rf" {name}=\S+", f" {name}={value}", changed)
+        return changed
+
+    return re.sub(rf"^{instance} .*$", replaced, text, flags=re.M)
+
+
+def drive_voltage(tones: Sequence[Tone], time: Array) -> Array:
+    """Return the voltage of a group in V."""
+    return np.asarray(sum(tone.amplitude * np.sin(2.0 * pi * tone.frequency * time + tone.phase) for tone in tones))

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What all results have in common: files, tables and the audit, and by :mod:`pyspice_runner.display` plots."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.display import Shown
+from pyspice_runner.errors import SimulationError
+from pyspice_runner.files import save_by_ending, write_csv, write_json, write_netcdf
+from pyspice_runner.units import unit_in
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+
+@dataclass(frozen=True)
+class Audit:
+    """The outcome of the physical audit of a result (:mod:`pyspice_runner.run.audit`).
+
+    Attributes:
+        findings: what cannot be true about the result, one sentence each.
+        done: whether there was enough data for an audit.
+    """
+
+    findings: tuple[str, ...] = ()
+    done: bool = True
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether nothing was found; ``None`` without an audit."""
+        return not self.findings if self.done else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the outcome, JSON-ready."""
+        return {"passed": self.passed, "findings": list(self.findings)}
+
+    def withhold(self, what: str) -> None:
+        """Raise what was found.
+
+        Args:
+            what: kind of the result, for the message.
+
+        Raises:
+            SimulationError: if anything was found.
+        """
+        if self.findings:
+            raise SimulationError(
+                f"{' '.join(self.findings)} The {what} is not returned. With audit = False it is, and carries this "
+                "finding."
+            )
+
+
+class Result(Shown):
+    """Base of the results.
+
+    A subclass has ``to_dict`` and ``summary``. With ``columns`` it can be written as ``.csv`` and ``.nc`` and read as a
+    table; with an attribute ``deck`` it can be written as ``.cir``. What it looks like is in
+    :mod:`pyspice_runner.view.plots`.
+    """
+
+    deck: str | None = None
+    audit: Audit = Audit()
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {}  # column → unit and meaning, where the name does not say them
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result without its curves, JSON-ready, SI units."""
+        raise NotImplementedError
+
+    def columns(self) -> Mapping[str, NDArray[np.float64]]:
+        """Return the curves by name, all of one length; the first is what the others are plotted over."""
+        return {}
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What to know before using the result, one sentence each; by default the findings of the audit."""
+        return self.audit.findings
+
+    # --- files and tables ---
+
+    def writers(self) -> dict[str, Callable[[Path], object]]:
+        """Return the endings that :meth:`save` takes, each with the function that writes such a file."""
+        found: dict[str, Callable[[Path], object]] = {".json": lambda file: write_json(file, self.to_dict())}
+        if self.columns():
+            found[".csv"] = lambda file: write_csv(file, self.columns())
+            found[".nc"] = lambda file: write_netcdf(file, self.to_xarray())
+        if self.deck is not None:
+            found[".cir"] = lambda file: file.write_text(self.deck or "", encoding="utf-8")
+        return found
+
+    def save(self, path: str | Path) -> Path:
+        """Write the result, by the ending of the file, and return its path.
+
+        ``.json`` has :meth:`to_dict`, ``.csv`` and ``.nc`` (NetCDF) have :meth:`columns`, ``.cir`` has the deck that
+        was run, as far as the result has them. Some results have further endings.
+
+        Raises:
+            ParameterError: for another ending, or a place that cannot be written.
+        """
+        return save_by_ending(path, self.writers())
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return :meth:`columns` as a pandas table, the first as its index."""
+        import pandas
+
+        columns = dict(self.columns())
+        return pandas.DataFrame(columns).set_index(next(iter(columns), None))
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return :meth:`columns` as a dataset over the first of them, with units; :meth:`to_dict` is an attribute."""
+        import xarray
+
+        columns = dict(self.columns())
+        along = next(iter(columns))
+        variables = {}
+        for name, values in columns.items():
+            unit, meaning = self.units.get(name, (unit_in(name), ""))
+            variables[name] = (along, values, {"units": unit, **({"long_name": meaning} if meaning else {})})
+        coordinate = variables.pop(along)
+        return xarray.Dataset(variables, {along: coordinate}, {"summary": json.dumps(self.to_dict())})

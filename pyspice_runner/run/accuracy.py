@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How far a run is from the exact motion, estimated from the same run with two and four times its step.
+
+The trapezoidal rule is of second order: the error of the trajectory is then a third of its distance from that at twice
+the step. Where the two distances do not show that order, the whole distance counts. Means are moved by changes of state
+that fall between two steps, now by more and now by less, so that their changes are added up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.errors import SimulationError
+from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.window import Window
+
+Array = NDArray[np.float64]
+TIP = ("tip_x_m", "tip_y_m")
+JUDGED = (*TIP, "rotor_speed_rad_s", "friction_force_n")
+COST = 0.75  # of the run whose error is estimated: half of its steps and a quarter
+_SECOND_ORDER = 2.5  # ratio of the distances from twice to four times the step; 4 where the error is of second order
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Estimated errors of a run.
+
+    Attributes:
+        tip: of the tip's trajectory, RMS relative to its motion.
+        speed_rad_s: of the mean rotor speed; ``None`` if it was not recorded.
+        torque_n_m: of the mean torque; ``None`` if it was not recorded.
+        seconds: wall time in s that ngspice took for the estimate.
+    """
+
+    tip: float
+    speed_rad_s: float | None
+    torque_n_m: float | None
+    seconds: float
+
+
+def estimate_errors(
+    setup: Setup,
+    waves: Mapping[str, Array],
+    duration: float,
+    *,
+    record_from: float = 0.0,
+    progress: Callable[[float], object] | None = None,
+) -> Errors | None:
+    """Estimate the errors of a run by running it twice more, with coarser steps; ``None`` if those runs fail.
+
+    Args:
+        setup: of the run.
+        waves: its columns, the tip among them.
+        duration: simulated time in s.
+        record_from: time in s from which on it was recorded.
+        progress: called with the time in s that the two runs have reached, together up to 0.75 times the duration.
+    """
+    names = [name for name in JUDGED if name in waves]
+    coarser: list[Mapping[str, Array]] = []
+    seconds = 0.0
+    for factor, before in ((2.0, 0.0), (4.0, 0.5 * duration)):
+        if factor * setup.step > setup.coarsest_step:
+            break
+        trial = setup.with_step(factor * setup.step)
+        recording = trial.recording(started=record_from == 0.0)
+        tell = None if progress is None else lambda at, f=factor, b=before: progress(b + at / f)
+        try:
+            outcome = trial.run(
+                duration, [*recording.vectors(names), *setup.source.vectors], record_from=record_from, progress=tell
+            )
+        except SimulationError:
+            return None
+        seconds += outcome.seconds
+        samples = outcome.vectors()
+        coarser.append(recording.columns(samples, names))
+    if not coarser:
+        return None
+    first = _distance(waves, coarser[0])
+    second_order = len(coarser) == 2 and _distance(coarser[0], coarser[1]) >= _SECOND_ORDER * first
+    speed, force = (_of_mean(name, [waves, *coarser], setup.source.period) for name in JUDGED[2:])
+    return Errors(
+        first / 3.0 if second_order else first,
+        speed,
+        None if force is None else setup.motor.rotor.radius_m * force,
+        seconds,
+    )
+
+
+def _of_mean(name: str, runs: list[Mapping[str, Array]], period: float) -> float | None:
+    """Return the estimated error of the mean of a signal."""
+    if name not in runs[0]:
+        return None
+    means = [Window(run["time_s"], period).mean(run[name]) for run in runs]
+    weights = (1.0, 0.5)
+    return float(sum(weight * abs(a - b) for weight, a, b in zip(weights, means[:-1], means[1:], strict=False)))
+
+
+def _distance(fine: Mapping[str, Array], coarse: Mapping[str, Array]) -> float:
+    """Return the RMS distance of two tips over the RMS of the motion."""
+    from scipy.interpolate import CubicSpline
+
+    time = fine["time_s"]
+    time = time[(time >= coarse["time_s"][0]) & (time <= coarse["time_s"][-1])]
+    first = int(np.searchsorted(fine["time_s"], time[0])) if len(time) else 0
+    away, motion = 0.0, 0.0
+    for name in TIP:
+        ours = fine[name][first : first + len(time)]
+        away += float(np.mean((ours - CubicSpline(coarse["time_s"], coarse[name])(time)) ** 2))
+        motion += float(np.var(ours))
+    return sqrt(away / motion) if motion > 0.0 else 0.0

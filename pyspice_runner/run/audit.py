@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The physical audit of a result: whether it is physically possible; independent of what the simulator reports.
+
+A clean log and finite numbers are not enough: a step that is too coarse for the contact, or a simulator that lost its
+way, gives curves that look right. What no motor can do is looked for here, and named with its likely cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.model.contact import linearised_resonances, static_deflection
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD
+from pyspice_runner.run.waveforms import ENERGY_BOUND, EnergyBalance
+
+Array = NDArray[np.float64]
+
+# The wattmeters' sums are those of the very steps that were taken: settled points close to 1e-4, and what the contact
+# stores from block to block is not among the powers. What is worse than this is an error.
+POWER_BOUND = 0.01
+# A bridge's edges have steps of their own, and powers are read from the points by the trapezoidal rule; over all
+# drivers and corners of their parameters (docs/drive_grid.py) that closes to better than 1 %.
+DRIVER_BOUND = 0.02
+_WATTMETER = 1e-4  # of the apparent power: what iteration and rule leave of a purely reactive power
+_SLACK = 1e-3  # of a force; Newton's iteration is closed to 1e-6, the points of a slip lie up to half a step beside it
+NEWTON = 1e-6  # to which the iteration is closed, of the energy that pressing tip and rotor together stores
+_PASSIVE = 1e-9  # of the greatest |Y|: rounding
+
+
+def audit_run(
+    motor: Motor, waves: Mapping[str, Array], energy: EnergyBalance, *, step: float, contact: bool
+) -> tuple[str, ...]:
+    """Return what cannot be true about a run, a sentence each; none if it passes.
+
+    Args:
+        motor: the motor.
+        waves: the columns of :class:`~pyspice_runner.run.waveforms.Waveforms`.
+        energy: its energy balance.
+        step: time step in s.
+        contact: whether the tip is in contact with a rotor.
+    """
+    findings = []
+    greatest = float(np.abs(waves["normal_force_n"]).max()) if contact else 0.0
+    if energy.residual > ENERGY_BOUND:
+        findings.append(
+            f"The energy balance misses {abs(energy.missing):.3g} of {energy.passed:.3g} J; the limit is "
+            f"{100 * ENERGY_BOUND:g} %. The step of {step:.3g} s is likely too coarse for the contact: halve it."
+        )
+    if not contact:
+        return tuple(findings)
+    findings += audit_contact(motor.contact.friction, waves["normal_force_n"], waves["friction_force_n"])
+    findings += _step_finding(motor, greatest, "greatest", step)
+    return tuple(findings)
+
+
+def audit_contact(friction: float, normal_n: Array, friction_n: Array) -> tuple[str, ...]:
+    """Return what cannot be true about the forces of a contact, a sentence each; none if they pass.
+
+    Args:
+        friction: coefficient of friction.
+        normal_n: normal force over time.
+        friction_n: friction force over time.
+    """
+    findings = []
+    greatest = float(np.abs(normal_n).max())
+    if normal_n.min() < -_SLACK * greatest:
+        findings.append(
+            f"The contact pulls with {-normal_n.min():.3g} N, which no contact does. Its law was taken beyond its "
+            "range: halve the step, or lower the drive."
+        )
+    excess = float(np.max(np.abs(friction_n) - friction * np.maximum(normal_n, 0.0)))
+    if excess > _SLACK * friction * greatest:
+        findings.append(
+            f"Friction exceeds mu F_N by {excess:.3g} N, which no dry contact does. The slider was not held to its "
+            "limit: halve the step."
+        )
+    return tuple(findings)
+
+
+def audit_point(motor: Motor, point: Mapping[str, float], step: float) -> tuple[str, ...]:
+    """Return what cannot be true about the means of a point on the dynamometer, a sentence each; none if they pass.
+
+    Args:
+        motor: the motor.
+        point: the quantities of ``speed_torque``.
+        step: time step in s.
+    """
+    findings = []
+    electrical, shaft = point["power_a_w"] + point["power_b_w"], point["shaft_power_w"]
+    losses = {name: point[name] for name in ("dielectric_loss_w", "damping_loss_w", "friction_loss_w", "normal_loss_w")}
+    found = shaft + sum(losses.values()) + point["stored_power_w"]
+    scale = max(electrical, 0.0) + max(-shaft, 0.0) + abs(point["stored_power_w"])
+    reactive = point["apparent_power_a_va"] + point["apparent_power_b_va"]
+    # at rest all powers are zero, and what the iteration leaves in a period of the slowest mode is all there is
+    closed = NEWTON * pressed_j(motor, motor.contact.preload_n) * motor.modes[0].frequency_hz
+    if abs(electrical - found) > POWER_BOUND * scale + _WATTMETER * reactive + closed:
+        findings.append(
+            f"The powers miss {abs(electrical - found):.3g} of {scale:.3g} W; the limit is {100 * POWER_BOUND:g} %. "
+            f"The step of {step:.3g} s is likely too coarse for the contact: halve it."
+        )
+    normal = point["normal_force_n"]
+    if normal < -_SLACK * motor.contact.preload_n:
+        findings.append(
+            f"On average the contact pulls with {-normal:.3g} N, which no contact does. Its law was taken beyond its "
+            "range: halve the step, or lower the drive."
+        )
+    limit = motor.contact.friction * max(normal, 0.0) * motor.rotor.radius_m
+    if abs(point["torque_n_m"]) > limit + _SLACK * max(
+        limit, motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    ):
+        findings.append(
+            f"The mean torque of {point['torque_n_m']:.3g} N.m exceeds the {limit:.3g} N.m that the mean normal force "
+            "can drag, which no dry contact does. The slider was not held to its limit: halve the step."
+        )
+    findings += _step_finding(motor, normal, "mean", step)
+    return tuple(findings)
+
+
+def audit_power(put_in_w: float, found_w: float, reactive_va: float) -> tuple[str, ...]:
+    """Return what cannot be true about the powers of a driver and its motor; nothing if they pass.
+
+    Args:
+        put_in_w: power of supplies and gate drivers.
+        found_w: losses, what is stored, and what the motor takes.
+        reactive_va: apparent power at the motor's pins.
+    """
+    missing = abs(put_in_w - found_w)
+    if missing <= DRIVER_BOUND * abs(put_in_w) + _WATTMETER * reactive_va:
+        return ()
+    finding = (
+        f"The powers miss {missing:.3g} of {put_in_w:.3g} W; the limit is {100 * DRIVER_BOUND:g} %. The step is likely "
+        "too coarse for the driver's edges: halve it."
+    )
+    return (finding,)
+
+
+def audit_impact(before_j: float, after_j: float) -> tuple[str, ...]:
+    """Return what cannot be true about the energy of an impact; nothing if it passes."""
+    if after_j <= (1.0 + _SLACK) * before_j:
+        return ()
+    finding = (
+        f"The sphere leaves with {after_j:.4g} J and came with {before_j:.4g} J; no impact gives energy. The steps are "
+        "likely too coarse: double their number."
+    )
+    return (finding,)
+
+
+def pressed_j(motor: Motor, force_n: float) -> float:
+    """Return the energy in J that a normal force stores in the contact and in the bending of the stator."""
+    bending = static_deflection(motor.contact.model_copy(update={"preload_n": force_n}), motor.modes)
+    indentation = (force_n / motor.contact.normal_stiffness_n_per_m15) ** (2.0 / 3.0)
+    bending += motor.contact.series_compliance_m_per_n * force_n
+    return float(force_n * (0.5 * bending + 0.4 * indentation))
+
+
+def _step_finding(motor: Motor, force: float, which: str, step: float) -> tuple[str, ...]:
+    loaded = motor.contact.model_copy(update={"preload_n": max(force, motor.contact.preload_n)})
+    fastest = float(linearised_resonances(loaded, motor.modes, motor.rotor, motor.mount)[-1])
+    if step * fastest * FEWEST_POINTS_PER_PERIOD <= 1.0 + 1e-9:
+        return ()
+    allowed = 0.995 / (FEWEST_POINTS_PER_PERIOD * fastest)  # so that three digits of it will do
+    finding = (
+        f"Under the {which} force, {force:.3g} N, the motor swings at {fastest:.4g} Hz, of which the step of "
+        f"{step:.3g} s sees fewer than {FEWEST_POINTS_PER_PERIOD} points a period. Give step <= {allowed:.3g} s."
+    )
+    return (finding,)
+
+
+def audit_two_port(frequency_hz: Array, y: NDArray[np.complex128]) -> tuple[str, ...]:
+    """Return what cannot be true about a two-port's admittance, a sentence each; none if it passes.
+
+    Args:
+        frequency_hz: frequencies, shape (points,).
+        y: admittance matrices in S, shape (points, 2, 2).
+    """
+    dissipative = 0.5 * (y + np.conj(np.swapaxes(y, 1, 2)))
+    least = np.linalg.eigvalsh(dissipative)[:, 0]
+    worst = int(np.argmin(least))
+    if least[worst] < -_PASSIVE * float(np.abs(y).max()):
+        where = (
+            f"At {frequency_hz[worst]:.6g} Hz the stator gives power, {least[worst]:.3g} S, which no passive one does."
+        )
+        return (f"{where} A loss was lost in rounding: look at the damping and the loss tangent.",)
+    return ()

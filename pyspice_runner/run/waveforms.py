@@ -1,0 +1,365 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The waveforms of one run, and what is read from them: means, state fractions, energy balance, files."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.netlist.motor import Motion
+from pyspice_runner.result import Audit, Result
+from pyspice_runner.run.window import Window, change_to_come
+from pyspice_runner.units import engineering
+
+Array = NDArray[np.float64]
+# At 16 points a period the balance of a smooth motion closes to 0.3 %, at the default step to 0.01 %; a greater
+# residual is no longer the error of the step that was asked for.
+ENERGY_BOUND = 0.01
+USUAL_ACCURACY = 0.01  # error of tip and mean speed that a run without a given accuracy may have
+SETTLED = 0.02  # relative change to come below which a mean counts as settled
+SMALL_TORQUE = 0.02  # of what friction can transmit; below, a change of the mean torque is noise
+ROUNDING_RAD_S = 1e-6  # what the tolerance of Newton's iteration leaves of a rotor at rest
+
+COLUMNS: dict[str, tuple[str, str]] = {
+    "time_s": ("s", "time"),
+    "voltage_a_v": ("V", "voltage of group A"),
+    "voltage_b_v": ("V", "voltage of group B"),
+    "current_a_a": ("A", "current into group A"),
+    "current_b_a": ("A", "current into group B"),
+    "tip_x_m": ("m", "tip displacement, tangential"),
+    "tip_y_m": ("m", "tip displacement towards the rotor"),
+    "normal_force_n": ("N", "normal contact force, positive when pressed"),
+    "friction_force_n": ("N", "friction force, positive where it drives the rotor forward"),
+    "contact_displacement_m": ("m", "displacement of the tangential spring"),
+    "contact_state": ("1", "0 separated, 1 stick, 2 slip; between them the part of a brush that slips"),
+    "rotor_speed_rad_s": ("rad/s", "rotor speed"),
+}
+HEATED = {"temperature_k": ("K", "temperature of a heated motor, above that at which its parameters hold")}
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Where the energy of a run went, all in J: electrical = sum of the parts from dielectric to load + missing.
+
+    Attributes:
+        electrical: delivered through the pins.
+        dielectric: stored in the clamped capacitances (change) and lost in their loss resistance.
+        kinetic: change of the modes' kinetic energy.
+        elastic: change of the modes' elastic energy.
+        damping: lost in the modes' damping.
+        contact_elastic: change of the elastic energy of the Hertz contact and of the compliance in series with it.
+        contact_damping: lost along the normal, where the coefficient of restitution is below 1.
+        friction: taken up by the tangential contact: slip loss, and what its spring holds.
+        mount: change of the carrier's kinetic and elastic energy, less the work of the preload.
+        mount_damping: lost in the damping of the mount.
+        rotor: change of the rotor's kinetic energy.
+        bearing: lost in the bearing.
+        load: work done on the load, or on the grip that holds the shaft.
+        drift: work against the drift of a heated motor's stiffness.
+        passed: the most that had passed through the pins at any time, either way, and what a driven shaft put in.
+        rounding: what the tolerance of Newton's iteration leaves of the energy that presses tip and rotor together.
+    """
+
+    electrical: float
+    dielectric: float
+    kinetic: float
+    elastic: float
+    damping: float
+    contact_elastic: float
+    contact_damping: float
+    friction: float
+    mount: float
+    mount_damping: float
+    rotor: float
+    bearing: float
+    load: float
+    drift: float
+    passed: float
+    rounding: float
+
+    @property
+    def missing(self) -> float:
+        """Energy supplied less energy found, J."""
+        beside = ("electrical", "passed", "rounding")
+        found: float = sum(getattr(self, item.name) for item in fields(self) if item.name not in beside)
+        return self.electrical - found
+
+    @property
+    def residual(self) -> float:
+        """Energy missing over the energy that passed; never infinite, since what rounding leaves counts as passed.
+
+        At the end of a run some of the energy may be back in the sources: they may even have taken more than they gave.
+        The most that had passed at any time is the scale that is right then, too.
+        """
+        scale = self.passed + self.rounding / ENERGY_BOUND
+        return abs(self.missing) / scale if scale > 0.0 else 0.0
+
+
+class NotRecordedError(AttributeError, ParameterError):
+    """A column that the run was asked to leave out."""
+
+
+@dataclass(frozen=True, repr=False)
+class Waveforms(Result):
+    """One verified run. The arrays share one time axis, uniform but for the first few steps and the last, shorter ones.
+
+    What was not recorded is not there: to ask for it raises :class:`NotRecordedError`.
+
+    Attributes:
+        energy: the energy balance of the run, from the first point that is recorded; there if all signals are, at
+            every step.
+        drive_period_s: period of the drive, over which means are taken.
+        rotor_radius_m: radius at the contact, which turns friction force into torque.
+        solver_seconds: wall time that ngspice took.
+        ngspice_version: version of ngspice.
+        provenance: motor, drive, run settings and hash of the deck, JSON-ready.
+        deck: the netlist that was run.
+        temperature_k: there for a motor that its losses heat.
+        final_state: the motion at the end, if all signals were recorded: the state from which a run may go on.
+        error_estimate: estimated error of the tip's trajectory, RMS relative to its motion; ``None`` for a run with a
+            given step.
+        speed_error_rad_s: estimated error of the mean rotor speed.
+        torque_error_n_m: estimated error of the mean torque.
+        complete: whether the run reached its end; one that was interrupted did not.
+    """
+
+    time_s: Array
+    voltage_a_v: Array
+    voltage_b_v: Array
+    current_a_a: Array
+    current_b_a: Array
+    tip_x_m: Array
+    tip_y_m: Array
+    normal_force_n: Array
+    friction_force_n: Array
+    contact_displacement_m: Array
+    contact_state: Array
+    rotor_speed_rad_s: Array
+    temperature_k: Array
+    energy: EnergyBalance
+    drive_period_s: float
+    rotor_radius_m: float
+    solver_seconds: float
+    ngspice_version: str
+    provenance: dict[str, Any] = field(repr=False)
+    deck: str = field(repr=False)
+    final_state: Motion | None = field(default=None, repr=False)
+    error_estimate: float | None = None
+    speed_error_rad_s: float | None = None
+    torque_error_n_m: float | None = None
+    complete: bool = True
+
+    units = COLUMNS | HEATED
+
+    def __post_init__(self) -> None:
+        for name in (*COLUMNS, *HEATED, "energy"):
+            if getattr(self, name) is None:
+                object.__delattr__(self, name)
+
+    if not TYPE_CHECKING:  # so that a misspelt name is found
+
+        def __getattr__(self, name: str) -> Any:
+            if name in self.units:
+                raise NotRecordedError(f"{name} was not recorded in this run; name it among the signals of simulate.")
+            if name == "energy":
+                raise NotRecordedError("An energy balance takes all signals at every step, as simulate records them.")
+            derived = getattr(type(self), name, None)
+            if isinstance(derived, property):  # it failed for want of a column: let it say which
+                return derived.fget(self)
+            raise AttributeError(f"Waveforms have no {name!r}.")
+
+    @property
+    def recorded(self) -> list[str]:
+        """Names of the columns that are there."""
+        return [name for name in self.units if hasattr(self, name)]
+
+    @property
+    def points(self) -> int:
+        """Number of time points."""
+        return len(self.time_s)
+
+    @property
+    def energy_residual(self) -> float:
+        """Relative residual of the energy balance, see :attr:`EnergyBalance.residual`."""
+        return self.energy.residual
+
+    @property
+    def mean_rotor_speed_rad_s(self) -> float:
+        """Rotor speed averaged over the last whole drive periods, rad/s."""
+        return self.mean(self.rotor_speed_rad_s)
+
+    @property
+    def mean_torque_n_m(self) -> float:
+        """Torque of the contact on the rotor, R·F_T, averaged over the last whole drive periods, N·m."""
+        return self.rotor_radius_m * self.mean(self.friction_force_n)
+
+    @property
+    def state_fractions(self) -> dict[str, float]:
+        """Fractions of time separated, stick and slip over the last whole drive periods; they add up to 1.
+
+        A brush counts as slip where more than half of its width slips.
+        """
+        points = self.window()
+        steps = np.diff(self.time_s[points])
+        states = np.rint(self.contact_state[points])
+        before, after = states[:-1], states[1:]
+        # A change happens in mid-step on average. The end of a slip, though, shows half a step late: the slider's
+        # excess over its limit, by which slip is told, follows the relative velocity in the middle of the step.
+        late = (before == 2) & (after == 1)
+        held_before = steps * np.where(late, 0.0, 0.5)
+        held_after = steps - held_before
+        return {
+            name: float((held_before[before == code].sum() + held_after[after == code].sum()) / steps.sum())
+            for code, name in enumerate(("separated", "stick", "slip"))
+        }
+
+    def window(self) -> slice:
+        """Return the points of the last whole drive periods (:class:`.Window`)."""
+        return self._window.points
+
+    def mean(self, signal: Array) -> float:
+        """Return the time average of a signal over the last whole drive periods."""
+        return self._window.mean(signal)
+
+    @cached_property
+    def _window(self) -> Window:
+        return Window(self.time_s, self.drive_period_s)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the summary of the run, JSON-ready; ``None`` stands for what was not recorded."""
+
+        def known(column: str, quantity: str) -> Any:
+            return getattr(self, quantity) if hasattr(self, column) else None
+
+        return {
+            "mean_rotor_speed_rad_s": known("rotor_speed_rad_s", "mean_rotor_speed_rad_s"),
+            "mean_torque_n_m": known("friction_force_n", "mean_torque_n_m"),
+            "state_fractions": known("contact_state", "state_fractions"),
+            "energy_residual": known("energy", "energy_residual"),
+            "energy_j": asdict(self.energy) if hasattr(self, "energy") else None,
+            "error_estimate": self.error_estimate,
+            "mean_rotor_speed_error_rad_s": self.speed_error_rad_s,
+            "mean_torque_error_n_m": self.torque_error_n_m,
+            "accurate": self.accurate,
+            "settled": self.settled,
+            "to_come": self.to_come,
+            "complete": self.complete,
+            "points": self.points,
+            "solver_seconds": self.solver_seconds,
+            "ngspice_version": self.ngspice_version,
+            **self.provenance,
+        }
+
+    def columns(self) -> dict[str, Array]:
+        """Return the recorded signals by name, the time first."""
+        return {name: getattr(self, name) for name in self.recorded}
+
+    @property
+    def audit(self) -> Audit:  # type: ignore[override]
+        """The outcome of the physical audit; it takes all signals at every step."""
+        found = self.provenance["audit"]
+        return Audit(tuple(found["findings"]), done=found["passed"] is not None)
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Findings of the audit, and whether the run is inaccurate, not settled or interrupted."""
+        told = [*self.audit.findings]
+        if self.accurate is False:
+            step = 0.5 * self.provenance["run"]["step_s"]
+            told.append(f"{self._inaccuracy} Compare with a run with step = {step:.3g}.")
+        if self.settled is False:
+            names = {"mean_rotor_speed_rad_s": "mean rotor speed", "mean_torque_n_m": "mean torque"}
+            moving = [names[name] for name, share in self.to_come.items() if share is None or share > SETTLED]
+            told.append(f"Not settled at the end of the run: {' and '.join(moving)}. Run it longer.")
+        return (*told, *([] if self.complete else ["The run did not reach its end."]))
+
+    @property
+    def accuracy(self) -> float:
+        """Error that is allowed: the accuracy that was asked for, or 1 %."""
+        return float(self.provenance["run"]["accuracy"] or USUAL_ACCURACY)
+
+    @property
+    def accurate(self) -> bool | None:
+        """Whether the estimated errors of tip and mean rotor speed are allowed; ``None`` without an estimate."""
+        return None if self.error_estimate is None else not self._inaccuracy
+
+    @property
+    def _inaccuracy(self) -> str:
+        """What is not accurate, in a sentence; an empty text if all is."""
+        found = []
+        if self.error_estimate is not None and self.error_estimate > self.accuracy:
+            found.append(f"the tip's motion, {100.0 * self.error_estimate:.2g} %")
+        if self.speed_error_rad_s is not None and self._free:
+            mean = abs(self.mean_rotor_speed_rad_s)
+            if self.speed_error_rad_s > max(self.accuracy, USUAL_ACCURACY) * mean + self._still:
+                found.append(f"the mean rotor speed, {self.speed_error_rad_s:.2g} rad/s")
+        return f"The estimated error exceeds {100.0 * self.accuracy:.3g} %: {' and '.join(found)}." if found else ""
+
+    @property
+    def _free(self) -> bool:
+        """Whether the shaft is not held at a speed."""
+        return self.provenance["run"]["speed_rad_s"] is None
+
+    @property
+    def _still(self) -> float:
+        """Speed in rad/s below which a change counts for nothing: a thousandth of the greatest, or rounding."""
+        return 1e-3 * USUAL_ACCURACY * float(np.abs(self.rotor_speed_rad_s).max()) + ROUNDING_RAD_S
+
+    @cached_property
+    def to_come(self) -> dict[str, float | None]:
+        """By how much each mean would still change if the run went on, relative (:func:`.window.change_to_come`).
+
+        The torque is taken relative to itself and a fiftieth of what friction can transmit: of a small torque the rest
+        is noise. A value is ``None`` where the run is too short to tell.
+        """
+        found: dict[str, float] = {}
+        if hasattr(self, "rotor_speed_rad_s") and self._free:
+            change = change_to_come(self.time_s, self.rotor_speed_rad_s, self.drive_period_s)
+            scale = abs(self.mean_rotor_speed_rad_s) + self._still / USUAL_ACCURACY
+            found["mean_rotor_speed_rad_s"] = change / scale
+        if hasattr(self, "friction_force_n"):
+            change = self.rotor_radius_m * change_to_come(self.time_s, self.friction_force_n, self.drive_period_s)
+            contact = self.provenance["motor"]["contact"]
+            friction = self.rotor_radius_m * contact["friction"] * contact["preload_n"]
+            found["mean_torque_n_m"] = change / (abs(self.mean_torque_n_m) + SMALL_TORQUE * friction)
+        return {name: share if isfinite(share) else None for name, share in found.items()}
+
+    @property
+    def settled(self) -> bool | None:
+        """Whether the means stay within 2 % if the run goes on; ``None`` if neither speed nor torque was recorded."""
+        return all(share is not None and share <= SETTLED for share in self.to_come.values()) if self.to_come else None
+
+    def remark(self, name: str) -> str:
+        """Return what must stand beside a mean: ", not settled", or nothing."""
+        share = self.to_come.get(name, 0.0)
+        return "" if share is not None and share <= SETTLED else ", not settled"
+
+    def summary(self) -> dict[str, str]:
+        """Return motor, drive, means, shares of the contact's states and the energy residual."""
+        found = {
+            "motor": str(self.provenance["motor"]["name"]),
+            "duration": engineering(float(self.time_s[-1]), "s"),
+        }
+        for name, column, value, unit in (
+            ("mean_rotor_speed_rad_s", "rotor_speed_rad_s", "mean rotor speed", "rad/s"),
+            ("mean_torque_n_m", "friction_force_n", "mean torque", "N·m"),
+        ):
+            if hasattr(self, column):
+                found[value] = engineering(getattr(self, name), unit) + self.remark(name)
+        found["drive"] = str(self.provenance["drive"]["label"])
+        if hasattr(self, "contact_state"):
+            found["contact"] = ", ".join(
+                f"{name} {100.0 * share:.1f} %" for name, share in self.state_fractions.items()
+            )
+        if hasattr(self, "energy"):
+            found["energy residual"] = f"{self.energy_residual:.2g}"
+        if self.error_estimate is not None:
+            found["error estimate"] = f"{self.error_estimate:.2g}"
+        found["points"] = str(self.points)
+        return found

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The one window over which every analysis takes its means: the last whole drive periods of a run.
+
+Means are taken by the trapezoidal rule on the simulator's own points, so that powers add up as the simulator's do.
+Harmonics are the Fourier coefficients of the waveform: with uniform steps by the same rule, which is exact there; with
+the steps of a bridge those of the waveform taken as straight between its points.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+AVERAGED_PERIODS = 20  # whole drive periods at the end of a run, or as many as were recorded
+HARMONICS = 20
+_FINE = 2000  # points a period on which a slew rate is read
+_SLOWEST = 0.99  # greatest ratio of two successive changes that is extrapolated; above, nothing decays
+
+
+class Window:
+    """The last whole periods of a run: 20 of them, or as many as there are; all of it if there is none.
+
+    Attributes:
+        period: the period in s.
+        periods: number of whole periods.
+        start: time in s at which the window begins.
+        length: its length in s.
+    """
+
+    def __init__(self, time: Array, period: float, *, uniform: bool = True) -> None:
+        """Take the time in s of a run's points, the period in s, and whether the steps are uniform."""
+        self.period = period
+        self.uniform = uniform
+        self.periods = min(AVERAGED_PERIODS, int((time[-1] - time[0]) / period * (1.0 + 1e-9)))
+        self.start = float(time[-1]) - self.periods * period if self.periods else float(time[0])
+        self.length = float(time[-1]) - self.start
+        self._whole = time
+        self._first = int(np.searchsorted(time, self.start, side="right"))
+
+    @cached_property
+    def time(self) -> Array:
+        """Time in s of the window's points, the first of them where it begins."""
+        return np.concatenate(([self.start], self._whole[self._first :]))
+
+    @property
+    def points(self) -> slice:
+        """The points of the run that the window touches; the first of them may lie before it."""
+        return slice(max(self._first - 1, 0), None)
+
+    def cut(self, values: Array) -> Array:
+        """Return a signal inside the window, its value at the beginning in front."""
+        around = slice(max(self._first - 1, 0), self._first + 1)
+        first = np.interp(self.start, self._whole[around], values[around])
+        return np.concatenate(([first], values[self._first :]))
+
+    def mean(self, values: Array) -> float:
+        """Return the time average of a signal."""
+        return float(np.trapezoid(self.cut(values), self.time) / self.length)
+
+    def rms(self, values: Array) -> float:
+        """Return the RMS value of a signal."""
+        return sqrt(self.mean(values * values))
+
+    def harmonics(self, values: Array) -> NDArray[np.complex128]:
+        """Return the phasors of orders 1 to :data:`HARMONICS`: V_k of Im(V_k e^{jkωt})."""
+        cut, time = self.cut(values), self.time
+        omega = 2.0 * pi / self.period * np.arange(1, HARMONICS + 1)
+        turns = np.exp(-1j * np.outer(omega, time))
+        if self.uniform:
+            return np.asarray(2j / self.length * np.trapezoid(cut * turns, time, axis=1))
+        # by parts: ∫ v e^{-jωt} dt = [v e^{-jωt}] j/ω + Σ slope (e^{-jωt₁} − e^{-jωt₀})/ω²
+        slopes = np.diff(cut) / np.diff(time)
+        ends = 1j / omega * (cut[-1] * turns[:, -1] - cut[0] * turns[:, 0])
+        return np.asarray(2j / self.length * (ends + np.diff(turns, axis=1) @ slopes / omega**2))
+
+    def slew_rate(self, values: Array) -> float:
+        """Return the greatest rate of a signal, read over a two-thousandth of a period."""
+        grid = np.linspace(self.start, self._whole[-1], _FINE * max(self.periods, 1) + 1)
+        return float(np.abs(np.diff(np.interp(grid, self.time, self.cut(values)))).max() / (grid[1] - grid[0]))
+
+    def settling(self, values: Array) -> float:
+        """Return the relative change of a signal's mean from the first to the second half of the window's periods."""
+        cut = self.cut(values)
+        middle = self.start + max(1, self.periods // 2) * self.period
+        integral = np.concatenate(([0.0], np.cumsum(0.5 * (cut[1:] + cut[:-1]) * np.diff(self.time))))
+        first = float(np.interp(middle, self.time, integral))
+        end = float(self._whole[-1])
+        before, after = first / (middle - self.start), (integral[-1] - first) / max(end - middle, self.period)
+        return float(abs(after - before) / max(abs(before), abs(after), 1e-300)) if self.periods > 1 else 1.0
+
+
+def change_to_come(time: Array, values: Array, period: float) -> float:
+    """Return by how much the mean of a signal would still change if the run went on, in units of the signal.
+
+    The means at the middle, at three quarters and at the end of the run are taken as those of an exponential approach
+    (Aitken's extrapolation); where they do not approach anything, the last change counts a hundred times.
+
+    Args:
+        time: time in s of the points.
+        values: the signal.
+        period: period in s.
+    """
+    quarter = int(0.25 * (time[-1] - time[0]) / period)  # in whole periods
+    if quarter < 1:
+        return float("inf")
+    length = min(quarter, AVERAGED_PERIODS) * period
+    integral = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))))
+    ends = time[-1] - period * quarter * np.array([2.0, 1.0, 0.0])
+    middle, later, last = (np.interp(ends, time, integral) - np.interp(ends - length, time, integral)) / length
+    change, before = abs(last - later), abs(later - middle)
+    ratio = min(change / before, _SLOWEST) if before > 0.0 else 0.0
+    return float(change * max(1.0, ratio / (1.0 - ratio)))

@@ -1,0 +1,326 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+r"""The stator's electrical two-port, from ngspice's AC analysis, and the equivalent circuit of each mode.
+
+.. math::
+    \begin{pmatrix} i_A \\ i_B \end{pmatrix} =
+    \begin{pmatrix} Y_{AA} & Y_{AB} \\ Y_{BA} & Y_{BB} \end{pmatrix}
+    \begin{pmatrix} U_A \\ U_B \end{pmatrix}
+
+Driven as *A* (B shorted) the admittance is Y_AA; as *A+B* (U on both, currents added) Y_AA + Y_AB + Y_BA + Y_BB; as
+*A−B* (U on A, −U on B, currents subtracted) Y_AA − Y_AB − Y_BA + Y_BB. In the preloaded state the contact is linearised
+at its operating point, where the tip sticks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from math import pi, sqrt
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from pyspice_runner.engine.ngspice import ngspice_version
+from pyspice_runner.engine.pyspice import BatchSimulator
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.parameters import Mode
+from pyspice_runner.model.refusal import checked
+from pyspice_runner.netlist.benches import AC_OPTIONS, admittance_bench
+from pyspice_runner.result import Audit, Result
+from pyspice_runner.run.audit import audit_two_port
+from pyspice_runner.spectra.spectrum import COUPLING, Connection, columns_of, connect
+from pyspice_runner.units import engineering
+
+State = Literal["free", "preloaded"]
+
+_ZOOM_POINTS = 1201  # over the zoom below: 100 points a bandwidth, so that a parabola finds an extremum to 1e-6
+_ZOOM_BANDWIDTHS = 6.0  # on each side of a resonance
+_MOST_POINTS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """One mode seen through one connection of the groups.
+
+    Attributes:
+        mode: name of the mode.
+        fs: frequency of greatest conductance, Hz.
+        fp: frequency of greatest resistance, Hz.
+        fm: frequency of greatest |Y|, Hz; ``None`` where the clamped capacitance hides it.
+        fn: frequency of least |Y|, Hz; ``None`` likewise.
+        coupling_factor: k_eff = √(1 − (fs/fp)²).
+        quality_factor: Qm = √(L/C)/R of the motional arm.
+        resistance_ohm: motional resistance R.
+        inductance_h: motional inductance L.
+        capacitance_f: motional capacitance C.
+    """
+
+    mode: str
+    fs: float
+    fp: float
+    fm: float | None
+    fn: float | None
+    coupling_factor: float
+    quality_factor: float
+    resistance_ohm: float
+    inductance_h: float
+    capacitance_f: float
+
+
+@dataclass(frozen=True, repr=False)
+class Admittance(Result):
+    """The two-port over frequency.
+
+    Attributes:
+        frequency_hz: frequencies, shape (points,).
+        matrix_s: admittance matrix in S, shape (points, 2, 2); [.., 0, 1] is the current into A per volt on B.
+        state: ``"free"`` or ``"preloaded"``.
+        normal_force_n: normal force at the operating point, as ngspice found it; 0 when free.
+        resonances: connection → its resonances, by rising frequency, of the modes that the connection drives and that
+            neighbours do not bury.
+        ngspice_version: version of ngspice.
+        motor: the motor, JSON-ready.
+        audit: outcome of the physical audit; it has findings only where ``audit=False`` was given.
+    """
+
+    frequency_hz: NDArray[np.float64]
+    matrix_s: NDArray[np.complex128]
+    state: State
+    normal_force_n: float
+    resonances: dict[str, tuple[Resonance, ...]]
+    ngspice_version: str
+    motor: dict[str, Any] = field(repr=False)
+    audit: Audit = field(default_factory=Audit)
+
+    def driven(self, connection: Connection = "A") -> NDArray[np.complex128]:
+        """Return the admittance in S seen when the groups are connected as ``A``, ``B``, ``A+B`` or ``A-B``."""
+        return connect(self.matrix_s, connection)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return state, operating point and resonances, JSON-ready."""
+        return {
+            "motor": self.motor["name"],
+            "state": self.state,
+            "points": len(self.frequency_hz),
+            "start_hz": float(self.frequency_hz[0]),
+            "stop_hz": float(self.frequency_hz[-1]),
+            "operating_point_normal_force_n": self.normal_force_n,
+            "resonances": {key: [asdict(item) for item in items] for key, items in self.resonances.items()},
+            "ngspice_version": self.ngspice_version,
+            "audit": self.audit.to_dict(),
+        }
+
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """Return the frequency and the real and imaginary parts of the matrix, as in the CSV."""
+        return columns_of(self.frequency_hz, self.matrix_s)
+
+    def summary(self) -> dict[str, str]:
+        """Return motor, state, band, and series resonance, coupling factor and Qm of each mode driven as A."""
+        low, high = (engineering(float(self.frequency_hz[place]), "Hz") for place in (0, -1))
+        found = {"motor": str(self.motor["name"]), "state": self.state, "band": f"{low} to {high}"}
+        for item in self.resonances["A"]:
+            found[item.mode] = (
+                f"{engineering(item.fs, 'Hz')}, k_eff {item.coupling_factor:.3g}, Qm {item.quality_factor:.4g}"
+            )
+        return found
+
+
+@checked
+def admittance(
+    motor: Motor,
+    *,
+    start: float = 5e3,
+    stop: float = 100e3,
+    points: int = 2000,
+    state: State = "free",
+    timeout: float | None = None,
+    audit: bool = True,
+) -> Admittance:
+    """Compute the two-port admittance by ngspice's AC analysis, and the equivalent circuit of every mode in range.
+
+    Args:
+        motor: the motor.
+        start: first frequency in Hz.
+        stop: last frequency in Hz.
+        points: number of frequencies, evenly spaced.
+        state: ``"free"`` tip, or ``"preloaded"`` on the rotor.
+        timeout: wall time in s after which ngspice is ended.
+        audit: whether an admittance that is not passive is an error. If not, ``audit`` of the result says
+            where it is not.
+
+    Raises:
+        ParameterError: for an invalid value.
+        SimulationError: if ngspice fails, or the operating point is not the preload.
+    """
+    if not 0.0 < start < stop <= 1e9:
+        raise ParameterError(
+            f"start = {start:g} Hz and stop = {stop:g} Hz are not valid: give 0 Hz < start < stop ≤ 1e9 Hz."
+        )
+    if not 3 <= points <= _MOST_POINTS:  # of two, ngspice gives but the first
+        raise ParameterError(f"points = {points} is not valid: it must be a whole number from 3 to {_MOST_POINTS}.")
+    preloaded = state == "preloaded"
+    simulator = BatchSimulator(admittance_bench(motor, preloaded=preloaded), timeout=timeout)
+    simulator.options(**AC_OPTIONS)
+    normal_force = _operating_force(motor, simulator) if preloaded else 0.0
+    frequency, matrix = _sweep(simulator, start, stop, points)
+    audited = Audit(audit_two_port(frequency, matrix))
+    if audit:
+        audited.withhold("result")
+    resonances = {
+        connection: tuple(
+            found
+            for mode, centre, bandwidth in _expected(motor, preloaded)
+            if _drives(connection, mode) and start < centre < stop
+            if (found := _resonance(simulator, motor, mode, centre, bandwidth, connection))
+        )
+        for connection in get_args(Connection)
+    }
+    return Admittance(frequency, matrix, state, normal_force, resonances, ngspice_version(), motor.to_dict(), audited)
+
+
+def _drives(connection: Connection, mode: Mode) -> bool:
+    """Whether a connection of the groups drives a mode at all; what cancels but for round-off does not."""
+    shares = np.array(COUPLING[connection]) * (mode.coupling_a_n_per_v, mode.coupling_b_n_per_v)
+    return bool(abs(shares.sum()) > 1e-9 * np.abs(shares).sum())
+
+
+def _operating_force(motor: Motor, simulator: BatchSimulator) -> float:
+    """Return the normal force that ngspice's operating point settles at, once it is the preload."""
+    simulator.operating_point()
+    assert simulator.result is not None
+    found = float(simulator.result.raw.vectors["v(xmotor1.normal)"][0].real)
+    preload = motor.contact.preload_n
+    if abs(found - preload) > 1e-6 * preload:
+        raise SimulationError(
+            f"ngspice's operating point has a normal force of {found:.6g} N instead of the preload of {preload:.6g} N; "
+            "the contact cannot be linearised there."
+        )
+    return found
+
+
+def _sweep(
+    simulator: BatchSimulator, start: float, stop: float, points: int
+) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    simulator.ac(variation="lin", number_of_points=points, start_frequency=start, stop_frequency=stop)
+    assert simulator.result is not None
+    vectors = simulator.result.raw.vectors
+    matrix = np.empty((len(vectors["frequency"]), 2, 2), dtype=complex)
+    for row, into in enumerate("ab"):
+        for column, driven in enumerate("12"):
+            matrix[:, row, column] = -np.asarray(vectors[f"i(v{into}{driven})"], dtype=complex)
+    return np.ascontiguousarray(vectors["frequency"].real), matrix
+
+
+def _expected(motor: Motor, preloaded: bool) -> list[tuple[Mode, float, float]]:
+    """Return every mode with the frequency (Hz) and bandwidth (Hz) to look for it."""
+    if not preloaded:
+        return [(mode, mode.frequency_hz, mode.frequency_hz / mode.quality_factor) for mode in motor.modes]
+    # the rotor and the carrier on the contact's springs have resonances too, which are not modes of the stator
+    frequencies = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
+    shifted = [min(frequencies, key=lambda f, mode=mode: _distance(f, mode, motor)) for mode in motor.modes]  # type: ignore[misc]
+    return [
+        (mode, float(f), mode.damping_n_s_per_m / mode.mass_kg / (2.0 * pi))
+        for mode, f in zip(motor.modes, shifted, strict=True)
+    ]
+
+
+def _distance(frequency: float, mode: Mode, motor: Motor) -> float:
+    """How far a resonance of the coupled system is from what this mode alone would have under preload."""
+    normal = contact_law.normal_stiffness_at_preload(motor.contact) * mode.tip_y**2
+    tangential = contact_law.tangential_stiffness_at_preload(motor.contact) * mode.tip_x**2
+    alone = sqrt((mode.stiffness_n_per_m + normal + tangential) / mode.mass_kg) / (2.0 * pi)
+    return abs(frequency - alone)
+
+
+def _resonance(
+    simulator: BatchSimulator, motor: Motor, mode: Mode, centre: float, bandwidth: float, connection: Connection
+) -> Resonance | None:
+    """Zoom in on one resonance and its antiresonance, and read their frequencies and the motional arm.
+
+    A mode that its neighbours bury, so that no arm of positive resistance fits there, has none.
+    """
+    frequency, y = _zoom(simulator, centre, bandwidth, connection)
+    fs = _peak(frequency, y.real)
+    resistance, inductance, capacitance = _motional_arm(frequency, y, fs, bandwidth)
+    if resistance <= 0.0:
+        return None
+    weight_a, weight_b = COUPLING[connection]
+    clamped = weight_a**2 * motor.piezo.capacitance_a_f + weight_b**2 * motor.piezo.capacitance_b_f
+    frequency_anti, y_anti = _zoom(simulator, fs * sqrt(1.0 + capacitance / clamped), bandwidth, connection)
+    fp = _peak(frequency_anti, (1.0 / y_anti).real)
+    return Resonance(
+        mode=mode.name,
+        fs=fs,
+        fp=fp,
+        fm=_local_peak(frequency, np.abs(y), fs),
+        fn=_local_peak(frequency_anti, -np.abs(y_anti), fp),
+        coupling_factor=sqrt(max(1.0 - (fs / fp) ** 2, 0.0)),
+        quality_factor=sqrt(inductance / capacitance) / resistance,
+        resistance_ohm=resistance,
+        inductance_h=inductance,
+        capacitance_f=capacitance,
+    )
+
+
+def _zoom(
+    simulator: BatchSimulator, centre: float, bandwidth: float, connection: Connection
+) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Return frequency and admittance some bandwidths around a frequency."""
+    low = max(centre - _ZOOM_BANDWIDTHS * bandwidth, 0.5 * centre)
+    frequency, matrix = _sweep(simulator, low, centre + _ZOOM_BANDWIDTHS * bandwidth, _ZOOM_POINTS)
+    return frequency, connect(matrix, connection)
+
+
+def _peak(frequency: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    """Return the frequency of the greatest value, refined by a parabola through its neighbours."""
+    index = int(np.argmax(values))
+    if index in (0, len(values) - 1):
+        return float(frequency[index])
+    left, middle, right = values[index - 1 : index + 2]
+    shift = 0.5 * (left - right) / (left - 2.0 * middle + right)
+    return float(frequency[index] + shift * (frequency[1] - frequency[0]))
+
+
+def _local_peak(frequency: NDArray[np.float64], values: NDArray[np.float64], expected: float) -> float | None:
+    """Return the frequency of the local maximum nearest to the one expected; ``None`` where a slope hides it."""
+    inner = slice(1, -1)
+    peaks = np.flatnonzero((values[inner] > values[:-2]) & (values[inner] >= values[2:])) + 1
+    if not len(peaks):
+        return None
+    index = int(peaks[np.argmin(np.abs(frequency[peaks] - expected))])
+    near = slice(index - 1, index + 2)
+    return _peak(frequency[near], values[near])
+
+
+def _motional_arm(
+    frequency: NDArray[np.float64], y: NDArray[np.complex128], fs: float, bandwidth: float
+) -> tuple[float, float, float]:
+    """Fit R, L, C of one arm in front of a smooth background; the background is solved for linearly."""
+    offset = frequency / fs - 1.0
+    background = np.vander(offset, 4)
+    near = np.exp(-0.5 * ((frequency - fs) / (2.0 * bandwidth)) ** 2)
+
+    def split(parameters: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        centre, quality = fs * (1.0 + parameters[0]), np.exp(parameters[1])
+        ratio = frequency / centre
+        arm = 1.0 / (1.0 + 1j * quality * (ratio - 1.0 / ratio))
+        basis = np.column_stack([arm, background]) * near[:, None]
+        # one real conductance for the arm, complex coefficients for the background
+        stacked = np.block([[basis.real[:, :1], background * near[:, None], np.zeros_like(background)],
+                            [basis.imag[:, :1], np.zeros_like(background), background * near[:, None]]])  # fmt: skip
+        target = np.concatenate([(y * near).real, (y * near).imag])
+        solution, *_ = np.linalg.lstsq(stacked, target, rcond=None)
+        return float(solution[0]), target - stacked @ solution
+
+    def residual(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        return split(parameters)[1] / float(np.abs(y).max())
+
+    start = np.array([0.0, np.log(fs / bandwidth)])
+    found = least_squares(residual, start, x_scale=[bandwidth / fs, 1.0], xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    omega = float(2.0 * pi * fs * (1.0 + found.x[0]))
+    quality = float(np.exp(found.x[1]))
+    resistance = 1.0 / split(found.x)[0]
+    return resistance, quality * resistance / omega, 1.0 / (omega * quality * resistance)

@@ -1,0 +1,354 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A measured spectrum compared with a motor or another spectrum, mode by mode; and many against one.
+
+Both are fitted (:mod:`.fit`); modes belong together whose frequencies and motional capacitances are closest. Deviations
+are measured over reference less one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from math import inf, isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from pyspice_runner.errors import ParameterError, SpectrumError
+from pyspice_runner.files import write_rows
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
+from pyspice_runner.result import Result
+from pyspice_runner.spectra.admittance import State, admittance
+from pyspice_runner.spectra.fit import FittedArm, SpectrumFit, fit_spectrum
+from pyspice_runner.spectra.spectrum import Connection, Spectrum
+
+if TYPE_CHECKING:
+    import pandas
+
+_FARTHEST = 0.2  # relative distance of two frequencies that may belong to one mode
+_MODEL_POINTS = 2000
+
+
+@dataclass(frozen=True)
+class ModeDeviation:
+    """One mode of the reference and what was measured of it.
+
+    Attributes:
+        mode: number of the mode in the reference, from 1.
+        reference: frequency (Hz), quality factor, coupling factor, resistance (Ω) of the reference.
+        measured: the same as measured; ``None`` if the mode is missing.
+        standard_errors: of ``measured``; ``None`` where the spectrum does not tell.
+        deviations: measured over reference less one.
+    """
+
+    mode: int
+    reference: dict[str, float]
+    measured: dict[str, float] | None
+    standard_errors: dict[str, float | None]
+    deviations: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Result):
+    """A spectrum against a reference.
+
+    Attributes:
+        measured: the spectrum's fit.
+        reference: the reference's fit.
+        modes: the reference's modes in the common band, by rising frequency.
+        extra_hz: frequencies of measured modes that the reference does not have.
+        clamped_capacitance_deviation: measured over reference less one.
+        rms_deviation: root mean square of |Y/Y_reference − 1| over the common band.
+        warnings: what to know before using the deviations.
+        QUANTITIES: what a tolerance may name.
+        JUDGED: what a tolerance without a name applies to; a resistance follows from the others.
+    """
+
+    QUANTITIES: ClassVar = ("frequency", "quality_factor", "coupling_factor", "resistance", "clamped_capacitance")
+    JUDGED: ClassVar = ("frequency", "quality_factor", "coupling_factor", "clamped_capacitance")
+
+    measured: SpectrumFit
+    reference: SpectrumFit
+    modes: tuple[ModeDeviation, ...]
+    extra_hz: tuple[float, ...]
+    clamped_capacitance_deviation: float
+    rms_deviation: float
+    warnings: tuple[str, ...]
+
+    def deviations(self) -> dict[tuple[str, int | None], float]:
+        """Return quantity and mode → deviation; infinite for a mode that is missing."""
+        found: dict[tuple[str, int | None], float] = {
+            (name, item.mode): item.deviations.get(name, inf)
+            for item in self.modes
+            for name in self.QUANTITIES
+            if name != "clamped_capacitance"
+        }
+        found["clamped_capacitance", None] = self.clamped_capacitance_deviation
+        return found
+
+    def outside(self, tolerances: Mapping[str, float]) -> tuple[str, ...]:
+        """Return what lies outside of tolerances, one sentence each; nothing if all is within.
+
+        Args:
+            tolerances: quantity (of ``QUANTITIES``) → greatest deviation to either side, as a share.
+        """
+        said = [f"Mode {item.mode} is missing." for item in self.modes if item.measured is None]
+        for (name, mode), deviation in self.deviations().items():
+            limit = tolerances.get(name, inf)
+            if isfinite(deviation) and abs(deviation) > limit:
+                where = "" if mode is None else f" of mode {mode}"
+                said.append(
+                    f"The {name.replace('_', ' ')}{where} is off by {100.0 * deviation:+.3g} %; "
+                    f"the limit is {100.0 * limit:.3g} %."
+                )
+        return tuple(said)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison JSON-ready."""
+        return {
+            "measured": self.measured.source,
+            "reference": self.reference.source,
+            "modes": [asdict(item) for item in self.modes],
+            "extra_hz": list(self.extra_hz),
+            "clamped_capacitance_f": self.measured.circuit.clamped_capacitance_f,
+            "clamped_capacitance_deviation": self.clamped_capacitance_deviation,
+            "rms_deviation": self.rms_deviation,
+            "warnings": list(self.warnings),
+        }
+
+    def rows(self) -> list[list[str]]:
+        """Return the table: a header, then one row for each mode."""
+        return Trend((self,), (1.0,)).rows()
+
+    def writers(self) -> dict[str, Callable[[Path], object]]:
+        """Return the writers by ending: ``.json`` (the comparison) and ``.csv`` (:meth:`rows`)."""
+        return {**super().writers(), ".csv": lambda file: write_rows(file, self.rows())}
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return :meth:`rows` as a pandas table."""
+        return _frame(self.rows())
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """The warnings of the comparison."""
+        return self.warnings
+
+    def summary(self) -> dict[str, str]:
+        """Return both sources, the RMS deviation and the deviations of each mode."""
+        found = {
+            "measured": self.measured.source,
+            "reference": self.reference.source,
+            "RMS deviation": f"{100.0 * self.rms_deviation:.3g} %",
+            "clamped capacitance": f"{100.0 * self.clamped_capacitance_deviation:+.3g} %",
+        }
+        for item in self.modes:
+            shown = (f"{name.replace('_', ' ')} {100.0 * value:+.3g} %" for name, value in item.deviations.items())
+            found[f"mode {item.mode}"] = ", ".join(shown) or "missing"
+        return found
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trend(Result):
+    """Many spectra against one reference, in their order.
+
+    Attributes:
+        comparisons: one for each spectrum.
+        at: what they were measured at, such as a temperature or an age; by default their number from 1.
+        label: what ``at`` is, with its unit.
+    """
+
+    comparisons: tuple[Comparison, ...]
+    at: tuple[float, ...]
+    label: str = "number of the spectrum"
+
+    def rows(self) -> list[list[str]]:
+        """Return the table: a header, then one row for each spectrum and mode."""
+        names = Comparison.QUANTITIES
+        header = ["spectrum", "at", "mode", "frequency_hz", "quality_factor", "coupling_factor", "resistance_ohm"]
+        header += ["clamped_capacitance_f", *(f"{name}_deviation" for name in names), "rms_deviation"]
+        rows = [header]
+        for item, at in zip(self.comparisons, self.at, strict=True):
+            whole = [f"{item.measured.circuit.clamped_capacitance_f:.9g}"]
+            for mode in item.modes:
+                values = mode.measured or {}
+                deviations = mode.deviations | {"clamped_capacitance": item.clamped_capacitance_deviation}
+                rows.append(
+                    [item.measured.source, f"{at:g}", str(mode.mode)]
+                    + [f"{values[name]:.9g}" if name in values else "" for name in names[:-1]]
+                    + whole
+                    + [f"{deviations[name]:.6g}" if name in deviations else "" for name in names]
+                    + [f"{item.rms_deviation:.6g}"]
+                )
+        return rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all comparisons JSON-ready."""
+        return {
+            "reference": self.comparisons[0].reference.source,
+            "at": list(self.at),
+            "label": self.label,
+            "comparisons": [item.to_dict() for item in self.comparisons],
+        }
+
+    def writers(self) -> dict[str, Callable[[Path], object]]:
+        """Return the writers by ending: ``.json`` (the comparisons) and ``.csv`` (:meth:`rows`)."""
+        return {**super().writers(), ".csv": lambda file: write_rows(file, self.rows())}
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return :meth:`rows` as a pandas table."""
+        return _frame(self.rows())
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """The warnings of all comparisons, each once."""
+        return tuple(dict.fromkeys(warning for item in self.comparisons for warning in item.warnings))
+
+    def summary(self) -> dict[str, str]:
+        """Return the reference, the number of spectra and the RMS deviation of each."""
+        found = {"reference": self.comparisons[0].reference.source, "spectra": str(len(self.comparisons))}
+        for item, at in zip(self.comparisons, self.at, strict=True):
+            found[f"{self.label} {at:g}"] = f"{item.measured.source}: {100.0 * item.rms_deviation:.3g} % RMS"
+        return found
+
+
+def _frame(rows: list[list[str]]) -> pandas.DataFrame:
+    import pandas
+
+    return pandas.DataFrame(rows[1:], columns=rows[0]).apply(
+        lambda column: column if column.name == "spectrum" else pandas.to_numeric(column)
+    )
+
+
+@checked
+def compare(
+    measured: Spectrum | Sequence[Spectrum],
+    reference: Spectrum | Motor,
+    *,
+    modes: int | None = None,
+    connection: Connection = "A",
+    state: State = "free",
+    leads: bool = True,
+    timeout: float | None = None,
+    at: Sequence[float] | NDArray[np.float64] | None = None,
+    label: str = "",
+) -> Trend:
+    """Hold one or many spectra against a motor or another spectrum.
+
+    Args:
+        measured: the spectra.
+        reference: a spectrum, or a motor whose admittance ngspice computes over the measured band.
+        modes: number of modes to fit; found for each spectrum if it is not given.
+        connection: connection of the groups, of a motor and of two-ports.
+        state: ``"free"`` or ``"preloaded"``, of a motor.
+        leads: whether the leads are fitted, see :func:`fit_spectrum`.
+        timeout: seconds after which the fit of a spectrum ends with an error.
+        at: what the spectra were measured at: a temperature, an age.
+        label: what ``at`` is, with its unit.
+
+    Raises:
+        ParameterError: for a refused argument.
+        SimulationError: if ngspice fails to compute a motor's admittance.
+        SpectrumError: if a spectrum cannot be fitted, or has no band in common with the reference.
+    """
+    spectra = [measured] if isinstance(measured, Spectrum) else list(measured)
+    if not spectra:
+        raise ParameterError("There is nothing to compare; give at least one spectrum.")
+    if at is not None and len(at) != len(spectra):
+        raise ParameterError(f"at has {len(at)} values for {len(spectra)} spectra; give one for each.")
+    ports = [spectrum.driven(connection) if spectrum.ports == 2 else spectrum for spectrum in spectra]
+    if isinstance(reference, Motor):
+        against = _model(reference, ports, connection, state)
+    else:
+        against = reference.driven(connection) if reference.ports == 2 else reference
+    for port in ports:
+        if min(port.frequency_hz[-1], against.frequency_hz[-1]) <= max(port.frequency_hz[0], against.frequency_hz[0]):
+            raise SpectrumError(
+                f"{port.source or 'The spectrum'} and {against.source or 'the reference'} share no frequencies."
+            )
+    base = fit_spectrum(against, modes, leads=leads, timeout=timeout)
+    found = tuple(_compare(fit_spectrum(port, modes, leads=leads, timeout=timeout), base) for port in ports)
+    places = tuple(range(1, len(spectra) + 1)) if at is None else tuple(float(value) for value in at)
+    return Trend(found, places, label or ("number of the spectrum" if at is None else "at"))
+
+
+def _model(motor: Motor, ports: Sequence[Spectrum], connection: Connection, state: State) -> Spectrum:
+    start = min(float(port.frequency_hz[0]) for port in ports)
+    stop = max(float(port.frequency_hz[-1]) for port in ports)
+    result = admittance(motor, start=start, stop=stop, points=_MODEL_POINTS, state=state)
+    name = f"{motor.name} ({state}, {connection})"
+    return Spectrum.from_admittance(result.frequency_hz, result.driven(connection), source=name, format="model")
+
+
+def _compare(measured: SpectrumFit, reference: SpectrumFit) -> Comparison:
+    low = max(measured.frequency_hz[0], reference.frequency_hz[0])
+    high = min(measured.frequency_hz[-1], reference.frequency_hz[-1])
+    wanted, found = (
+        [arm for arm in fit.resonances if low <= arm.series_resonance_hz <= high] for fit in (reference, measured)
+    )
+    pairs = _pairs(wanted, found)
+    modes = tuple(_deviation(k + 1, arm, found[pairs[k]] if k in pairs else None) for k, arm in enumerate(wanted))
+    inside = (measured.frequency_hz >= low) & (measured.frequency_hz <= high)
+    frequency, y = measured.frequency_hz[inside], measured.measured_s[inside]
+    ratio = y / reference.admittance(frequency) - 1.0
+    return Comparison(
+        measured=measured,
+        reference=reference,
+        modes=modes,
+        extra_hz=tuple(arm.series_resonance_hz for k, arm in enumerate(found) if k not in pairs.values()),
+        clamped_capacitance_deviation=measured.circuit.clamped_capacitance_f / reference.circuit.clamped_capacitance_f
+        - 1.0,
+        rms_deviation=float(np.sqrt(np.mean(np.abs(ratio) ** 2))),
+        warnings=tuple(f"{fit.source}: {text}" for fit in (measured, reference) for text in fit.warnings),
+    )
+
+
+def _pairs(wanted: Sequence[FittedArm], found: Sequence[FittedArm]) -> dict[int, int]:
+    """Return which measured mode belongs to which of the reference: the closest in frequency and capacitance."""
+    cost = np.array(
+        [
+            [
+                10.0 * abs(np.log(arm.series_resonance_hz / mode.series_resonance_hz))
+                + abs(np.log(arm.capacitance_f / mode.capacitance_f))
+                for arm in found
+            ]
+            for mode in wanted
+        ]
+    ).reshape(len(wanted), len(found))
+    rows, columns = linear_sum_assignment(cost)
+    return {
+        int(row): int(column)
+        for row, column in zip(rows, columns, strict=True)
+        if abs(found[column].series_resonance_hz / wanted[row].series_resonance_hz - 1.0) < _FARTHEST
+    }
+
+
+def _deviation(number: int, reference: FittedArm, measured: FittedArm | None) -> ModeDeviation:
+    wanted = _values(reference)
+    if measured is None:
+        return ModeDeviation(number, wanted, None, {}, {})
+    found = _values(measured)
+    errors = measured.standard_errors
+    return ModeDeviation(
+        mode=number,
+        reference=wanted,
+        measured=found,
+        standard_errors={
+            "frequency": errors["series_resonance_hz"],
+            "quality_factor": errors["quality_factor"],
+            "resistance": errors["resistance_ohm"],
+        },
+        deviations={name: found[name] / wanted[name] - 1.0 for name in wanted},
+    )
+
+
+def _values(arm: FittedArm) -> dict[str, float]:
+    return {
+        "frequency": arm.series_resonance_hz,
+        "quality_factor": arm.quality_factor,
+        "coupling_factor": arm.characteristics.coupling_factor,
+        "resistance": arm.resistance_ohm,
+    }

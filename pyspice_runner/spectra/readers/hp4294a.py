@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""HP, Agilent and Keysight 4294A, ASCII: settings in quotes, then for each trace ``"TRACE: A"``, a header, the points.
+
+A trace's columns are *Frequency*, *Data Trace Real*, *Data Trace Imag*, with *Memory Trace Real* and *Memory Trace
+Imag* where a memory trace was saved. They hold the measurement parameter as displayed; of a scalar the imaginary part
+is 0. Where *Data Real* and *Data Imag* were saved too, these are R and X, independent of what was displayed.
+
+In the manuals the parameter pairs are, as GPIB mnemonic and by trace: IMPH |Z|-θ, IRIM R-X, LSR Ls-Rs, LSQ Ls-Q, CSR
+Cs-Rs, CSQ Cs-Q, CSD Cs-D, AMPH |Y|-θ, ARIM G-B, LPG Lp-G, LPQ Lp-Q, CPG Cp-G, CPQ Cp-Q, CPD Cp-D, COMP Z-Y, IMLS
+|Z|-Ls, IMCS |Z|-Cs, IMLP |Z|-Lp, IMCP |Z|-Cp, IMRS |Z|-Rs, IMQ |Z|-Q, IMD |Z|-D, LPR Lp-Rp, CPR Cp-Rp.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from pyspice_runner.spectra.readers.combine import pair_of, with_named_phase
+from pyspice_runner.spectra.readers.reading import Reading, wants_memory
+from pyspice_runner.spectra.readers.table import Floats, Table, read_table
+from pyspice_runner.spectra.readers.text import Text, describe, quote
+
+FORMAT = "4294A ASCII"
+_MODEL = re.compile(r'\s*"?\s*(?:HP |AGILENT )?4294A\b', re.IGNORECASE)
+_SETTING = re.compile(r'\s*"([^":]+):\s*(.*?)\s*"\s*')
+
+# What the line MEASURE PARAMETER may say, in the order of the two traces. Full names first, then symbols.
+_TOKENS = (
+    (r"IMPEDANCE MAG(?:NITUDE)?|\|Z\||IMPEDANCE ABS", "abs_z"),
+    (r"ADMITTANCE MAG(?:NITUDE)?|\|Y\||ADMITTANCE ABS", "abs_y"),
+    (r"PHASE(?: \((?:DEG|RAD)\))?|THETA|Θ", "phase"),
+    (r"SERIES INDUCTANCE|\bLS\b", "ls"),
+    (r"SERIES CAPACITANCE|\bCS\b", "cs"),
+    (r"SERIES RESISTANCE|\bRS\b|\bR\b|RESISTANCE|IMPEDANCE REAL", "r"),
+    (r"REACTANCE|\bX\b", "x"),
+    (r"PARALLEL INDUCTANCE|\bLP\b", "lp"),
+    (r"PARALLEL CAPACITANCE|\bCP\b", "cp"),
+    (r"PARALLEL RESISTANCE|\bRP\b", "rp"),
+    (r"CONDUCTANCE|\bG\b|ADMITTANCE REAL", "g"),
+    (r"SUSCEPTANCE|\bB\b", "b"),
+    (r"QUALITY FACTOR|\bQ\b", "q"),
+    (r"DISSIPATION FACTOR|\bD\b", "d"),
+    (r"IMAG(?:INARY)?", "imaginary"),
+)
+_TOKEN = re.compile("|".join(f"(?P<k{place}>{pattern})" for place, (pattern, _) in enumerate(_TOKENS)))
+_MNEMONICS = {
+    "IMPH": ("abs_z", "phase"),
+    "IRIM": ("r", "x"),
+    "LSR": ("ls", "r"),
+    "LSQ": ("ls", "q"),
+    "CSR": ("cs", "r"),
+    "CSQ": ("cs", "q"),
+    "CSD": ("cs", "d"),
+    "AMPH": ("abs_y", "phase"),
+    "ARIM": ("g", "b"),
+    "LPG": ("lp", "g"),
+    "LPQ": ("lp", "q"),
+    "CPG": ("cp", "g"),
+    "CPQ": ("cp", "q"),
+    "CPD": ("cp", "d"),
+    "COMP": ("complex", "complex"),
+    "IMLS": ("abs_z", "ls"),
+    "IMCS": ("abs_z", "cs"),
+    "IMLP": ("abs_z", "lp"),
+    "IMCP": ("abs_z", "cp"),
+    "IMRS": ("abs_z", "r"),
+    "IMQ": ("abs_z", "q"),
+    "IMD": ("abs_z", "d"),
+    "LPR": ("lp", "rp"),
+    "CPR": ("cp", "rp"),
+}
+_EXPECTED = "a pair such as IMPEDANCE MAG PHASE (DEG), R-X, Cs-D, ADMITTANCE MAG PHASE (DEG), G-B, Cp-D or COMPLEX Z-Y"
+
+
+def read(text: Text, trace: str | None) -> Reading | None:
+    """Read the file; ``None`` if it is of another format."""
+    if not _MODEL.match(text.lines[0]):
+        return None
+    settings = _settings(text)
+    index, parameter = settings.get("MEASURE PARAMETER", (None, ""))
+    if index is None:
+        raise text.refusal(0, "no line “MEASURE PARAMETER: …” follows", "one, since it names the two traces")
+    tables = _traces(text, settings)
+    metadata = describe(
+        [("instrument", text.lines[0]), *((key.capitalize(), value) for key, (_, value) in settings.items())]
+    )
+    measured = _measured_array(tables)
+    pair = parameters(parameter)
+    has_memory = any(_column(item, "memory", "real") is not None for item in tables.values())
+    memory = wants_memory(text, trace, has_memory)
+    if measured is not None and not memory:
+        columns, frequency, table = measured
+        return Reading(text, FORMAT, frequency, np.array(table.indices), columns, metadata=metadata)
+    if pair is None:
+        raise text.refusal(index, f"the parameters {quote(parameter)} are not known", _EXPECTED)
+    columns, frequency, table = _displayed(text, tables, pair, "memory" if memory else "data", index)
+    if "RAD" in parameter.upper():
+        angle_unit = "rad"
+    else:
+        angle_unit = "deg"
+        columns = {kind: np.deg2rad(values) if kind == "phase" else values for kind, values in columns.items()}
+    if pair_of(with_named_phase(columns)) is None:
+        raise text.refusal(
+            index, f"{quote(parameter)} does not tell whether the reactance is capacitive or inductive", _EXPECTED
+        )
+    reading = Reading(text, FORMAT, frequency, np.array(table.indices), columns, angle_unit, metadata=metadata)
+    if has_memory and not memory:
+        reading.warnings.append("The file also holds a memory trace; trace=“memory” reads that one.")
+    return reading
+
+
+def parameters(named: str) -> tuple[str, str] | None:
+    """Return the quantities of traces A and B that a MEASURE PARAMETER line names, ``None`` if it is not understood."""
+    upper = " ".join(named.upper().replace("_", " ").replace("-", " ").split())
+    if upper in _MNEMONICS:
+        return _MNEMONICS[upper]
+    if "COMPLEX" in upper:
+        return "complex", "complex"
+    found = [_TOKENS[int(str(match.lastgroup)[1:])][1] for match in _TOKEN.finditer(upper)]
+    if len(found) != 2 or found[0] == found[1] or found[0] in ("imaginary", "phase"):
+        return None
+    first, second = found
+    if second == "imaginary":
+        second = {"r": "x", "g": "b"}.get(first, "")
+    return (first, second) if second else None
+
+
+def _setting(line: str) -> re.Match[str] | None:
+    """Match a line ``"KEY: value"``."""
+    return _SETTING.fullmatch(line) if len(line) < 300 else None
+
+
+def _settings(text: Text) -> dict[str, tuple[int, str]]:
+    """Return key → (line, value) of the settings above the first trace."""
+    settings: dict[str, tuple[int, str]] = {}
+    for index, line in enumerate(text.lines[:60]):
+        if match := _setting(line):
+            if match[1].strip().upper() == "TRACE":
+                break
+            settings.setdefault(match[1].strip().upper(), (index, match[2]))
+    return settings
+
+
+def _traces(text: Text, settings: dict[str, tuple[int, str]]) -> dict[str, Table]:
+    """Return the tables of traces A and B, of equal length and as long as NUMBER of POINTS says."""
+    _, stated = settings.get("NUMBER OF POINTS", (0, ""))
+    points = int(stated) if stated.isdecimal() and len(stated) < 7 else None
+    starts = [
+        (match[2].strip().upper(), index)
+        for index, line in enumerate(text.lines)
+        if (match := _setting(line)) and match[1].strip().upper() == "TRACE"
+    ]
+    tables: dict[str, Table] = {}
+    for place, (name, start) in enumerate(starts):
+        stop = starts[place + 1][1] if place + 1 < len(starts) else None
+        header = text.find(lambda line: line.lstrip().lower().startswith(('"frequency"', "frequency")), start, stop)
+        if header is None:
+            raise text.refusal(start, f"trace {quote(name)} has no column “Frequency”", "a sweep of the frequency")
+        # the last line carries its points to the end of the file, so an end that is missing shows in their number
+        table = read_table(text, header, header + 1, len(text.lines) if stop is None else stop, "\t")
+        if points is not None and len(table.rows) != points:
+            raise text.refusal(
+                table.indices[-1],
+                f"trace {quote(name)} ends after {len(table.rows)} points",
+                f"{points}, as line {settings['NUMBER OF POINTS'][0] + 1} says",
+            )
+        if stop is None and not text.ended and len({len(row[-1].lstrip("+-")) for row in table.rows[-2:]}) > 1:
+            raise text.refusal(table.indices[-1], "the file ends within a number", "a file that was not cut short")
+        tables.setdefault(name, table)
+    if not tables:
+        raise text.refusal(len(text.lines) - 1, "the file ends without a line “TRACE: A”", "traces A and B")
+    return tables
+
+
+def _column(table: Table, wanted: str, part: str) -> int | None:
+    """Return the place of *Data Trace Real* or its like."""
+    name = f"{wanted} trace {part}"
+    return next((place for place, cell in enumerate(table.names) if cell.strip('" ').lower() == name), None)
+
+
+def _measured_array(tables: dict[str, Table]) -> tuple[dict[str, Floats], Floats, Table] | None:
+    """Return R and X where the data array was saved beside the displayed trace."""
+    for table in tables.values():
+        names = [cell.strip('" ').lower() for cell in table.names]
+        if "data real" in names and "data imag" in names:
+            frequency, r, x = table.numbers([0, names.index("data real"), names.index("data imag")])
+            return {"r": r, "x": x}, frequency, table
+    return None
+
+
+def _displayed(
+    text: Text, tables: dict[str, Table], pair: tuple[str, str], wanted: str, index: int
+) -> tuple[dict[str, Floats], Floats, Table]:
+    """Return the displayed traces by quantity."""
+    columns: dict[str, Floats] = {}
+    frequencies = []
+    for name, kind in zip("AB", pair, strict=True):
+        table = tables.get(name)
+        if table is None:
+            raise text.refusal(index, f"trace {name} is missing", "both traces, which make the admittance together")
+        real, imag = _column(table, wanted, "real"), _column(table, wanted, "imag")
+        if real is None or imag is None:
+            raise text.refusal(
+                table.indices[0] - 1,
+                f"trace {name} has no {wanted} trace",
+                f"columns “{wanted.capitalize()} Trace Real”",
+            )
+        frequency, value, rest = table.numbers([0, real, imag])
+        frequencies.append(frequency)
+        if kind == "complex":  # Z in trace A; trace B says the same as Y
+            return {"r": value, "x": rest}, frequency, table
+        if rest.any():
+            place = table.indices[int(np.argmax(rest != 0.0))]
+            raise text.refusal(
+                place, f"{quote(table.names[imag])} of a scalar is not 0", "0, or the parameters COMPLEX Z-Y"
+            )
+        columns[kind] = value
+    if not np.array_equal(frequencies[0], frequencies[1]):
+        raise text.refusal(tables["B"].indices[0], "trace B has other frequencies than trace A", "the same in both")
+    return columns, frequencies[0], tables["A"]

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Touchstone 1 of one port or two, through scikit-rf (the extra ``spectra``).
+
+The number of ports is told from the columns, not from the file's name. Port 1 is group A, port 2 group B.
+"""
+
+from __future__ import annotations
+
+import re
+from io import StringIO
+from typing import NamedTuple
+
+import numpy as np
+
+from pyspice_runner.errors import SpectrumError
+from pyspice_runner.spectra.readers.combine import Complexes
+from pyspice_runner.spectra.readers.reading import Reading
+from pyspice_runner.spectra.readers.table import number
+from pyspice_runner.spectra.readers.text import Text, described, quote
+
+FORMAT = "Touchstone"
+_OPTION = re.compile(r"#[ \t]*(?:(?:[kmg]?hz|[syzgh]|ri|ma|db|r[ \t]+[0-9.eE+-]+)[ \t]+)+(?:!.*)?", re.IGNORECASE)
+_SIDES = ("s", "y", "z", "g", "h")
+_HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
+_GROUP = dict.fromkeys(_HERTZ, "unit") | dict.fromkeys(_SIDES, "side") | dict.fromkeys(("ri", "ma", "db"), "form")
+_PORTS = {3: 1, 9: 2}
+_NOISE = 5  # numbers in a line of noise parameters, which may follow a two-port
+
+
+class _Option(NamedTuple):
+    """The option line: factor of the frequency, kind of parameter, number format, reference resistance."""
+
+    hertz: float
+    side: str
+    form: str
+    reference: float
+
+
+def read(text: Text, _trace: str | None) -> Reading | None:
+    """Read the file; ``None`` if it is of another format."""
+    first = text.find(lambda line: line.strip() and not line.lstrip().startswith("!"), 0, 1000)
+    if first is None:
+        return None
+    line = text.lines[first].strip()
+    if line.lower().startswith("[version]"):
+        raise text.refusal(first, "Touchstone 2", "version 1, which every analyser and simulator can write")
+    if len(line) > 200 or not _OPTION.fullmatch(line + " "):
+        return None
+    rows, indices, warnings = _rows(text, first + 1)
+    ports = _PORTS[len(rows[0])]
+    option = _option(text, first, line)
+    frequency = np.array([row[0] for row in rows]) * option.hertz
+    matrix = _admittance(text, option, rows, ports)
+    if option.side != "s" and option.reference != 1.0:
+        warnings.append(
+            f"The {option.side.upper()} parameters were taken as normalised to {option.reference:g} Ω, "
+            "as Touchstone 1 has it."
+        )
+    metadata = described(entry for entry in text.lines if entry.lstrip().startswith("!"))
+    reading = Reading(text, FORMAT, frequency, np.array(indices), metadata=metadata, warnings=warnings)
+    if ports == 2:
+        reading.matrix_s = matrix
+    else:
+        reading.columns = {"g": matrix[:, 0, 0].real, "b": matrix[:, 0, 0].imag}
+    return reading
+
+
+def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int], list[str]]:
+    """Return the points in rising order of line, checked to be numbers; noise parameters are left out."""
+    rows: list[list[float]] = []
+    indices: list[int] = []
+    last = len(text.lines) - (0 if text.ended else 1)
+    for index in range(start, last):
+        line = text.lines[index].partition("!")[0]
+        cells = line.split()
+        if not cells or line.lstrip().startswith("#"):
+            continue
+        values = [number(cell) for cell in cells]
+        if any(value is None or not np.isfinite(value) for value in values):
+            bad = next(
+                cell for cell, value in zip(cells, values, strict=True) if value is None or not np.isfinite(value)
+            )
+            raise text.refusal(index, f"{quote(bad)} is no number", "numbers")
+        if rows and len(rows[0]) == 9 and len(cells) == _NOISE:
+            break
+        if len(cells) not in _PORTS or (rows and len(cells) != len(rows[0])):
+            expected = f"{len(rows[0])}" if rows else "3 (one port) or 9 (two ports)"
+            raise text.refusal(index, f"{len(cells)} numbers", expected)
+        rows.append([value for value in values if value is not None])
+        indices.append(index)
+    if len(rows) < 2:
+        raise text.refusal(start - 1, f"only {len(rows)} complete points follow", "at least 2")
+    warnings = []
+    if not text.ended:
+        warnings.append(f"Line {last + 1}, the last, has no line end and may be cut short, so it was left out.")
+    return rows, indices, warnings
+
+
+def _option(text: Text, index: int, line: str) -> _Option:
+    tokens = line[1:].partition("!")[0].lower().split()
+    named = [token for token in tokens if token.isalpha() and token != "r"]
+    if len({_GROUP[token] for token in named}) < len(named):
+        raise text.refusal(index, f"{quote(line)} names something twice", "an option line such as “# Hz S RI R 50”")
+    reference = number(tokens[tokens.index("r") + 1]) if "r" in tokens else 50.0
+    if reference is None or not reference > 0.0:
+        raise text.refusal(index, "the reference resistance is not above 0 Ω", "one such as R 50")
+    side = next((token for token in tokens if token in _SIDES), "s")
+    if side in "gh":
+        raise text.refusal(index, f"{side.upper()} parameters", "S, Y or Z parameters")
+    unit = next((token for token in tokens if token in _HERTZ), "ghz")
+    form = next((token for token in tokens if token in ("ri", "ma", "db")), "ma")
+    return _Option(_HERTZ[unit], side, form, reference)
+
+
+def _parameters(text: Text, option: _Option, rows: list[list[float]], ports: int) -> tuple[Complexes, Complexes]:
+    """Let scikit-rf make complex matrices of the points; return them and, if they are S, the admittance too.
+
+    It tells the number of ports from a name and takes frequencies that fall for noise, so it gets a name and
+    frequencies that suit it; of Y and Z, which it would normalise in its own way, it is told that they are S.
+    """
+    try:
+        from skrf.io.touchstone import Touchstone
+        from skrf.network import s2y
+    except ImportError:
+        raise SpectrumError(
+            f"{text.name} is a Touchstone file, which needs scikit-rf; install it by "
+            "pip install 'pyspice-runner[spectra]'."
+        ) from None
+    lines = [f"# hz s {option.form} r {option.reference!r}"]
+    lines += [" ".join(map(repr, [float(place), *row[1:]])) for place, row in enumerate(rows, start=1)]
+    file = StringIO("\n".join(lines) + "\n")
+    file.name = f"spectrum.s{ports}p"
+    network = Touchstone(file)
+    values = np.asarray(network.s, dtype=np.complex128)
+    if option.side != "s":
+        return values, values
+    with np.errstate(all="ignore"):
+        return values, np.asarray(s2y(values, network.z0), dtype=np.complex128)
+
+
+def _admittance(text: Text, option: _Option, rows: list[list[float]], ports: int) -> Complexes:
+    try:
+        values, admittance = _parameters(text, option, rows, ports)
+        if option.side == "z":
+            return np.asarray(np.linalg.inv(values * option.reference), dtype=np.complex128)
+        return admittance if option.side == "s" else values / option.reference
+    except np.linalg.LinAlgError:
+        raise SpectrumError(f"{text.name}: at some point there is a short circuit, which has no admittance.") from None

@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+r"""An electrical spectrum: admittance over frequency, of one port or of the two groups A and B.
+
+.. math::
+    \begin{pmatrix} i_A \\ i_B \end{pmatrix} =
+    \begin{pmatrix} Y_{AA} & Y_{AB} \\ Y_{BA} & Y_{BB} \end{pmatrix}
+    \begin{pmatrix} U_A \\ U_B \end{pmatrix}
+
+Driven as *A* (B shorted) the admittance is Y_AA; as *A+B* (U on both, currents added) Y_AA + Y_AB + Y_BA + Y_BB; as
+*A−B* (U on A, −U on B, currents subtracted) Y_AA − Y_AB − Y_BA + Y_BB. A one-port is the 1 × 1 matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pyspice_runner.errors import SpectrumError
+from pyspice_runner.result import Result
+from pyspice_runner.units import engineering
+
+Connection = Literal["A", "B", "A+B", "A-B"]
+COUPLING: dict[Connection, tuple[float, float]] = {
+    "A": (1.0, 0.0),
+    "B": (0.0, 1.0),
+    "A+B": (1.0, 1.0),
+    "A-B": (1.0, -1.0),
+}
+
+
+def connect(matrix_s: NDArray[np.complex128], connection: Connection) -> NDArray[np.complex128]:
+    """Return the admittance in S that a two-port shows when its groups are driven through one connection."""
+    drive = np.array(COUPLING[connection])
+    result: NDArray[np.complex128] = np.einsum("i,kij,j->k", drive, matrix_s, drive)
+    return result
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Spectrum(Result):
+    """Admittance over frequency, checked: finite, at least two points, frequencies positive and rising.
+
+    Attributes:
+        frequency_hz: frequencies in Hz, rising, shape (points,).
+        matrix_s: admittance matrix in S, shape (points, ports, ports); [.., 0, 1] is the current into A per volt on B.
+        source: name of the file, or of what the spectrum was computed from.
+        format: name of the format that the spectrum was read from.
+        warnings: what was repaired while reading, one sentence each.
+        metadata: what the file says of the measurement: instrument, date, level.
+    """
+
+    frequency_hz: NDArray[np.float64]
+    matrix_s: NDArray[np.complex128]
+    source: str = ""
+    format: str = ""
+    warnings: tuple[str, ...] = ()
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the arrays and lock them, and leave out of the name what no file can hold."""
+        object.__setattr__(self, "source", self.source.encode("utf-8", "replace").decode())
+        frequency = np.array(self.frequency_hz, dtype=np.float64)
+        matrix = np.array(self.matrix_s, dtype=np.complex128)
+        points = frequency.size
+        if frequency.ndim != 1 or points < 2:
+            raise SpectrumError(f"A spectrum needs at least 2 frequencies; there {_are(points)}.")
+        if matrix.shape not in ((points, 1, 1), (points, 2, 2)):
+            raise SpectrumError(
+                f"A spectrum of {points} frequencies needs an admittance matrix of shape ({points}, 1, 1) "
+                f"or ({points}, 2, 2), not {matrix.shape}."
+            )
+        if not (np.isfinite(frequency).all() and np.isfinite(matrix).all()):
+            raise SpectrumError("A spectrum needs finite frequencies and admittances; leave the other points out.")
+        if frequency[0] <= 0.0 or (np.diff(frequency) <= 0.0).any():
+            raise SpectrumError("The frequencies of a spectrum must be above 0 Hz and rise from point to point.")
+        for name, array in (("frequency_hz", frequency), ("matrix_s", matrix)):
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+    @classmethod
+    def from_admittance(
+        cls,
+        frequency_hz: ArrayLike,
+        admittance_s: ArrayLike,
+        *,
+        source: str = "",
+        format: str = "",  # noqa: A002 - the name of the attribute
+        warnings: tuple[str, ...] = (),
+        metadata: Mapping[str, str] | None = None,
+    ) -> Spectrum:
+        """Make a spectrum of an admittance in S: shape (points,) for one port, (points, 2, 2) for two.
+
+        Raises:
+            SpectrumError: for values that are no spectrum.
+        """
+        matrix = _as_matrix(admittance_s)
+        return cls(np.asarray(frequency_hz, float), matrix, source, format, warnings, dict(metadata or {}))
+
+    @classmethod
+    def from_impedance(
+        cls,
+        frequency_hz: ArrayLike,
+        impedance_ohm: ArrayLike,
+        *,
+        source: str = "",
+        format: str = "",  # noqa: A002 - the name of the attribute
+        warnings: tuple[str, ...] = (),
+        metadata: Mapping[str, str] | None = None,
+    ) -> Spectrum:
+        """Make a spectrum of an impedance in Ω: shape (points,) for one port, (points, 2, 2) for two.
+
+        Raises:
+            SpectrumError: for values that are no spectrum, such as an impedance of zero.
+        """
+        impedance = _as_matrix(impedance_ohm)
+        try:
+            matrix = np.asarray(np.linalg.inv(impedance), dtype=np.complex128)
+        except np.linalg.LinAlgError:
+            raise SpectrumError("An impedance is zero or singular, so that there is no admittance.") from None
+        return cls(np.asarray(frequency_hz, float), matrix, source, format, warnings, dict(metadata or {}))
+
+    def __len__(self) -> int:
+        """Return the number of frequencies."""
+        return len(self.frequency_hz)
+
+    @property
+    def ports(self) -> int:
+        """Number of ports, 1 or 2."""
+        return int(self.matrix_s.shape[-1])
+
+    @property
+    def admittance_s(self) -> NDArray[np.complex128]:
+        """Admittance of a one-port in S, shape (points,).
+
+        Raises:
+            SpectrumError: for a two-port, which has one only when driven through a connection.
+        """
+        if self.ports != 1:
+            raise SpectrumError(f"{self._name} has two ports; choose one of {', '.join(COUPLING)} by driven().")
+        return self.matrix_s[:, 0, 0]
+
+    @property
+    def impedance_ohm(self) -> NDArray[np.complex128]:
+        """Impedance of a one-port in Ω, shape (points,).
+
+        Raises:
+            SpectrumError: for a two-port.
+        """
+        return 1.0 / self.admittance_s
+
+    def driven(self, connection: Connection) -> Spectrum:
+        """Return the one-port that a two-port is when driven as ``A`` (B shorted), ``B``, ``A+B`` or ``A-B``.
+
+        Raises:
+            SpectrumError: for a one-port or an unknown connection.
+        """
+        if self.ports != 2:
+            raise SpectrumError(f"{self._name} has one port; only a two-port can be driven as {connection}.")
+        if connection not in COUPLING:
+            raise SpectrumError(f"The connection {connection!r} is not valid: it must be one of {', '.join(COUPLING)}.")
+        one_port = connect(self.matrix_s, connection)[:, None, None]
+        return replace(self, matrix_s=one_port, metadata={**self.metadata, "connection": connection})
+
+    def between(self, start_hz: float = 0.0, stop_hz: float = np.inf) -> Spectrum:
+        """Return the part from ``start_hz`` to ``stop_hz``, both included.
+
+        Raises:
+            SpectrumError: if fewer than two points lie there.
+        """
+        inside = (self.frequency_hz >= start_hz) & (self.frequency_hz <= stop_hz)
+        if np.count_nonzero(inside) < 2:
+            raise SpectrumError(
+                f"{self._name} has fewer than 2 points from {start_hz:g} Hz to {stop_hz:g} Hz; "
+                f"it covers {self.frequency_hz[0]:g} Hz to {self.frequency_hz[-1]:g} Hz."
+            )
+        return replace(self, frequency_hz=self.frequency_hz[inside], matrix_s=self.matrix_s[inside])
+
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """Return the frequency, and the real and imaginary parts of the admittance."""
+        return columns_of(self.frequency_hz, self.matrix_s)
+
+    def writers(self) -> dict[str, Callable[[Path], object]]:
+        """Return the writers by ending; ``read_spectrum`` reads the ``.csv`` back without loss."""
+        return {**super().writers(), ".csv": self._write_csv}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return source, format, band, warnings and metadata, JSON-ready."""
+        return {
+            "source": self.source,
+            "format": self.format,
+            "ports": self.ports,
+            "points": len(self),
+            "start_hz": float(self.frequency_hz[0]),
+            "stop_hz": float(self.frequency_hz[-1]),
+            "warnings": list(self.warnings),
+            "metadata": dict(self.metadata),
+        }
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What was repaired while reading."""
+        return self.warnings
+
+    def summary(self) -> dict[str, str]:
+        """Return source, format, number of ports and points, and the band."""
+        low, high = (engineering(float(self.frequency_hz[place]), "Hz") for place in (0, -1))
+        found = {"source": self.source, "format": self.format, "ports": str(self.ports), "points": str(len(self))}
+        return {name: text for name, text in found.items() if text} | {"band": f"{low} to {high}"}
+
+    def _write_csv(self, path: Path) -> None:
+        """Write every digit, so that nothing is lost."""
+        columns = self.columns()
+        rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+        lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+
+    @property
+    def _name(self) -> str:
+        return self.source or "The spectrum"
+
+
+def columns_of(frequency_hz: NDArray[np.float64], matrix_s: NDArray[np.complex128]) -> dict[str, NDArray[np.float64]]:
+    """Return the columns of the plain CSV: name with unit → values."""
+    columns = {"frequency_hz": frequency_hz}
+    if matrix_s.shape[-1] == 1:
+        return columns | {"conductance_s": matrix_s[:, 0, 0].real, "susceptance_s": matrix_s[:, 0, 0].imag}
+    for row, into in enumerate("ab"):
+        for column, driven in enumerate("ab"):
+            entry = matrix_s[:, row, column]
+            columns[f"y_{into}{driven}_real_s"] = entry.real
+            columns[f"y_{into}{driven}_imag_s"] = entry.imag
+    return columns
+
+
+def _as_matrix(values: ArrayLike) -> NDArray[np.complex128]:
+    matrix = np.asarray(values, dtype=np.complex128)
+    return matrix[:, None, None] if matrix.ndim == 1 else matrix
+
+
+def _are(count: int) -> str:
+    return "is 1" if count == 1 else f"are {count}"

@@ -1,0 +1,445 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+r"""From the spectra of both groups to the coupling of every mode to each group, and to a motor.
+
+.. math::
+    Y_{ij} = \delta_{ij} \frac{1}{R_i + 1/(sC_i)} + \sum_n \frac{\theta_{in} \theta_{jn}}{m_n}
+             \frac{s}{s^2 + s\,\omega_n/Q_n + \omega_n^2}
+
+A spectrum driven through the weights w (A: 1, 0; A−B: 1, −1) is Σ w_i w_j Y_ij. It knows θ²/m, not θ: one mechanical
+measurement, a modal mass or the tip's velocity per motional current, makes forces of volts. All connections are fitted
+together, with the objective of :mod:`.identify`; the start is the fit of Y_AA + Y_BB, which shows every mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from math import hypot, log, pi, sqrt
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from pyspice_runner.errors import ParameterError, SpectrumError
+from pyspice_runner.files import save_by_ending
+from pyspice_runner.model.load import load_motor
+from pyspice_runner.model.motor import Motor, Provenance, assemble
+from pyspice_runner.model.refusal import checked
+from pyspice_runner.result import Result
+from pyspice_runner.spectra.fit import fit_spectrum
+from pyspice_runner.spectra.identify import (
+    Complexes,
+    NormalEquations,
+    Vector,
+    descend,
+    independent_points,
+    inverse,
+    squares,
+)
+from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum
+from pyspice_runner.spectra.threads import one_thread
+from pyspice_runner.units import engineering
+
+_GLOBALS = 3  # ln C_A, ln C_B, tan δ
+_PER_MODE = 4  # ln f, ln Q, couplings to A and B
+
+
+@dataclass(frozen=True)
+class TwoPortMode:
+    """One mode as both groups see it.
+
+    Attributes:
+        series_resonance_hz: f with both groups shorted.
+        quality_factor: Qm.
+        coupling_a_n_per_v_kg05: θ_A/√m in N/(V·√kg), never negative.
+        coupling_b_n_per_v_kg05: θ_B/√m in N/(V·√kg), with its sign against group A.
+        standard_errors: of the four values above.
+    """
+
+    series_resonance_hz: float
+    quality_factor: float
+    coupling_a_n_per_v_kg05: float
+    coupling_b_n_per_v_kg05: float
+    standard_errors: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TwoPortFit(Result):
+    """Modes and clamped capacitances fitted to the spectra of several connections of the groups.
+
+    Attributes:
+        source: name of the spectra.
+        modes: by rising frequency.
+        capacitance_a_f: clamped capacitance of group A.
+        capacitance_b_f: clamped capacitance of group B.
+        loss_tangent: of both, at ``loss_reference_hz``.
+        loss_reference_hz: geometric centre of the band.
+        standard_errors: of the three before.
+        rms_relative_error: connection → root mean square of the relative residual.
+        warnings: what to know before using the values.
+    """
+
+    source: str
+    modes: tuple[TwoPortMode, ...]
+    capacitance_a_f: float
+    capacitance_b_f: float
+    loss_tangent: float
+    loss_reference_hz: float
+    standard_errors: dict[str, float]
+    rms_relative_error: dict[str, float]
+    warnings: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fit JSON-ready."""
+        return {**asdict(self), "warnings": list(self.warnings)}
+
+    def to_motor(
+        self,
+        *,
+        mass_kg: float | Sequence[float] | None = None,
+        velocity_per_current: float | Sequence[float] | None = None,
+        connection: Connection = "A",
+        tips: Sequence[tuple[float, float]] | None = None,
+        base: Motor | str | Path = "andersen2002",
+        name: str = "measured",
+    ) -> Motor:
+        """Return a complete motor: the fitted stator, calibrated, with the contact and the rotor of another motor.
+
+        The modal coordinate is that of the tip's motion as ``tips`` states it: with (0, 1) a mode moves the tip by
+        r towards the rotor.
+
+        Args:
+            mass_kg: modal masses in kg; of one number, the modal mass of every mode, as of a uniform beam.
+            velocity_per_current: instead, the tip's speed in m/s per ampere of motional current, mode by mode; of one
+                number, that of the first mode, and every mode gets the modal mass that follows.
+            connection: connection through which that current flows.
+            tips: (tip_x, tip_y) of every mode; by default a mode that the groups drive alike moves the tip towards
+                the rotor, and one that they drive against each other moves it along.
+            base: motor, or its name, that contact and rotor are taken from.
+            name: name of the new motor.
+
+        Raises:
+            ParameterError: without exactly one calibration, or for values that make no motor.
+        """
+        if tips is None:
+            tips = [
+                (0.0, 1.0) if mode.coupling_a_n_per_v_kg05 * mode.coupling_b_n_per_v_kg05 >= 0.0 else (1.0, 0.0)
+                for mode in self.modes
+            ]
+            origin = Provenance("assumed", "from the sign of the couplings: alike towards the rotor, opposed along it")
+        else:
+            origin = Provenance("given", "stated with the calibration")
+        if len(tips) != len(self.modes):
+            raise ParameterError(f"tips has {len(tips)} entries for {len(self.modes)} modes; give one for each.")
+        masses, calibration = self._masses(mass_kg, velocity_per_current, connection, tips)
+        base = base if isinstance(base, Motor) else load_motor(base)
+        modes, provenance = [], dict[str, Provenance]()
+        for index, (mode, mass, (tip_x, tip_y)) in enumerate(zip(self.modes, masses, tips, strict=True)):
+            omega = 2.0 * pi * mode.series_resonance_hz
+            values = {
+                "name": f"mode-{index + 1}",
+                "mass_kg": mass,
+                "damping_n_s_per_m": mass * omega / mode.quality_factor,
+                "stiffness_n_per_m": mass * omega**2,
+                "coupling_a_n_per_v": mode.coupling_a_n_per_v_kg05 * sqrt(mass),
+                "coupling_b_n_per_v": mode.coupling_b_n_per_v_kg05 * sqrt(mass),
+                "tip_x": float(tip_x),
+                "tip_y": float(tip_y),
+            }
+            modes.append(values)
+            fitted = Provenance("derived", f"fitted to {self.source} with the modal mass")
+            provenance |= {f"modes.{index}.{key}": fitted for key in values if key != "name"}
+            provenance[f"modes.{index}.mass_kg"] = calibration
+            provenance |= {f"modes.{index}.{key}": origin for key in ("tip_x", "tip_y")}
+        measured = Provenance("derived", f"fitted to {self.source}")
+        piezo = {
+            "capacitance_a_f": self.capacitance_a_f,
+            "capacitance_b_f": self.capacitance_b_f,
+            "loss_tangent": self.loss_tangent,
+            "loss_reference_hz": self.loss_reference_hz,
+        }
+        provenance |= {f"piezo.{key}": measured for key in piezo}
+        borrowed = Provenance("assumed", f"that of {base.name}; state your own")
+        rest = {"contact": base.contact.model_dump(), "rotor": base.rotor.model_dump()}
+        provenance |= {f"{section}.{key}": borrowed for section, table in rest.items() for key in table}
+        parts = {"name": name, "modes": modes, "piezo": piezo, **rest}
+        return assemble(parts, None, provenance, where=self.source)
+
+    def writers(self) -> dict[str, Callable[[Path], object]]:
+        """Return the writers by ending, see :meth:`save`."""
+        return {**super().writers(), ".toml": lambda file: self._write_motor(file)}
+
+    def save(self, path: str | Path, **calibration: Any) -> Path:
+        """Write the fit as ``.json``, or as a motor ``.toml`` with the arguments of :meth:`to_motor`.
+
+        Raises:
+            ParameterError: for another ending, a place that cannot be written, or as by :meth:`to_motor`.
+        """
+        return save_by_ending(path, {**self.writers(), ".toml": lambda file: self._write_motor(file, **calibration)})
+
+    def _write_motor(self, file: Path, **calibration: Any) -> None:
+        heading = f"A motor by the two-port spectra {self.source}."
+        file.write_text(self.to_motor(**calibration).to_toml(heading=heading), encoding="utf-8")
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """The warnings of the fit."""
+        return self.warnings
+
+    def summary(self) -> dict[str, str]:
+        """Return source, errors, clamped capacitances, and frequency, Qm and couplings of each mode."""
+        errors = (f"{name.replace('-', '−')} {100.0 * value:.3g} %" for name, value in self.rms_relative_error.items())
+        found = {
+            "source": self.source or "spectra",
+            "RMS error": ", ".join(errors),
+            "clamped capacitance of A": engineering(self.capacitance_a_f, "F"),
+            "clamped capacitance of B": engineering(self.capacitance_b_f, "F"),
+        }
+        for number, mode in enumerate(self.modes, start=1):
+            found[f"mode {number}"] = (
+                f"{engineering(mode.series_resonance_hz, 'Hz')}, Qm {mode.quality_factor:.4g}, "
+                f"couplings {mode.coupling_a_n_per_v_kg05:.4g}, {mode.coupling_b_n_per_v_kg05:.4g} N/(V·√kg)"
+            )
+        return found
+
+    def _masses(
+        self,
+        mass_kg: float | Sequence[float] | None,
+        velocity_per_current: float | Sequence[float] | None,
+        connection: Connection,
+        tips: Sequence[tuple[float, float]],
+    ) -> tuple[list[float], Provenance]:
+        if (mass_kg is None) == (velocity_per_current is None):
+            raise ParameterError(
+                "A motor needs one mechanical calibration: give either mass_kg or velocity_per_current, not both."
+            )
+        if connection not in COUPLING:
+            raise ParameterError(f"connection = {connection!r} is not valid: it must be one of {', '.join(COUPLING)}.")
+        given = mass_kg if mass_kg is not None else velocity_per_current
+        values = [float(given)] if isinstance(given, int | float) else [float(value) for value in given or ()]
+        what = "mass_kg" if mass_kg is not None else "velocity_per_current"
+        if len(values) not in (1, len(self.modes)) or not all(0.0 < value < 1e18 for value in values):
+            raise ParameterError(
+                f"{what} = {given!r} is not valid: it must be a number > 0, or one for each of {len(self.modes)} modes."
+            )
+        if mass_kg is None:  # θ = |tip| i/v, and θ/√m is known
+            weights = COUPLING[connection]
+            couplings = [
+                abs(weights[0] * mode.coupling_a_n_per_v_kg05 + weights[1] * mode.coupling_b_n_per_v_kg05)
+                for mode in self.modes
+            ]
+            for index, coupling in enumerate(couplings[: len(values)], start=1):
+                if coupling < 1e-6 * hypot(
+                    self.modes[index - 1].coupling_a_n_per_v_kg05, self.modes[index - 1].coupling_b_n_per_v_kg05
+                ):
+                    raise ParameterError(
+                        f"Mode {index} takes no current through {connection}; measure its velocity another way."
+                    )
+            values = [
+                (hypot(*tip) / value / coupling) ** 2
+                for value, coupling, tip in zip(values, couplings, tips, strict=False)
+            ]
+        if len(values) < len(self.modes):
+            return values * len(self.modes), Provenance("derived", f"{what} of one mode; taken to be that of all")
+        return values, Provenance("given" if mass_kg is not None else "derived", f"calibration by {what}")
+
+
+@checked
+@one_thread
+def fit_two_port(
+    spectra: Spectrum | Mapping[Connection, Spectrum], modes: int | None = None, *, timeout: float | None = None
+) -> TwoPortFit:
+    """Fit modes with their couplings to both groups. Leads are taken as compensated.
+
+    Args:
+        spectra: a two-port, or one-ports by connection: ``"A"`` (B shorted), ``"B"`` (A shorted), and ``"A+B"``,
+            ``"A-B"`` or both, which tell the signs.
+        modes: number of modes; found if it is not given.
+        timeout: seconds after which the search for the modes ends with an error. The joint fit that follows is short.
+
+    Raises:
+        ParameterError: for a number of modes or a timeout out of its range.
+        SpectrumError: if a connection is missing, there is no resonance, or the time is over.
+    """
+    warnings: list[str] = []
+    if isinstance(spectra, Spectrum):
+        if spectra.ports != 2:
+            raise SpectrumError(
+                f"{spectra.source or 'The spectrum'} has one port; "
+                "give a two-port, or the spectra of A, B and A+B or A-B."
+            )
+        share = 0.75  # four connections of a two-port hold three independent spectra
+        warnings += _reciprocity(spectra)
+        ports = {connection: spectra.driven(connection) for connection in get_args(Connection)}
+        source = spectra.source
+    else:
+        share = 1.0
+        ports = dict(spectra)
+        missing = [name for name in ("A", "B") if name not in ports] or (
+            ["A+B or A-B"] if not {"A+B", "A-B"} & ports.keys() else []
+        )
+        if missing or not ports.keys() <= COUPLING.keys():
+            raise SpectrumError(
+                f"The connections {', '.join(ports) or 'none'} do not tell the couplings; give A, B, and A+B or A-B."
+            )
+        source = ", ".join(spectrum.source for spectrum in ports.values())
+    problem = _Problem(ports)
+    start = problem.start(modes, timeout)
+    parameters, cost = descend(problem.normal_equations, start, problem.bounds(start), problem.reach)
+    return _report(problem, parameters, cost, share, source or "spectra", warnings)
+
+
+class _Problem:
+    """The joint least-squares problem of several connections, in units of its own."""
+
+    def __init__(self, ports: Mapping[Connection, Spectrum]) -> None:
+        self.ports = ports
+        first, second = ports["A"], ports["B"]
+        self.low = max(first.frequency_hz[0], second.frequency_hz[0])
+        self.high = min(first.frequency_hz[-1], second.frequency_hz[-1])
+        self.reference_hz = sqrt(self.low * self.high)
+        self.unit_s = float(np.median(np.abs(first.admittance_s)))
+        self.count = sum(len(spectrum) for spectrum in ports.values())
+
+    def start(self, modes: int | None, timeout: float | None) -> Vector:
+        """Fit Y_AA + Y_BB, which has every mode, and split each arm among the groups by the other connections."""
+        first = self.ports["A"].between(self.low, self.high)
+        frequency = first.frequency_hz
+        second = np.interp(frequency, self.ports["B"].frequency_hz, self.ports["B"].admittance_s)
+        trace = Spectrum.from_admittance(frequency, first.admittance_s + second, source="The sum of A and B")
+        fit = fit_spectrum(trace, modes, leads=False, timeout=timeout)
+        arms = [arm for arm in fit.arms if arm.in_band]
+        start = np.zeros(_GLOBALS + _PER_MODE * len(arms))
+        share_a = float(np.median(first.admittance_s.imag / trace.admittance_s.imag))
+        capacitance = fit.circuit.clamped_capacitance_f * 2.0 * pi * self.reference_hz / self.unit_s
+        split = min(max(share_a, 0.05), 0.95)
+        start[:_GLOBALS] = log(capacitance * split), log(capacitance * (1.0 - split)), fit.circuit.loss_tangent
+        size = {connection: self._amplitudes(connection, arms) for connection in self.ports}
+        for index, arm in enumerate(arms):
+            a, b = sqrt(size["A"][index]), sqrt(size["B"][index])
+            total = a * a + b * b
+            alike = size["A+B"][index] - total if "A+B" in size else total - size["A-B"][index]
+            at = _GLOBALS + _PER_MODE * index
+            frequency_ratio = arm.series_resonance_hz / self.reference_hz
+            start[at : at + _PER_MODE] = log(frequency_ratio), log(arm.quality_factor), a, b if alike >= 0.0 else -b
+        return start
+
+    def _amplitudes(self, connection: Connection, arms: Sequence[Any]) -> Vector:
+        """Return (w·θ)²/m/ω of every mode by linear least squares, in this problem's unit."""
+        spectrum = self.ports[connection]
+        w = spectrum.frequency_hz / self.reference_hz
+        y = spectrum.admittance_s / self.unit_s
+        columns = [1j * w, w**2 + 0j]
+        for arm in arms:
+            ratio = spectrum.frequency_hz / arm.series_resonance_hz
+            columns.append(1.0 / (1.0 / arm.quality_factor + 1j * (ratio - 1.0 / ratio)))
+        system = (np.array(columns) / np.abs(y)).view(float).T
+        found = np.linalg.lstsq(system, np.ascontiguousarray(y / np.abs(y)).view(float), rcond=None)[0]
+        return np.asarray(np.maximum(found[2:], 1e-12))
+
+    def bounds(self, start: Vector) -> tuple[Vector, Vector]:
+        """Return the least and greatest value of every parameter."""
+        modes = (len(start) - _GLOBALS) // _PER_MODE
+        low, high = log(self.low / self.reference_hz), log(self.high / self.reference_hz)
+        least = [-25.0, -25.0, 0.0, *([low, log(0.6), -np.inf, -np.inf] * modes)]
+        greatest = [25.0, 25.0, 2.0, *([high, log(1e6), np.inf, np.inf] * modes)]
+        return np.array(least), np.array(greatest)
+
+    def reach(self, parameters: Vector) -> Vector:
+        """Return how far a step may go: a mode by its bandwidth."""
+        reach = np.full(len(parameters), np.inf)
+        reach[_GLOBALS::_PER_MODE] = 2.0 * np.exp(-parameters[_GLOBALS + 1 :: _PER_MODE])
+        reach[_GLOBALS + 1 :: _PER_MODE] = 2.0
+        return reach
+
+    def linearised(self, parameters: Vector, connection: Connection) -> tuple[Complexes, Complexes]:
+        """Return one connection's residual ln Y_model − ln Y, and its derivatives."""
+        spectrum = self.ports[connection]
+        w = spectrum.frequency_hz / self.reference_hz
+        weight_a, weight_b = COUPLING[connection]
+        capacitance = np.exp(parameters[:2])
+        clamped = capacitance[:, None] / (parameters[2] + 1.0 / (1j * w))
+        log_frequency, log_quality, a, b = parameters[_GLOBALS:].reshape(-1, _PER_MODE).T[:, :, None]
+        frequency, quality = np.exp(log_frequency), np.exp(log_quality)
+        shape = 1.0 / (1.0 / quality + 1j * (w / frequency - frequency / w))
+        drive = weight_a * a + weight_b * b
+        squared = np.array([weight_a**2, weight_b**2])
+        y = squared @ clamped + (drive**2 * shape).sum(axis=0)
+        jacobian = np.empty((len(parameters), len(w)), dtype=complex)
+        jacobian[:2] = squared[:, None] * clamped
+        jacobian[2] = -squared @ (clamped**2 / capacitance[:, None])
+        jacobian[_GLOBALS::_PER_MODE] = 1j * drive**2 * shape**2 * (w / frequency + frequency / w)
+        jacobian[_GLOBALS + 1 :: _PER_MODE] = drive**2 * shape**2 / quality
+        jacobian[_GLOBALS + 2 :: _PER_MODE] = 2.0 * weight_a * drive * shape
+        jacobian[_GLOBALS + 3 :: _PER_MODE] = 2.0 * weight_b * drive * shape
+        residual = np.log(y / (spectrum.admittance_s / self.unit_s))
+        return np.asarray(residual), jacobian / y
+
+    def normal_equations(self, parameters: Vector) -> NormalEquations:
+        """Return the normal equations of all connections together."""
+        parts = [squares(*self.linearised(parameters, connection)) for connection in self.ports]
+        return sum(part[0] for part in parts), np.sum([p[1] for p in parts], 0), np.sum([p[2] for p in parts], 0)
+
+
+def _report(
+    problem: _Problem, parameters: Vector, cost: float, share: float, source: str, warnings: list[str]
+) -> TwoPortFit:
+    residuals = {name: problem.linearised(parameters, name)[0] for name in problem.ports}
+    independent = sum(independent_points(residual) for residual in residuals.values()) * share
+    _, _, hessian = problem.normal_equations(parameters)
+    freedom = max(2 * problem.count - len(parameters), 1)
+    covariance = inverse(hessian) * cost / freedom * problem.count / independent
+    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    modes = []
+    for index in range((len(parameters) - _GLOBALS) // _PER_MODE):
+        at = _GLOBALS + _PER_MODE * index
+        frequency = float(np.exp(parameters[at])) * problem.reference_hz
+        scale = sqrt(problem.unit_s * 2.0 * pi * frequency)  # θ²/m is ω over the reactance
+        values = {
+            "series_resonance_hz": frequency,
+            "quality_factor": float(np.exp(parameters[at + 1])),
+            "coupling_a_n_per_v_kg05": float(parameters[at + 2]) * scale,
+            "coupling_b_n_per_v_kg05": float(parameters[at + 3]) * scale,
+        }
+        if values["coupling_a_n_per_v_kg05"] < 0.0:
+            values |= {
+                "coupling_a_n_per_v_kg05": -values["coupling_a_n_per_v_kg05"],
+                "coupling_b_n_per_v_kg05": -values["coupling_b_n_per_v_kg05"],
+            }
+        units = (frequency, values["quality_factor"], scale, scale)
+        errors = {name: float(unit * error[at + k]) for k, (name, unit) in enumerate(zip(values, units, strict=True))}
+        modes.append(TwoPortMode(**values, standard_errors=errors))
+    omega = 2.0 * pi * problem.reference_hz
+    capacitances = np.exp(parameters[:2]) * problem.unit_s / omega
+    if independent < 0.5 * share * problem.count:
+        worst = max(np.sqrt(np.mean(np.abs(residual) ** 2)) for residual in residuals.values())
+        warnings = [
+            *warnings,
+            f"The modes do not follow the spectra to the noise: residuals of up to {100.0 * worst:.2g} % remain.",
+        ]
+    return TwoPortFit(
+        source=source,
+        modes=tuple(sorted(modes, key=lambda mode: mode.series_resonance_hz)),
+        capacitance_a_f=float(capacitances[0]),
+        capacitance_b_f=float(capacitances[1]),
+        loss_tangent=float(parameters[2]),
+        loss_reference_hz=problem.reference_hz,
+        standard_errors={
+            "capacitance_a_f": float(capacitances[0] * error[0]),
+            "capacitance_b_f": float(capacitances[1] * error[1]),
+            "loss_tangent": float(error[2]),
+        },
+        rms_relative_error={
+            name: float(np.sqrt(np.mean(np.abs(np.expm1(residual)) ** 2))) for name, residual in residuals.items()
+        },
+        warnings=tuple(warnings),
+    )
+
+
+def _reciprocity(spectrum: Spectrum) -> list[str]:
+    """Complain where the two transfer admittances differ, which those of a passive stator do not."""
+    forward, backward = spectrum.matrix_s[:, 0, 1], spectrum.matrix_s[:, 1, 0]
+    differ = np.sqrt(np.mean(np.abs(forward - backward) ** 2) / np.mean(np.abs(forward + backward) ** 2)) * 2.0
+    if differ < 0.05:
+        return []
+    return [f"Y_AB and Y_BA differ by {100.0 * differ:.2g} % (RMS); check the wiring and the calibration."]

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A folder of finished results, each addressed by the hash of everything that it follows from, its content.
+
+An entry is one JSON file, named by the SHA-256 of its content and written in one step. A process that is killed leaves
+no incomplete entry, and several processes may use one folder at once: both write the same entry.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+import uuid
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from pyspice_runner.errors import ParameterError
+
+_ABANDONED = 3600.0  # s; an unfinished file of this age belongs to a process that was killed
+
+
+class Store:
+    """A store of results.
+
+    Args:
+        folder: its path; by default in the user's cache folder. It is created if it does not exist.
+
+    Raises:
+        ParameterError: if the folder cannot be written.
+    """
+
+    def __init__(self, folder: str | Path | None = None) -> None:
+        self.folder = Path(folder) if folder is not None else _cache_folder() / "piezomotor" / "points"
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            for begun in self.folder.glob("*/.*.part"):
+                with suppress(FileNotFoundError):  # it was just finished
+                    if begun.stat().st_mtime < time.time() - _ABANDONED:
+                        begun.unlink()
+        except (OSError, ValueError) as error:  # a name with a null character raises ValueError
+            raise self._refusal(getattr(error, "strerror", None) or str(error)) from error
+        if not os.access(self.folder, os.W_OK | os.X_OK):
+            raise self._refusal("permission denied")
+
+    def get(self, content: Mapping[str, Any]) -> dict[str, Any] | None:
+        """Return the result for a content; ``None`` if it is missing, damaged, or belongs to another content.
+
+        Args:
+            content: everything that the result follows from, as a JSON object.
+        """
+        try:
+            entry = json.loads(self._path(content).read_bytes())
+            result: dict[str, Any] = entry["result"]
+            whole = entry["seal"] == fingerprint([content, result])
+        except (OSError, ValueError, TypeError, KeyError, RecursionError):
+            return None
+        return result if whole else None
+
+    def put(self, content: Mapping[str, Any], result: Mapping[str, Any]) -> None:
+        """Store a result; it is on the disk when this returns.
+
+        Raises:
+            ParameterError: if it cannot be written.
+        """
+        path = self._path(content)
+        text = _canonical({"content": content, "result": result, "seal": fingerprint([content, result])})
+        begun = path.with_name(f".{uuid.uuid4().hex}.part")
+        try:
+            path.parent.mkdir(exist_ok=True)
+            try:
+                with begun.open("x", encoding="utf-8") as file:
+                    file.write(text)
+                    file.flush()
+                    os.fsync(file.fileno())
+                begun.replace(path)
+            finally:
+                begun.unlink(missing_ok=True)
+        except OSError as error:
+            raise self._refusal(error.strerror) from error
+
+    def _path(self, content: Mapping[str, Any]) -> Path:
+        address = fingerprint(content)
+        return self.folder / address[:2] / f"{address[2:]}.json"
+
+    def _refusal(self, reason: str | None) -> ParameterError:
+        return ParameterError(f"Cannot write the store {self.folder}: {reason}. Free it, or choose another folder.")
+
+
+def _cache_folder() -> Path:
+    stated = os.environ.get("XDG_CACHE_HOME")
+    try:
+        return Path(stated) if stated else Path.home() / ".cache"
+    except RuntimeError:  # neither HOME nor an entry of this user in the passwd file
+        raise ParameterError(
+            "This user has no home folder for the store. Set HOME or XDG_CACHE_HOME, or name a folder for the store."
+        ) from None
+
+
+def fingerprint(document: Any) -> str:
+    """Return the SHA-256 of a document of numbers, texts, lists and tables; the order of keys does not matter."""
+    return hashlib.sha256(_canonical(document).encode()).hexdigest()
+
+
+def _canonical(document: Any) -> str:
+    """Return a document as JSON in canonical form: keys sorted, no spaces, all digits, arrays as lists."""
+    return json.dumps(document, sort_keys=True, separators=(",", ":"), default=lambda array: array.tolist())

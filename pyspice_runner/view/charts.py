@@ -1,0 +1,333 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The charts of the data sheet, as Plotly figures for a light and a dark page.
+
+An animated chart has frames, which the page plays with its own controls; ``layout.meta["order"]`` is the sequence of
+frames of one cycle.
+"""
+
+from __future__ import annotations
+
+from math import pi
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from pyspice_runner.model.beam import solve_resonator
+from pyspice_runner.model.motor import Structure
+from pyspice_runner.run.waveforms import Array, Waveforms
+from pyspice_runner.spectra.spectrum import COUPLING, Connection
+from pyspice_runner.view.report import Report
+from pyspice_runner.view.style import BLUE, CYCLE, GREEN, GREY, LABELS, PURPLE, STATES, VERMILION
+
+if TYPE_CHECKING:
+    from pyspice_runner.model.motor import Motor
+
+DASHES = ("solid", "dash", "dot", "dashdot")
+MARKS = ("circle", "diamond", "square", "cross")
+
+MODE_STEPS = 12  # frames from the middle to the largest deflection
+TOOL_BAR = 32  # pixels below the chart, where datasheet.css puts the tool bar
+PATH_FRAMES = 120  # of one drive period
+_SWING = 0.07  # of the beam's length: the largest deflection as it is drawn
+_MOST_SHAPES = 6
+_MOST_POINTS = 3000  # of a curve over time
+
+
+def theme(ink: str, grid: str) -> go.layout.Template:
+    """Return the template of a light or a dark page."""
+    title = {"font": {"size": 13}, "standoff": 6}  # close to the axis, so that it stays clear of the tool bar
+    axis = {"gridcolor": grid, "zerolinecolor": grid, "linecolor": ink, "automargin": True, "title": title}
+    return go.layout.Template(
+        layout={
+            "font": {"color": ink, "family": "system-ui, sans-serif", "size": 13},
+            "paper_bgcolor": "rgba(0,0,0,0)",
+            "plot_bgcolor": "rgba(0,0,0,0)",
+            "xaxis": axis,
+            "yaxis": axis,
+            "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.06, "x": 0.0},
+            "margin": {"l": 60, "r": 12, "t": 48, "b": 48 + TOOL_BAR},
+            "hovermode": "closest",
+        }
+    )
+
+
+def mode_shapes(motor: Motor) -> go.Figure | None:
+    """Return the animated modes of the beam, with patches and tip; ``None`` for a motor without a beam."""
+    structure = motor.structure
+    if structure is None:
+        return None
+    modes = motor.modes[:_MOST_SHAPES]
+    resonator = solve_resonator(structure.beam, structure.patches, structure.tip, count=len(motor.modes))
+    titles = [f"{mode.name}, {mode.frequency_hz / 1e3:.4g} kHz" for mode in modes]
+    figure = make_subplots(rows=len(modes), cols=1, subplot_titles=titles, shared_xaxes=True, vertical_spacing=0.12)
+    parts = _parts(structure)
+
+    def lines(mode: int, deflection: float) -> list[tuple[Array, Array]]:
+        swing = deflection * _SWING * structure.beam.length_m
+        return [
+            _bent(swing, points, resonator.deflection(foot)[:, mode], resonator.slope(foot)[:, mode])
+            for points, foot, *_ in parts
+        ]
+
+    for row in range(len(modes)):
+        for (x, y), (_, _, name, colour, fill) in zip(lines(row, 0.0), parts, strict=True):
+            figure.add_scatter(
+                x=_short(1e3 * x), y=_short(1e3 * y), name=name, legendgroup=name, showlegend=row == 0, mode="lines",
+                line={"color": colour, "width": 4 if fill is None else 1.5}, fill=fill, hoverinfo="skip",
+                row=row + 1, col=1,
+            )  # fmt: skip
+    frames = []
+    for step in range(-MODE_STEPS, MODE_STEPS + 1):
+        deflection = np.sin(0.5 * pi * step / MODE_STEPS)
+        moved = [line for row in range(len(modes)) for line in lines(row, deflection)]
+        data = [go.Scatter(x=_short(1e3 * x), y=_short(1e3 * y)) for x, y in moved]
+        frames.append(go.Frame(name=str(step), data=data, traces=list(range(len(data)))))
+    figure.frames = frames
+    order = [*range(MODE_STEPS), *range(MODE_STEPS, -MODE_STEPS, -1), *range(-MODE_STEPS, 0)]
+    height = _height(structure)
+    figure.update_yaxes(range=[-1.1e3 * (height + _SWING * structure.beam.length_m),
+                               1.1e3 * (max(height, structure.tip.length_m) + _SWING * structure.beam.length_m)],
+                        title_text="mm")  # fmt: skip
+    figure.update_xaxes(range=[-60.0 * structure.beam.length_m, 1060.0 * structure.beam.length_m])
+    figure.update_xaxes(title_text="position along the beam in mm", row=len(modes), col=1)
+    figure.update_layout(height=110 + TOOL_BAR + 210 * len(modes), meta={"order": [str(step) for step in order]})
+    return figure
+
+
+def _parts(structure: Structure) -> list[tuple[Array, Array, str, str, str | None]]:
+    """Return the parts to draw: points (x, z) at rest, the position on the beam of each, name, colour and fill."""
+    beam, tip = structure.beam, structure.tip
+    parts: list[tuple[Array, Array, str, str, str | None]] = []
+    parts.append((*_box(0.0, beam.length_m, -0.5 * beam.thickness_m, 0.5 * beam.thickness_m), "beam", GREY, "toself"))
+    for group, colour in (("A", BLUE), ("B", VERMILION)):
+        boxes = []
+        for patch in structure.patches:
+            if patch.group == group:
+                low, high = 0.5 * beam.thickness_m, 0.5 * beam.thickness_m + patch.thickness_m
+                faces = {"top": [(low, high)], "bottom": [(-high, -low)]}
+                for face in faces.get(patch.faces, faces["top"] + faces["bottom"]):
+                    boxes += [_box(patch.start_m, patch.end_m, *face), (np.full((1, 2), np.nan), np.zeros(1))]
+        if boxes:
+            points, foot = (np.concatenate(arrays) for arrays in zip(*boxes, strict=True))
+            parts.append((points, foot, f"patches of group {group}", colour, "toself"))
+    stem = np.array([[tip.position_m, 0.0], [tip.position_m, tip.length_m]])
+    parts.append((stem, np.full(2, tip.position_m), "tip", GREEN, None))
+    return parts
+
+
+def _box(start: float, end: float, low: float, high: float) -> tuple[Array, Array]:
+    x = np.linspace(start, end, 41)
+    outline = np.concatenate([x, x[::-1], x[:1]])
+    heights = np.concatenate([np.full(41, low), np.full(41, high), [low]])
+    return np.column_stack([outline, heights]), outline
+
+
+def _bent(swing: float, points: Array, deflection: Array, slope: Array) -> tuple[Array, Array]:
+    """Return points moved by a deflection and, away from the neutral axis, by its slope."""
+    return points[:, 0] - points[:, 1] * swing * slope, points[:, 1] + swing * deflection
+
+
+def _height(structure: Structure) -> float:
+    return 0.5 * structure.beam.thickness_m + max(patch.thickness_m for patch in structure.patches)
+
+
+def tip_path(run: Waveforms) -> go.Figure:
+    """Return the last drive period: the tip's path coloured by contact state, and the forces, with a moving marker."""
+    time, columns = _last_period(run)
+    x, y, state = 1e6 * columns["tip_x_m"], 1e6 * columns["tip_y_m"], np.rint(columns["contact_state"])
+    normal, friction = columns["normal_force_n"], columns["friction_force_n"]
+    figure = make_subplots(rows=2, cols=1, row_heights=[0.58, 0.42], vertical_spacing=0.14)
+    for code, (name, colour, dash) in enumerate(STATES):
+        inside = state == code
+        if inside.any():
+            inside = inside | np.roll(inside, -1)  # a state is reached by the step that ends with it
+            figure.add_scatter(
+                x=_short(np.where(inside, x, np.nan)), y=_short(np.where(inside, y, np.nan)), name=name, mode="lines",
+                line={"color": colour, "width": 3, "dash": dash}, row=1, col=1,
+                hovertemplate="x %{x:.4g} µm<br>y %{y:.4g} µm",
+            )  # fmt: skip
+    for values, name, colour, dash in (
+        (normal, "normal force", BLUE, "solid"),
+        (friction, "friction", VERMILION, "dash"),
+    ):
+        figure.add_scatter(
+            x=_short(1e6 * time), y=_short(values), name=name, mode="lines", line={"color": colour, "dash": dash},
+            row=2, col=1, hovertemplate="%{x:.4g} µs: %{y:.4g} N",
+        )  # fmt: skip
+    still = len(figure.data)
+    places = np.linspace(0, len(time) - 1, PATH_FRAMES + 1).astype(int)[:-1]
+    scale = 0.3 / max(float(np.abs([normal, friction]).max()), 1e-12)
+    wide, high = float(np.ptp(x)), float(np.ptp(y))
+
+    def moving(place: int) -> list[dict[str, Any]]:
+        force_x = [x[place], x[place] + scale * wide * friction[place]]
+        force_y = [y[place], y[place] + scale * high * normal[place]]
+        moment = [1e6 * time[place]] * 2
+        return [
+            {"x": _short(force_x), "y": _short(force_y)},
+            {"x": _short(moment), "y": _short([normal[place], friction[place]])},
+        ]
+
+    force, now = moving(0)
+    figure.add_scatter(
+        **force, name="tip, and the force it exerts", mode="lines+markers", row=1, col=1, hoverinfo="skip",
+        line={"color": PURPLE, "width": 2}, marker={"color": PURPLE, "size": [13, 6], "symbol": ["circle", "diamond"]},
+    )  # fmt: skip
+    figure.add_scatter(
+        **now, name="now", showlegend=False, mode="markers", marker={"color": PURPLE, "size": 10}, row=2, col=1,
+        hoverinfo="skip",
+    )  # fmt: skip
+    figure.frames = [
+        go.Frame(name=str(number), data=[go.Scatter(**part) for part in moving(int(place))], traces=[still, still + 1])
+        for number, place in enumerate(places)
+    ]
+    for axis, values, reach in (("xaxis", x, 0.3), ("yaxis", y, 0.3)):
+        low, high_end = float(values.min()), float(values.max())
+        room = 0.08 * max(high_end - low, 1e-9)
+        span = reach * (high_end - low)
+        figure.update_layout(
+            {axis: {"range": [low - room - (span if axis == "xaxis" else 0.0), high_end + room + span]}}
+        )
+    figure.update_xaxes(title_text=str(LABELS["tip_x_m"]), row=1, col=1)
+    figure.update_yaxes(title_text=str(LABELS["tip_y_m"]), row=1, col=1)
+    figure.update_xaxes(title_text=str(LABELS["time_us"]), row=2, col=1)
+    figure.update_yaxes(title_text=str(LABELS["force_n"]), row=2, col=1)
+    figure.update_layout(height=640 + TOOL_BAR, meta={"order": [str(number) for number in range(len(places))]})
+    return figure
+
+
+def _last_period(run: Waveforms) -> tuple[Array, dict[str, Array]]:
+    """Return the last drive period: time from its start, and the columns on it."""
+    begin = max(float(run.time_s[-1]) - run.drive_period_s, 0.0)
+    inside = run.time_s >= begin
+    names = ("tip_x_m", "tip_y_m", "contact_state", "normal_force_n", "friction_force_n")
+    return run.time_s[inside] - begin, {name: getattr(run, name)[inside] for name in names}
+
+
+def admittance(report: Report) -> tuple[go.Figure, go.Figure]:
+    """Return |Y| and phase over frequency, and the G–B circle; ``meta.groups`` is the connection of every trace."""
+    over = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.08)
+    circle = go.Figure()
+    groups_over: list[str] = []
+    groups_circle: list[str] = []
+    for connection in COUPLING:
+        for frequency, y, name, look in _spectra(report, connection):
+            shown = {"name": name, "legendgroup": name, "visible": connection == "A", **look}
+            hertz = _short(1e-3 * frequency, precise=True)
+            over.add_scatter(
+                x=hertz, y=_short(1e3 * np.abs(y)), row=1, col=1, **shown,
+                hovertemplate="%{x:.5g} kHz: %{y:.4g} mS",
+            )  # fmt: skip
+            over.add_scatter(
+                x=hertz, y=_short(np.degrees(np.angle(y))), row=2, col=1, **shown | {"showlegend": False},
+                hovertemplate="%{x:.5g} kHz: %{y:.4g}°",
+            )  # fmt: skip
+            circle.add_scatter(
+                x=_short(1e3 * y.real), y=_short(1e3 * y.imag), **shown, customdata=hertz,
+                hovertemplate="%{customdata:.5g} kHz<br>G %{x:.4g} mS<br>B %{y:.4g} mS",
+            )  # fmt: skip
+            groups_over += [connection] * 2
+            groups_circle += [connection]
+    over.update_yaxes(type="log", dtick="D2", title_text=str(LABELS["magnitude_s"]), row=1, col=1)
+    over.update_yaxes(title_text=str(LABELS["phase_deg"]), row=2, col=1)
+    over.update_xaxes(title_text=str(LABELS["frequency_hz"]), row=2, col=1)
+    circle.update_xaxes(title_text=str(LABELS["conductance_s"]))
+    circle.update_yaxes(title_text=str(LABELS["susceptance_s"]), scaleanchor="x")
+    over.update_layout(height=560 + TOOL_BAR, meta={"groups": groups_over})
+    circle.update_layout(height=460 + TOOL_BAR, meta={"groups": groups_circle})
+    return over, circle
+
+
+def _spectra(report: Report, connection: Connection) -> list[tuple[Array, Any, str, dict[str, Any]]]:
+    """Return frequency, admittance, name and look of every spectrum that is drawn for a connection."""
+    found: list[tuple[Array, Any, str, dict[str, Any]]] = []
+    names = {"free": "tip free", "preloaded": "pressed on the rotor"}
+    for (state, result), colour, dash in zip(report.spectra.items(), CYCLE, DASHES, strict=False):
+        look = {"mode": "lines", "line": {"color": colour, "dash": dash}}
+        found.append((result.frequency_hz, result.driven(connection), names[state], look))
+    measured = report.measured
+    if measured is not None and (measured.ports == 2 or connection == report.connection):
+        y = measured.driven(connection).admittance_s if measured.ports == 2 else measured.admittance_s
+        look = {"mode": "markers", "marker": {"color": GREEN, "size": 5, "symbol": "circle-open"}}
+        found.append((measured.frequency_hz, y, "measured", look))
+    return found
+
+
+def speed_torque(report: Report) -> go.Figure:
+    """Return torque, shaft power and efficiency over speed, a curve for each level of the drive."""
+    figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.06)
+    panels = ("torque_n_m", "shaft_power_w", "efficiency")
+    for number, (level, curve) in enumerate(report.curves.items()):
+        colour, name = CYCLE[number % 4], f"{100.0 * level:.3g} % of the voltage"
+        settled = curve["settled"].values
+        marks = [MARKS[number % 4] + ("" if steady else "-open") for steady in settled]
+        for row, quantity in enumerate(panels, start=1):
+            values = LABELS[quantity].scale * curve[quantity].values
+            figure.add_scatter(
+                x=_short(curve["speed_rad_s"].values), y=_short(values), row=row, col=1,
+                name=name, legendgroup=name, showlegend=row == 1, mode="lines+markers",
+                line={"color": colour, "dash": DASHES[number % 4]}, marker={"symbol": marks, "size": 8},
+                text=["" if steady else "<br>did not settle" for steady in settled],
+                hovertemplate="%{x:.4g} rad/s: %{y:.4g}%{text}",
+            )  # fmt: skip
+    for row, quantity in enumerate(panels, start=1):
+        label = LABELS[quantity]
+        figure.update_yaxes(title_text=f"{label.name.removesuffix(' on the rotor')} in {label.unit}", row=row, col=1)
+    figure.update_yaxes(range=_efficiency_range(report), row=len(panels), col=1)
+    figure.update_xaxes(title_text=str(LABELS["speed_rad_s"]), row=3, col=1)
+    figure.update_layout(height=640 + TOOL_BAR)
+    return figure
+
+
+def _efficiency_range(report: Report) -> list[float]:
+    """Return the range of efficiencies in %, −100 to 100 at most: it has no limit where hardly any power is drawn."""
+    values = 100.0 * np.concatenate([np.ravel(curve["efficiency"].values) for curve in report.curves.values()])
+    low, high = (float(value) for value in (np.nanmin([0.0, *values]), np.nanmax([0.0, *values])))
+    room = 0.05 * max(high - low, 1e-9)
+    return [max(low - room, -100.0), min(high + room, 100.0)]
+
+
+def spin_up(run: Waveforms) -> go.Figure:
+    """Return the rotor's speed from rest."""
+    kept = _thinned(len(run.time_s))
+    figure = go.Figure()
+    figure.add_scatter(
+        x=_short(1e3 * run.time_s[kept], precise=True), y=_short(run.rotor_speed_rad_s[kept]), mode="lines",
+        line={"color": BLUE}, name="rotor", hovertemplate="%{x:.4g} ms: %{y:.4g} rad/s",
+    )  # fmt: skip
+    figure.update_xaxes(title_text=str(LABELS["time_ms"]))
+    figure.update_yaxes(title_text=str(LABELS["rotor_speed_rad_s"]))
+    figure.update_layout(height=380 + TOOL_BAR)
+    return figure
+
+
+def electrical(run: Waveforms, periods: int = 3) -> go.Figure:
+    """Return voltages and currents over the last drive periods."""
+    begin = max(float(run.time_s[-1]) - periods * run.drive_period_s, 0.0)
+    inside = run.time_s >= begin
+    time = 1e6 * (run.time_s[inside] - begin)
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.08)
+    for row, (quantity, label) in enumerate(
+        (("voltage_{}_v", LABELS["voltage_v"]), ("current_{}_a", LABELS["current_a"])), start=1
+    ):
+        for group, colour, dash in (("a", BLUE, "solid"), ("b", VERMILION, "dash")):
+            figure.add_scatter(
+                x=_short(time), y=_short(label.scale * getattr(run, quantity.format(group))[inside]), row=row, col=1,
+                name=f"group {group.upper()}", legendgroup=group, showlegend=row == 1, mode="lines",
+                line={"color": colour, "dash": dash}, hovertemplate="%{x:.4g} µs: %{y:.4g}",
+            )  # fmt: skip
+        figure.update_yaxes(title_text=str(label), row=row, col=1)
+    figure.update_xaxes(title_text=str(LABELS["time_us"]), row=2, col=1)
+    figure.update_layout(height=460 + TOOL_BAR)
+    return figure
+
+
+def _thinned(points: int) -> Array:
+    return np.unique(np.linspace(0, points - 1, min(points, _MOST_POINTS)).astype(int))
+
+
+def _short(values: Any, precise: bool = False) -> Any:
+    """Return values as the page stores them: 4 bytes each, or 8 where 7 digits are too few."""
+    return np.asarray(values, dtype=np.float64 if precise else np.float32)

@@ -1,0 +1,342 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The contents of a motor's data sheet: spectra, a run, speed–torque curves, and the estimated errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from functools import partial
+from importlib import import_module
+from math import sqrt
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import SkipValidation
+
+from pyspice_runner.analysis.simulate import simulate
+from pyspice_runner.analysis.speed_torque import Progress, axis, speed_torque
+from pyspice_runner.datasets import Curves
+from pyspice_runner.engine.pyspice import BatchSimulator
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.files import write_netcdf
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.drive import Drive
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
+from pyspice_runner.netlist.benches import AC_OPTIONS, admittance_bench
+from pyspice_runner.result import Audit, Result
+from pyspice_runner.run.waveforms import Array, Waveforms
+from pyspice_runner.spectra.admittance import Admittance, State, admittance
+from pyspice_runner.spectra.spectrum import Connection, Spectrum
+from pyspice_runner.units import engineering
+
+if TYPE_CHECKING:
+    import xarray
+
+LEVELS = (0.5, 1.0)
+SPEEDS = 4  # of a curve, by default
+PATIENCE = 16  # blocks; a point that has not settled by then is marked
+_POINTS_PER_BANDWIDTH = 10
+_FEWEST_POINTS, _MOST_POINTS = 600, 20_000
+_NEAR = 6.0  # bandwidths on each side of a resonance that keep all points of a spectrum
+_RUNS = 4  # two spectra, the run, and the run at twice the step
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Report(Result):
+    """The contents of a motor's data sheet.
+
+    Attributes:
+        motor: the motor.
+        drive: the drive of the run and, at several levels, of the curves.
+        spectra: state of the tip (``"free"``, ``"preloaded"``) → the stator's two-port.
+        run: the motor from rest.
+        coarse: the same run at twice the time step, from which the error is estimated.
+        curves: share of the drive's voltage → speed–torque curve.
+        measured: a measured spectrum to draw over the computed ones.
+        connection: how the groups were connected when it was measured, if it is a one-port.
+        created: when the report was made, ISO 8601.
+    """
+
+    motor: Motor
+    drive: Drive
+    spectra: dict[State, Admittance]
+    run: Waveforms
+    coarse: Waveforms
+    curves: dict[float, xarray.Dataset]
+    measured: Spectrum | None = None
+    connection: Connection = "A"
+    created: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
+
+    @property
+    def discretisation_error(self) -> dict[str, float]:
+        """Estimated error of the run from its time step, relative.
+
+        The integration is of second order: at twice the step the error is four times as large, so that a third of the
+        difference between the two runs is the error of the finer one. Where the motion is irregular, two runs differ
+        at any step, and the estimate is large.
+
+        Returns:
+            ``tip_path``: RMS distance between the tip's paths over the last drive periods, over the RMS size of the
+            path. ``rotor_speed``: of the mean speed, over the largest speed reached.
+        """
+        fine, coarse = self.run, self.coarse
+        window = coarse.window()
+        time = coarse.time_s[window]
+        distance, size = 0.0, 0.0
+        for name in ("tip_x_m", "tip_y_m"):
+            values = np.interp(time, fine.time_s, getattr(fine, name))
+            distance += float(np.mean((values - getattr(coarse, name)[window]) ** 2))
+            size += float(np.var(values))
+        speed = abs(fine.mean_rotor_speed_rad_s - coarse.mean_rotor_speed_rad_s)
+        largest = float(np.abs(fine.rotor_speed_rad_s).max())
+        return {
+            "tip_path": sqrt(distance / size) / 3.0 if size else 0.0,
+            "rotor_speed": speed / largest / 3.0 if largest else 0.0,
+        }
+
+    @property
+    def key_figures(self) -> dict[str, float | None]:
+        """The values at the top of a data sheet; ``None`` for a value that the curves do not reach."""
+        curve = self.curves[max(self.curves)]
+        speed, torque = curve["speed_rad_s"].values, curve["torque_n_m"].values
+        forward = np.where(curve["shaft_power_w"].values > 0.0, curve["efficiency"].values, -np.inf)
+        best = int(np.argmax(forward))
+        run = self.run
+        return {
+            "stall_torque_n_m": float(torque[speed == 0.0][0]) if (speed == 0.0).any() else None,
+            "no_load_speed_rad_s": _zero(speed, torque),
+            "best_efficiency": float(forward[best]) if np.isfinite(forward[best]) else None,
+            "best_efficiency_speed_rad_s": float(speed[best]) if np.isfinite(forward[best]) else None,
+            "run_speed_rad_s": run.mean_rotor_speed_rad_s,
+            "current_a_rms_a": float(np.sqrt(run.mean(run.current_a_a**2))),
+            "current_b_rms_a": float(np.sqrt(run.mean(run.current_b_a**2))),
+            "power_a_w": run.mean(run.voltage_a_v * run.current_a_a),
+            "power_b_w": run.mean(run.voltage_b_v * run.current_b_a),
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the contents of the report without its curves over time, JSON-ready."""
+        return {
+            "motor": self.motor.to_dict(),
+            "created": self.created,
+            "key_figures": self.key_figures,
+            "admittance": {state: result.to_dict() for state, result in self.spectra.items()},
+            "run": self.run.to_dict(),
+            "discretisation_error": self.discretisation_error,
+            "speed_torque": [
+                {
+                    "drive_share": share,
+                    "speed_rad_s": curve["speed_rad_s"].values.tolist(),
+                    **{
+                        name: [value if np.isfinite(value) else None for value in curve[name].values.tolist()]
+                        for name in ("torque_n_m", "shaft_power_w", "efficiency", "separated", "stick", "slip")
+                    },
+                    "settled": curve["settled"].values.tolist(),
+                }
+                for share, curve in self.curves.items()
+            ],
+            "measured": None if self.measured is None else {"source": self.measured.source},
+        }
+
+    def decks(self) -> dict[str, str]:
+        """Return file name → text of the decks that were run: the two spectra and the run from rest."""
+        decks = {"run.cir": self.run.deck}
+        for state, result in self.spectra.items():
+            simulator = BatchSimulator(admittance_bench(self.motor, preloaded=state == "preloaded"))
+            simulator.options(**AC_OPTIONS)
+            start, stop = (float(result.frequency_hz[place]) for place in (0, -1))
+            points = round((stop - start) / float(np.diff(result.frequency_hz).min())) + 1
+            simulator.prepare(
+                "ac", variation="lin", number_of_points=points, start_frequency=start, stop_frequency=stop
+            )
+            decks[f"admittance_{state}.cir"] = str(simulator)
+        return decks
+
+    def writers(self) -> dict[str, Callable[[Path], object]]:
+        """Return the writers by ending: ``.html``, one page that needs nothing else, and ``.json``.
+
+        The page needs Plotly and Jinja2; without them, writing it raises :class:`ParameterError`.
+        """
+
+        def page(file: Path) -> None:
+            datasheet = import_module("pyspice_runner.view.datasheet").datasheet  # it imports this module
+            file.write_text(datasheet(self), encoding="utf-8", newline="\n")
+
+        return {".html": page, **super().writers()}
+
+    @property
+    def audit(self) -> Audit:  # type: ignore[override]
+        """The outcome of the physical audit of the run."""
+        return self.run.audit
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What to know before using the run, its spectra and its curves."""
+        curves = (caution for curve in self.curves.values() for caution in Curves(curve).cautions)
+        return tuple(dict.fromkeys((*self.run.cautions, *curves)))
+
+    def summary(self) -> dict[str, str]:
+        """Return motor, drive and key figures."""
+        figures = self.key_figures
+        shown = {
+            "stall torque": engineering(figures["stall_torque_n_m"], "N·m"),
+            "no-load speed": engineering(figures["no_load_speed_rad_s"], "rad/s"),
+            "best efficiency": "–"
+            if figures["best_efficiency"] is None
+            else f"{100.0 * figures['best_efficiency']:.3g} %",
+            "electrical power": engineering((figures["power_a_w"] or 0.0) + (figures["power_b_w"] or 0.0), "W"),
+        }
+        return {"motor": self.motor.name, "drive": self.drive.label, **shown}
+
+
+@checked
+def report(
+    motor: Motor,
+    drive: Drive,
+    *,
+    duration: float = 10e-3,
+    speeds: SkipValidation[ArrayLike | None] = None,
+    levels: Sequence[float] = LEVELS,
+    measured: Spectrum | None = None,
+    connection: Connection = "A",
+    progress: Progress | None = None,
+    timeout: float | None = None,
+) -> Report:
+    """Run everything that a motor's data sheet shows.
+
+    The curves are measured at twice the time step of the run, whose error is in ``discretisation_error`` a quarter of
+    theirs.
+
+    Args:
+        motor: the motor.
+        drive: the voltages of both groups.
+        duration: of the run from rest, s.
+        speeds: of the speed–torque curves, rad/s; by default from standstill to somewhat beyond no load.
+        levels: shares of the drive's voltage at which a curve is measured.
+        measured: a measured spectrum to draw over the computed ones.
+        connection: how the groups were connected when it was measured, if it is a one-port.
+        progress: called with the number of runs and points that are finished, and of all.
+        timeout: wall time in s after which ngspice is ended, a run.
+
+    Raises:
+        ParameterError: for an invalid value.
+        SimulationError: if ngspice fails or its result cannot be trusted; ``partial`` has what was finished, file name
+            → what writes it.
+    """
+    if not levels or not all(0.0 < level <= 1.0 for level in levels):
+        raise ParameterError(f"levels = {list(levels)} is not valid: it must be numbers > 0 and ≤ 1.")
+    speeds = None if speeds is None else axis("speeds", speeds)
+    scaled = {level: _scaled(drive, level) for level in sorted(levels)}
+    done, total = 0, _RUNS + len(scaled) * (SPEEDS if speeds is None else np.size(speeds)) + (speeds is None)
+    tell = progress or (lambda *_: None)
+
+    def advance(count: int = 1) -> None:
+        nonlocal done
+        done += count
+        tell(done, total)
+
+    advance(0)
+    spectra: dict[State, Admittance] = {}
+    curves: dict[float, xarray.Dataset] = {}
+    with _handing_over() as finished:
+        for state in get_args(State):
+            spectra[state] = _spectrum(motor, state, timeout)
+            finished[f"admittance_{state}.csv"] = spectra[state].save
+            advance()
+        run = simulate(motor, drive, duration=duration, timeout=timeout)
+        finished["run.nc"] = run.save
+        advance()
+        step = run.provenance["run"]["step_s"]
+        # the audit of the run itself counts; this one is there to be worse
+        coarse = simulate(motor, drive, duration=duration, step=2.0 * step, timeout=timeout, audit=False)
+        advance()
+        if speeds is None:
+            speeds = _speeds(motor, drive, run, 2.0 * step, timeout)
+            advance()
+        for level, at_level in scaled.items():
+            curves[level] = speed_torque(
+                motor, at_level, speeds=speeds, step=2.0 * step, patience=PATIENCE, timeout=timeout
+            )
+            finished[f"speed_torque_{100.0 * level:g}.nc"] = partial(write_netcdf, dataset=curves[level])
+            advance(np.size(speeds))
+    return Report(motor, drive, spectra, run, coarse, curves, measured, connection)
+
+
+@contextmanager
+def _handing_over() -> Iterator[dict[str, Callable[[Path], object]]]:
+    """Attach the finished parts, file name → function that writes it, to the error that ends the rest."""
+    finished: dict[str, Callable[[Path], object]] = {}
+    try:
+        yield finished
+    except SimulationError as error:
+        if error.partial is not None:  # of a curve
+            finished["speed_torque_incomplete.nc"] = partial(write_netcdf, dataset=error.partial)
+        error.partial = finished
+        raise
+
+
+def _scaled(drive: Drive, share: float) -> Drive:
+    """Return the drive at a share of its voltages."""
+    voltages = {name: value * share for name, value in drive.model_dump().items() if name.startswith("voltage")}
+    return type(drive)(**(drive.model_dump() | voltages))
+
+
+def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:
+    """Return the two-port over all modes, with some points within every bandwidth."""
+    frequencies = [mode.frequency_hz for mode in motor.modes]
+    pressed = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
+    start, stop = 0.5 * frequencies[0], 1.4 * max(frequencies[-1], float(pressed[-1]))
+    bandwidth = min(mode.frequency_hz / mode.quality_factor for mode in motor.modes)
+    points = int(np.clip(_POINTS_PER_BANDWIDTH * (stop - start) / bandwidth, _FEWEST_POINTS, _MOST_POINTS))
+    result = admittance(motor, start=start, stop=stop, points=points, state=state, timeout=timeout)
+    frequency = result.frequency_hz
+    kept = np.zeros(points, dtype=bool)
+    kept[:: max(points // _FEWEST_POINTS, 1)] = kept[-1] = True
+    for item in (item for items in result.resonances.values() for item in items):
+        kept |= np.abs(frequency - item.fs) < _NEAR * item.fs / item.quality_factor
+    return replace(result, frequency_hz=frequency[kept], matrix_s=result.matrix_s[kept])
+
+
+def _speeds(motor: Motor, drive: Drive, run: Waveforms, step: float, timeout: float | None) -> Array:
+    """Return speeds from standstill to somewhat beyond no load, in the direction in which the motor turns.
+
+    The rotor cannot overtake the tip: no-load speed is looked for below the tip's largest speed along the rotor.
+    """
+    window = run.window()
+    fastest = float(np.abs(np.gradient(run.tip_x_m[window], run.time_s[window])).max()) / motor.rotor.radius_m
+    fastest = max(fastest, 1e-3)
+    direction = 1.0 if run.mean_rotor_speed_rad_s >= 0.0 else -1.0
+    probe = 0.5 * fastest * direction
+
+    def torques(speeds: list[float]) -> list[float]:
+        curve = speed_torque(motor, drive, speeds=speeds, step=step, patience=PATIENCE, timeout=timeout)
+        return list(curve["torque_n_m"].values.tolist())
+
+    stall, torque = torques([0.0, probe])
+    if stall * direction <= 0.0:
+        return direction * np.linspace(0.0, abs(probe), SPEEDS)
+    probe = _no_load(stall, torque, probe, fastest)
+    # the curve bends: a second straight line from standstill to where the first one ended
+    (torque,) = torques([probe])
+    reach = min(1.2 * abs(_no_load(stall, torque, probe, fastest)), fastest)
+    return direction * np.linspace(0.0, reach, SPEEDS)
+
+
+def _no_load(stall: float, torque: float, speed: float, fastest: float) -> float:
+    """Return where a straight line through the torques at standstill and at a speed is zero, at most ``fastest``."""
+    drop = (stall - torque) / stall
+    return float(np.copysign(min(abs(speed) / drop, fastest) if drop > 0.0 else fastest, speed))
+
+
+def _zero(x: Array, y: Array) -> float | None:
+    """Return where a curve first crosses zero, by a straight line between its points; ``None`` if it does not."""
+    crossings = np.flatnonzero(y[:-1] * y[1:] < 0.0)
+    if not len(crossings):
+        return None
+    place = crossings[0]
+    return float(x[place] - y[place] * (x[place + 1] - x[place]) / (y[place + 1] - y[place]))

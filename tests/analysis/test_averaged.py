@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The averaged motor against the full one: settled torque, spin-up, currents and power."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.averaged import AveragedRun, simulate_averaged
+from pyspice_runner.analysis.speed_torque import operating_point
+from tests.netlist.batch import measured
+
+FAST = pr.TwoPhaseDrive(voltage=300.0, frequency=54e3, phase_deg=90.0)
+
+
+@pytest.fixture(scope="module")
+def motor() -> pr.Motor:
+    return pr.load_motor("andersen2002")
+
+
+@pytest.fixture(scope="module")
+def spin_up(motor: pr.Motor) -> AveragedRun:
+    return simulate_averaged(motor, FAST, 4e-3)
+
+
+@pytest.mark.xdist_group("averaged")
+def test_spin_up_is_that_of_the_full_motor(motor: pr.Motor, spin_up: AveragedRun) -> None:
+    """3 % of the speed reached, RMS; the speed of the full motor is averaged over each period."""
+    full = pr.simulate(motor, FAST, duration=4e-3)
+    edges = np.arange(0.0, 4e-3, FAST.period)
+    angle = np.concatenate(([0.0], np.cumsum(np.diff(full.time_s) * full.rotor_speed_rad_s[1:])))
+    mean = np.diff(np.interp(edges, full.time_s, angle)) / FAST.period
+    ours = np.interp(0.5 * (edges[1:] + edges[:-1]), spin_up.time_s, spin_up.rotor_speed_rad_s)
+    assert np.sqrt(np.mean((ours - mean) ** 2)) <= 0.03 * mean[-1]
+    assert spin_up.trusted
+
+
+@pytest.mark.xdist_group("averaged")
+def test_current_and_power_are_those_of_the_full_motor(motor: pr.Motor) -> None:
+    """Held at 4 rad/s until all has settled; 0.5 % for the harmonics of the current and the step of the full run."""
+    run = simulate_averaged(motor, FAST, 20e-3, speed=4.0)
+    point = operating_point(motor, FAST, speed=4.0)
+    for group in "ab":
+        rms = getattr(run, f"current_amplitude_{group}_a")[-1] / np.sqrt(2.0)
+        assert rms == pytest.approx(point[f"current_{group}_rms_a"], rel=5e-3)
+    limit = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    assert run.torque_n_m[-1] == pytest.approx(point["torque_n_m"], abs=0.01 * limit)
+    assert run.electrical_power_w[-1] == pytest.approx(point["power_a_w"] + point["power_b_w"], rel=0.02)
+
+
+def test_power_balances(spin_up: AveragedRun) -> None:
+    """The steps are ngspice's own; the trapezoidal sum over them is right to a part in a hundred."""
+    assert spin_up.energy_residual < 0.01
+    friction = spin_up.contact_power_w[-1] - spin_up.torque_n_m[-1] * spin_up.rotor_speed_rad_s[-1]
+    assert friction > 0.0
+
+
+def test_the_shaft_turns_by_the_integral_of_its_speed(spin_up: AveragedRun) -> None:
+    angle = np.trapezoid(spin_up.rotor_speed_rad_s, spin_up.time_s)
+    assert spin_up.rotor_position_rad[-1] == pytest.approx(angle, rel=0.01)  # ngspice's own steps
+
+
+def test_a_course_changes_the_frequency_during_the_run(motor: pr.Motor) -> None:
+    run = simulate_averaged(motor, FAST, 6e-3, courses={"frequency": [(2e-3, 54e3), (3e-3, 55.5e3)]})
+    assert run.frequency_hz[0] == 54e3
+    assert run.frequency_hz[-1] == pytest.approx(55.5e3)
+
+
+def test_heat_raises_the_temperature_by_the_closed_form(motor: pr.Motor) -> None:
+    """Constant losses on a shaft that is held: P R (1 − exp(−t/RC)) while the drift is small."""
+    thermal = pr.Thermal(
+        frequency_drift_per_k=0.0, coupling_drift_per_k=0.0, capacitance_drift_per_k=0.0, heat_capacity_j_per_k=1e-3,
+        thermal_resistance_k_per_w=100.0,
+    )  # fmt: skip
+    run = simulate_averaged(motor, FAST, 0.3, speed=0.0, thermal=thermal)
+    expected = run.heat_w[-1] * 100.0 * (1.0 - np.exp(-0.3 / 0.1))
+    assert run.temperature_k[-1] == pytest.approx(expected, rel=0.02)  # the modes take 2 ms to swing up
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"contact": "brush"}, "contact = 'brush' has no averaged model"),
+        ({"duration": 1e-6}, "duration = 1e-06 s is out of range"),
+        ({"phases": 3}, "phases = 3 is out of range"),
+        ({"courses": {"colour": [(0.0, 1.0)]}}, "'colour' is not known"),
+        ({"courses": {"frequency": [(0.0, -1.0)]}}, "frequency = -1 Hz is out of range"),
+        ({"courses": {"voltage": [(1.0, 1.0), (0.0, 2.0)]}}, "rising times"),
+        ({"courses": {"voltage": "loud"}}, "rows of time"),
+        ({"courses": {"load_torque": [(0.0, 1.0)]}, "speed": 1.0}, "load_torque has no effect"),
+    ],
+)
+def test_malformed_input_is_an_error(motor: pr.Motor, changes: dict[str, object], message: str) -> None:
+    arguments = {"duration": 1e-3} | changes
+    with pytest.raises(pr.ParameterError, match=message):
+        simulate_averaged(motor, FAST, **arguments)  # type: ignore[arg-type]
+
+
+def test_two_tones_are_an_error_that_names_simulate(motor: pr.Motor) -> None:
+    tones = pr.TwoToneDrive(voltage_1=50.0, frequency_1=13.5e3, voltage_2=50.0, frequency_2=27e3)
+    with pytest.raises(pr.ParameterError, match="use simulate"):
+        simulate_averaged(motor, tones, 1e-3)
+
+
+def test_run_is_saved_by_its_ending(spin_up: AveragedRun, tmp_path: Path) -> None:
+    for ending in ("csv", "json", "nc", "cir"):
+        assert spin_up.save(tmp_path / f"run.{ending}").stat().st_size > 0
+    spin_up.plot(tmp_path / "run.png")
+    assert spin_up.to_dict()["mean_rotor_speed_rad_s"] == spin_up.rotor_speed_rad_s[-1]
+
+
+def test_exported_library_runs_by_its_own_example(motor: pr.Motor, tmp_path: Path) -> None:
+    """The settled speed of the example is that of the package's run of the same drive."""
+    pr.export_motor(motor, tmp_path / "motor.lib", averaged=True, name="slow")
+    text = (tmp_path / "motor.lib").read_text()
+    example = re.search(r"^\* USE.*?\n(.*?)^\* END USE", text, re.M | re.S)
+    assert example is not None
+    deck = re.sub(r"^\* +", "", example.group(1), flags=re.M)
+    (tmp_path / "run").mkdir()
+    found = measured(f"example\n{text}\n{deck}.end\n", tmp_path / "run")
+    frequency = float(re.search(r"Vf frequency 0 (\S+)", deck)[1])  # type: ignore[index]
+    drive = pr.TwoPhaseDrive(voltage=50.0, frequency=frequency, phase_deg=90.0)
+    run = simulate_averaged(motor, drive, 0.1)
+    assert found["speed_rad_s"] == pytest.approx(run.rotor_speed_rad_s[-1], rel=1e-3)
+
+
+def test_parameters_of_the_x_line_are_those_of_the_motor(motor: pr.Motor, tmp_path: Path) -> None:
+    pr.export_motor(motor, tmp_path / "motor.lib", averaged=True)
+    deck = (
+        f"preload on the X line\n.include {tmp_path / 'motor.lib'}\nVa a 0 300\nVb b 0 300\nVf f 0 54k\nVs shaft 0 0\n"
+        "Xm a 0 0 b f shaft 0 heat piezomotor_averaged preload=7 friction=0.25\n.options method=gear trtol=50\n"
+        ".tran 20u 30m 0 1m uic\n.measure tran normal_n FIND v(xm.normal) AT=30m\n"
+        ".measure tran friction_n FIND v(xm.friction) AT=30m\n.end\n"
+    )
+    (tmp_path / "run").mkdir()
+    found = measured(deck, tmp_path / "run")
+    changed = motor.updated({"contact.preload_n": 7.0, "contact.friction": 0.25})
+    run = simulate_averaged(changed, FAST, 30e-3, speed=0.0)
+    assert found["normal_n"] == pytest.approx(run.normal_force_n[-1], rel=1e-4)
+    torque = found["friction_n"] * motor.rotor.radius_m
+    assert torque == pytest.approx(run.torque_n_m[-1], abs=1e-4 * 0.25 * 7.0 * motor.rotor.radius_m)

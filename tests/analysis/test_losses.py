@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Stribeck friction, a dry bearing and a compliance in series with the contact: each against its own yardstick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cache
+from math import hypot, pi
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+import pyspice_runner as pr
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.contact import normal_stiffness_at_preload, static_penetration
+from pyspice_runner.run.waveforms import Waveforms
+from tests.reference.integrator import ReferenceRun, Tone, integrate
+
+pytestmark = pytest.mark.xdist_group("losses")
+
+PAPER = pr.load_motor("andersen2002")
+DURATION = 4e-3  # s
+STRIBECK = {"contact.sliding_ratio": 0.7, "contact.stribeck_velocity_m_s": 0.05}
+DRY = {"rotor.bearing_friction_n_m": 2e-4, "rotor.bearing_presliding_rad": 1e-3}
+
+
+def two_phase(voltage: float, frequency: float) -> pr.TwoPhaseDrive:
+    return pr.TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=90.0)
+
+
+@dataclass(frozen=True)
+class Point:
+    """One operating point of the paper's motor."""
+
+    drive: pr.TwoPhaseDrive
+    changes: dict[str, float | None]
+    load: dict[str, float] = field(default_factory=dict)
+
+
+POINTS = {
+    "Stribeck, held stator": Point(two_phase(100.0, 51.7e3), STRIBECK | {"mount": None}),
+    "Stribeck, opens": Point(two_phase(60.0, 17.9e3), STRIBECK | {"contact.preload_n": 3.0}),
+    "Stribeck, held shaft": Point(two_phase(200.0, 53e3), {**STRIBECK}, {"speed": 3.0}),
+    "Stribeck, strong drive": Point(two_phase(300.0, 52.5e3), STRIBECK | {"contact.preload_n": 10.0}),
+    "dry bearing": Point(two_phase(200.0, 53e3), {**DRY}),
+    "dry bearing, held shaft": Point(two_phase(200.0, 53e3), {**DRY}, {"speed": 2.0}),
+    "dry bearing, opens": Point(
+        two_phase(60.0, 17.9e3), DRY | {"contact.preload_n": 3.0, "rotor.bearing_friction_n_m": 5e-5}
+    ),
+    "both": Point(two_phase(300.0, 52.5e3), STRIBECK | DRY | {"contact.preload_n": 10.0}),
+}
+
+
+@cache
+def pair(name: str) -> tuple[Waveforms, ReferenceRun]:
+    """Return our run and that of the reference."""
+    point = POINTS[name]
+    motor = PAPER.updated(point.changes)
+    tones = [
+        [Tone(t.amplitude, t.frequency, t.phase) for t in some] for some in (point.drive.tones_a, point.drive.tones_b)
+    ]
+    exact = integrate(
+        motor.to_dict(), tones[0], tones[1], duration=DURATION, output_step=2e-7,
+        statistics_from=DURATION - 20 * point.drive.period, **point.load,
+    )  # fmt: skip
+    return pr.simulate(motor, point.drive, duration=DURATION, **point.load), exact
+
+
+@pytest.mark.parametrize("name", POINTS)
+def test_tip_rotor_states_and_energy_are_those_of_the_reference(name: str) -> None:
+    run, exact = pair(name)
+    ours = [CubicSpline(run.time_s, values)(exact.time_s) for values in (run.tip_x_m, run.tip_y_m)]
+    away = hypot(*(float(np.std(a - b)) for a, b in zip(ours, (exact.tip_x_m, exact.tip_y_m), strict=True)))
+    motion = hypot(float(np.std(exact.tip_x_m)), float(np.std(exact.tip_y_m)))
+    assert away / motion < 0.005  # required; measured at most 0.07 %
+    speed = CubicSpline(run.time_s, run.rotor_speed_rad_s)(exact.time_s)
+    late = exact.time_s > DURATION - 20 * run.drive_period_s
+    fastest = float(np.abs(exact.rotor_speed_rad_s).max())
+    assert abs(float(np.mean((speed - exact.rotor_speed_rad_s)[late]))) < 0.01 * fastest  # required
+    for state, share in exact.state_fractions.items():
+        assert run.state_fractions[state] == pytest.approx(share, abs=0.01)  # required
+    assert run.energy_residual < 1e-3  # required; measured at most 8e-6
+
+
+def test_what_is_off_leaves_no_trace_in_circuit_and_document() -> None:
+    off = {
+        "contact.sliding_ratio": 1.0, "contact.stribeck_velocity_m_s": 0.3, "contact.series_compliance_m_per_n": 0.0,
+        "rotor.bearing_friction_n_m": 0.0, "rotor.bearing_presliding_rad": 0.01,
+    }  # fmt: skip
+    drive = two_phase(50.0, 51.7e3)
+    plain, same = (pr.simulate(motor, drive, duration=5e-5) for motor in (PAPER, PAPER.updated(off)))
+    assert same.deck == plain.deck
+    assert PAPER.updated(off).to_dict() == PAPER.to_dict()
+    on = PAPER.updated(STRIBECK | DRY | {"contact.series_compliance_m_per_n": 1e-8}).to_dict()
+    assert on["contact"]["sliding_ratio"] == 0.7
+    assert on["rotor"]["bearing_presliding_rad"] == 1e-3
+
+
+def test_stribeck_friction_is_refused_where_a_law_has_one_coefficient() -> None:
+    with pytest.raises(ParameterError, match="sliding_ratio"):
+        pr.simulate(PAPER.updated(STRIBECK), two_phase(50.0, 51.7e3), duration=1e-4, contact="brush")
+
+
+COMPLIANCE = 4e-8  # m/N, which halves the normal stiffness at 5 N
+
+
+def test_a_compliance_in_series_leaves_the_preload_and_softens_the_contact() -> None:
+    """δ_total = δ + c F_N at every instant, and F_N = K_N δ^(3/2); the operating point stays F₀."""
+    motor = PAPER.updated({"contact.series_compliance_m_per_n": COMPLIANCE, "mount": None})
+    contact = motor.contact
+    alone = normal_stiffness_at_preload(PAPER.contact)
+    assert normal_stiffness_at_preload(contact) == pytest.approx(1.0 / (1.0 / alone + COMPLIANCE), rel=1e-14)
+    rest = pr.simulate(motor, two_phase(0.0, 51.7e3), duration=2e-4)
+    np.testing.assert_allclose(rest.normal_force_n, contact.preload_n, rtol=1e-6)
+    run = pr.simulate(motor, two_phase(100.0, 17e3), duration=2e-3)
+    assert run.state_fractions["separated"] > 0.1
+    depth = np.cbrt((run.normal_force_n / contact.normal_stiffness_n_per_m15) ** 2)
+    bending = contact.preload_n / motor.modes[0].stiffness_n_per_m
+    seat = static_penetration(contact) + COMPLIANCE * contact.preload_n + bending
+    pressed = run.normal_force_n > 0.05
+    # the rotor's curvature takes x²/2R of the approach
+    approach = seat + run.tip_y_m - 0.5 * run.tip_x_m**2 / motor.rotor.radius_m
+    # the adapted stiffness of the mode bends it by 0.4 % less; Newton's iteration is closed to 1e-6
+    np.testing.assert_allclose((depth + COMPLIANCE * run.normal_force_n)[pressed], approach[pressed], atol=4e-10)
+    assert run.energy_residual < 1e-3
+
+
+def test_a_compliance_in_series_lowers_the_contact_resonance_as_computed() -> None:
+    motor = PAPER.updated({"contact.series_compliance_m_per_n": COMPLIANCE, "mount": None})
+    found = pr.admittance(motor, start=14e3, stop=20e3, points=201, state="preloaded").resonances["A"]
+    mode = motor.modes[0]
+    stiffness = mode.stiffness_n_per_m + normal_stiffness_at_preload(motor.contact)
+    expected = (stiffness / mode.mass_kg) ** 0.5 / (2.0 * pi)
+    assert found[0].fs == pytest.approx(expected, rel=2e-4)  # of a quality factor of 75, read off a grid

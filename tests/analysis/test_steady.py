@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Steady states by shooting: against closed forms, settled runs and the decay of disturbances."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from math import log
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.dynamometer import UNITS, Dynamometer, off_beat
+from pyspice_runner.analysis.speed_torque import operating_point
+from pyspice_runner.analysis.steady import SteadyState
+from pyspice_runner.cli import run
+from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.run.setup import Setup
+
+pytestmark = pytest.mark.xdist_group("steady states")  # they are shared
+
+PAPER = pr.load_motor("andersen2002")
+MOTOR = pr.load_motor("andersen2002-unintended-mode")
+DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0)
+
+
+def friction_torque(motor: pr.Motor) -> float:
+    """μ F₀ R, N·m."""
+    return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+
+
+@cache
+def held(speed: float) -> SteadyState:
+    return pr.steady_state(MOTOR, DRIVE, speed=speed)
+
+
+def test_multipliers_of_a_free_linear_stator_are_those_of_its_equation_of_motion() -> None:
+    state = pr.steady_state(MOTOR, DRIVE, contact=None, speed=0.0)
+    assert state.converged
+    assert state.stable
+    assert state.waveforms is not None
+    exact = []
+    for mode in MOTOR.modes:
+        poles = np.roots([mode.mass_kg, mode.damping_n_s_per_m, mode.stiffness_n_per_m])
+        exact += np.exp(poles / DRIVE.frequency).tolist()
+    ours = sorted(state.floquet_multipliers, key=lambda value: (-abs(value), value.imag))
+    theirs = sorted(exact, key=lambda value: (-abs(value), value.imag))
+    assert np.abs(np.array(ours) - np.array(theirs)).max() < 1e-4  # required; measured 1e-6
+    # and its amplitude is that of the transfer function of each mode
+    for index, mode in enumerate(MOTOR.modes):
+        omega = 2.0 * np.pi * DRIVE.frequency
+        force = (mode.coupling_a_n_per_v - mode.coupling_b_n_per_v) * DRIVE.voltage
+        stiffness = mode.stiffness_n_per_m - omega**2 * mode.mass_kg + 1j * omega * mode.damping_n_s_per_m
+        if mode.tip_x:
+            swing = np.abs(state.waveforms.tip_x_m).max()
+            # second order: (2π/69)²/12 of the frequency ratio's effect, at 138 steps a period
+            assert swing == pytest.approx(abs(mode.tip_x * force / stiffness), rel=2e-3), index
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("motor", "drive", "speeds"),
+    [
+        (PAPER, pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3), (-5.0, 3.0)),
+        (MOTOR, DRIVE, (-12.0, 18.0)),
+        (PAPER, pr.TwoToneDrive(voltage_1=20.0, frequency_1=27e3, voltage_2=50.0, frequency_2=54e3), (2.0,)),
+    ],
+)
+def test_a_steady_state_is_what_a_run_settles_to(motor: pr.Motor, drive: pr.TwoPhaseDrive, speeds: list[float]) -> None:
+    for speed in speeds:
+        state = pr.steady_state(motor, drive, speed=speed)
+        settled = operating_point(motor, drive, speed=speed, mode="settle", tolerance=1e-4)
+        assert state.converged
+        assert settled["settled"]
+        # required: 0.5 %; what the steps of the settled run and its tolerance are worth
+        assert state.torque_n_m == pytest.approx(settled["torque_n_m"], abs=5e-3 * friction_torque(motor))
+        assert state.torque_error_n_m < 2e-3 * friction_torque(motor)
+        for name in UNITS:
+            if name in ("separated", "stick", "slip"):
+                assert getattr(state, name) == pytest.approx(settled[name], abs=0.01), name
+            elif name.startswith(("power", "apparent", "current", "damping", "dielectric", "normal_force")):
+                assert getattr(state, name) == pytest.approx(settled[name], rel=5e-3), name
+
+
+@pytest.mark.parametrize("law", ["brush", "coulomb"])
+def test_every_contact_law_has_a_steady_state(law: Any) -> None:
+    state = pr.steady_state(MOTOR, DRIVE, speed=6.0, contact=law, sliders=3)
+    assert state.converged
+    assert state.stable
+    assert abs(state.balance_residual) < 1e-4
+    settled = operating_point(MOTOR, DRIVE, speed=6.0, mode="settle", contact=law, sliders=3)
+    assert state.torque_n_m == pytest.approx(settled["torque_n_m"], abs=5e-3 * friction_torque(MOTOR))
+
+
+def test_a_free_rotor_runs_where_the_curve_of_held_ones_crosses_the_load() -> None:
+    load = 5e-3
+    free = pr.steady_state(MOTOR, DRIVE, load_torque=load)
+    assert free.converged
+    assert free.stable
+    assert free.load_torque_n_m == pytest.approx(load, rel=1e-3)
+    low, high = (held(speed) for speed in (16.0, 16.1))  # the curve has a bend at 16.13 rad/s, and is straight here
+    crossing = np.interp(-load, [-low.load_torque_n_m, -high.load_torque_n_m], [16.0, 16.1])
+    # required; measured 0.06 %, because the free rotor swings a little in each period
+    assert free.speed_rad_s == pytest.approx(float(crossing), rel=1e-3)
+
+
+def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_take() -> None:
+    mount = {"mount.stiffness_n_per_m": 2e4, "mount.mass_kg": 0.05, "mount.damping_n_s_per_m": 50.0}
+    motor = PAPER.updated(mount)
+    drive = pr.TwoPhaseDrive(voltage=300.0, frequency=45e3)
+    state = pr.steady_state(motor, drive, speed=3.0)
+    assert state.converged
+    assert state.stable
+    assert abs(state.balance_residual) < 1e-4
+    held = pr.steady_state(PAPER.updated({"mount": None}), drive, speed=3.0)
+    assert abs(held.normal_force_n - 5.0) > 1e-3  # at a fixed distance the hammering changes the mean force
+    assert state.normal_force_n == pytest.approx(5.0, abs=0.1 * abs(held.normal_force_n - 5.0))
+    settled = operating_point(motor, drive, speed=3.0, mode="settle", tolerance=1e-4)
+    assert state.torque_n_m == pytest.approx(settled["torque_n_m"], abs=5e-3 * friction_torque(motor))
+    assert state.normal_force_n == pytest.approx(settled["normal_force_n"], rel=1e-3)
+
+
+def test_a_disturbance_dies_out_at_the_rate_of_the_largest_multiplier() -> None:
+    state = held(6.0)
+    largest = abs(state.floquet_multipliers[0])
+    bench = Dynamometer(off_beat(Setup(MOTOR, DriveSource(DRIVE))))
+    motion = bench.rest(6.0)
+    for _ in range(4):  # some decay times: near the steady state
+        motion = bench.run(motion, 6.0, 0.0, meters=False).end
+    pushed = replace(motion, velocities_m_s=(motion.velocities_m_s[0] + 1e-3, *motion.velocities_m_s[1:]))
+    begun, apart = 0.0, []
+    for _ in range(5):
+        motion, pushed = (bench.run(each, 6.0, begun, meters=False).end for each in (motion, pushed))
+        begun += bench.duration
+        apart.append(pushed.displacements_m[0] - motion.displacements_m[0])
+    # samples of A ρ^k cos(kθ + φ) have d(k-1) d(k+1) - d(k)² = -A² ρ^2k sin²θ; the first block lets the faster ones go
+    fall = (apart[2] * apart[4] - apart[3] ** 2) / (apart[1] * apart[3] - apart[2] ** 2)
+    assert log(fall) / (2 * bench.periods) == pytest.approx(log(largest), rel=0.02)
+
+
+def test_one_period_of_waveforms_closes_and_balances() -> None:
+    waves = held(6.0).waveforms
+    assert waves is not None
+    assert waves.time_s[-1] - waves.time_s[0] == pytest.approx(1.0 / DRIVE.frequency)
+    for name in ("tip_x_m", "tip_y_m", "normal_force_n", "friction_force_n", "current_a_a"):
+        signal = getattr(waves, name)
+        assert signal[-1] == pytest.approx(signal[0], abs=1e-3 * np.ptp(signal)), name
+    assert waves.energy_residual < 1e-3
+    assert waves.mean_torque_n_m == pytest.approx(held(6.0).torque_n_m, abs=2e-3 * friction_torque(MOTOR))
+
+
+def test_tones_without_a_common_period_are_refused_with_what_to_do() -> None:
+    beating = pr.TwoToneDrive(voltage_1=60.0, frequency_1=45e3, voltage_2=60.0, frequency_2=45.21e3)
+    with pytest.raises(pr.ParameterError, match=r"no short common period.*settle"):
+        pr.steady_state(MOTOR, beating, speed=0.0)
+
+
+def test_dry_friction_of_the_bearing_takes_its_torque_from_a_held_shaft() -> None:
+    dry = MOTOR.updated({"rotor.bearing_friction_n_m": 1e-3})
+    state = pr.steady_state(dry, DRIVE, speed=6.0)
+    assert state.torque_n_m == pytest.approx(held(6.0).torque_n_m, rel=1e-6)
+    assert state.load_torque_n_m == pytest.approx(held(6.0).load_torque_n_m - 1e-3, rel=1e-6)
+    assert state.waveforms is not None
+    assert state.waveforms.energy_residual < 1e-3
+    with pytest.raises(pr.ParameterError, match="dry friction is not found by shooting"):
+        pr.steady_state(dry, DRIVE)
+
+
+def test_speed_and_load_exclude_each_other() -> None:
+    with pytest.raises(pr.ParameterError, match="speed and load_torque"):
+        pr.steady_state(MOTOR, DRIVE, speed=1.0, load_torque=1e-3)
+
+
+def test_the_command_prints_the_state_and_writes_its_period(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["steady", MOTOR.name, "--voltage", "100", "--frequency", "46e3", "--phase", "180", "--speed", "6"]
+    assert run([*words, "--json", "--output", str(tmp_path / "period.cir")]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["converged"] is True
+    assert document["stable"] is True
+    assert document["torque_n_m"] == pytest.approx(held(6.0).torque_n_m, rel=1e-6)
+    assert {"iterations", "residual", "method", "floquet_multipliers", "normal_force_n"} <= set(document)
+    assert ".tran" in (tmp_path / "period.cir").read_text(encoding="utf-8")

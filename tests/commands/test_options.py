@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Options that would have no effect are errors, and tables lose nothing."""
+
+from __future__ import annotations
+
+import pytest
+from rich.table import Table
+
+from pyspice_runner.cli import run
+from pyspice_runner.commands.common import load_changed, say
+
+TONES = ["--frequency-1", "20e3", "--frequency-2", "40e3"]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (
+            ["simulate", "andersen2002", *TONES],
+            "--frequency-1 has no effect on a two-phase drive. Add --drive two-tone",
+        ),
+        (["simulate", "andersen2002", "--voltage-2", "5"], "--voltage-2 has no effect on a two-phase drive"),
+        (
+            ["simulate", "andersen2002", "--drive", "two-tone", *TONES, "--voltage", "5"],
+            "--voltage has no effect on a two-tone drive. Add --drive two-phase",
+        ),
+        (["simulate", "andersen2002", "--sliders", "3"], "--sliders has no effect without --contact brush"),
+        (["speed-torque", "andersen2002", "--sliders", "8"], "--sliders has no effect without --contact brush"),
+        (["impact", "--sliders", "3"], "--sliders has no effect without --contact brush"),
+        (["export", "andersen2002", "--sliders", "3"], "--sliders has no effect without --contact brush"),
+        (["drive", "andersen2002", "--match", "free"], "--match has no effect without a matching network"),
+        (["report", "andersen2002", "--connection", "B"], "--connection has no effect without --measured"),
+        (["track", "andersen2002", "--drift", "0.01"], "--drift has no effect on --disturb start"),
+        (
+            ["track", "andersen2002", "--disturb", "load", "--target-step", "5"],
+            "--target-step has no effect on --disturb",
+        ),
+        (["track", "andersen2002", "--period", "1e-3"], "--period has no effect on --tracker pll"),
+        (["track", "andersen2002", "--tracker", "none", "--reverse"], "--reverse has no effect on --tracker none"),
+        (
+            ["sweep", "andersen2002", "--over", "drive.voltage=1,2", "--samples", "4"],
+            "--samples has no effect without --tolerance",
+        ),
+        (
+            ["sweep", "andersen2002", "--analysis", "operating-point", "--duration", "1e-3"],
+            "--duration has no effect on --analysis operating-point",
+        ),
+    ],
+)
+def test_an_option_without_effect_is_an_error(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(words) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(f"piezomotor: {says}")
+
+
+def test_the_table_of_a_run_shows_its_drive(capsys: pytest.CaptureFixture[str]) -> None:
+    assert (
+        run(
+            [
+                "simulate",
+                "andersen2002",
+                "--duration",
+                "1e-4",
+                "--voltage",
+                "30",
+                "--frequency",
+                "51e3",
+                "--phase",
+                "-90",
+            ]
+        )
+        == 0
+    )
+    assert "andersen2002, 30 V at 51 kHz, -90° apart, 0.0001 s" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_table_in_a_pipe_is_not_cut(capsys: pytest.CaptureFixture[str]) -> None:
+    table = Table(*(f"mean_rotor_speed_rad_s_{number}" for number in range(8)))
+    table.add_row(*(f"9.3761234e-{number:02d}" for number in range(8)))
+    say(table)
+    shown = capsys.readouterr().out
+    assert all(
+        f"mean_rotor_speed_rad_s_{number}" in shown and f"9.3761234e-{number:02d}" in shown for number in range(8)
+    )
+    assert "…" not in shown
+
+
+def test_a_table_on_a_narrow_terminal_is_folded_and_not_cut(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")  # which makes rich write as to a terminal
+    monkeypatch.setenv("COLUMNS", "40")
+    table = Table("quantity", "value")
+    table.add_row("mean_rotor_speed_rad_s_and_more_of_it_than_fits", "9.3761234e-03")
+    say(table)
+    assert "…" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("change", "path", "value"),
+    [
+        ("modes.0.quality_factor=300", "quality_factor", 300.0),
+        ("modes.0.frequency_hz=13e3", "frequency_hz", 13e3),
+    ],
+)
+def test_set_takes_the_aliases_of_a_mode(
+    change: str, path: str, value: float, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motor = load_changed("andersen2002", [change])
+    assert getattr(motor.modes[0], path) == pytest.approx(value, rel=1e-12)
+    assert run(["show", "andersen2002", "--set", "modes.0.quality_factor=0.4"]) == 2
+    assert "modes.0.quality_factor = 0.4 is not valid: it must be > 0.5" in capsys.readouterr().err
+
+
+def test_set_takes_what_the_file_of_a_beam_states() -> None:
+    plain = load_changed("andersen2002", None)
+    changed = load_changed("andersen2002", ["beam.thickness_m=1.9e-3", "contact.materials.tip_poisson=0.3"])
+    assert changed.modes[0].frequency_hz > 1.01 * plain.modes[0].frequency_hz  # a thicker beam is stiffer
+    assert changed.contact.normal_stiffness_n_per_m15 > plain.contact.normal_stiffness_n_per_m15
+    assert changed.provenance["beam.thickness_m"].kind == "set"
+    shorter = load_changed("andersen2002", ["patches.0.end_m=0.008"])
+    assert shorter.piezo.capacitance_a_f < plain.piezo.capacitance_a_f
+    assert shorter.piezo.capacitance_b_f == plain.piezo.capacitance_b_f
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ("beam.thicknes_m=1", "there is no 'beam.thicknes_m'. Did you mean 'thickness_m'?"),
+        ("arms.0.mass_kg=1", "has no table 'arms.0'"),
+        ("patches.7.end_m=1", "has no table 'patches.7'"),
+        ("damping.alpha_per_s=fast", "damping.alpha_per_s = 'fast' is not valid: it must be a number"),
+    ],
+)
+def test_set_refuses_what_the_file_does_not_take(change: str, says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["show", "andersen2002", "--set", change]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_sentences_are_wrapped_on_a_terminal_only(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sentence = "numbers of arms tried: " + ", ".join(f"{count} (1234, 0.5 %)" for count in range(12)) + "\n"
+    say(sentence)
+    assert capsys.readouterr().out == sentence
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "60")
+    say(sentence)
+    shown = capsys.readouterr().out
+    assert " ".join(shown.split()) == sentence.strip()
+    assert max(map(len, shown.splitlines())) <= 60

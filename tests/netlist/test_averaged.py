@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The parts of the averaged motor against closed forms and against a period of the contact that NumPy computes."""
+
+from __future__ import annotations
+
+from math import pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.netlist.averaged import (
+    HARMONICS,
+    PHASES,
+    averaged_contact,
+    check_resolution,
+    contact_pins,
+    contact_text,
+)
+from pyspice_runner.netlist.library import data_path, definitions, read_library
+from tests.netlist.batch import measured
+
+CONTACT = {"normal_stiffness": 5e9, "compliance": 4e-7, "mu": 0.25, "radius": 0.012, "preload": 6.0, "damping": 0.4}
+
+
+def test_contact_library_is_what_the_package_writes() -> None:
+    assert (data_path("behavioral") / "piezomotor_averaged_contact.lib").read_text() == contact_text()
+
+
+@pytest.mark.parametrize(
+    ("phases", "harmonics", "message"),
+    [
+        (8, 1, "phases = 8 is out of range: it must be a whole number from 16 to 512"),
+        (64, 0, "harmonics = 0 is out of range: it must be a whole number from 1 to 6"),
+        (16, 6, "phases = 16 cannot resolve 6 harmonics: give at least 32 phases"),
+    ],
+)
+def test_resolution_out_of_range_is_an_error(phases: int, harmonics: int, message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        check_resolution(phases, harmonics)
+
+
+def contact_period(
+    phases: int, x: dict[int, complex], y: dict[int, complex], speed: float, frequency: float
+) -> dict[str, np.ndarray]:
+    """Forces at the phases of a period that repeats, by the law itself; displacements in m, harmonic 0 is the mean."""
+    angle = 2.0 * pi * np.arange(phases) / phases
+
+    def motion(parts: dict[int, complex]) -> np.ndarray:
+        return sum((part * np.exp(1j * order * angle)).real for order, part in parts.items())
+
+    along, towards = motion(x), motion(y)
+    radius, stiffness = CONTACT["radius"], CONTACT["normal_stiffness"]
+    seat = (CONTACT["preload"] / stiffness) ** (2.0 / 3.0)
+    depth = np.maximum(seat + towards - along**2 / (2.0 * radius), 0.0)
+    rate = 0.5 * phases * frequency
+    central = [np.roll(values, -1) - np.roll(values, 1) for values in (along, towards)]
+    hold = np.maximum(1.0 + CONTACT["damping"] * rate * (central[1] - along / radius * central[0]), 0.0)
+    normal = stiffness * depth**1.5 * hold
+    limit = CONTACT["mu"] * CONTACT["compliance"] * stiffness ** (2.0 / 3.0) * depth
+    moved = along - np.roll(along, 1) - speed * radius / (phases * frequency)
+    moved += 0.5 * (along + np.roll(along, 1)) / radius * (towards - np.roll(towards, 1))
+    slider = np.zeros(phases)
+    last = 0.0
+    for _ in range(200):  # until the slider repeats
+        for number in range(phases):
+            last = min(max(last + moved[number], -limit[number]), limit[number])
+            slider[number] = last
+    used = np.divide(np.abs(slider), limit, out=np.zeros(phases), where=limit > 0.0)
+    friction = CONTACT["mu"] * normal * np.sign(slider) * (1.0 - (1.0 - used) ** 1.5)
+    lean = along / radius
+    return {
+        "normal": normal, "friction": friction, "fx": normal * lean - friction, "fy": -normal - friction * lean,
+        "angle": angle,
+    }  # fmt: skip
+
+
+def run_contact(
+    tmp_path: Path, phases: int, harmonics: int, x: dict[int, complex], y: dict[int, complex], speed: float,
+    frequency: float,
+) -> dict[str, float]:  # fmt: skip
+    """Settled outputs of the subcircuit for a prescribed motion of the tip."""
+    pins = contact_pins(harmonics)
+    values = {f"{axis}_0": 1e6 * parts.get(0, 0.0).real for axis, parts in (("x", x), ("y", y))}
+    for axis, parts in (("x", x), ("y", y)):
+        for order in range(1, harmonics + 1):
+            part = 1e6 * parts.get(order, 0.0)
+            values |= {f"{axis}_re{order}": part.real, f"{axis}_im{order}": part.imag}
+    values |= {"frequency": frequency, "shaft": speed}
+    sources = [f"V{name} {name} 0 {values[name]!r}" for name in pins if name in values]
+    found = [name for name in pins if name not in values]
+    end = 60.0 / frequency
+    lines = [
+        "contact",
+        definitions(averaged_contact(phases, harmonics)),
+        *sources,
+        f"Xc {' '.join(pins)} piezomotor_averaged_contact " + " ".join(f"{k}={v!r}" for k, v in CONTACT.items()),
+        ".options reltol=1e-6 vntol=1e-9 abstol=1e-12 method=gear",
+        *(f".measure tran {name} FIND v({name}) AT={end!r}" for name in found),
+        f".tran {0.1 / frequency!r} {1.01 * end!r} 0 {0.2 / frequency!r} uic",
+        ".end",
+    ]  # fmt: skip
+    return measured("\n".join(lines) + "\n", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("speed", "lift"), [(0.0, 0.4), (3.0, 0.4), (-4.0, 1.6)], ids=["standing", "turning", "contact opens"]
+)
+def test_contact_gives_the_sums_of_the_law_over_a_period(tmp_path: Path, speed: float, lift: float) -> None:
+    """Means and harmonics, with those that the model leaves out; the period that NumPy repeats until it closes."""
+    frequency, phases, harmonics = 40e3, 32, 2
+    depth = (CONTACT["preload"] / CONTACT["normal_stiffness"]) ** (2.0 / 3.0)
+    x = {0: 0.02e-6 + 0j, 1: 0.25e-6 - 0.1e-6j, 2: 0.05e-6j}
+    y = {0: 0.05e-6 + 0j, 1: lift * depth * (0.8 + 0.6j), 2: 0.1 * depth + 0j}
+    law = contact_period(phases, x, y, speed, frequency)
+    found = run_contact(tmp_path, phases, harmonics, x, y, speed, frequency)
+    scale = CONTACT["preload"]
+    # the slider's memory settles over the periods of the run: what is left of it is below exp(-60)
+    for name in ("normal", "friction"):
+        assert found[name] == pytest.approx(law[name].mean(), abs=1e-4 * scale)
+    for axis in ("fx", "fy"):
+        assert found[f"{axis}_0"] == pytest.approx(law[axis].mean(), abs=1e-4 * scale)
+        for order in range(1, harmonics + 3):
+            part = 2.0 * (law[axis] * np.exp(-1j * order * law["angle"])).mean()
+            assert found[f"{axis}_re{order}"] == pytest.approx(part.real, abs=1e-4 * scale)
+            assert found[f"{axis}_im{order}"] == pytest.approx(part.imag, abs=1e-4 * scale)
+    assert found["open"] == pytest.approx((law["normal"] == 0.0).mean(), abs=1.0 / phases)
+
+
+def test_default_resolution_is_the_one_of_the_library() -> None:
+    library = read_library("piezomotor_averaged_contact")
+    assert f"{PHASES} phases, {HARMONICS} harmonics" in library.title
+    assert [pin.name for pin in library.pins] == contact_pins(HARMONICS)

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The averaging window, and what tells a settled mean from one that still moves: against closed forms."""
+
+from __future__ import annotations
+
+from math import exp, inf, pi
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.run.window import Window, change_to_come
+
+TIME = np.linspace(0.0, 100.0, 100 * 128 + 1)
+RIPPLE = 0.3 * np.sin(2.0 * pi * TIME + 0.4)
+
+
+@pytest.mark.parametrize("time_constant", [5.0, 20.0, 50.0, 100.0])
+def test_the_rest_of_an_exponential_approach_is_extrapolated(time_constant: float) -> None:
+    values = 2.0 * (1.0 - np.exp(-TIME / time_constant)) + RIPPLE
+    rest = 2.0 * exp(-100.0 / time_constant)
+    found = change_to_come(TIME, values, 1.0)
+    assert found >= rest
+    if time_constant > 30.0:  # a faster approach is judged by its last change, which is more than the rest
+        # the mean over the last 20 periods lags behind the end by half of them
+        assert found == pytest.approx(rest * exp(10.0 / time_constant), rel=0.02)
+
+
+def test_a_ripple_about_a_constant_has_settled() -> None:
+    assert change_to_come(TIME, 2.0 + RIPPLE, 1.0) < 1e-9
+
+
+def test_a_steady_rise_has_not() -> None:
+    assert change_to_come(TIME, 0.01 * TIME + RIPPLE, 1.0) > 1.0
+
+
+def test_a_run_of_fewer_than_four_periods_cannot_tell() -> None:
+    short = TIME <= 3.0
+    assert change_to_come(TIME[short], RIPPLE[short], 1.0) == inf
+
+
+@pytest.mark.parametrize(("end", "periods"), [(100.0, 20), (7.3, 7), (0.4, 0)])
+def test_the_window_has_whole_periods_at_the_end(end: float, periods: int) -> None:
+    time = TIME[end >= TIME]
+    window = Window(time, 1.0)
+    assert window.periods == periods
+    assert window.length == pytest.approx(periods or time[-1])
+    if periods:
+        assert window.mean(RIPPLE[: len(time)]) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_run_in_mid_spin_up_says_that_its_means_are_not_settled() -> None:
+    motor = pr.load_motor("andersen2002").updated({"mount": None, "rotor.inertia_kg_m2": 1e-8})
+    drive = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
+    early, late = (pr.simulate(motor, drive, duration=duration) for duration in (2e-4, 2e-3))
+    assert early.settled is False
+    assert late.to_come["mean_rotor_speed_rad_s"] is not None
+    assert late.to_come["mean_rotor_speed_rad_s"] < 0.02
+    assert early.remark("mean_rotor_speed_rad_s") == ", not settled"
+    assert any(caution.startswith("Not settled") for caution in early.cautions)
+    assert early.to_dict()["settled"] is False
+    assert "not settled" in early.summary()["mean rotor speed"]
+    held = pr.simulate(motor, drive, duration=2e-4, speed=1.0)
+    assert "mean_rotor_speed_rad_s" not in held.to_come

@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A repaired file gives a note; a file that would need a guess gives an error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from tests.data.spectra import make
+
+Y = make.admittance()
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> object:
+    """Write a plain table and read it."""
+
+    def read(header: str, *columns: Sequence[float] | np.ndarray) -> pr.Spectrum:
+        rows = [",".join(f"{value:.15g}" for value in row) for row in zip(*columns, strict=True)]
+        path = tmp_path / "measured.csv"
+        path.write_text("\n".join([header, *rows, ""]), encoding="utf-8")
+        return pr.read_spectrum(path)
+
+    return read
+
+
+POLAR = "frequency_hz,abs_y_s,phase_deg"
+RECTANGULAR = "frequency_hz,conductance_s,susceptance_s"
+
+
+# --- phase ---
+
+
+def test_a_phase_in_radians_headed_as_degrees(table) -> None:
+    spectrum = table(POLAR, make.FREQUENCY, np.abs(Y), np.angle(Y))
+    assert spectrum.admittance_s == pytest.approx(Y)
+    assert [w for w in spectrum.warnings if "given in degrees" in w and "taken as radians" in w] == list(
+        spectrum.warnings
+    )
+
+
+def test_a_phase_in_degrees_headed_as_radians(table) -> None:
+    spectrum = table("frequency_hz,abs_y_s,phase_rad", make.FREQUENCY, np.abs(Y), np.angle(Y, deg=True))
+    assert spectrum.admittance_s == pytest.approx(Y)
+    assert "given in radians but reaches 88.66, so it was taken as degrees" in spectrum.warnings[0]
+
+
+@pytest.mark.parametrize("degrees", [True, False])
+def test_a_phase_without_a_unit_is_told_by_its_values(degrees: bool, table) -> None:
+    spectrum = table("frequency_hz,abs_y_s,phase", make.FREQUENCY, np.abs(Y), np.angle(Y, deg=degrees))
+    assert spectrum.admittance_s == pytest.approx(Y)
+    assert ("taken as degrees" if degrees else "taken as radians") in spectrum.warnings[0]
+
+
+def test_a_resistor_s_phase_of_one_degree_stays_degrees(table) -> None:
+    frequency = np.linspace(1e3, 1e4, 50)
+    y = np.full(50, 0.01) * np.exp(1j * np.deg2rad(np.linspace(0.5, 1.5, 50)))
+    spectrum = table(POLAR, frequency, np.abs(y), np.angle(y, deg=True))
+    assert spectrum.admittance_s == pytest.approx(y)
+    assert spectrum.warnings == ()
+    with pytest.raises(pr.SpectrumError, match=r"names no unit and its values do not tell; head it as “Phase \(deg\)”"):
+        table("frequency_hz,abs_y_s,phase", frequency, np.abs(y), np.angle(y, deg=True))
+
+
+def test_a_phase_off_by_half_a_turn_and_wrapped(table) -> None:
+    spectrum = table(POLAR, make.FREQUENCY, np.abs(Y), np.angle(-Y, deg=True))
+    assert spectrum.admittance_s == pytest.approx(Y)
+    assert ["wraps by 360°" in spectrum.warnings[0], "off by 180°, which was added" in spectrum.warnings[1]] == [
+        True,
+        True,
+    ]
+
+
+def test_a_phase_that_was_unwrapped_beyond_a_turn(table) -> None:
+    spectrum = table(POLAR, make.FREQUENCY, np.abs(Y), np.angle(Y, deg=True) + 720.0)
+    assert (spectrum.admittance_s == pytest.approx(Y), spectrum.warnings) == (True, ())
+
+
+def test_reversed_leads_in_rectangular_form(table) -> None:
+    spectrum = table(RECTANGULAR, make.FREQUENCY, -Y.real, -Y.imag)
+    assert spectrum.admittance_s == pytest.approx(Y)
+    assert "off by 180°" in spectrum.warnings[0]
+
+
+def test_a_capacitor_with_a_slightly_negative_loss_is_not_turned(table) -> None:
+    frequency = np.linspace(1e3, 1e4, 50)
+    y = 2j * np.pi * frequency * 1e-9 * np.exp(1j * np.deg2rad(0.1))
+    spectrum = table(POLAR, frequency, np.abs(y), np.angle(y, deg=True))
+    assert spectrum.admittance_s == pytest.approx(y)
+    assert "negative throughout, but small" in spectrum.warnings[0]
+
+
+def test_a_noisy_real_part_is_told_and_kept(table) -> None:
+    frequency = np.linspace(1e3, 1e4, 200)
+    y = 2j * np.pi * frequency * 1e-9 * (1.0 - 1e-4j) + 1e-8 * np.random.default_rng(1).normal(size=200)
+    spectrum = table(RECTANGULAR, frequency, y.real, y.imag)
+    assert spectrum.admittance_s == pytest.approx(y)
+    assert "nothing was changed" in spectrum.warnings[0]
+
+
+@pytest.mark.parametrize("mirrored", [Y.conj(), Y.imag + 1j * Y.real, (1.0 / Y).conj()])
+def test_an_imaginary_part_of_the_wrong_sign_or_place_is_refused(mirrored: np.ndarray, table) -> None:
+    with pytest.raises(pr.SpectrumError, match="the circles of Y run against the clock"):
+        table(RECTANGULAR, make.FREQUENCY, mirrored.real, mirrored.imag)
+
+
+def test_circles_are_those_of_noise_and_smooth_lines_too_without_being_refused(table) -> None:
+    random = np.random.default_rng(7)
+    frequency = np.geomspace(1e2, 1e6, 400)
+    w = 2j * np.pi * frequency
+    debye = w * 1e-10 + 1.0 / (1e4 + 1.0 / (w * 1e-9))
+    for y in (debye, 1.0 / (10.0 + w * 1e-3), 1.0 / (50.0 + w * 1e-6), w * 1e-9 * (1.0 - 0.02j), 0.02 + 0.0 * w):
+        for noise in (0.0, 1e-4, 1e-2, 0.2):
+            noisy = y * (1.0 + noise * (random.normal(size=400) + 1j * random.normal(size=400)))
+            assert table(RECTANGULAR, frequency, noisy.real, noisy.imag).admittance_s == pytest.approx(noisy)
+
+
+# --- points ---
+
+
+def test_falling_frequencies_are_put_in_order(table) -> None:
+    spectrum = table(RECTANGULAR, make.FREQUENCY[::-1], Y.real[::-1], Y.imag[::-1])
+    assert spectrum.admittance_s == pytest.approx(Y)
+    assert spectrum.warnings == ("The frequencies fall from point to point; the points were put in rising order.",)
+
+
+def test_frequencies_in_any_order_are_sorted(table) -> None:
+    order = np.random.default_rng(3).permutation(Y.size)
+    spectrum = table(RECTANGULAR, make.FREQUENCY[order], Y.real[order], Y.imag[order])
+    assert spectrum.admittance_s == pytest.approx(Y)
+    assert "were sorted" in spectrum.warnings[0]
+
+
+def test_a_point_that_comes_twice_is_kept_once(table) -> None:
+    twice = np.sort(np.append(np.arange(Y.size), [3, 3, 40]))
+    spectrum = table(RECTANGULAR, make.FREQUENCY[twice], Y.real[twice], Y.imag[twice])
+    assert spectrum.admittance_s == pytest.approx(Y)
+    assert spectrum.warnings == ("3 points came twice, with the same values; one of each was kept.",)
+
+
+def test_a_frequency_with_two_values_is_refused(table) -> None:
+    frequency = make.FREQUENCY.copy()
+    frequency[5] = frequency[4]
+    with pytest.raises(
+        pr.SpectrumError, match=r"line 7: 96000 Hz as in line 6, with other values; expected each .* once"
+    ):
+        table(RECTANGULAR, frequency, Y.real, Y.imag)
+
+
+def test_missing_values_are_left_out_and_told(table) -> None:
+    real = Y.real.copy()
+    real[[4, 9]] = np.nan
+    spectrum = table(RECTANGULAR, make.FREQUENCY, real, Y.imag)
+    assert len(spectrum) == Y.size - 2
+    assert spectrum.warnings == ("2 points were left out where values are missing or zero, first in line 6.",)
+    real[:40] = np.nan
+    with pytest.raises(pr.SpectrumError, match="line 2: here and at 39 of 61 points values are missing"):
+        table(RECTANGULAR, make.FREQUENCY, real, Y.imag)
+
+
+def test_a_point_at_zero_hertz_is_left_out(table) -> None:
+    frequency = np.append(0.0, make.FREQUENCY)
+    spectrum = table(RECTANGULAR, frequency, np.append(1e-9, Y.real), np.append(0.0, Y.imag))
+    assert spectrum.admittance_s == pytest.approx(Y)
+    assert spectrum.warnings == ("The point at 0 Hz was left out.",)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "told"), [(-1.0, "below 0 Hz"), (1e13, r"1e\+13 Hz; expected at most 1e\+12 Hz")]
+)
+def test_frequencies_that_cannot_be_are_refused(frequency: float, told: str, table) -> None:
+    with pytest.raises(pr.SpectrumError, match=told):
+        table(RECTANGULAR, np.append(make.FREQUENCY, frequency), np.append(Y.real, 1.0), np.append(Y.imag, 1.0))
+
+
+def test_a_last_line_without_an_end_is_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "measured.csv"
+    path.write_text(make.plain().rstrip("\n")[:-3], encoding="utf-8")
+    spectrum = pr.read_spectrum(path)
+    assert spectrum.admittance_s == pytest.approx(Y[:-1])
+    assert spectrum.warnings == ("Line 62, the last, has no line end and may be cut short, so it was left out.",)
+
+
+# --- columns ---
+
+
+def test_columns_that_contradict_each_other_are_refused(table) -> None:
+    z = 1.0 / Y
+    header = "frequency_hz,rs_ohm,xs_ohm,abs_z_ohm,phase_deg"
+    good = (make.FREQUENCY, z.real, z.imag, np.abs(z), np.angle(z, deg=True))
+    assert table(header, *good).admittance_s == pytest.approx(Y)
+    for swapped in ((0, 2, 1, 3, 4), (0, 3, 2, 1, 4), (0, 1, 2, 4, 3)):
+        with pytest.raises(
+            pr.SpectrumError, match=r"contradicts those of R and X; columns may be swapped, or a unit wrong"
+        ):
+            table(header, *(good[place] for place in swapped))
+    with pytest.raises(pr.SpectrumError, match="the frequencies jump about while R runs steadily"):
+        table(header, *(good[place] for place in (1, 0, 2, 3, 4)))
+
+
+def test_a_two_port_that_is_not_reciprocal_or_passive_is_refused(tmp_path: Path) -> None:
+    matrix = make.two_port()
+    good = pr.Spectrum.from_admittance(make.FREQUENCY, matrix).save(tmp_path / "good.csv")
+    assert pr.read_spectrum(good).warnings == ()
+    one_way = matrix * [[1.0, 1.0], [0.0, 1.0]]
+    with pytest.raises(pr.SpectrumError, match="from A to B and from B to A the admittances differ"):
+        pr.read_spectrum(pr.Spectrum.from_admittance(make.FREQUENCY, one_way).save(tmp_path / "one_way.csv"))
+    with pytest.raises(pr.SpectrumError, match="not those of a passive part"):
+        pr.read_spectrum(pr.Spectrum.from_admittance(make.FREQUENCY, matrix.conj()).save(tmp_path / "mirrored.csv"))
+
+
+@pytest.mark.parametrize(
+    ("header", "told"),
+    [
+        (
+            "frequency_hz,abs_z_ohm,temperature_k",
+            "of the columns only “abs_z_ohm”; expected two that make an admittance",
+        ),
+        ("frequency_hz,Rs,Xs", "“Rs”: it names no unit; expected two"),
+        ("frequency_hz,|Z| (dB),phase_deg", "“|Z| (dB)”: the unit “dB” is not known; expected two"),
+        ("Frequency,r_ohm,x_ohm", "“Frequency”: it names no unit; expected Hz, kHz, MHz or GHz"),
+        ("frequency_s,r_ohm,x_ohm", "“frequency_s”: the unit “s” does not fit; expected Hz"),
+        ("frequency_hz,f (kHz),x_ohm", "2 columns of frequency; expected one"),
+    ],
+)
+def test_headers_that_are_refused_name_the_line_and_what_was_expected(header: str, told: str, table) -> None:
+    with pytest.raises(pr.SpectrumError) as caught:
+        table(header, make.FREQUENCY, Y.real, Y.imag)
+    assert "measured.csv, line 1: " + told in str(caught.value)
+
+
+def test_one_quantity_in_two_columns(table) -> None:
+    header = "frequency_hz,g_s,b_s,conductance_ms"
+    assert table(header, make.FREQUENCY, Y.real, Y.imag, Y.real * 1e3).admittance_s == pytest.approx(Y)
+    with pytest.raises(pr.SpectrumError, match="“conductance_ms” and “g_s” are the same quantity with other values"):
+        table(header, make.FREQUENCY, Y.real, Y.imag, Y.real)
+
+
+# --- text ---
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1", "cp1252"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_encodings_and_line_ends(encoding: str, end: str, tmp_path: Path) -> None:
+    unit = "mΩ" if "utf" in encoding else "mOhm"
+    text = make.plain(f"Frequency (Hz),|Z| ({unit}),Phase (°)", ("|Z|", "θz"), scales=(1.0, 1e-3, 1.0))
+    path = tmp_path / "measured.csv"
+    path.write_bytes(text.replace("\n", end).encode(encoding))
+    assert pr.read_spectrum(path).admittance_s == pytest.approx(Y)
+
+
+def test_both_decimal_signs_in_one_file_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "measured.csv"
+    path.write_text(make.bode100().replace(",", ".", 1), encoding="utf-8")
+    with pytest.raises(pr.SpectrumError, match=r"line 2: .* has a decimal point where others have a comma"):
+        pr.read_spectrum(path)
+
+
+def test_what_a_file_says_of_itself_is_kept_short_and_printable(tmp_path: Path) -> None:
+    path = tmp_path / "measured\n\u202e.csv"
+    comments = [f"# key {place}: {'long ' * 100}\u202e\u200b" for place in range(60)]
+    path.write_text("\n".join([*comments, make.plain()]), encoding="utf-8")
+    spectrum = pr.read_spectrum(path)
+    assert len(spectrum.metadata) == 40
+    for text in (*spectrum.metadata, *spectrum.metadata.values(), spectrum.source):
+        assert text.isprintable()
+        assert len(text) <= 120

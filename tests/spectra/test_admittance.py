@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The two-port against closed forms, free and preloaded."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+
+PARAMETER_SETS = [
+    {},
+    {
+        "modes.0.frequency_hz": 21e3,
+        "modes.0.coupling_b_n_per_v": 0.05,
+        "modes.1.damping_n_s_per_m": 2.0,
+        "piezo.loss_tangent": 0.0,
+        "piezo.capacitance_b_f": 5e-9,
+        "contact.preload_n": 12.0,
+        "contact.normal_stiffness_n_per_m15": 3e9,
+    },
+]
+
+
+@pytest.fixture(params=PARAMETER_SETS, ids=["defaults", "others"])
+def motor(request: pytest.FixtureRequest) -> pr.Motor:
+    return pr.load_motor("andersen2002").updated(request.param)
+
+
+def closed_form(motor: pr.Motor, frequency_hz: np.ndarray) -> np.ndarray:
+    """Clamped capacitances with their loss resistance, and θ θᵀ jω/(k − m ω² + jω c) of every mode."""
+    s = 2j * np.pi * frequency_hz
+    y = np.zeros((len(s), 2, 2), dtype=complex)
+    for index, capacitance in enumerate((motor.piezo.capacitance_a_f, motor.piezo.capacitance_b_f)):
+        resistance = motor.piezo.loss_tangent / (2 * np.pi * motor.piezo.loss_reference_hz * capacitance)
+        y[:, index, index] = s * capacitance / (1 + s * resistance * capacitance)
+    for mode in motor.modes:
+        coupling = np.array([mode.coupling_a_n_per_v, mode.coupling_b_n_per_v])
+        velocity = s / (mode.stiffness_n_per_m + s * mode.damping_n_s_per_m + s**2 * mode.mass_kg)
+        y += np.multiply.outer(velocity, np.outer(coupling, coupling))
+    return y
+
+
+def test_free_admittance_is_the_closed_form(motor: pr.Motor) -> None:
+    result = pr.admittance(motor, start=5e3, stop=100e3, points=1500)
+    exact = closed_form(motor, result.frequency_hz)
+    assert np.abs(result.matrix_s / exact - 1).max() < 1e-6
+
+
+def test_connections_are_sums_of_the_matrix(motor: pr.Motor) -> None:
+    result = pr.admittance(motor, points=50)
+    ((aa, ab), (ba, bb)) = np.moveaxis(result.matrix_s, 0, -1)
+    assert result.driven("A") == pytest.approx(aa)
+    assert result.driven("A+B") == pytest.approx(aa + ab + ba + bb)
+    assert result.driven("A-B") == pytest.approx(aa - ab - ba + bb)
+
+
+def test_motional_arms_are_those_of_the_modes(motor: pr.Motor) -> None:
+    result = pr.admittance(motor)
+    found = {item.mode: item for item in result.resonances["A"]}
+    for mode in motor.modes:
+        theta = mode.coupling_a_n_per_v
+        arm = found[mode.name]
+        # the other mode's tail is approximated by a cubic over the zoom
+        assert arm.resistance_ohm == pytest.approx(mode.damping_n_s_per_m / theta**2, rel=1e-5)
+        assert arm.inductance_h == pytest.approx(mode.mass_kg / theta**2, rel=1e-5)
+        assert arm.capacitance_f == pytest.approx(theta**2 / mode.stiffness_n_per_m, rel=1e-5)
+        assert arm.quality_factor == pytest.approx(mode.quality_factor, rel=1e-5)
+
+
+def test_characteristic_frequencies_are_those_of_the_curve(motor: pr.Motor) -> None:
+    for connection in ("A", "A+B", "A-B"):
+        for item in pr.admittance(motor).resonances[connection]:
+            width = item.fs / item.quality_factor
+            fine = np.linspace(item.fs - 5 * width, 1.06 * item.fs, 400_001)
+            drive = np.array({"A": (1, 0), "A+B": (1, 1), "A-B": (1, -1)}[connection])
+            y = np.einsum("i,kij,j->k", drive, closed_form(motor, fine), drive)
+            tolerance = 2e-6 * item.fs  # the fine grid resolves 4e-7 of the frequency
+            assert item.fs == pytest.approx(fine[np.argmax(y.real)], abs=tolerance)
+            assert item.fp == pytest.approx(fine[np.argmax((1 / y).real)], abs=tolerance)
+            if item.fm is not None:
+                near = np.abs(fine - item.fm) < 0.3 * width
+                assert item.fm == pytest.approx(fine[near][np.argmax(np.abs(y[near]))], abs=tolerance)
+            if item.fn is not None:
+                near = np.abs(fine - item.fn) < 0.3 * width
+                assert item.fn == pytest.approx(fine[near][np.argmin(np.abs(y[near]))], abs=tolerance)
+            assert item.coupling_factor == pytest.approx(np.sqrt(1 - (item.fs / item.fp) ** 2))
+
+
+def test_a_symmetric_motor_is_driven_by_sum_and_difference_each_in_one_mode() -> None:
+    resonances = pr.admittance(pr.load_motor("andersen2002")).resonances
+    assert [item.mode for item in resonances["A+B"]] == ["bending-1"]
+    assert [item.mode for item in resonances["A-B"]] == ["bending-2"]
+
+
+def test_preload_raises_the_first_resonance_by_the_contact_stiffness(motor: pr.Motor) -> None:
+    contact, mode = motor.contact, motor.modes[0]
+    penetration = (contact.preload_n / contact.normal_stiffness_n_per_m15) ** (2 / 3)
+    stiffness = 3 * contact.preload_n / (2 * penetration)
+    expected = mode.frequency_hz * np.sqrt(1 + stiffness * mode.tip_y**2 / mode.stiffness_n_per_m)
+    result = pr.admittance(motor, state="preloaded")
+    assert result.resonances["A+B"][0].fs == pytest.approx(expected, rel=1e-3)  # required; measured 1e-6
+
+
+def test_the_operating_point_has_the_preload(motor: pr.Motor) -> None:
+    result = pr.admittance(motor, state="preloaded", points=10)
+    assert result.normal_force_n == pytest.approx(motor.contact.preload_n, rel=1e-6)
+
+
+def test_preloaded_admittance_is_the_linearised_closed_form(motor: pr.Motor) -> None:
+    """Modes and rotor coupled by the normal and the tangential stiffness of the sticking contact."""
+    contact, rotor = motor.contact, motor.rotor
+    penetration = (contact.preload_n / contact.normal_stiffness_n_per_m15) ** (2 / 3)
+    normal = 1.5 * contact.preload_n / penetration
+    compliance = contact.tangential_compliance_tip_m_per_n23 + contact.tangential_compliance_rotor_m_per_n23
+    tangential = 1.5 * contact.preload_n ** (1 / 3) / compliance
+    x = np.array([*(mode.tip_x for mode in motor.modes), -1.0])
+    y = np.array([*(mode.tip_y for mode in motor.modes), 0.0])
+    mass = np.diag([*(mode.mass_kg for mode in motor.modes), rotor.inertia_kg_m2 / rotor.radius_m**2])
+    damping = np.diag(
+        [*(mode.damping_n_s_per_m for mode in motor.modes), rotor.bearing_damping_n_m_s / rotor.radius_m**2]
+    )
+    stiffness = np.diag([*(mode.stiffness_n_per_m for mode in motor.modes), 0.0])
+    stiffness = stiffness + normal * np.outer(y, y) + tangential * np.outer(x, x)
+    x[-1] = 0.0  # the preload on the curved rotor pushes a tip that is off its crown further away
+    stiffness -= contact.preload_n / rotor.radius_m * np.outer(x, x)
+    couplings = np.array([[*(getattr(mode, f"coupling_{g}_n_per_v") for mode in motor.modes), 0.0] for g in ("a", "b")])
+    result = pr.admittance(motor, state="preloaded", start=3e3, stop=90e3, points=400)
+    free_of_modes = motor.updated({f"modes.{i}.coupling_{g}_n_per_v": 0.0 for i in range(2) for g in "ab"})
+    exact = closed_form(free_of_modes, result.frequency_hz)
+    for index, s in enumerate(2j * np.pi * result.frequency_hz):
+        exact[index] += s * couplings @ np.linalg.solve(mass * s**2 + damping * s + stiffness, couplings.T)
+    # second order in seat/R and in round-off; measured 1e-6
+    assert np.abs(result.matrix_s - exact).max() < 1e-4 * np.abs(exact).max()
+
+
+def test_files_and_picture(tmp_path: Path) -> None:
+    result = pr.admittance(pr.load_motor("andersen2002"), points=30)
+    table = np.loadtxt(result.save(tmp_path / "y.csv"), delimiter=",", skiprows=1)
+    assert table[:, 0] == pytest.approx(result.frequency_hz)
+    assert table[:, 1] + 1j * table[:, 2] == pytest.approx(result.matrix_s[:, 0, 0])
+    assert json.loads(result.save(tmp_path / "y.json").read_text(encoding="utf-8"))["state"] == "free"
+    assert result.save(tmp_path / "y.nc").stat().st_size > 0
+    result.plot(tmp_path / "y.png")
+    assert (tmp_path / "y.png").stat().st_size > 20_000
+    with pytest.raises(pr.ParameterError, match="let it end in"):
+        result.save(tmp_path / "y.txt")
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"start": 2e3, "stop": 1e3}, "start < stop"),
+        ({"start": 0.0}, "start = 0 Hz"),
+        ({"stop": float("nan")}, "stop = nan Hz"),
+        ({"points": 1}, "points = 1 is not valid"),
+        ({"state": "pressed"}, "state = 'pressed' is not valid"),
+    ],
+)
+def test_refusals_say_what_is_allowed(settings: dict[str, object], says: str) -> None:
+    with pytest.raises(pr.ParameterError) as refusal:
+        pr.admittance(pr.load_motor("andersen2002"), **settings)  # type: ignore[arg-type]
+    assert says in str(refusal.value)
+
+
+def test_a_mode_that_its_neighbours_bury_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no arm of positive resistance fits there is no motional arm to tell of, and no error."""
+    motor = pr.load_motor("andersen2002")
+    found = pr.admittance(motor, start=10e3, stop=60e3, points=51)
+    assert [item.mode for item in found.resonances["A"]] == [mode.name for mode in motor.modes]
+    monkeypatch.setattr("pyspice_runner.spectra.admittance._motional_arm", lambda *_: (-1.0, 1.0, 1.0))
+    assert pr.admittance(motor, start=10e3, stop=60e3, points=51).resonances == dict.fromkeys(found.resonances, ())

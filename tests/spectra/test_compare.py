@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Spectra against spectra and motors: what was changed is what is found to deviate."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.cli import run
+from pyspice_runner.spectra.compare import Comparison
+from tests.resonators import resonator, spectrum
+
+BAND = np.linspace(15e3, 45e3, 801)
+GOOD = {"frequencies": [20e3, 33e3], "qualities": [120.0, 300.0], "ratios": [0.05, 0.02]}
+
+
+def measured(name: str, *, noise: float = 0.0, seed: int = 1, **changes: object) -> pr.Spectrum:
+    circuit = resonator(**{**GOOD, **changes})  # type: ignore[arg-type]
+    return replace(spectrum(circuit, BAND, noise=noise, seed=seed), source=name)
+
+
+REFERENCE = measured("reference")
+
+
+def one(first: pr.Spectrum, second: pr.Spectrum | pr.Motor = REFERENCE, **arguments: object) -> Comparison:
+    (comparison,) = pr.compare(first, second, **arguments).comparisons  # type: ignore[arg-type]
+    return comparison
+
+
+def test_what_was_changed_is_what_deviates() -> None:
+    found = one(measured("part", frequencies=[20.2e3, 33e3], qualities=[120.0, 240.0], capacitance=1.03e-9))
+    deviations = found.deviations()
+    expected = {
+        ("frequency", 1): 0.01, ("quality_factor", 1): 0.0, ("frequency", 2): 0.0, ("quality_factor", 2): -0.2,
+        ("clamped_capacitance", None): 0.03,
+    }  # fmt: skip
+    for key, value in expected.items():
+        assert deviations[key] == pytest.approx(value, abs=1e-6), key
+    # the ratios C/C0 are the same, so that k_eff is; R = 1/(2 pi f C Q)
+    assert deviations["coupling_factor", 1] == pytest.approx(0.0, abs=1e-3)
+    assert deviations["resistance", 1] == pytest.approx(1.0 / (1.01 * 1.03) - 1.0, abs=1e-6)
+    assert found.extra_hz == ()
+    assert one(REFERENCE).rms_deviation < 1e-9
+
+
+def test_tolerances_tell_what_is_outside() -> None:
+    found = one(measured("part", frequencies=[20.2e3, 33e3], qualities=[120.0, 240.0]))
+    assert found.outside({"frequency": 0.02, "quality_factor": 0.25}) == ()
+    assert found.outside({"frequency": 0.005}) == ("The frequency of mode 1 is off by +1 %; the limit is 0.5 %.",)
+    assert len(found.outside({"frequency": 0.005, "quality_factor": 0.1})) == 2
+    assert found.outside({}) == ()
+
+
+def test_a_missing_mode_is_told_and_one_too_many() -> None:
+    single = measured("single", frequencies=[33e3], qualities=[300.0], ratios=[0.02])
+    missing = one(single)
+    assert [mode.measured is None for mode in missing.modes] == [True, False]
+    assert missing.outside({"frequency": 0.5}) == ("Mode 1 is missing.",)
+    extra = one(REFERENCE, single)
+    assert extra.extra_hz == pytest.approx((20e3,), rel=1e-6)
+    assert len(extra.modes) == 1
+
+
+def test_a_strong_mode_that_moved_past_a_weak_one_is_still_itself() -> None:
+    before = measured("before", frequencies=[25e3, 25.8e3], qualities=[300.0, 300.0], ratios=[0.05, 0.0005])
+    after = measured("after", frequencies=[25.8e3, 26.4e3], qualities=[300.0, 300.0], ratios=[0.0005, 0.05])
+    modes = one(after, before).modes
+    assert [mode.deviations["frequency"] for mode in modes] == pytest.approx([26.4 / 25.0 - 1.0, 0.0], abs=1e-6)
+
+
+def test_a_motor_is_held_against_its_own_spectrum() -> None:
+    motor = pr.load_motor("andersen2002")
+    softer = motor.updated({"modes.1.frequency_hz": 51.0e3})
+    result = pr.admittance(softer, start=8e3, stop=70e3, points=800)
+    two_port = pr.Spectrum.from_admittance(result.frequency_hz, result.matrix_s, source="stator")
+    found = one(two_port, motor, connection="A-B")  # which drives the second mode alone
+    assert len(found.modes) == 1
+    assert found.modes[0].deviations["frequency"] == pytest.approx(51.0e3 / motor.modes[1].frequency_hz - 1.0, rel=1e-6)
+    assert found.reference.source == "andersen2002 (free, A-B)"
+
+
+def test_many_make_a_table_and_a_trend(tmp_path: Path) -> None:
+    spectra = [
+        measured(f"at {at} C", noise=0.002, seed=at, frequencies=[20e3 * (1.0 - 1e-4 * at), 33e3])
+        for at in (20, 40, 60)
+    ]
+    trend = pr.compare(spectra, REFERENCE, modes=2, at=[20, 40, 60], label="temperature in °C")
+    found = [item.deviations()["frequency", 1] for item in trend.comparisons]
+    assert found == pytest.approx([-0.002, -0.004, -0.006], abs=1e-5)
+    with trend.save(tmp_path / "trend.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["spectrum"], row["at"], row["mode"]) for row in rows[:3]] == [
+        ("at 20 C", "20", "1"), ("at 20 C", "20", "2"), ("at 40 C", "40", "1"),
+    ]  # fmt: skip
+    assert float(rows[0]["frequency_deviation"]) == pytest.approx(found[0], rel=1e-5)
+    document = json.loads(trend.save(tmp_path / "trend.json").read_text(encoding="utf-8"))
+    assert (document["reference"], len(document["comparisons"])) == ("reference", 3)
+    trend.plot(tmp_path / "trend.png")
+    assert (tmp_path / "trend.png").stat().st_size > 20_000
+
+
+def test_what_cannot_be_compared() -> None:
+    with pytest.raises(pr.ParameterError, match="nothing to compare"):
+        pr.compare([], REFERENCE)
+    with pytest.raises(pr.ParameterError, match="at has 1 values for 2 spectra"):
+        pr.compare([REFERENCE, REFERENCE], REFERENCE, at=[1.0])
+    far = pr.Spectrum.from_admittance(BAND + 1e6, REFERENCE.admittance_s, source="far")
+    with pytest.raises(pr.SpectrumError, match="far and reference share no frequencies"):
+        pr.compare(far, REFERENCE)
+
+
+# --- the command ---
+
+
+@pytest.fixture
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    REFERENCE.save("good.csv")
+    measured("", frequencies=[20.2e3, 33e3]).save("part.csv")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("tolerances", "status"),
+    [
+        ([], 0),
+        (["2%"], 0),
+        (["0.02"], 0),
+        (["0.5%"], 1),
+        (["0.5%", "frequency=2%"], 0),
+        (["frequency=0.1%"], 1),
+    ],
+)
+@pytest.mark.usefixtures("files")
+def test_exit_status_is_by_tolerance(tolerances: list[str], status: int, capsys: pytest.CaptureFixture[str]) -> None:
+    words = [word for text in tolerances for word in ("--tolerance", text)]
+    assert run(["compare", "part.csv", "good.csv", *words, "--json"]) == status
+    out, err = capsys.readouterr()
+    document = json.loads(out)
+    assert document["within_tolerance"] == (None if not tolerances else status == 0)
+    (comparison,) = document["comparisons"]
+    assert comparison["modes"][0]["deviations"]["frequency"] == pytest.approx(0.01, rel=1e-6)
+    assert len(comparison["outside_tolerance"]) == status
+    assert ("part.csv: The frequency of mode 1 is off by +1 %" in err) == bool(status)
+
+
+def test_one_is_drawn_over_its_reference_and_many_as_a_trend(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["compare", "part.csv", "good.csv", "--plot", "one.png", "--output", "one.csv"]) == 0
+    assert "20.2\N{NO-BREAK SPACE}kHz" in capsys.readouterr().out
+    words = ["--reference", "good.csv", "--at", "0,100", "--label", "age in h", "--plot", "many.png"]
+    assert run(["compare", "good.csv", "part.csv", *words, "--output", "many.json"]) == 0
+    assert json.loads((files / "many.json").read_text(encoding="utf-8"))["label"] == "age in h"
+    assert min((files / name).stat().st_size for name in ("one.png", "many.png")) > 20_000
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["part.csv"], "nothing to compare with part.csv"),
+        (["part.csv", "good.csv", "--tolerance", "much"], "write 5%, 0.05"),
+        (["part.csv", "good.csv", "--tolerance", "2"], "a ratio of 2, which is 200 %"),
+        (["part.csv", "good.csv", "--tolerance", "-1%"], "write 5%, 0.05"),
+        (["part.csv", "good.csv", "--tolerance", "colour=1%"], "--tolerance has no 'colour'"),
+        (["part.csv", "good.csv", "--set", "contact.preload_n=1"], "the reference is a spectrum"),
+        (["part.csv", "absent.csv"], "No such file"),
+        (["part.csv", "good.csv", "--plot", "x.txt"], "let it end in .png"),
+    ],
+)
+@pytest.mark.usefixtures("files")
+def test_refused(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["compare", *words]) == 2
+    assert says in capsys.readouterr().err

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files for other programs.
+
+ngspice runs the libraries and scikit-rf reads Touchstone. LTspice's and KiCad's files go through parsers of their
+formats, since neither program runs here.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.cli import run
+from pyspice_runner.model.circuit_file import load_circuit
+from pyspice_runner.netlist.motor import motor_library
+from pyspice_runner.spectra.export import export_circuit
+from pyspice_runner.spectra.touchstone import touchstone
+from tests.resonators import fitted, resonator, spectrum, values
+
+CIRCUIT = resonator([20e3, 33e3], [120.0, 300.0], [0.05, 0.02], lead_resistance=2.0, lead_inductance=1e-5)
+# what stands behind a word in an .asy file, by the listing of the format: the number of integers
+ASY = {
+    "Version": 1, "RECTANGLE Normal": 4, "LINE Normal": 4, "WINDOW": 3, "PIN": 2, "PINATTR SpiceOrder": 1,
+}  # fmt: skip
+
+
+def asy(text: str) -> tuple[dict[str, str], list[tuple[str, int, int, str]]]:
+    """Parse an LTspice symbol: its attributes, and its pins as name, order, x, side."""
+    lines = text.splitlines()
+    assert lines[0] == "Version 4"
+    assert lines[1] in ("SymbolType CELL", "SymbolType BLOCK")
+    attributes: dict[str, str] = {}
+    pins: list[tuple[str, int, int, str]] = []
+    for line in lines[2:]:
+        word, _, rest = line.partition(" ")
+        if word == "SYMATTR":
+            key, _, attributes[key] = rest.partition(" ")
+        elif word == "PIN":
+            x, _, side, offset = rest.split()
+            assert int(x) % 16 == int(rest.split()[1]) % 16 == 0, "pins stand on LTspice's grid"
+            assert side in ("LEFT", "RIGHT", "TOP", "BOTTOM", "NONE")
+            pins.append(("", int(offset), int(x), side))
+        elif word == "PINATTR":
+            key, _, value = rest.partition(" ")
+            name, order, x, side = pins[-1]
+            pins[-1] = (value, order, x, side) if key == "PinName" else (name, int(value), x, side)
+        else:
+            match = next(kind for kind in ASY if line.startswith(f"{kind} "))
+            numbers = re.findall(r"(?<= )-?\d+(?= |$)", line)
+            assert len(numbers) >= ASY[match], line
+    return attributes, pins
+
+
+@pytest.fixture(scope="module")
+def motor() -> pr.Motor:
+    return pr.load_motor("andersen2002")
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "pins"), [("motor", "piezomotor", ["a", "b", "com", "shaft"]), ("fit", "resonator", ["p", "n"])]
+)
+def test_symbols_name_the_library_and_its_pins_in_order(
+    kind: str, name: str, pins: list[str], motor: pr.Motor, tmp_path: Path
+) -> None:
+    from kiutils.symbol import SymbolLib  # reads and checks KiCad's format
+
+    files = [tmp_path / f"stator{ending}" for ending in (".lib", ".asy", ".kicad_sym")]
+    for file in files:
+        assert (pr.export_motor(motor, file) if kind == "motor" else export_circuit(CIRCUIT, file)) == file
+    library, ltspice, kicad = (file.read_text(encoding="ascii") for file in files)
+    (declared,) = re.findall(rf"^\.subckt {name} (.+)$", library, re.M)
+    assert [word for word in declared.split() if "=" not in word] == pins
+
+    attributes, found = asy(ltspice)
+    assert (attributes["Prefix"], attributes["Value"], attributes["ModelFile"]) == ("X", name, "stator.lib")
+    assert [pin[:2] for pin in found] == [(pin, order) for order, pin in enumerate(pins, start=1)]
+    assert "Untested" in attributes["Description"]
+    assert "Use:" in attributes["Description"]
+
+    (symbol,) = SymbolLib.from_file(str(files[2])).symbols
+    fields = {item.key: item.value for item in symbol.properties}
+    assert symbol.entryName == name
+    assert (fields["Sim.Device"], fields["Sim.Library"], fields["Sim.Name"]) == ("SUBCKT", "stator.lib", name)
+    assert fields["Sim.Pins"] == " ".join(f"{number}={pin}" for number, pin in enumerate(pins, start=1))
+    drawn = [pin for unit in symbol.units for pin in unit.pins]
+    assert [(pin.name, pin.number) for pin in drawn] == [(pin, str(order)) for order, pin in enumerate(pins, start=1)]
+    assert "Tested with KiCad 9" in fields["ki_description"]
+    assert "beside the schematic" in fields["Usage"]
+    assert kicad.count("(") == kicad.count(")")
+
+
+def test_a_circuit_is_read_back_without_loss(tmp_path: Path) -> None:
+    assert load_circuit(export_circuit(CIRCUIT, tmp_path / "c.toml")) == CIRCUIT
+    fit = fitted(spectrum(CIRCUIT, np.linspace(15e3, 40e3, 401)), 2)
+    for ending in (".json", ".toml"):
+        assert load_circuit(fit.save(tmp_path / f"fit{ending}")) == fit.circuit
+
+
+def test_touchstone_has_the_admittance(motor: pr.Motor, tmp_path: Path) -> None:
+    import skrf
+
+    one = skrf.Network(str(export_circuit(CIRCUIT, tmp_path / "c.s1p")))
+    assert one.y[:, 0, 0] == pytest.approx(CIRCUIT.admittance(one.f), rel=1e-9)
+    assert one.f[0] < 20e3 < 33e3 < one.f[-1]
+    again = fitted(pr.read_spectrum(tmp_path / "c.s1p"))
+    assert values(again.circuit) == pytest.approx(values(CIRCUIT), rel=1e-6)
+
+    two = pr.read_spectrum(pr.export_motor(motor, tmp_path / "m.s2p"))
+    start, stop = two.frequency_hz[[0, -1]].tolist()
+    result = pr.admittance(motor, start=start, stop=stop, points=len(two))
+    assert two.matrix_s == pytest.approx(result.matrix_s, rel=1e-6, abs=1e-12)
+
+    # S21 stands before S12, which a stator, being reciprocal, does not show
+    matrix = np.array([[[1e-2, 2e-3], [5e-3, 3e-2]], [[1e-2, 2e-3j], [5e-3, 3e-2j]]], dtype=complex)
+    path = tmp_path / "t.s2p"
+    path.write_text(touchstone(np.array([1e3, 2e3]), matrix), encoding="utf-8")
+    assert skrf.Network(str(path)).y == pytest.approx(matrix, rel=1e-12)
+
+
+def test_a_motor_is_read_back_and_runs_alike(motor: pr.Motor, tmp_path: Path) -> None:
+    assert pr.load_motor(pr.export_motor(motor, tmp_path / "m.toml")).to_dict() == motor.to_dict()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("{", "c.json is not valid JSON"),
+        ("[]", "c.json has no arms; give what `piezomotor fit --output` wrote"),
+        ('{"arms": [3]}', "has no arms"),
+        ('{"arms": [{"resistance_ohm": 1}]}', "arms.0.inductance_h is missing"),
+        (
+            '{"arms": [{"resistance_ohm": -1, "inductance_h": 1, "capacitance_f": 1}]}',
+            "= -1 is not valid",
+        ),
+        ('{"arms": [{"resistance_ohm": true, "inductance_h": 1, "capacitance_f": 1}]}', "= True is not valid"),
+        (
+            '{"arms": [{"resistance_ohm": 1, "inductance_h": 1, "capacitance_f": 1}]}',
+            "clamped_capacitance_f is",
+        ),
+        (f'{{"arms": [{{"resistance_ohm": 1{"0" * 400}}}]}}', "resistance_ohm = 1000"),
+        ('{"arms": [{"resistance_ohm": 1e-300}]}', "it must be a number ≥ 1e-30 and ≤ 1e+18"),
+    ],
+)
+def test_files_that_are_no_circuit(text: str, says: str, tmp_path: Path) -> None:
+    path = tmp_path / "c.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(pr.ParameterError, match=re.escape(says)):
+        load_circuit(path)
+
+
+# --- the command ---
+
+
+def test_the_command_exports_a_fit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    measured = spectrum(CIRCUIT, np.linspace(15e3, 40e3, 401)).save(tmp_path / "measured.csv")
+    fit = tmp_path / "fit.json"
+    assert run(["fit", str(measured), "--output", str(fit), "--json"]) == 0
+    capsys.readouterr()
+    assert run(["export", str(fit)]) == 0
+    library = capsys.readouterr().out
+    assert ".subckt resonator p n" in library
+    assert run(["export", str(fit), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"circuit": "fit.json", "library": library}
+    assert run(["export", str(fit), "--output", str(tmp_path / "stator.asy")]) == 0
+    assert "stator.asy names stator.lib; export that too" in capsys.readouterr().err
+    assert run(["export", str(fit), "--output", str(tmp_path / "stator.lib")]) == 0
+    assert (tmp_path / "stator.lib").read_text(encoding="ascii") == library
+    assert run(["export", str(fit), "--output", str(tmp_path / "stator.kicad_sym")]) == 0
+    assert capsys.readouterr().err == ""
+    assert run(["export", str(fit), "--set", "contact.preload_n=3"]) == 2
+    assert "are for motors" in capsys.readouterr().err
+
+
+def test_the_command_exports_a_motor_as_before(capsys: pytest.CaptureFixture[str], motor: pr.Motor) -> None:
+    assert run(["export", "andersen2002"]) == 0
+    library = capsys.readouterr().out
+    assert library == motor_library(motor)
+    assert run(["export", "andersen2002", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"motor": "andersen2002", "library": library}

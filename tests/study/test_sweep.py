@@ -1,0 +1,675 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sweeps: each result is at its place, and failures, kills and interrupts lose none."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.speed_torque import operating_point
+from pyspice_runner.cli import run
+from pyspice_runner.study.store import Store
+from pyspice_runner.study.sweep import _Task, _versions
+from tests import points
+
+ROOT = Path(__file__).resolve().parents[2]
+DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
+MOTOR = pr.load_motor("andersen2002")
+NOMINAL = MOTOR.contact
+SHORT = {"duration": 2e-4, "speed": 1.0}  # of real runs, 0.1 s each
+COMMAND = ["sweep", "andersen2002", "--duration", "2e-4", "--speed", "1"]
+
+
+@pytest.fixture(scope="module")
+def threads() -> Iterator[Executor]:
+    with ThreadPoolExecutor(2) as pool:
+        yield pool
+
+
+@pytest.fixture
+def quick(threads: Executor, tmp_path: Path) -> dict[str, Any]:
+    """How to sweep over points that cost nothing."""
+    return {
+        "analysis": points.formula,
+        "quantities": ["torque_n_m"],
+        "executor": threads,
+        "store": tmp_path / "store",
+        "duration": 1.0,
+    }
+
+
+# --- the right numbers at the right places ---
+
+
+def test_each_point_is_the_run_that_simulate_does(threads: Executor, tmp_path: Path) -> None:
+    over = {"contact.preload_n": [4.0, 9.0], "drive.voltage": [20.0, 60.0], "run.speed": [0.5]}
+    names = ["mean_torque_n_m", "state_fractions.stick", "energy_j.damping"]
+    found = pr.sweep(MOTOR, DRIVE, over=over, quantities=names, executor=threads, store=tmp_path, **SHORT)
+    assert found["mean_torque_n_m"].dims == ("contact.preload_n", "drive.voltage", "run.speed")
+    for preload in over["contact.preload_n"]:
+        for voltage in over["drive.voltage"]:
+            alone = pr.simulate(
+                MOTOR.updated({"contact.preload_n": preload}),
+                pr.TwoPhaseDrive(voltage=voltage, frequency=51.7e3, phase_deg=90.0),
+                duration=2e-4,
+                speed=0.5,
+            )
+            point = found.sel({"contact.preload_n": preload, "drive.voltage": voltage}).squeeze()
+            assert point["mean_torque_n_m"] == alone.mean_torque_n_m
+            assert point["state_fractions.stick"] == alone.state_fractions["stick"]
+            assert point["energy_j.damping"] == alone.energy.damping
+            assert point["deck_sha256"] == alone.provenance["deck_sha256"]
+            assert point["failure"] == ""
+
+
+def test_a_point_may_be_an_operating_point(threads: Executor, tmp_path: Path) -> None:
+    names = ["torque_n_m", "efficiency", "settled"]
+    found = pr.sweep(
+        MOTOR, DRIVE, over={"run.speed": [0.2]}, analysis=operating_point, quantities=names,
+        executor=threads, store=tmp_path, patience=4, tolerance=0.1,
+    )  # fmt: skip
+    alone = operating_point(MOTOR, DRIVE, speed=0.2, patience=4, tolerance=0.1)
+    assert [found[name].item() for name in names] == [alone[name] for name in names]
+
+
+def test_the_result_has_units_and_provenance(quick: dict[str, Any]) -> None:
+    over = {"modes.1.frequency_hz": [51e3, 52e3], "drive.frequency": [5e4], "run.speed": [1.0, 2.0, 3.0]}
+    found = pr.sweep(MOTOR, DRIVE, over=over, **quick | {"quantities": ["torque_n_m", "shares.slip", "duration_s"]})
+    units = {name: found[name].attrs["units"] for name in (*over, "torque_n_m", "shares.slip", "duration_s")}
+    assert list(units.values()) == ["Hz", "Hz", "rad/s", "N·m", "1", "s"]
+    assert found["drive.frequency"].attrs["long_name"] == "frequency f"
+    assert found.attrs["parameter_set"] == "andersen2002"
+    assert json.loads(found.attrs["motor"]) == MOTOR.to_dict()
+    assert json.loads(found.attrs["drive"])["kind"] == "TwoPhaseDrive"
+    assert json.loads(found.attrs["run"]) == {"duration": 1.0}
+    assert found.attrs["pyspice_runner_version"] == pr.__version__
+    assert int(found.attrs["ngspice_version"].split(".")[0]) >= 36
+    assert len(found.attrs["deck_sha256"]) == 64
+
+
+def test_quantities_may_be_renamed_or_be_functions_of_the_user(quick: dict[str, Any]) -> None:
+    names = {"torque": "torque_n_m", "power_w": points.power, "settled": "settled"}
+    found = pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": [3.0, 6.0]}, **quick | {"quantities": names})
+    assert list(found.data_vars) == [*names, "failure", "deck_sha256"]
+    assert found["power_w"].values == pytest.approx(2.0 * found["torque"].values)
+    assert found["power_w"].attrs["units"] == "W"
+    assert found["settled"].values.tolist() == [1.0, 1.0]
+
+
+def test_netcdf_is_read_back_unchanged(quick: dict[str, Any], tmp_path: Path) -> None:
+    over = {"run.speed": [0.0, 5.0], "modes.*.tip_y": pr.Tolerance(0.1), "contact.friction": pr.Tolerance(0.1)}
+    found = pr.sweep(MOTOR, DRIVE, over=over, samples=4, **quick)
+    found.to_netcdf(tmp_path / "sweep.nc", engine="h5netcdf")
+    with xarray.open_dataset(tmp_path / "sweep.nc", engine="h5netcdf") as back:
+        xarray.testing.assert_identical(back.load(), found)
+
+
+# --- tolerances ---
+
+
+def test_samples_fill_their_tolerances_evenly(quick: dict[str, Any]) -> None:
+    over = {"contact.friction": pr.Tolerance(0.1), "contact.preload_n": pr.Tolerance(0.3)}
+    for sampling in ("sobol", "latin-hypercube"):
+        found = pr.sweep(MOTOR, DRIVE, over=over, samples=64, sampling=sampling, **quick)
+        assert found["torque_n_m"].dims == ("sample",)
+        for path, nominal in (("contact.friction", NOMINAL.friction), ("contact.preload_n", NOMINAL.preload_n)):
+            tolerance = found[path].attrs["tolerance"]
+            quantiles = (found[path].values / nominal - 1.0 + tolerance) / (2.0 * tolerance)
+            assert found[path].attrs["nominal"] == nominal
+            counts, _ = np.histogram(quantiles, bins=16, range=(0.0, 1.0))
+            assert counts.tolist() == [4] * 16  # more evenly than chance would have it
+        product = found["contact.friction"] * found["contact.preload_n"] * MOTOR.rotor.radius_m
+        assert found["torque_n_m"].values == pytest.approx(product.values)
+
+
+def test_a_normal_tolerance_is_three_standard_deviations(quick: dict[str, Any]) -> None:
+    over = {"contact.friction": pr.Tolerance(0.15, "normal")}
+    found = pr.sweep(MOTOR, DRIVE, over=over, samples=256, **quick)
+    relative = found["contact.friction"].values / NOMINAL.friction - 1.0
+    assert relative.std() == pytest.approx(0.05, rel=0.02)
+    assert relative.mean() == pytest.approx(0.0, abs=1e-3)
+    assert found["contact.friction"].attrs["distribution"] == "normal"
+
+
+def test_the_seed_determines_the_samples(quick: dict[str, Any]) -> None:
+    first, again, other = (
+        pr.sweep(MOTOR, DRIVE, over={"contact.friction": pr.Tolerance(0.1)}, samples=8, seed=seed, **quick)
+        for seed in (1, 1, 2)
+    )
+    xarray.testing.assert_identical(first, again)
+    assert not set(first["contact.friction"].values) & set(other["contact.friction"].values)
+
+
+def test_a_star_changes_all_modes_by_one_factor(quick: dict[str, Any]) -> None:
+    path = "modes.*.coupling_a_n_per_v"
+    names = [f"motor.modes.{mode}.coupling_a_n_per_v" for mode in (0, 1)]
+    found = pr.sweep(MOTOR, DRIVE, over={path: pr.Tolerance(0.2)}, samples=4, **quick | {"quantities": names})
+    for mode, name in zip(MOTOR.modes, names, strict=True):
+        assert found[name].values == pytest.approx(mode.coupling_a_n_per_v * found[path].values)
+    assert found[path].attrs["units"] == "1"
+
+
+def test_tolerances_and_a_grid_may_be_combined(quick: dict[str, Any]) -> None:
+    over = {"contact.friction": pr.Tolerance(0.1), "run.speed": [0.0, 2.0, 4.0]}
+    found = pr.sweep(MOTOR, DRIVE, over=over, samples=8, **quick)
+    torque = found["torque_n_m"]
+    assert torque.dims == ("run.speed", "sample")
+    expected = found["contact.friction"] * NOMINAL.preload_n * MOTOR.rotor.radius_m * (1 - 0.1 * found["run.speed"])
+    assert torque.values == pytest.approx(expected.transpose("run.speed", "sample").values)
+    assert torque.quantile([0.05, 0.95], dim="sample").shape == (2, 3)
+
+
+# --- nothing is computed twice ---
+
+
+def heard(**how: Any) -> tuple[xarray.Dataset, list[tuple[int, int]]]:
+    """Sweep, and tell what the progress said."""
+    said: list[tuple[int, int]] = []
+    found = pr.sweep(MOTOR, DRIVE, progress=lambda done, total: said.append((done, total)), **how)
+    return found, said
+
+
+def test_a_second_sweep_finds_what_the_first_has_stored(quick: dict[str, Any]) -> None:
+    preloads = [1.0, 2.0, 3.0]
+    first, said = heard(over={"contact.preload_n": preloads}, **quick)
+    assert said == [(0, 3), (1, 3), (2, 3), (3, 3)]
+    again, said = heard(over={"contact.preload_n": preloads}, **quick)
+    assert said == [(3, 3)]
+    xarray.testing.assert_identical(again, first)
+    _, said = heard(over={"contact.preload_n": [*preloads, 4.0]}, **quick | {"quantities": ["shares.stick"]})
+    assert said == [(3, 4), (4, 4)]  # other quantities of the same points are in the store too
+    assert heard(over={"contact.preload_n": preloads}, **quick | {"duration": 2.0})[1][0] == (0, 3)
+
+
+def test_equal_points_are_computed_once(quick: dict[str, Any]) -> None:
+    found, said = heard(over={"contact.preload_n": [2.0, 2.0, 3.0]}, **quick)
+    assert said[-1] == (2, 2)
+    assert found["torque_n_m"].values == pytest.approx(NOMINAL.friction * MOTOR.rotor.radius_m * np.array([2, 2, 3]))
+
+
+def test_damaged_and_foreign_entries_are_computed_again(quick: dict[str, Any]) -> None:
+    over = {"contact.preload_n": [1.0, 2.0, 3.0, 4.0]}
+    whole, _ = heard(over=over, **quick)
+    entries = sorted(quick["store"].rglob("*.json"))
+    entries[0].write_bytes(entries[0].read_bytes()[:-20])
+    entries[1].write_bytes(entries[2].read_bytes())
+    again, said = heard(over=over, **quick)
+    assert said[0] == (2, 4)
+    xarray.testing.assert_identical(again, whole)
+    assert heard(over=over, **quick)[1] == [(4, 4)]
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        [],
+        "numbers",
+        {"numbers": [1.0], "deck_sha256": ""},
+        {"numbers": {"torque_n_m": "much"}, "deck_sha256": ""},
+        {"numbers": {"torque_n_m": [1.0]}, "deck_sha256": ""},
+        {"numbers": {"torque_n_m": 1.0}, "deck_sha256": 7},
+        {"numbers": {"torque_n_m": 1.0}},
+    ],
+)
+def test_an_entry_of_another_form_is_computed_again(quick: dict[str, Any], entry: Any) -> None:
+    over = {"contact.preload_n": [1.0]}
+    whole, _ = heard(over=over, **quick)
+    (path,) = quick["store"].rglob("*.json")
+    content = json.loads(path.read_text(encoding="utf-8"))["content"]
+    Store(quick["store"]).put(content, entry)
+    again, said = heard(over=over, **quick)
+    assert said[0] == (0, 1)
+    xarray.testing.assert_identical(again, whole)
+
+
+def test_functions_and_versions_are_part_of_the_address(quick: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    over = {"contact.preload_n": [1.0]}
+    pr.sweep(MOTOR, DRIVE, over=over, **quick)
+    assert heard(over=over, **quick | {"quantities": {"power_w": points.power}})[1][0] == (0, 1)
+    versions = _versions() | {"ngspice_version": "99"}
+    monkeypatch.setattr("pyspice_runner.study.sweep._versions", lambda: versions)
+    assert heard(over=over, **quick)[1][0] == (0, 1)
+
+
+# --- failures ---
+
+
+def test_a_failing_point_is_recorded_and_the_others_are_computed(quick: dict[str, Any], tmp_path: Path) -> None:
+    over = {"contact.preload_n": [5.0, 9.0, 7.0, 21.0]}
+    how = quick | {"analysis": points.fails_above_8_n}
+    found, said = heard(over=over, **how)
+    assert np.isnan(found["torque_n_m"].values).tolist() == [False, True, False, True]
+    reasons = ["", "ngspice gave up.", "", "ZeroDivisionError: float division by zero"]
+    assert found["failure"].values.tolist() == reasons
+    assert said[-1] == (4, 4)
+    assert heard(over=over, **how)[1][0] == (2, 4)  # failures are tried again
+    assert not list(tmp_path.glob("piezomotor-*"))
+
+
+def test_decks_of_failing_points_are_removed(
+    quick: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": [5.0, 9.0]}, **quick | {"analysis": points.fails_above_8_n})
+    assert not list(tmp_path.glob("piezomotor-*"))
+
+
+@pytest.mark.parametrize("relative", ["10 %", None, [0.1], 10**400, float("nan")])
+def test_a_tolerance_that_is_no_share_is_rejected(relative: Any) -> None:
+    with pytest.raises(pr.ParameterError, match=r"A tolerance of .* is not valid: it must be > 0 and < 100 %"):
+        pr.Tolerance(relative)
+
+
+@pytest.mark.parametrize("sampling", ["sobol", "latin-hypercube"])
+def test_more_samples_than_points_are_rejected_before_they_are_drawn(quick: dict[str, Any], sampling: Any) -> None:
+    over = {"contact.preload_n": pr.Tolerance(0.1)}
+    with pytest.raises(pr.ParameterError, match=r"samples = 1099511627776 is not valid: it must be a whole number > 0"):
+        pr.sweep(MOTOR, DRIVE, over=over, samples=2**40, sampling=sampling, **quick)
+
+
+def test_a_seed_below_zero_is_rejected(quick: dict[str, Any]) -> None:
+    with pytest.raises(pr.ParameterError, match=r"seed = -1 is not valid: it must be a whole number ≥ 0"):
+        pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": pr.Tolerance(0.1)}, samples=4, seed=-1, **quick)
+
+
+def test_a_setting_that_cannot_be_stored_is_rejected(quick: dict[str, Any]) -> None:
+    with pytest.raises(pr.ParameterError, match=r"run.speed = 1j is not valid: it must be numbers, texts, and lists"):
+        pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": [5.0]}, speed=1j, **quick)
+
+
+def test_a_sweep_of_nothing_but_refused_points_is_rejected(quick: dict[str, Any]) -> None:
+    with pytest.raises(pr.ParameterError, match="duration = 1 s is not valid"):
+        pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": [5.0, 9.0]}, **quick | {"analysis": points.refuses})
+
+
+def test_a_worker_with_other_versions_refuses_to_work(threads: Executor) -> None:
+    task = _Task(points.formula, MOTOR, DRIVE, {"duration": 1.0}, {}, _versions() | {"ngspice_version": "12"})
+    with pytest.raises(pr.SimulationError, match=r"other versions .* than the sweep .*ngspice 12"):
+        threads.submit(task).result()
+
+
+def test_a_killed_worker_loses_no_point(quick: dict[str, Any], tmp_path: Path) -> None:
+    how = quick | {"analysis": points.kills_one_worker, "executor": None, "workers": 2}
+    mark = tmp_path / "killed"
+    found = pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": np.arange(1.0, 11.0)}, mark=str(mark), **how)
+    assert mark.exists()
+    assert found["failure"].values.tolist() == [""] * 10
+
+
+def test_a_point_that_kills_its_worker_fails_alone(quick: dict[str, Any]) -> None:
+    how = quick | {"analysis": points.kills_its_worker_at_7_n, "executor": None, "workers": 2}
+    found = pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": np.arange(1.0, 11.0)}, **how)
+    failed = found["failure"] != ""
+    assert found["contact.preload_n"].values[failed].tolist() == [7.0]
+    assert "The worker was lost" in found["failure"].sel({"contact.preload_n": 7.0}).item()
+
+
+def test_a_broken_executor_loses_no_finished_point(quick: dict[str, Any]) -> None:
+    over = {"contact.preload_n": [1.0, 2.0, 7.0, 3.0]}
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        how = quick | {"analysis": points.kills_its_worker_at_7_n, "executor": pool}
+        found = pr.sweep(MOTOR, DRIVE, over=over, **how)
+    assert (found["failure"] == "").values.tolist()[:2] == [True, True]
+    assert "The worker was lost" in found["failure"].values[2]
+
+
+# --- interrupts and kills ---
+
+
+def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(quick: dict[str, Any]) -> None:
+    def interrupt(done: int, _: int) -> None:
+        if done == 3:
+            raise KeyboardInterrupt
+
+    over = {"contact.preload_n": np.arange(1.0, 9.0)}
+    with pytest.raises(KeyboardInterrupt, match=r"3 of 8 points are finished .*store; start the same sweep"):
+        pr.sweep(MOTOR, DRIVE, over=over, progress=interrupt, **quick)
+    assert heard(over=over, **quick)[1][0] == (3, 8)
+
+
+started: list[subprocess.Popen[str]] = []
+
+
+@pytest.fixture(autouse=True)
+def _no_sweep_outlives_its_test() -> Iterator[None]:
+    """Not even that of a test that failed, which would cost all later ones time."""
+    yield
+    while started:
+        with started.pop() as sweeping:
+            sweeping.kill()
+
+
+def start(folder: Path, *words: str) -> subprocess.Popen[str]:
+    """Begin the command as a user does, in a session of its own, with temporary files in the folder."""
+    (folder / "tmp").mkdir(exist_ok=True)
+    sweeping = subprocess.Popen(
+        [sys.executable, "-m", "pyspice_runner", *COMMAND, *words],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(folder / "tmp")},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    started.append(sweeping)
+    return sweeping
+
+
+def finish(process: subprocess.Popen[str]) -> None:
+    _, said = process.communicate(timeout=300.0)
+    assert process.returncode == 0, said
+
+
+def at_work(session: int, folder: Path) -> list[str]:
+    """The processes of a session, and those of ngspice that work in a folder, by what /proc says."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            state, _, _, number = (process / "stat").read_text(errors="replace").rpartition(")")[2].split()[:4]
+            inside = (process / "cwd").resolve().is_relative_to(folder / "tmp")
+        except OSError:
+            continue  # it has just ended
+        if state != "Z" and (int(number) == session or inside):
+            found.append(process.name)
+    return found
+
+
+def wait_for(condition: Any, seconds: float = 60.0) -> bool:
+    """Whether a condition came true in that time; it need not stay so."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if condition():
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def test_an_early_ctrl_c_prints_one_sentence(tmp_path: Path) -> None:
+    sweeping = start(tmp_path, "--over", "drive.voltage=1:50:2000", "--store", "points")
+    # three: the sweep, the keeper of its resources and a worker about to import; `ngspice --version` is alone with it
+    assert wait_for(lambda: len(at_work(sweeping.pid, tmp_path)) > 2)
+    os.killpg(sweeping.pid, signal.SIGINT)
+    _, said = sweeping.communicate(timeout=30.0)
+    assert sweeping.returncode == 130
+    assert re.fullmatch(r"piezomotor: interrupted; .* start the same sweep again to continue it\.\n", said)
+
+
+def test_ctrl_c_ends_all_processes_and_says_how_to_resume(tmp_path: Path) -> None:
+    words = ["--over", "drive.voltage=1:50:2000", "--store", "points", "--output", "sweep.nc"]
+    sweeping = start(tmp_path, *words)
+    assert wait_for(lambda: list(tmp_path.glob("points/*/*.json")), 60.0)
+    assert at_work(sweeping.pid, tmp_path)
+    os.killpg(sweeping.pid, signal.SIGINT)  # as a terminal does
+    output, said = sweeping.communicate(timeout=30.0)
+    assert (sweeping.returncode, output) == (130, "")
+    told = re.fullmatch(
+        r"piezomotor: interrupted; (\d+) of 2000 points are finished and kept in points; "
+        r"start the same sweep again to continue it\.\n",
+        said,
+    )
+    assert told, said
+    kept = len(list(tmp_path.glob("points/*/*.json")))
+    assert 0 <= kept - int(told[1]) <= 1  # one may have been stored in the moment of the interrupt
+    assert wait_for(lambda: not at_work(sweeping.pid, tmp_path))
+    assert not (tmp_path / "sweep.nc").exists()
+
+
+@pytest.mark.parametrize(("kills", "values"), [(2, 12), pytest.param(10, 40, marks=pytest.mark.soak)])
+def test_a_sweep_that_is_killed_and_resumed_gives_the_same_file(kills: int, values: int, tmp_path: Path) -> None:
+    words = ["--over", f"drive.voltage=1:50:{values}", "--over", "contact.preload_n=5,10"]
+    finish(start(tmp_path, *words, "--store", "alone", "--output", "alone.nc"))
+    moments = random.Random(kills)
+
+    def stored() -> int:
+        return len(list(tmp_path.glob("points/*/*.json")))
+
+    for kill in range(kills):
+        before = stored()
+        sweeping = start(tmp_path, *words, "--store", "points", "--output", "killed.nc")
+        if kill % 2 == 0:  # one in two while it works, the others wherever they fall
+            wait_for(lambda: stored() > before)  # noqa: B023
+            time.sleep(moments.uniform(0.0, 0.3))
+        else:
+            time.sleep(moments.uniform(0.0, 2.0))
+        assert sweeping.poll() is None, "it was finished before it could be killed"
+        sweeping.kill()
+        sweeping.communicate()
+        assert wait_for(lambda: not at_work(sweeping.pid, tmp_path)), "workers outlive their sweep"  # noqa: B023
+    assert 0 < stored() < 2 * values
+    together = [start(tmp_path, *words, "--store", "points", "--output", f"killed-{number}.nc") for number in (0, 1)]
+    for number, sweeping in enumerate(together):  # two at once, to end it
+        finish(sweeping)
+        assert (tmp_path / f"killed-{number}.nc").read_bytes() == (tmp_path / "alone.nc").read_bytes()
+    assert stored() == 2 * values
+
+
+def test_the_memory_of_a_worker_does_not_grow(tmp_path: Path) -> None:
+    """The short version; benchmarks/sweep.py does a thousand points."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        memory = []
+        for count in (5, 30):
+            over = {"drive.voltage": np.linspace(1.0, 50.0, count)}
+            pr.sweep(MOTOR, DRIVE, over=over, executor=pool, store=tmp_path, duration=1e-4)
+            memory.append(pool.submit(points.resident_bytes).result())
+    assert memory[1] - memory[0] < 5e6
+
+
+def test_workers_execute_no_file_of_the_working_folder(tmp_path: Path) -> None:
+    """Not even one with the name of a module that Python itself imports when it starts a worker."""
+    for name in ("signal", "pickle", "socket", "queue", "tempfile", "multiprocessing"):
+        (tmp_path / f"{name}.py").write_text("open('executed', 'a').write(__name__)\n", encoding="utf-8")
+    command = tmp_path / "bin" / "piezomotor"  # as pip writes it; `python -m` would search the working folder itself
+    command.parent.mkdir()
+    command.write_text("from pyspice_runner.__main__ import main\nif __name__ == '__main__':\n    main()\n")
+    words = [sys.executable, command, *COMMAND, "--over", "drive.voltage=10", "--store", "points", "--workers", "1"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert not (tmp_path / "executed").exists()
+    assert done.returncode == 0, done.stderr
+
+
+# --- a Dask cluster ---
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Address of a Dask scheduler on the loopback, and its two workers, each a process of its own."""
+    place = tmp_path / "scheduler.json"
+    common = {
+        "cwd": tmp_path,
+        "env": {**os.environ, "PYTHONPATH": str(ROOT)},
+        "stdout": subprocess.DEVNULL,
+        "stderr": subprocess.DEVNULL,
+    }
+    dask = [sys.executable, "-m", "dask"]
+    here = ["--host", "127.0.0.1", "--scheduler-file", str(place), "--local-directory", str(tmp_path)]
+    quiet = ["--dashboard-address", "127.0.0.1:0"]
+    processes = []
+    try:
+        processes.append(subprocess.Popen([*dask, "scheduler", *here[:4], "--port", "0", *quiet], **common))
+        assert wait_for(lambda: place.exists() and place.stat().st_size, 60.0)
+        worker = [*dask, "worker", *here, "--nthreads", "1", "--no-nanny", *quiet]
+        processes += [subprocess.Popen(worker, **common) for _ in range(2)]
+        yield str(json.loads(place.read_text(encoding="utf-8"))["address"]), processes[1:]
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_gives_the_same_file_and_may_lose_a_worker(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+) -> None:
+    address, (lost, _) = cluster
+    words = ["--over", "drive.voltage=10:50:16"]
+    sweeping = start(tmp_path, *words, "--store", "there", "--output", "there.nc", "--scheduler", address)
+    assert wait_for(lambda: list(tmp_path.glob("there/*/*.json")) or sweeping.poll() is not None)
+    lost.kill()
+    stored = len(list(tmp_path.glob("there/*/*.json")))
+    finish(sweeping)
+    assert 0 < stored < 16, "the worker was lost too late to matter"
+    finish(start(tmp_path, *words, "--store", "here", "--output", "here.nc"))
+    assert (tmp_path / "there.nc").read_bytes() == (tmp_path / "here.nc").read_bytes()
+
+
+# --- the command ---
+
+
+@pytest.fixture
+def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    return tmp_path
+
+
+def test_sweep_prints_one_json_object_and_writes_the_requested_files(
+    in_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [*COMMAND, "--over", "drive.voltage=10:50:3", "--tolerance", "contact.friction=10%", "--samples", "2"]
+    for ending in ("nc", "csv", "json"):
+        assert run([*words, "--json", "--output", f"sweep.{ending}", "--plot", f"{ending}.png"]) == 0
+        captured = capsys.readouterr()
+        document = json.loads(captured.out)
+        moving = np.count_nonzero(np.equal(document["quantities"]["settled"], 0))
+        assert moving > 0
+        assert captured.err == f"piezomotor: {moving} of 6 points are not settled; see 'settled'.\n"
+    assert document["points"] == 6
+    assert document["dimensions"] == {"drive.voltage": 3, "sample": 2}
+    assert np.shape(document["quantities"]["mean_torque_n_m"]) == (3, 2)
+    assert document["failures"] == []
+    assert document["provenance"]["motor"] == MOTOR.to_dict()
+    assert json.loads((in_folder / "sweep.json").read_text(encoding="utf-8")) == document
+    assert len((in_folder / "sweep.csv").read_text(encoding="utf-8").splitlines()) == 7
+    assert (in_folder / "nc.png").stat().st_size > 20_000
+    assert (in_folder / "cache" / "piezomotor" / "points").is_dir()
+    assert run([*words, "--quantity", "state_fractions.slip"]) == 0
+    assert "state_fractions.slip" in capsys.readouterr().out
+
+
+def test_a_failing_point_shows_in_the_exit_status(in_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = [*COMMAND, "--over", "run.duration=2e-4,1e-8", "--json", "--output", "sweep.nc", "--plot", "sweep.png"]
+    assert run(words) == 3
+    captured = capsys.readouterr()
+    assert "1 of 2 points failed; the first: duration = 1e-08 s is shorter" in captured.err
+    document = json.loads(captured.out)
+    assert document["quantities"]["mean_torque_n_m"][1] is None
+    assert document["failures"][0]["at"] == {"run.duration": 1e-8}
+    assert (in_folder / "sweep.nc").exists()
+
+
+def test_a_simulator_that_fails_everywhere_ends_with_3(in_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([*COMMAND, "--over", "drive.voltage=10,20", "--timeout", "1e-3"]) == 3
+    assert "2 of 2 points failed; the first: ngspice did not finish within 0.001 s" in capsys.readouterr().err
+    assert in_folder.exists()
+
+
+def test_progress_shows_the_time_left(tmp_path: Path) -> None:
+    pseudo, terminal = os.openpty()
+    sweeping = subprocess.Popen(
+        [sys.executable, "-m", "pyspice_runner", *COMMAND, "--over", "drive.voltage=1:50:6", "--store", tmp_path],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "TERM": "xterm", "COLUMNS": "100"},
+        stdout=subprocess.DEVNULL,
+        stderr=terminal,
+    )
+    os.close(terminal)
+    shown = b""
+    while True:
+        try:
+            shown += os.read(pseudo, 65536)
+        except OSError:  # so a pseudo-terminal says that its other end is closed
+            break
+    os.close(pseudo)
+    assert sweeping.wait(timeout=60.0) == 0
+    assert b"6/6" in shown
+    assert b"left" in shown
+    assert b"0:00:0" in shown
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ([], "goes over nothing"),
+        (["--over", "drive.voltage"], "--over 'drive.voltage' has no values"),
+        (["--over", "drive.voltage=much"], "Write values as 2,5,9"),
+        (["--over", "drive.voltage=1:2"], "Write values as 2,5,9"),
+        (["--over", "drive.voltage=1:100:many"], "'1:100:many' is not valid"),  # not an emoji
+        (["--over", "drive.voltage=1:2:0"], "it must be one or more numbers"),
+        (["--over", "drive.voltage=1,nan"], "it must be one or more numbers"),
+        (["--over", "drive.voltag=1"], "Did you mean 'drive.voltage'?"),
+        (["--over", "contact.prelod_n=1"], "Did you mean 'contact.preload_n'?"),
+        (["--over", "modes.7.tip_x=1"], "There is no mode '7'"),
+        (["--over", "modes.0.name=1"], "is not a number"),
+        (["--over", "wings=1"], "There is no parameter 'wings'"),
+        (["--over", "run.duraton=1"], "Did you mean 'run.duration'?"),
+        (["--over", "contact.preload_n=5,-1"], "contact.preload_n = -1 N is not valid"),
+        (["--over", "drive.voltage=-1"], "voltage = -1 V is not valid"),
+        (["--over", "modes.*.tip_x=1", "--over", "modes.0.tip_x=1"], "modes.0.tip_x twice"),
+        (["--over", "drive.voltage=1", "--quantity", "mean_torque"], "Did you mean 'mean_torque_n_m'?"),
+        (["--over", "drive.voltage=1", "--quantity", "solver_seconds"], "There is no quantity 'solver_seconds'"),
+        (["--over", "drive.voltage=1", "--workers", "0"], "workers = 0 is not valid"),
+        (["--over", "drive.voltage=1", "--duration", "nan"], "duration = nan s is not valid"),
+        (["--over", "drive.voltage=1:2:1001", "--over", "contact.friction=0.1:1:1000"], "at most 1e+06"),
+        (["--tolerance", "contact.friction=0.1"], "is not a percentage"),
+        (["--tolerance", "contact.friction=200%"], "A tolerance of ±200 % is not valid"),
+        (["--tolerance", "contact.friction=10%", "--samples", "100"], "Give 128"),
+        (["--tolerance", "contact.friction=10%", "--samples", "0"], "samples = 0 is not valid"),
+        (["--tolerance", "modes.0.tip_x=10%"], "has no tolerance"),
+        (["--tolerance", "run.load_torque=10%"], "has no tolerance"),
+        (["--tolerance", "contact.friction=10%", "--over", "contact.friction=1"], "to --over and to --tolerance"),
+        (["--over", "drive.voltage=1", "--store", "/dev/null"], "Cannot write the store"),
+        (["--over", "drive.voltage=1", "--analysis", "operating-point"], "--duration has no effect on --analysis"),
+        (["--over", "drive.voltage=1", "--scheduler", "tcp://x:1", "--workers", "1"], "exclude each other"),
+        (["--over", "drive.voltage=1", "--scheduler", "somewhere"], "There is no Dask scheduler at somewhere"),
+        (["--over", "drive.voltage=1", "--scheduler", "tls://127.0.0.1:1"], "There is no Dask scheduler at tls://"),
+    ],
+)
+def test_a_message_says_what_is_wrong_and_what_to_do(
+    words: list[str], says: str, in_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*COMMAND, *words]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert says in captured.err
+    assert len(captured.err.splitlines()) == 1
+    assert not list(in_folder.rglob("*.nc"))
+
+
+@pytest.mark.parametrize(
+    ("how", "says"),
+    [
+        ({"quantities": {"x": lambda _: 1.0}}, "with a name in a module"),
+        ({"analysis": lambda *_: {}}, "with a name in a module"),
+        ({"sampling": "dice"}, "it must be 'sobol' or 'latin-hypercube'"),
+        ({"duration": None}, ""),
+    ],
+)
+def test_the_function_rejects_what_the_command_rejects(quick: dict[str, Any], how: dict[str, Any], says: str) -> None:
+    settings = {**quick, **how}
+    if how == {"duration": None}:
+        del settings["duration"]
+        says = "The setting duration is missing"
+    with pytest.raises(pr.ParameterError, match=says):
+        pr.sweep(MOTOR, DRIVE, over={"contact.friction": pr.Tolerance(0.1)}, **settings)
+
+
+def test_a_distribution_that_does_not_exist_is_rejected() -> None:
+    with pytest.raises(pr.ParameterError, match="it must be 'uniform' or 'normal'"):
+        pr.Tolerance(0.1, "flat")  # type: ignore[arg-type]

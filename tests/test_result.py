@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What all results have in common: one line, a notebook's table and picture, plots, files, tables, the audit."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.hysteresis import hysteresis
+from pyspice_runner.analysis.impact import impact
+from pyspice_runner.datasets import Curves, as_result
+from pyspice_runner.model.impact import Throw
+from pyspice_runner.result import Audit, Result
+from pyspice_runner.units import engineering, unit_in
+
+NAMES = ("run", "admittance", "spectrum", "fit", "two-port", "comparison", "impact", "hysteresis", "curves")
+
+
+def curves(settled: bool = True) -> xarray.Dataset:
+    """A curve with the efficiencies of a motor that a load drives: −10.5 and −30.7 % beyond no load."""
+    speed = np.array([0.0, 1.0, 2.0, 3.0])
+    quantities = {
+        "torque_n_m": 1e-3 * np.array([3.0, 1.0, -1.0, -3.0]), "shaft_power_w": np.array([0.0, 0.1, -0.105, -0.307]),
+        "efficiency": np.array([0.0, 0.1, -0.105, -0.307]), "power_a_w": np.full(4, 0.5), "power_b_w": np.full(4, 0.5),
+        "current_a_rms_a": np.full(4, 0.04), "current_b_rms_a": np.full(4, 0.08),
+        "settled": np.array([True, True, settled, True]),
+    }  # fmt: skip
+    return xarray.Dataset(
+        {name: ("speed_rad_s", values, {"units": "1"}) for name, values in quantities.items()},
+        {"speed_rad_s": ("speed_rad_s", speed, {"units": "rad/s"})},
+        {"title": "a motor", "audit": '{"passed": true, "findings": []}'},
+    )
+
+
+@pytest.fixture(scope="module")
+def results() -> dict[str, Result]:
+    motor = pr.load_motor("andersen2002")
+    drive = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
+    y = pr.admittance(motor, start=8e3, stop=70e3, points=600)
+    spectrum = pr.Spectrum.from_admittance(y.frequency_hz, y.driven("A"), source="stator")
+    return {
+        "run": pr.simulate(motor, drive, duration=0.2e-3),
+        "admittance": y,
+        "spectrum": spectrum,
+        "fit": pr.fit_spectrum(spectrum, modes=2),
+        "two-port": pr.fit_two_port(pr.Spectrum.from_admittance(y.frequency_hz, y.matrix_s, source="both"), modes=2),
+        "comparison": pr.compare(spectrum, spectrum, modes=2),
+        "impact": impact(Throw(psi=1.2)),
+        "hysteresis": hysteresis(motor, 0.5),
+        "curves": as_result(curves()),
+    }
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_result_is_one_line_and_in_a_notebook_a_table_with_a_picture(results: dict[str, Result], name: str) -> None:
+    line = repr(results[name])
+    assert "\n" not in line
+    assert 30 < len(line) < 300
+    assert line.startswith(f"{type(results[name]).__name__}(")
+    page = results[name]._repr_html_()
+    assert page.count("<tr>") == len(results[name].summary()) >= 3
+    assert 'src="data:image/png;base64,iVBOR' in page
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_plot_returns_its_axes_fills_those_given_and_writes_its_file(
+    results: dict[str, Result], name: str, tmp_path: Path
+) -> None:
+    ax = results[name].plot(tmp_path / "plot.png")
+    assert isinstance(ax, Axes)
+    assert (tmp_path / "plot.png").stat().st_size > 10_000
+    own = Figure().subplots()
+    assert results[name].plot(ax=own) is own
+    assert own.get_xlabel() or own.get_ylabel()
+    assert own.has_data()
+    with pytest.raises(pr.ParameterError, match=r"There is no panel 'x'. The panels are \w+"):
+        results[name].plot(ax=own, panel="x")
+    with pytest.raises(pr.ParameterError, match=r"let it end in .png, .svg or .pdf"):
+        results[name].plot(tmp_path / "plot.gif")
+
+
+def test_without_path_and_axes_pyplot_shows_the_figure(results: dict[str, Result]) -> None:
+    from matplotlib import pyplot
+
+    ax = results["run"].plot(panel="forces")
+    try:
+        assert pyplot.fignum_exists(ax.figure.number)  # type: ignore[union-attr]
+        assert ax.figure.axes == [ax]
+    finally:
+        pyplot.close(ax.figure)  # type: ignore[arg-type]
+
+
+def test_files_and_tables_hold_the_same_columns(results: dict[str, Result], tmp_path: Path) -> None:
+    for result in results.values():
+        columns = result.columns()
+        if not columns:
+            continue
+        first, *others = columns
+        table = result.to_dataframe()
+        assert [table.index.name, *table.columns] == [first, *others]
+        dataset = result.to_xarray()
+        assert list(dataset.coords) == [first]
+        assert all(values.attrs["units"] for values in dataset.variables.values())
+        written = np.genfromtxt(result.save(tmp_path / "a.csv"), delimiter=",", names=True)
+        assert written.dtype.names == tuple(columns)
+        for name, values in columns.items():
+            assert np.allclose(written[name], values, rtol=1e-11, atol=0.0)
+            assert np.array_equal(dataset[name].values, values)
+        assert result.save(tmp_path / "a.nc").stat().st_size > 1000
+
+
+def test_the_audit_of_every_result_is_at_one_place(results: dict[str, Result]) -> None:
+    for result in results.values():
+        assert isinstance(result.audit, Audit)
+        assert result.audit.to_dict() == {"passed": True, "findings": []}
+    with pytest.raises(pr.SimulationError, match=r"Energy is missing\. The run is not returned"):
+        Audit(("Energy is missing.",)).withhold("run")
+
+
+def test_the_efficiency_is_drawn_as_the_table_says_it() -> None:
+    ax = Figure().subplots()
+    Curves(curves()).plot(ax=ax, panel="efficiency")
+    assert ax.lines[0].get_ydata() == pytest.approx([0.0, 10.0, -10.5, -30.7])
+    low, high = ax.get_ylim()
+    assert low < -30.7
+    assert high > 10.0
+
+
+def test_points_that_did_not_settle_are_marked_and_named() -> None:
+    shaky = Curves(curves(settled=False))
+    (caution,) = shaky.cautions
+    assert caution.startswith("1 of 4 points did not settle")
+    assert caution in shaky._repr_html_()
+    for panel in ("torque", "efficiency", "power", "current"):
+        ax = Figure().subplots()
+        shaky.plot(ax=ax, panel=panel)
+        rings = [line for line in ax.lines if line.get_marker() == "o" and len(line.get_xdata())]  # type: ignore[arg-type]
+        assert {tuple(np.atleast_1d(ring.get_xdata())) for ring in rings} == {(2.0,)}
+        legend = ax.get_legend()
+        assert legend is not None
+        assert "not settled" in [text.get_text() for text in legend.get_texts()]
+
+
+def test_a_figure_says_what_to_know_before_using_it(tmp_path: Path) -> None:
+    ax = Curves(curves(settled=False)).plot(tmp_path / "plot.svg")
+    assert "Caution: 1 of 4 points did not settle" in ax.figure.get_supxlabel()  # type: ignore[union-attr]
+    assert Curves(curves()).plot(tmp_path / "plot.svg").figure.get_supxlabel() == ""  # type: ignore[union-attr]
+
+
+def test_a_command_plots_with_any_backend_named_in_the_environment(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "pyspice_runner", "show", "andersen2002", "--plot", tmp_path / "modes.png"],
+        env=os.environ | {"MPLBACKEND": "module://not_installed.backend_inline"},
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "modes.png").stat().st_size > 10_000
+
+
+def test_a_name_that_ends_in_a_means_ampere(results: dict[str, Result]) -> None:
+    """The group stands before the unit: ``current_a_a`` is the current of group A in ampere."""
+
+    def names(document: object) -> set[str]:
+        items = list(document.items()) if isinstance(document, dict) else []
+        items += list(enumerate(document)) if isinstance(document, list | tuple) else []
+        found = {key for key, _ in items if isinstance(key, str)}
+        return found.union(*(names(value) for _, value in items))
+
+    every = set[str]().union(*(names(result.to_dict()) | set(result.columns()) for result in results.values()))
+    assert {"current_a_a", "coupling_a_n_per_v_kg05"} <= every
+    assert [name for name in every if name.endswith("_a") and "current" not in name] == []
+    assert unit_in("current_a_a") == "A"
+    assert unit_in("power_a_w") == "W"
+
+
+def test_values_are_written_with_the_prefix_of_their_unit() -> None:
+    written = {(0.0123, "N·m"): "12.3 mN·m", (45.2e3, "Hz"): "45.2 kHz", (0.045, "rad/s"): "0.045 rad/s"}
+    for (value, unit), text in written.items():
+        assert engineering(value, unit).replace("\N{NO-BREAK SPACE}", " ") == text
+    assert engineering(None, "V") == engineering(float("nan"), "V") == engineering(float("inf"), "V") == "–"

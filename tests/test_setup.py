@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The set-up script in a small tree, with stand-ins for Python, pip and ngspice."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).resolve().parents[1] / "scripts" / "setup.sh"
+PYTHON = """#!/bin/sh
+case "$*" in
+    "-m venv"*)
+        rm -rf .venv; mkdir -p .venv/bin; cp "$0" .venv/bin/python; sleep 0.3
+        echo "VIRTUAL_ENV='$PWD/.venv'" >.venv/bin/activate ;;
+    "-m pip install"*)
+        mkdir installing || exit 1
+        sleep 0.5; echo "$*" >>installed; rmdir installing ;;
+esac
+"""
+
+
+@pytest.fixture(params=["plain", "with $HOME and $undefined"])
+def tree(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    place = tmp_path / request.param
+    (place / "scripts").mkdir(parents=True)
+    shutil.copy(SCRIPT, place / "scripts")
+    (place / "pyproject.toml").touch()
+    (tmp_path / "bin").mkdir()
+    for name, text in (("python3", PYTHON), ("ngspice", "#!/bin/sh\n")):
+        (tmp_path / "bin" / name).write_text(text, encoding="utf-8")
+        (tmp_path / "bin" / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.delenv("PYTHON", raising=False)
+    return place
+
+
+def begin(tree: Path) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(["sh", tree / "scripts/setup.sh", "report"])
+
+
+def test_two_at_once_install_one_after_the_other(tree: Path) -> None:
+    both = [begin(tree), begin(tree)]
+    assert [one.wait(timeout=60) for one in both] == [0, 0]
+    assert (tree / "installed").read_text(encoding="utf-8").count("\n") == 1  # the second found everything in place
+
+
+def test_a_second_run_installs_nothing(tree: Path) -> None:
+    for _ in range(2):
+        assert begin(tree).wait(timeout=60) == 0
+    assert (tree / "installed").read_text(encoding="utf-8").count("-e .[report]") == 1

@@ -1,0 +1,389 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The report opened in a browser: drawn, moving, usable without a mouse, complete, and quick to show itself."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page, sync_playwright
+
+import pyspice_runner as pr
+from pyspice_runner.model.motor import Provenance
+from pyspice_runner.netlist.motor import motor_library
+from pyspice_runner.view import charts
+from pyspice_runner.view.datasheet import HERE, datasheet, downloads, parameter_rows
+from pyspice_runner.view.report import Report
+from tests.fuzz.nasty import ATTEMPTS
+from tests.motors import motor as motor_without_a_beam
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("report")]
+
+CHARTS = ["modes", "tip", "admittance", "circle", "curve", "spin-up", "electrical"]
+BUTTONS = {"Zoom", "Pan", "Zoom in", "Zoom out", "Autoscale", "Reset axes", "Download plot as a PNG"}
+PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
+
+
+@pytest.fixture(scope="module")
+def measured() -> pr.Spectrum:
+    """A resonator on a capacitor, as an analyser might have seen it."""
+    frequency = np.linspace(40e3, 60e3, 80)
+    omega = 2.0 * np.pi * frequency
+    arm = 1.0 / (900.0 + 1j * omega * 0.16 + 1.0 / (1j * omega * 60e-12))
+    return pr.Spectrum.from_admittance(frequency, arm + 1j * omega * 2.2e-9)
+
+
+@pytest.fixture(scope="module")
+def report(measured: pr.Spectrum) -> Report:
+    drive = pr.TwoToneDrive(voltage_1=100.0, frequency_1=18e3, voltage_2=50.0, frequency_2=54e3, phase_deg=165.0)
+    return pr.report(
+        pr.load_motor("andersen2002"), drive, duration=2e-3, levels=(0.7, 1.0), measured=measured, connection="A-B"
+    )
+
+
+@pytest.fixture(scope="module")
+def page_file(report: Report, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return report.save(tmp_path_factory.mktemp("report") / "report.html")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    assert found, "There is no Chromium here; `make setup` installs one."
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield running
+        running.close()
+
+
+def opened(browser: Browser, file: Path, **settings: Any) -> tuple[Page, list[str]]:
+    """The page, without network, when all is drawn; and what went wrong while it came."""
+    page = browser.new_page(viewport=settings.pop("viewport", DESKTOP), **settings)
+    wrong: list[str] = []
+    page.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("request", lambda asked: wrong.append(asked.url) if not asked.url.startswith(("file:", "data:")) else None)
+    page.on("dialog", lambda dialog: (wrong.append(dialog.message), dialog.dismiss()))
+    page.context.set_offline(True)
+    page.goto(file.as_uri())
+    page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
+    return page, wrong
+
+
+@pytest.fixture(scope="module")
+def desktop(browser: Browser, page_file: Path) -> Iterator[tuple[Page, list[str]]]:
+    page, wrong = opened(browser, page_file, reduced_motion="reduce")
+    yield page, wrong
+    page.close()
+
+
+def drawn_path(page: Page, chart: str) -> str:
+    """The shape of every line and marker of a chart, as the browser has it."""
+    script = "id => [...document.querySelectorAll(`#${id} .trace path`)].map(p => p.outerHTML).join()"
+    return str(page.evaluate(script, chart))
+
+
+def test_the_page_is_small_and_shows_itself_at_once(page_file: Path, desktop: tuple[Page, list[str]]) -> None:
+    assert page_file.stat().st_size < 8_000_000
+    page, wrong = desktop
+    assert wrong == []
+    paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
+    assert paint < 2000.0
+    text = page_file.read_text(encoding="utf-8")
+    assert not re.search(r"""<(?:script|img|iframe|link)[^>]+(?:src|href)=["'](?!data:)""", text)
+
+
+def test_every_chart_is_drawn_with_every_line(desktop: tuple[Page, list[str]]) -> None:
+    page, _ = desktop
+    assert page.eval_on_selector_all(".chart", "all => all.map(one => one.id)") == CHARTS
+    for name in CHARTS:
+        wanted, seen = page.evaluate(
+            """id => [document.getElementById(id).data.filter(t => t.visible !== false).length,
+                      document.querySelectorAll(`#${id} .trace.scatter`).length]""",
+            name,
+        )
+        assert seen == wanted > 0, name
+        size = page.locator(f"#{name} .main-svg").first.bounding_box()
+        assert size is not None
+        assert size["width"] > 600
+        assert size["height"] > 250
+        assert re.search(r'd="M[\d.,-]+L', drawn_path(page, name)), name
+
+
+def test_the_charts_show_the_numbers_of_the_run(
+    report: Report, measured: pr.Spectrum, desktop: tuple[Page, list[str]]
+) -> None:
+    page, _ = desktop
+    points = """([id, name]) => document.getElementById(id).calcdata
+        .filter(([first]) => first.trace.visible === true && first.trace.name.startsWith(name))
+        .map(line => line.map(point => [point.x, point.y]))"""
+    curve = np.array(page.evaluate(points, ["curve", "100 %"])[0])
+    assert np.allclose(curve[:, 1], 1e3 * report.curves[1.0]["torque_n_m"].values, rtol=1e-6)
+    page.select_option("#connection", "A-B")
+    circle = np.array(page.evaluate(points, ["circle", "measured"])[0])
+    assert np.allclose(circle[:, 0] + 1j * circle[:, 1], 1e3 * measured.admittance_s, rtol=1e-6)
+    page.select_option("#connection", "A")
+    assert page.evaluate(points, ["circle", "measured"]) == []  # it was taken as A−B
+
+
+def test_no_button_of_a_chart_leaves_the_page(desktop: tuple[Page, list[str]]) -> None:
+    page, _ = desktop
+    page.mouse.move(0, 0)
+    for name in CHARTS:
+        titles = page.eval_on_selector_all(f"#{name} .modebar-btn", "all => all.map(one => one.dataset.title)")
+        assert set(titles) == {
+            "Zoom",
+            "Pan",
+            "Zoom in",
+            "Zoom out",
+            "Autoscale",
+            "Reset axes",
+            "Download plot as a PNG",
+        }
+    assert page.evaluate("document.querySelectorAll('.js-plotly-plot a[href]').length") == 0
+    assert page.evaluate("[...document.querySelectorAll('.chart')].every(c => c._context.plotlyServerURL === '')")
+
+
+@pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_the_tool_bar_covers_nothing(browser: Browser, page_file: Path, viewport: dict[str, int]) -> None:
+    page, _ = opened(browser, page_file, viewport=viewport, reduced_motion="reduce")
+    covered = """id => {
+        const chart = document.getElementById(id), bar = chart.querySelector('.modebar').getBoundingClientRect();
+        const over = b => b.left < bar.right && bar.left < b.right && b.top < bar.bottom && bar.top < b.bottom;
+        return [...chart.querySelectorAll('.legend, .annotation, .xtick, .ytick, .xtitle, .ytitle, .bglayer .bg')]
+            .filter(one => one.getBoundingClientRect().width && over(one.getBoundingClientRect()))
+            .map(one => one.getAttribute('class'));
+    }"""
+    for name in CHARTS:
+        assert page.evaluate(covered, name) == [], name
+    page.close()
+
+
+def test_the_motion_plays_and_pauses_by_keyboard(desktop: tuple[Page, list[str]]) -> None:
+    page, wrong = desktop
+    for name in ("modes", "tip"):
+        player = page.locator(f'[data-plays="{name}"]')
+        button, position = player.locator("button"), player.locator("input")
+        button.scroll_into_view_if_needed()
+        button.focus()
+        assert button.inner_text() == "Play"  # who asks for less motion starts it himself
+        before = drawn_path(page, name)
+        page.keyboard.press("Space")
+        page.wait_for_function("([b, a]) => b.value > a", arg=[position.element_handle(), 3])
+        assert button.inner_text() == "Pause"
+        assert drawn_path(page, name) != before
+        page.keyboard.press("Enter")
+        assert button.inner_text() == "Play"
+        paused = drawn_path(page, name)
+        page.wait_for_timeout(150)
+        assert drawn_path(page, name) == paused
+        page.keyboard.press("Tab")
+        page.keyboard.press("Home")
+        page.keyboard.press("ArrowRight")
+        assert position.input_value() == "1"
+        assert drawn_path(page, name) != paused
+        page.keyboard.press("Tab")
+        page.keyboard.press("ArrowDown")
+        assert player.locator("select").input_value() == "2"
+    assert wrong == []
+
+
+def test_the_motion_starts_by_itself_where_none_objects(browser: Browser, page_file: Path) -> None:
+    page, wrong = opened(browser, page_file, viewport=PHONE, color_scheme="dark")
+    assert page.locator('[data-plays="modes"] button').inner_text() == "Pause"
+    page.locator("#modes").scroll_into_view_if_needed()
+    before = drawn_path(page, "modes")
+    page.wait_for_function(
+        "before => [...document.querySelectorAll('#modes .trace path')].map(p => p.outerHTML).join() !== before",
+        arg=before,
+    )
+    # readable on a phone, in the dark: nothing wider than the screen, the charts in the theme's colours
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(20, 24, 29)"
+    assert (
+        page.evaluate("getComputedStyle(document.querySelector('#spin-up .xtick text')).fill") == "rgb(230, 232, 235)"
+    )
+    page.emulate_media(color_scheme="light")
+    page.wait_for_function(
+        "getComputedStyle(document.querySelector('#spin-up .xtick text')).fill === 'rgb(27, 31, 36)'", timeout=20_000
+    )
+    assert wrong == []
+    page.close()
+
+
+def test_the_keyboard_zooms_moves_and_resets_a_chart(desktop: tuple[Page, list[str]]) -> None:
+    page, _ = desktop
+    ranges = "() => document.getElementById('admittance')._fullLayout.xaxis.range"
+    low, high = page.evaluate(ranges)
+    page.locator("#admittance").focus()
+    page.keyboard.press("+")
+    page.wait_for_function(f"([l, h]) => (({ranges})()[1] - ({ranges})()[0]) < 0.51 * (h - l)", arg=[low, high])
+    inner = page.evaluate(ranges)
+    page.keyboard.press("ArrowRight")
+    page.wait_for_function(f"l => ({ranges})()[0] > l", arg=inner[0])
+    page.keyboard.press("0")
+    page.wait_for_function(f"([l, h]) => Math.abs(({ranges})()[1] - h) < 1e-6 * h", arg=[low, high])
+
+
+def test_tab_reaches_every_control(desktop: tuple[Page, list[str]]) -> None:
+    page, _ = desktop
+    wanted = page.eval_on_selector_all(
+        "body :is(a[href], button, input, select, .chart, .scroll):not([disabled])",
+        "all => all.filter(e => !e.closest('.js-plotly-plot') || e.matches('.chart')).map((e, i) => e.dataset.n = i)",
+    )
+    page.evaluate("document.activeElement.blur(); getSelection().removeAllRanges(); scrollTo(0, 0)")
+    page.locator(".skip").focus()
+    reached = set()
+    for _ in range(3 * len(wanted)):
+        reached.add(page.evaluate("Number(document.activeElement.dataset.n ?? -1)"))
+        page.keyboard.press("Tab")
+    assert set(wanted) <= reached
+
+
+def test_downloads_are_complete(report: Report, desktop: tuple[Page, list[str]], tmp_path: Path) -> None:
+    page, _ = desktop
+    names = page.eval_on_selector_all(".downloads a", "all => all.map(one => one.download)")
+    for number, name in enumerate(names):
+        with page.expect_download() as waiting:
+            page.locator(".downloads a").nth(number).click()
+        assert waiting.value.suggested_filename == name
+        waiting.value.save_as(tmp_path / name)
+        page.wait_for_timeout(110)  # of more than ten downloads a second Chromium drops what comes after
+    text = {name: (tmp_path / name).read_text(encoding="utf-8") for name in names}
+    assert text["motor.lib"] == motor_library(report.motor)
+    assert text["run.cir"] == report.run.deck
+    assert pr.load_motor(tmp_path / "motor.toml").to_dict() == report.motor.to_dict()
+    assert json.loads(text["report.json"]) == json.loads(json.dumps(report.to_dict()))
+    again = pr.read_spectrum(tmp_path / "admittance_free.csv")
+    assert np.allclose(again.matrix_s, report.spectra["free"].matrix_s, rtol=1e-9)
+    assert len(text["speed_torque.csv"].splitlines()) == 1 + sum(c["settled"].size for c in report.curves.values())
+    periods = np.loadtxt(tmp_path / "last_periods.csv", delimiter=",", skiprows=1)
+    assert np.ptp(periods[:, 0]) == pytest.approx(3 * report.drive.period, rel=0.01)
+    for name in ("run.cir", "admittance_free.cir", "admittance_preloaded.cir"):
+        done = subprocess.run(
+            ["ngspice", "-b", "-r", "out.raw", name], cwd=tmp_path, capture_output=True, timeout=60, check=False
+        )
+        assert done.returncode == 0
+        assert (tmp_path / "out.raw").stat().st_size > 10_000
+
+
+def test_print_is_black_on_white_without_controls(desktop: tuple[Page, list[str]]) -> None:
+    page, _ = desktop
+    page.emulate_media(media="print", color_scheme="dark")
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    assert not page.locator(".player").first.is_visible()
+    assert not page.locator("nav").is_visible()
+    assert page.locator("#curve .main-svg").first.is_visible()
+    page.emulate_media(media="screen", color_scheme="light")
+
+
+def test_colours_stand_out_in_light_and_in_dark() -> None:
+    """WCAG 2.1: 4.5 : 1 for text, 3 : 1 for graphics."""
+    style = (HERE / "datasheet.css").read_text(encoding="utf-8")
+    light, dark = (dict(re.findall(r"--(\w+): (#\w{6})", block)) for block in style.split("@media")[:2])
+    for paper in (light, dark):
+        for name in ("ink", "soft", "link"):
+            assert contrast(paper[name], paper["paper"]) >= 4.5, name
+            assert contrast(paper[name], paper["panel"]) >= 4.5, name
+        for colour in (*charts.CYCLE, charts.GREY):
+            assert contrast(colour, paper["paper"]) >= 3.0, colour
+
+
+def contrast(first: str, second: str) -> float:
+    def luminance(colour: str) -> float:
+        parts = [int(colour[place : place + 2], 16) / 255 for place in (1, 3, 5)]
+        linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    low, high = sorted(map(luminance, (first, second)))
+    return (high + 0.05) / (low + 0.05)
+
+
+# --- what the page says ---
+
+
+def test_every_parameter_has_its_unit_and_its_origin(report: Report) -> None:
+    rows = {row.path: row for row in parameter_rows(report.motor)}
+    assert (rows["contact.preload_n"].value, rows["contact.preload_n"].unit) == ("5", "N")
+    assert rows["damping.alpha_per_s"].kind == "given"
+    assert rows["patches.1.thickness_m"].note == "plate of a common thickness"  # shared by the patches
+    assert rows["modes.0.mass_kg"].kind == "derived"
+    changed = {row.path: row for row in parameter_rows(report.motor.updated({"contact.preload_n": 7.0}))}
+    assert changed["contact.preload_n"].kind == "set"
+
+
+def test_a_motor_without_a_beam_says_why_no_shape_moves(report: Report) -> None:
+    page = datasheet(replace(report, motor=motor_without_a_beam(), measured=None))
+    assert 'data-plays="modes"' not in page
+    assert "so their shapes are not known" in page
+
+
+def test_no_text_from_outside_runs_in_the_page(
+    report: Report, browser: Browser, desktop: tuple[Page, list[str]], tmp_path: Path
+) -> None:
+    """Where values come from, and the name of a spectrum, are the texts that may be any."""
+    count = "document.querySelectorAll('script, img, iframe, link, [onerror]').length"
+    usual = desktop[0].evaluate(count)
+    words = "\n".join(ATTEMPTS.values())[:20_000]
+    origins = dict.fromkeys(report.motor.provenance, Provenance("given", words))
+    assert report.measured is not None
+    hostile = replace(
+        report,
+        motor=report.motor.model_copy(update={"provenance": origins}),
+        measured=replace(report.measured, source=words),
+    )
+    file = hostile.save(tmp_path / "report.html")
+    assert "<script>alert" not in file.read_text(encoding="utf-8")
+    page, wrong = opened(browser, file, reduced_motion="reduce")
+    assert page.evaluate(count) == usual
+    assert "<img src=x onerror=alert(1)>" in page.inner_text("#parameters")
+    assert wrong == []
+    page.close()
+
+
+def test_the_files_name_each_other(report: Report) -> None:
+    names = set(downloads(report))
+    assert {"motor.lib", "motor.asy", "motor.kicad_sym", "motor.toml", "run.cir", "report.json"} <= names
+
+
+def test_what_is_missing_is_named(report: Report, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "plotly.offline", None)
+    with pytest.raises(pr.ParameterError, match=r"A report needs plotly.*pyspice-runner\[report\]"):
+        report.save(tmp_path / "report.html")
+
+
+# --- what was run ---
+
+
+def test_the_curves_reach_from_standstill_beyond_no_load(report: Report) -> None:
+    speed = report.key_figures["no_load_speed_rad_s"]
+    assert speed is not None
+    curve = report.curves[1.0]
+    assert curve["speed_rad_s"].values[0] == 0.0
+    # it was looked for by two straight lines; where it is found shows that they led there
+    assert 0.5 * curve["speed_rad_s"].values[-1] < speed < curve["speed_rad_s"].values[-1]
+    assert report.key_figures["stall_torque_n_m"] == curve["torque_n_m"].values[0] > 0.0
+
+
+def test_the_estimated_error_is_that_of_the_step(report: Report) -> None:
+    """Against a run of a quarter of the step, whose own error is a sixteenth."""
+    step = report.run.provenance["run"]["step_s"]
+    fine = pr.simulate(report.motor, report.drive, duration=2e-3, step=step / 4.0)
+    run = report.run
+    window = run.window()
+    distance, size = 0.0, 0.0
+    for name in ("tip_x_m", "tip_y_m"):
+        exact = np.interp(run.time_s[window], fine.time_s, getattr(fine, name))
+        distance += np.mean((getattr(run, name)[window] - exact) ** 2)
+        size += np.var(exact)
+    true = np.sqrt(distance / size)
+    # events of the contact fall anywhere within a step, which makes the error of a run uneven: half to twice
+    assert 0.5 * true < report.discretisation_error["tip_path"] < 2.0 * true
