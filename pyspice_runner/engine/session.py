@@ -31,6 +31,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*", re.ASCII)
 _VECTOR = re.compile(r"[vi]\([a-z][a-z0-9_.]*\)", re.ASCII)
 _STOPPED = re.compile(r"(\d+) *: condition met: stop")
 _TROUBLE = re.compile(r"error|singular|too small|no such|unrecognized|cannot|can't|aborted|not available", re.I)
+_ECHO = re.compile(r"ngspice \d+ -> ")  # ngspice 46 repeats a command behind its prompt
 _HARMLESS = "no graphics interface"  # ngspice says so where there is no display
 _ALMOST = 1.0 - 1e-9  # of a sample time: ngspice's own sum of steps may end a rounding before it
 _DEFAULT_TIMEOUT = 600.0  # s of wall time for one stretch between two samples
@@ -71,10 +72,16 @@ class Session:
             key: value for key, value in os.environ.items() if not key.startswith(("SPICE", "NGSPICE", "LC_"))
         }
         environment |= {"LC_ALL": "C", "HOME": str(self._folder)}
-        self._process = subprocess.Popen(
-            [find_ngspice(), "-p", "-n"], cwd=self._folder, env=environment, stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
-        )  # fmt: skip
+        # ngspice 46 -p ends with a segmentation fault if its session has no controlling terminal: the shell opens one
+        self._terminal, terminal = os.openpty()
+        try:
+            self._process = subprocess.Popen(
+                ["/bin/sh", "-c", ': <>"$0" && exec "$@"', os.ttyname(terminal), find_ngspice(), "-p", "-n"],
+                cwd=self._folder, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT, start_new_session=True,
+            )  # fmt: skip
+        finally:
+            os.close(terminal)
         try:
             self._tell("source deck.cir", "set numdgt=15")
         except BaseException:
@@ -96,7 +103,7 @@ class Session:
             SimulationError: if ngspice fails, stops early, or takes longer than the timeout.
         """
         goal = until * _ALMOST
-        said = self._tell(f"stop when time > {goal!r}", "resume" if self._begun else "run")
+        said = self._tell(f"stop when time >= {goal!r}", "resume" if self._begun else "run")
         self._begun = True
         stop = next((match.group(1) for line in said if (match := _STOPPED.search(line))), None)
         if stop is None:
@@ -142,6 +149,8 @@ class Session:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._process.pid, signal.SIGKILL)  # its session is its own
         self._process.wait()
+        with contextlib.suppress(OSError):
+            os.close(self._terminal)
         for stream in (self._process.stdin, self._process.stdout):
             with contextlib.suppress(OSError):
                 if stream is not None:
@@ -175,7 +184,8 @@ class Session:
                     text = line.decode(errors="replace").strip()
                     if text == mark:
                         return said
-                    said.append(text)
+                    if not _ECHO.match(text):
+                        said.append(text)
                 if not selector.select(max(ends - time.monotonic(), 0.0)):
                     raise self._failure(f"ngspice did not answer within {self._timeout:g} s", said)
                 chunk = os.read(self._process.stdout.fileno(), 1 << 16)

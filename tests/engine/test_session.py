@@ -58,6 +58,6 @@ def test_a_deck_with_a_fault_says_so_in_ngspice_words() -> None:
 
 
 def test_a_slow_run_ends_with_the_timeout() -> None:
-    slow = DECK.replace(".tran 2u 1 0 2u uic", ".tran 1n 1 0 1n uic")
+    slow = DECK.replace(".tran 2u 1 0 2u uic", ".tran 100n 1 0 100n uic")
     with Session(slow, ["v(out)"], timeout=0.2) as session, pytest.raises(SimulationError, match=r"within 0\.2 s"):
         session.advance(0.9)
