@@ -84,6 +84,18 @@ def test_timeout_ends_a_fit_and_a_comparison(measured: str, capsys: pytest.Captu
     assert run(["fit", measured, "--modes", "2", "--timeout", "600", "--json"]) == 0
 
 
+def test_a_terminal_shows_the_progress(
+    measured: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")  # which makes Rich take the captured stream for a terminal
+    assert run(["fit", measured]) == 0
+    said = capsys.readouterr().err
+    assert "reading" in said
+    assert "3 of at most 8 arms" in said
+    assert run(["compare", measured, measured]) == 0
+    assert "spectrum 2 of 2" in capsys.readouterr().err
+
+
 def test_fit_rejects_input_in_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     frequency = np.geomspace(1e3, 1e5, 401)
     coil = pr.Spectrum.from_impedance(frequency, 1.0 + 2j * np.pi * frequency * 2e-4).save(tmp_path / "coil.csv")

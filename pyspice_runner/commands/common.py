@@ -367,13 +367,18 @@ def caution(result: _Result) -> None:
 
 
 @contextmanager
-def busy(what: str) -> Iterator[None]:
-    """Show on a terminal that a task runs, and for how long."""
+def busy(what: str, part: str = "") -> Iterator[Callable[[int, int], None]]:
+    """Show on a terminal that a task runs, and for how long.
+
+    Args:
+        what: the task.
+        part: its state, as "part {} of {}"; the function that is yielded fills in the two numbers and shows it.
+    """
     console = Console(stderr=True)
     columns = (SpinnerColumn(), TextColumn("{task.description} …"), TimeElapsedColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
-        bar.add_task(what, total=None)
-        yield
+        task = bar.add_task(what, total=None)
+        yield lambda number, count: bar.update(task, description=f"{what}, {part.format(number, count)}")
 
 
 @contextmanager

@@ -76,12 +76,13 @@ def compare(
         *files, reference = files
     if not files:
         raise pr.ParameterError(f"There is nothing to compare with {reference}; give a spectrum, then the reference.")
-    spectra = [pr.read_spectrum(file) for file in files]
-    against = _reference(reference, changes)
-    with busy("fitting"):
+    with busy("reading"):
+        spectra = [pr.read_spectrum(file) for file in files]
+        against = _reference(reference, changes)
+    with busy("fitting", "spectrum {} of {}") as progress:
         trend = pr.compare(
             spectra, against, modes=modes, connection=connection.value, state=state.value, leads=leads,
-            timeout=timeout, at=grid("--at", at) if at else None, label=label,
+            timeout=timeout, at=grid("--at", at) if at else None, label=label, progress=progress,
         )  # fmt: skip
     outside = [item.outside(tolerances) if tolerances else () for item in trend.comparisons]
     document = trend.to_dict()

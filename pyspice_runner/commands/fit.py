@@ -85,6 +85,7 @@ BaseOption = Annotated[
     str, typer.Option("--base", help="Motor that contact and rotor are taken from.", rich_help_panel=_PANEL)
 ]
 
+_ARMS_TRIED = "{} of at most {} arms"
 _COLUMNS = {
     "series_resonance_hz": "Hz",
     "quality_factor": "",
@@ -138,11 +139,12 @@ def fit(
     if mass or velocity or tips:
         raise pr.ParameterError("--mass-kg, --velocity-per-current and --tip belong to --two-port or --b; add one.")
     check_targets(output, (*CIRCUIT_ENDINGS, ".json", ".csv"), plot, [file])
-    with busy("fitting"):
+    with busy("reading"):
         spectrum = read_one_port(file, trace, connection)
-        if start or stop is not None:
-            spectrum = spectrum.between(start, inf if stop is None else stop)
-        result = pr.fit_spectrum(spectrum, modes, leads=leads, timeout=timeout)
+    if start or stop is not None:
+        spectrum = spectrum.between(start, inf if stop is None else stop)
+    with busy("fitting", _ARMS_TRIED) as progress:
+        result = pr.fit_spectrum(spectrum, modes, leads=leads, timeout=timeout, progress=progress)
     deliver(result.to_dict(), _table(result), as_json, (output, result.save), (plot, result.plot))
     if not as_json:
         _tell(result)
@@ -229,13 +231,15 @@ def _fit_two_port(
         raise pr.ParameterError("--plot draws one connection; leave out --two-port and choose a --connection.")
     inputs = [*files.values(), calibration.get("base")]
     check_targets(output, (".json", ".toml") if calibration else (".json",), None, inputs)
-    read = {connection: pr.read_spectrum(file, trace=trace) for connection, file in files.items() if file is not None}
+    with busy("reading"):
+        read = {name: pr.read_spectrum(file, trace=trace) for name, file in files.items() if file is not None}
     if two_port and len(read) > 1:
         raise pr.ParameterError(
             "--two-port takes one file with both ports; leave it out to give --b, --sum, --difference."
         )
-    with busy("fitting"):
-        result = pr.fit_two_port(read["A"] if two_port else read, modes, timeout=timeout)  # type: ignore[arg-type]
+    given: Any = read["A"] if two_port else read
+    with busy("fitting", _ARMS_TRIED) as progress:
+        result = pr.fit_two_port(given, modes, timeout=timeout, progress=progress)
     motor = result.to_motor(**calibration) if calibration else None
     table = Table("mode", "f", "Q", "coupling A", "coupling B", box=None, padding=(0, 1, 0, 0))
     table.title = f"{result.source}: {len(result.modes)} modes; couplings in N/V per root kg; ± one standard error"

@@ -235,6 +235,7 @@ def compare(
     timeout: float | None = None,
     at: Sequence[float] | NDArray[np.float64] | None = None,
     label: str = "",
+    progress: Callable[[int, int], object] | None = None,
 ) -> Trend:
     """Hold one or many spectra against a motor or another spectrum.
 
@@ -248,6 +249,7 @@ def compare(
         timeout: seconds after which the fit of a spectrum ends with an error.
         at: what the spectra were measured at: a temperature, an age.
         label: what ``at`` is, with its unit.
+        progress: called with the number of the spectrum that is fitted next and their count, the reference included.
 
     Raises:
         ParameterError: for a refused argument.
@@ -269,8 +271,12 @@ def compare(
             raise SpectrumError(
                 f"{port.source or 'The spectrum'} and {against.source or 'the reference'} share no frequencies."
             )
-    base = fit_spectrum(against, modes, leads=leads, timeout=timeout)
-    found = tuple(_compare(fit_spectrum(port, modes, leads=leads, timeout=timeout), base) for port in ports)
+    fits = []
+    for number, spectrum in enumerate((against, *ports), start=1):
+        if progress is not None:
+            progress(number, len(ports) + 1)
+        fits.append(fit_spectrum(spectrum, modes, leads=leads, timeout=timeout))
+    found = tuple(_compare(fit, fits[0]) for fit in fits[1:])
     places = tuple(range(1, len(spectra) + 1)) if at is None else tuple(float(value) for value in at)
     return Trend(found, places, label or ("number of the spectrum" if at is None else "at"))
 

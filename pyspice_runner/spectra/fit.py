@@ -29,6 +29,7 @@ from pyspice_runner.units import engineering
 MOST_MODES = 20  # that may be asked for
 _ANALYSER = 1e-3  # what impedance analysers are accurate to, at best half of it
 _LEAST_ADMITTANCE = 1e-30  # S; below it, and above its inverse, is no device, and squares leave the range of numbers
+_LAST_STEPS = 20  # of the descent with all points, which starts near its end
 _SHARED = "arms share a peak"
 _LEAST_CAPACITANCE = 1e-3  # clamped over motional capacitance; a strongly coupled ceramic has about 2
 
@@ -196,7 +197,12 @@ class SpectrumFit(Result):
 @checked
 @one_thread
 def fit_spectrum(
-    spectrum: Spectrum, modes: int | None = None, *, leads: bool = True, timeout: float | None = None
+    spectrum: Spectrum,
+    modes: int | None = None,
+    *,
+    leads: bool = True,
+    timeout: float | None = None,
+    progress: Callable[[int, int], object] | None = None,
 ) -> SpectrumFit:
     """Fit clamped capacitance with loss, motional arms and leads to a one-port spectrum.
 
@@ -205,6 +211,7 @@ def fit_spectrum(
         modes: number of motional arms; found if it is not given.
         leads: whether the leads' resistance and inductance are fitted, or zero, as after a compensated measurement.
         timeout: seconds after which the fit ends with an error.
+        progress: called with the number of arms that is tried next and the greatest that may be tried.
 
     Raises:
         ParameterError: for a number of modes or a timeout out of its range.
@@ -214,26 +221,11 @@ def fit_spectrum(
         raise ParameterError(f"modes = {modes!r} is not valid: it must be a whole number from 1 to {MOST_MODES}.")
     deadline = _deadline(timeout)
     name = spectrum.source or "The spectrum"
-    y = spectrum.admittance_s
-    if not np.all(np.abs(y) > 0.0):
-        zero = spectrum.frequency_hz[np.abs(y) == 0.0][0]
-        raise SpectrumError(f"{name} has an admittance of zero at {zero:g} Hz; leave that point out.")
-    beyond = (np.abs(y) < _LEAST_ADMITTANCE) | (np.abs(y) > 1.0 / _LEAST_ADMITTANCE)
-    if beyond.any():
-        value, place = np.abs(y)[beyond][0], spectrum.frequency_hz[beyond][0]
-        raise SpectrumError(f"{name} has an admittance of {value:.3g} S at {place:g} Hz; leave that point out.")
-    if 2 * len(y) < GLOBALS + 3 * (modes or 1) + 1:
-        raise SpectrumError(
-            f"{name} has {len(y)} points, too few for {modes or 1} arms; "
-            f"measure at least {(GLOBALS + 3 * (modes or 1)) // 2 + 1}."
-        )
-    if not np.any(y.imag > 0.0):
-        raise SpectrumError(
-            f"{name} is not capacitive at any frequency: it has no clamped capacitance and no piezoelectric resonance."
-        )
-    problem = Problem(spectrum.frequency_hz, y, leads, deadline=deadline)
+    _check(spectrum, name, modes or 1)
+    whole = Problem(spectrum.frequency_hz, spectrum.admittance_s, leads, deadline=deadline)
+    problem = whole.thinned()
     bare = problem.fit_bare()
-    solutions = problem.search(bare) if modes is None else [problem.fit_exactly(modes, bare)]
+    solutions = problem.search(bare, progress) if modes is None else [problem.fit_exactly(modes, bare)]
     independent = problem.independent_points(min(solutions, key=COST))
     criteria = [problem.criterion(solution, independent) for solution in (bare, *solutions)]
     candidates = _candidates(problem, solutions, criteria[1:])
@@ -257,10 +249,32 @@ def fit_spectrum(
             f"{name} shows no resonance between {first:g} Hz and {last:g} Hz: "
             f"beside the clamped capacitance and its leads nothing rings with a Q above {RESONANT_QUALITY}."
         )
-    circuit = _circuit(problem, best.parameters)
+    if whole is not problem:
+        best = whole.descend(best.parameters, steps=_LAST_STEPS)
+    circuit = _circuit(whole, best.parameters)
     if circuit.clamped_capacitance_f < _LEAST_CAPACITANCE * sum(arm.capacitance_f for arm in circuit.arms):
         raise SpectrumError(f"{name} shows a resonance but no clamped capacitance; a piezoelectric resonator has one.")
-    return _report(spectrum, problem, best, candidates)
+    return _report(spectrum, whole, len(problem.w), best, candidates)
+
+
+def _check(spectrum: Spectrum, name: str, modes: int) -> None:
+    """Check that a spectrum has the points and values that a fit needs."""
+    y = spectrum.admittance_s
+    if not np.all(np.abs(y) > 0.0):
+        zero = spectrum.frequency_hz[np.abs(y) == 0.0][0]
+        raise SpectrumError(f"{name} has an admittance of zero at {zero:g} Hz; leave that point out.")
+    beyond = (np.abs(y) < _LEAST_ADMITTANCE) | (np.abs(y) > 1.0 / _LEAST_ADMITTANCE)
+    if beyond.any():
+        value, place = np.abs(y)[beyond][0], spectrum.frequency_hz[beyond][0]
+        raise SpectrumError(f"{name} has an admittance of {value:.3g} S at {place:g} Hz; leave that point out.")
+    if 2 * len(y) < GLOBALS + 3 * modes + 1:
+        raise SpectrumError(
+            f"{name} has {len(y)} points, too few for {modes} arms; measure at least {(GLOBALS + 3 * modes) // 2 + 1}."
+        )
+    if not np.any(y.imag > 0.0):
+        raise SpectrumError(
+            f"{name} is not capacitive at any frequency: it has no clamped capacitance and no piezoelectric resonance."
+        )
 
 
 def _deadline(timeout: float | None) -> float:
@@ -289,7 +303,9 @@ def _candidates(problem: Problem, solutions: Sequence[Solution], criteria: Seque
     return tuple(found)
 
 
-def _report(spectrum: Spectrum, problem: Problem, solution: Solution, candidates: tuple[Candidate, ...]) -> SpectrumFit:
+def _report(
+    spectrum: Spectrum, problem: Problem, searched: int, solution: Solution, candidates: tuple[Candidate, ...]
+) -> SpectrumFit:
     """Turn the solution into values with units, standard errors and words."""
     arms_by_frequency = solution.parameters[GLOBALS:].reshape(-1, 3)
     arms_by_frequency = arms_by_frequency[np.argsort(arms_by_frequency[:, 0])]
@@ -320,7 +336,12 @@ def _report(spectrum: Spectrum, problem: Problem, solution: Solution, candidates
         arms.append(FittedArm(**values, standard_errors=errors, in_band=in_band, characteristics=characteristics))
     names = (*_GLOBAL_NAMES, *(f"arms.{index}.{name}" for index in range(len(arms)) for name in _ARM_NAMES))
     divisor = np.where(deviation > 0.0, deviation, 1.0)
-    warnings = (*spectrum.warnings, *_warnings(spectrum, problem, solution, tuple(arms), candidates))
+    warnings = [*spectrum.warnings, *_warnings(spectrum, problem, solution, tuple(arms), candidates)]
+    if searched < len(spectrum):
+        warnings.append(
+            f"The arms were searched with {searched} of {len(spectrum)} points, closest where the admittance changes "
+            "most; the values are those of a fit to all points. Fit a part of the band to search it with more points."
+        )
     return SpectrumFit(
         source=spectrum.source,
         format=spectrum.format,
@@ -332,7 +353,7 @@ def _report(spectrum: Spectrum, problem: Problem, solution: Solution, candidates
         correlation=np.clip(spread / np.outer(divisor, divisor), -1.0, 1.0),
         correlation_names=names,
         candidates=candidates,
-        warnings=warnings,
+        warnings=tuple(warnings),
     )
 
 

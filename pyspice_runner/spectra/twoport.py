@@ -247,7 +247,11 @@ class TwoPortFit(Result):
 @checked
 @one_thread
 def fit_two_port(
-    spectra: Spectrum | Mapping[Connection, Spectrum], modes: int | None = None, *, timeout: float | None = None
+    spectra: Spectrum | Mapping[Connection, Spectrum],
+    modes: int | None = None,
+    *,
+    timeout: float | None = None,
+    progress: Callable[[int, int], object] | None = None,
 ) -> TwoPortFit:
     """Fit modes with their couplings to both groups. Leads are taken as compensated.
 
@@ -256,6 +260,7 @@ def fit_two_port(
             ``"A-B"`` or both, which tell the signs.
         modes: number of modes; found if it is not given.
         timeout: seconds after which the search for the modes ends with an error. The joint fit that follows is short.
+        progress: see :func:`fit_spectrum`.
 
     Raises:
         ParameterError: for a number of modes or a timeout out of its range.
@@ -284,7 +289,7 @@ def fit_two_port(
             )
         source = ", ".join(spectrum.source for spectrum in ports.values())
     problem = _Problem(ports)
-    start = problem.start(modes, timeout)
+    start = problem.start(modes, timeout, progress)
     parameters, cost = descend(problem.normal_equations, start, problem.bounds(start), problem.reach)
     return _report(problem, parameters, cost, share, source or "spectra", warnings)
 
@@ -301,13 +306,13 @@ class _Problem:
         self.unit_s = float(np.median(np.abs(first.admittance_s)))
         self.count = sum(len(spectrum) for spectrum in ports.values())
 
-    def start(self, modes: int | None, timeout: float | None) -> Vector:
+    def start(self, modes: int | None, timeout: float | None, progress: Callable[[int, int], object] | None) -> Vector:
         """Fit Y_AA + Y_BB, which has every mode, and split each arm among the groups by the other connections."""
         first = self.ports["A"].between(self.low, self.high)
         frequency = first.frequency_hz
         second = np.interp(frequency, self.ports["B"].frequency_hz, self.ports["B"].admittance_s)
         trace = Spectrum.from_admittance(frequency, first.admittance_s + second, source="The sum of A and B")
-        fit = fit_spectrum(trace, modes, leads=False, timeout=timeout)
+        fit = fit_spectrum(trace, modes, leads=False, timeout=timeout, progress=progress)
         arms = [arm for arm in fit.arms if arm.in_band]
         start = np.zeros(_GLOBALS + _PER_MODE * len(arms))
         share_a = float(np.median(first.admittance_s.imag / trace.admittance_s.imag))
