@@ -6,7 +6,8 @@ from __future__ import annotations
 import argparse
 import sys
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -116,9 +117,15 @@ def write(figure: Figure, path: Path, title: str, caption: str, legend: Sequence
     if legend:
         place = {"loc": "upper left", "bbox_to_anchor": (0.0, 1.0 - 0.33 / height)}
         figure.legend(handles=legend, ncols=len(legend), columnspacing=1.4, **place).set_in_layout(False)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with _writing(path):
         figure.savefig(path, metadata={"Software": None})
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Turn a failure to write a path into a message."""
+    try:
+        yield
     except OSError as error:
         raise pr.ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
 
@@ -135,6 +142,8 @@ def main(work: Callable[[Path], list[str]], what: str | None) -> None:
     parser.add_argument("--draft", action="store_true", help="only a draft, with fewer points where they cost time")
     folder = parser.parse_args().output
     try:
+        with _writing(folder):  # before the work, which may take minutes
+            folder.mkdir(parents=True, exist_ok=True)
         print("\n".join(work(folder)))
     except (pr.ParameterError, pr.SimulationError) as error:
         print(f"{Path(sys.argv[0]).name}: {error}", file=sys.stderr)

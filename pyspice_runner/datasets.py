@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 SPEED = "speed_rad_s"
 _NOT_QUANTITIES = ("failure", "deck_sha256")  # of a sweep
+DOUBTS = {"settled": "not settled", "accurate": "not accurate"}  # flags of a point of a sweep, and what their 0 means
 
 
 def labelled(
@@ -144,11 +145,26 @@ class Sweep(DatasetResult):
         ]
 
     @property
+    def doubtful(self) -> dict[str, xarray.DataArray]:
+        """The points that are finished and whose means are not settled or not accurate, by those words."""
+        found = {words: self.dataset[name] == 0 for name, words in DOUBTS.items() if name in self.dataset}
+        return {words: points for words, points in found.items() if bool(points.any())}
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Says how many points are not settled, and how many are not accurate."""
+        names = {words: name for name, words in DOUBTS.items()}
+        return tuple(
+            f"{int(points.sum())} of {points.size} points are {words}; see '{names[words]}'."
+            for words, points in self.doubtful.items()
+        )
+
+    @property
     def cautions(self) -> tuple[str, ...]:
-        """Says how many points failed."""
+        """Says how many points are not settled, not accurate, or failed."""
         if not self.failures:
-            return ()
-        return (f"{len(self.failures)} of {self.dataset['failure'].size} points failed; see 'failure'.",)
+            return self.doubts
+        return (*self.doubts, f"{len(self.failures)} of {self.dataset['failure'].size} points failed; see 'failure'.")
 
     def to_dict(self) -> dict[str, Any]:
         """Return axes, quantities, failures and provenance, JSON-ready; ``None`` where a point failed."""

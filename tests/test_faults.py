@@ -260,7 +260,7 @@ def test_a_full_disk_loses_no_result(folder: Path) -> None:
     status, output, said = command(*words, cwd=folder, shell=True)
     assert status == 2, said
     assert said.startswith(UNSETTLED)
-    run_said, unsettled_said, sweep_said, *store_said = said.removeprefix(UNSETTLED).splitlines()
+    run_said, unsettled_said, inaccurate_said, sweep_said, *store_said = said.removeprefix(UNSETTLED).splitlines()
     # a run and its plot
     assert TABLE in output
     kept = re.fullmatch(
@@ -276,6 +276,7 @@ def test_a_full_disk_loses_no_result(folder: Path) -> None:
     # a sweep whose points are stored elsewhere
     assert "4 points" in output
     assert unsettled_said == "piezomotor: 4 of 4 points are not settled; see 'settled'."
+    assert inaccurate_said == "piezomotor: 2 of 4 points are not accurate; see 'accurate'."
     kept = re.fullmatch(
         r"piezomotor: Cannot write ../full.nc: No space left on device. It is kept in (.*).", sweep_said
     )

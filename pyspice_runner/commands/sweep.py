@@ -175,9 +175,8 @@ def sweep(
 
 def _told(dataset: xarray.Dataset, document: dict[str, Any]) -> int:
     """Say on stderr which points are not settled or failed, and return the exit status."""
-    if "settled" in dataset and (unsettled := int((dataset["settled"] == 0).sum())):
-        message = f"piezomotor: {unsettled} of {document['points']} points are not settled; see 'settled'."
-        complain(message, style="yellow")
+    for doubt in dataset.piezomotor.doubts:
+        complain(f"piezomotor: {doubt}", style="yellow")
     if document["failures"]:
         first = document["failures"][0]["reason"]
         complain(f"piezomotor: {len(document['failures'])} of {document['points']} points failed; the first: {first}")

@@ -22,7 +22,7 @@ from pyspice_runner.analysis.hysteresis import Hysteresis
 from pyspice_runner.analysis.impact import Impact
 from pyspice_runner.analysis.steady import SteadyState
 from pyspice_runner.analysis.track import Tracking
-from pyspice_runner.datasets import Curves, Sweep
+from pyspice_runner.datasets import DOUBTS, Curves, Sweep
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.motor import Motor
@@ -601,12 +601,16 @@ def _limit_efficiency(ax: Axes) -> None:
 @sheet.register
 def _(result: Sweep) -> Sheet:
     data = result.dataset
-    panels: dict[str, Panel] = {name: partial(_swept, data[name]) for name in result.quantities}
+    shown = [name for name in result.quantities if name not in DOUBTS] or result.quantities
+    panels: dict[str, Panel] = {name: partial(_swept, data[name], result.doubtful) for name in shown}
     return Sheet(panels, 1, (8.0, 3.4), data.attrs.get("parameter_set", ""))
 
 
-def _swept(values: Any, ax: Axes) -> None:
-    """Draw a quantity of a sweep over the first dimension, or if there are only samples, how it is distributed."""
+def _swept(values: Any, doubtful: dict[str, Any], ax: Axes) -> None:
+    """Draw a quantity of a sweep over the first dimension, or if there are only samples, how it is distributed.
+
+    A ring marks a point that is not settled, a square one that is not accurate.
+    """
     label = f"{values.name} in {values.attrs['units']}" if values.attrs["units"] != "1" else str(values.name)
     ax.grid(True, alpha=0.3)
     if "sample" in values.dims[:1]:
@@ -619,6 +623,7 @@ def _swept(values: Any, ax: Axes) -> None:
         return
     along, *others = (str(dimension) for dimension in values.dims if dimension != "sample")
     x = values[along].values
+    marked: set[str] = set()
     for number, index in enumerate(np.ndindex(*(values.sizes[name] for name in others))):
         curve = values.isel(dict(zip(others, index, strict=True)))
         colour = CYCLE[number % 4]
@@ -631,8 +636,14 @@ def _swept(values: Any, ax: Axes) -> None:
             ax.plot(x, median, color=colour, label=f"{name} median, 5 to 95 %".strip())
         else:
             ax.plot(x, curve.values, ".-", color=colour, label=name or None)
+            for mark, (words, points) in zip("os", doubtful.items(), strict=False):
+                at = points.isel(dict(zip(others, index, strict=True))).values
+                if at.any():
+                    first = None if words in marked else words
+                    ax.plot(x[at], curve.values[at], mark, mfc="none", mec="black", ms=5 + 3 * len(marked), label=first)
+                    marked.add(words)
     ax.set(xlabel=f"{along} in {values[along].attrs['units']}", ylabel=label)
-    if "sample" in values.dims or others:
+    if "sample" in values.dims or others or marked:
         ax.legend(fontsize=7)
 
 

@@ -273,7 +273,7 @@ def test_steady_states_are_where_the_points_settle(mount: Any) -> None:
     motor = MOTOR.updated(
         {"mount": None} if mount is None else {f"mount.{name}": value for name, value in mount.items()}
     )
-    speeds = SPEEDS[1::2]
+    speeds = SPEEDS[1::2] if mount is None else SPEEDS[1:2]  # on springs a point takes seconds to settle
     steady, settled = (
         pr.speed_torque(motor, drive(46e3), speeds=speeds, mode=mode, tolerance=1e-4) for mode in ("steady", "settle")
     )

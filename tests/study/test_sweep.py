@@ -185,6 +185,18 @@ def heard(**how: Any) -> tuple[xarray.Dataset, list[tuple[int, int]]]:
     return found, said
 
 
+def test_a_plot_marks_the_points_that_are_not_settled(quick: dict[str, Any]) -> None:
+    dataset = pr.sweep(MOTOR, DRIVE, over={"drive.voltage": [10.0, 20.0, 30.0]}, **quick)
+    assert dataset.piezomotor.plot().get_legend() is None
+    dataset["settled"].values[1:] = 0.0
+    axes = dataset.piezomotor.plot()
+    (words,) = axes.get_legend().get_texts()
+    assert words.get_text() == "not settled"
+    (rings,) = (line for line in axes.get_lines() if line.get_label() == "not settled")
+    assert list(rings.get_xdata()) == [20.0, 30.0]
+    assert dataset.piezomotor.cautions == ("2 of 3 points are not settled; see 'settled'.",)
+
+
 def test_a_second_sweep_finds_what_the_first_has_stored(quick: dict[str, Any]) -> None:
     preloads = [1.0, 2.0, 3.0]
     first, said = heard(over={"contact.preload_n": preloads}, **quick)
