@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The decks of ``netlists/``: complete circuits that run by ``ngspice -b FILE``, without Python.
 
-``python -m pyspice_runner.netlist.decks`` writes them anew; a test proves that the ones checked in are fresh. They hold
-the motor's own parameters, not those adapted to a time step, so that the step may be changed by hand.
+``python -m pyspice_runner.netlist.decks`` writes them; a test compares them with those in the repository. A deck begins
+with its parameters (``.param``), to which sources, instances, measurements and the analysis refer. The motor has its
+physical parameters, which do not depend on the time step, so that a user can change the step.
 """
 
 from __future__ import annotations
@@ -11,24 +12,26 @@ import re
 import sys
 import textwrap
 from collections.abc import Callable, Mapping
+from math import pi
 from pathlib import Path
 
 from PySpice.Spice.Simulation import CircuitSimulation
 
 from pyspice_runner.model.contact import limit_ratio, resonance_under_preload, static_penetration
-from pyspice_runner.model.drive import Drive, Load, TwoPhaseDrive, TwoToneDrive
+from pyspice_runner.model.drive import Load, TwoPhaseDrive, TwoToneDrive
 from pyspice_runner.model.impact import Throw
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.model.tracking import LoopFilter, StatorLag
-from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS, admittance_bench
+from pyspice_runner.netlist.benches import AC_OPTIONS, METERED, TRANSIENT_OPTIONS, admittance_bench
 from pyspice_runner.netlist.contact_benches import cyclic_bench, impact_bench
 from pyspice_runner.netlist.drivers import GROUPS, Driver
 from pyspice_runner.netlist.library import data_path
 from pyspice_runner.netlist.motor import Discretisation
 from pyspice_runner.netlist.sources import PAPER_LAW, Bench, DriveSource, dynamometer_bench, motor_bench
 from pyspice_runner.netlist.trackers import (
+    RAIL,
     TrackedSource,
     Tracker,
     add_average,
@@ -39,7 +42,15 @@ from pyspice_runner.netlist.trackers import (
 
 MOTOR = "andersen2002"
 _STEP = 100e-9  # s: twice the default slider_time of the contact, 180 points a period at 55 kHz
-_TAIL_PERIODS = 20  # at the end of a run, over which it is measured
+_TAIL_PERIODS = 20  # the last periods of a run, over which the deck measures
+_TAIL = f"FROM={{stop-{_TAIL_PERIODS}/frequency}} TO={{stop}}"
+_RADIANS = pi / 180.0  # per degree
+_TRANSIENT = ".tran {step} {stop} 0 {step} uic"
+_SWEEP = ".ac lin {points} {lowest} {highest}"
+_STEPPED = {"preload": "preload", "slider_time": "0.5*step"}  # what the motor's instance takes from the parameters
+
+Parameters = dict[str, tuple[float | str, str]]  # name → value or expression, and its unit and meaning
+References = dict[str, str | dict[str, str]]  # name of a line → its new text, or expressions by parameter
 
 
 def deck_texts() -> dict[str, str]:
@@ -59,13 +70,13 @@ def write_decks(folder: Path) -> list[Path]:
 
 
 def _admittance(motor: Motor, *, preloaded: bool) -> str:
-    state = "pressed on the rotor, the contact linearised where it rests" if preloaded else "its tip free"
+    state = "under preload, with the contact linearised at rest" if preloaded else "with a free tip"
     circuit = admittance_bench(motor, preloaded=preloaded, title=f"{motor.name}: admittance, {state}")
     for node, (source, copy) in {"y_aa": ("Va", 1), "y_ba": ("Vb", 1), "y_ab": ("Va", 2), "y_bb": ("Vb", 2)}.items():
         circuit.CurrentControlledVoltageSource(node, node, circuit.gnd, f"{source}{copy}", -1)
     circuit.raw_spice += "\n".join(
         [
-            "* both groups together (A+B) and against each other (A-B)",
+            "* both groups in phase (A+B) and in antiphase (A-B)",
             "Bsum y_sum 0 V=V(y_aa)+V(y_ab)+V(y_ba)+V(y_bb)",
             "Bdifference y_difference 0 V=V(y_aa)-V(y_ab)-V(y_ba)+V(y_bb)\n",
         ]
@@ -74,81 +85,103 @@ def _admittance(motor: Motor, *, preloaded: bool) -> str:
         "conductance_bending_1_s": "MAX v(y_sum) FROM=10k TO=25k",  # of a complex vector ngspice takes the real part
         "conductance_bending_2_s": "MAX v(y_difference) FROM=45k TO=60k",
     }
-    simulation = _simulation(Bench(circuit, AC_OPTIONS), "ac", measures)
-    simulation.ac(variation="lin", number_of_points=9501, start_frequency=5e3, stop_frequency=100e3)
-    return _finish(
-        simulation,
-        f"""The electrical two-port of the stator, {state}. The voltages of y_aa, y_ab, y_ba and
-        y_bb are the admittances in S; y_sum is both groups driven alike, y_difference both driven against each other.
-        Prints the greatest conductance of each mode, at its series resonance.""",
-    )
+    parameters: Parameters = {
+        "lowest": (5e3, "Hz, first frequency"),
+        "highest": (100e3, "Hz, last frequency"),
+        "points": (9501, "number of frequencies"),
+    }
+    references: References = {}
+    if preloaded:
+        parameters = {"preload": (motor.contact.preload_n, "N"), **parameters}
+        references = {f"Xmotor{copy}": {"preload": "preload"} for copy in (1, 2)}
+    return _deck(
+        Bench(circuit, AC_OPTIONS),
+        f"""The electrical two-port of the stator {state}. The voltages of y_aa, y_ab, y_ba and y_bb are the admittances
+        in S; y_sum is that of both groups in phase, y_difference that of both in antiphase. Prints the greatest
+        conductance of each mode, at its series resonance.""",
+        parameters, references, measures, analysis=_SWEEP,
+    )  # fmt: skip
+
+
+def _stop_and_step(stop: float, step: float = _STEP) -> Parameters:
+    return {"stop": (stop, "s, end of the run"), "step": (step, "s, time step")}
+
+
+def _two_phases(drive: TwoPhaseDrive) -> Parameters:
+    return {
+        "frequency": (drive.frequency, "Hz"),
+        "voltage": (drive.voltage, "V, amplitude"),
+        "phase": (drive.phase_deg, "degrees, group B ahead of group A"),
+    }
+
+
+_TWO_PHASE_SOURCES = {
+    "Va": "a 0 SIN(0 {voltage} {frequency} 0 0 0)",
+    "Vb": "b 0 SIN(0 {voltage} {frequency} 0 0 {phase})",
+}
+
+
+def _plate_b(voltage: str) -> dict[str, str]:
+    """Return the initial condition of the plates of group B, which are at the voltage of their source at t = 0."""
+    return {"xmotor.xgroup_b.plate": f"{{{voltage}*sin({_RADIANS!r}*phase)}}"}
+
+
+def _two_tones(drive: TwoToneDrive) -> Parameters:
+    return {
+        "frequency": (drive.frequency_1, "Hz, tone of both groups in phase"),
+        "voltage": (drive.voltage_1, "V, its amplitude"),
+        "frequency_2": (drive.frequency_2, "Hz, tone of both groups in antiphase; a multiple of frequency"),
+        "voltage_2": (drive.voltage_2, "V, its amplitude"),
+        "phase": (drive.phase_deg, "degrees, phase of the tone in antiphase"),
+    }
+
+
+def _two_tone_sources(pins: tuple[str, str]) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the lines of the sources at two nodes, and the initial conditions of the plates."""
+    sources, start = {}, {}
+    for group, pin, sign in zip(GROUPS, pins, ("", "-"), strict=True):
+        sources[f"V{group}"] = f"{pin} drive_{group}1 SIN(0 {{voltage}} {{frequency}} 0 0 0)"
+        sources[f"V{group}1"] = f"drive_{group}1 0 SIN(0 {{{sign}voltage_2}} {{frequency_2}} 0 0 {{phase}})"
+        start[f"xmotor.xgroup_{group}.plate"] = f"{{{sign}voltage_2*sin({_RADIANS!r}*phase)}}"
+    return sources, start
 
 
 def _transient(
-    motor: Motor, drive: Drive, what: str, *, contact: bool = True, duration: float, load_torque: float = 0.0
+    motor: Motor, drive: TwoPhaseDrive | TwoToneDrive, what: str, *, duration: float, load_torque: float = 0.0
 ) -> str:
     bench = motor_bench(
-        motor, DriveSource(drive), load=Load(torque=load_torque), law=PAPER_LAW if contact else None,
-        title=f"{motor.name}: {what.split('.')[0]}",
-    )  # fmt: skip
-    tail = f"FROM={duration - _TAIL_PERIODS * drive.period:.9g} TO={duration:g}"
-    measures = {"tip_x_peak_to_peak_um": f"PP v(xmotor.x) {tail}", "tip_y_peak_to_peak_um": f"PP v(xmotor.y) {tail}"}
-    if contact:
-        measures |= {
-            "normal_force_least_n": f"MIN v(xmotor.normal) {tail}",
-            "normal_force_greatest_n": f"MAX v(xmotor.normal) {tail}",
-            "friction_force_mean_n": f"AVG v(xmotor.friction) {tail}",
-            "rotor_speed_mean_rad_s": f"AVG v(shaft) {tail}",
-        }
-    simulation = _simulation(bench, "tran", measures)
-    simulation.transient(step_time=_STEP, end_time=duration, max_time=_STEP, use_initial_condition=True)
-    text = _finish(
-        simulation,
+        motor, DriveSource(drive), load=Load(torque=load_torque), title=f"{motor.name}: {what.split('.')[0]}"
+    )
+    if isinstance(drive, TwoPhaseDrive):
+        parameters, sources, start = _two_phases(drive), _TWO_PHASE_SOURCES, _plate_b("voltage")
+    else:
+        parameters, (sources, start) = _two_tones(drive), _two_tone_sources(GROUPS)
+    parameters["preload"] = (motor.contact.preload_n, "N")
+    references: References = {**sources, "Xmotor": _STEPPED}
+    if load_torque:
+        parameters["torque"] = (load_torque, "N.m, load")
+        references["Iload"] = "shaft 0 DC {torque}"
+    measures = {
+        "tip_x_peak_to_peak_um": f"PP v(xmotor.x) {_TAIL}",
+        "tip_y_peak_to_peak_um": f"PP v(xmotor.y) {_TAIL}",
+        "normal_force_least_n": f"MIN v(xmotor.normal) {_TAIL}",
+        "normal_force_greatest_n": f"MAX v(xmotor.normal) {_TAIL}",
+        "friction_force_mean_n": f"AVG v(xmotor.friction) {_TAIL}",
+        "rotor_speed_mean_rad_s": f"AVG v(shaft) {_TAIL}",
+    }
+    return _deck(
+        bench,
         f"""{what} To plot, inside ngspice: v(xmotor.x), v(xmotor.y), v(xmotor.slider) in um, v(xmotor.normal),
         v(xmotor.friction) in N, v(xmotor.state) 0 separated 1 stick 2 slip, v(shaft) in rad/s.""",
-    )
-    return _parametrised(text, motor, drive, duration) if contact and isinstance(drive, TwoPhaseDrive) else text
-
-
-def _parametrised(text: str, motor: Motor, drive: TwoPhaseDrive, duration: float) -> str:
-    """Return a deck that begins with its parameters, to which its sources, motor, times and measures refer."""
-    values = {
-        "frequency": drive.frequency,
-        "voltage": drive.voltage,
-        "phase": drive.phase_deg,
-        "preload": motor.contact.preload_n,
-        "stop": duration,
-        "step": _STEP,
-    }
-    meaning = {"frequency": "Hz", "voltage": "V, amplitude", "phase": "degrees, group B ahead of A", "preload": "N"}
-    block = [
-        f"* {name}: {meaning.get(name, 's')}\n.param {name}={float(f'{value:.10g}')!r}"
-        for name, value in values.items()
-    ]
-    lines = []
-    for line in text.splitlines():
-        if re.match(r"V[ab] [ab] 0 SIN\(", line):
-            phase = "{phase}" if line.startswith("Vb") else "0"
-            line = f"{line[:6]} SIN(0 {{voltage}} {{frequency}} 0 0 {phase})"
-        elif line.startswith("Xmotor "):
-            line += " preload={preload} slider_time={0.5*step}"
-        elif line.startswith(".ic "):
-            continue
-        elif line.startswith(".meas "):
-            line = re.sub(r"FROM=\S+ TO=\S+", f"FROM={{stop-{_TAIL_PERIODS}/frequency}} TO={{stop}}", line)
-        elif line.startswith(".tran "):
-            lines.append(".ic V(xmotor.xgroup_b.plate)={voltage*sin(phase*0.017453292519943295)}")
-            line = ".tran {step} {stop} 0 {step} uic"
-        lines.append(line)
-    first = next(index for index, line in enumerate(lines[1:], start=1) if not line.startswith("*"))
-    return "\n".join([*lines[:first], *block, *lines[first:], ""])
+        parameters | _stop_and_step(duration), references, measures, start=start,
+    )  # fmt: skip
 
 
 def _ellipse(motor: Motor) -> str:
     return _transient(
         motor,
         TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0),
-        "Ellipse. Two phases at the second resonance, eq. (1): the tip writes a flat ellipse and turns the rotor.",
+        "Ellipse. Two phases at the second resonance, eq. (1): the tip moves on a flat ellipse and turns the rotor.",
         duration=3e-3,
     )
 
@@ -157,7 +190,8 @@ def _figure_eight(motor: Motor) -> str:
     return _transient(
         motor,
         TwoToneDrive(voltage_1=50.0, frequency_1=25e3, voltage_2=50.0, frequency_2=50e3, phase_deg=0.0),
-        "Figure eight. A common tone and its octave, opposed, eq. (2): the tip writes an eight.",
+        """Figure eight. A tone of both groups in phase and its octave in antiphase, eq. (2): the tip moves on a figure
+        eight.""",
         duration=3e-3,
     )
 
@@ -175,7 +209,7 @@ def _spin_up(motor: Motor) -> str:
     return _transient(
         motor,
         TwoPhaseDrive(voltage=100.0, frequency=51.7e3, phase_deg=90.0),
-        "Spin-up. The rotor starts from rest against a load torque of 20 uN.m.",
+        "Spin-up. The rotor starts from rest against a load torque.",
         duration=20e-3,
         load_torque=20e-6,
     )
@@ -184,8 +218,6 @@ def _spin_up(motor: Motor) -> str:
 def _dynamometer(motor: Motor) -> str:
     drive = TwoToneDrive(voltage_1=100.0, frequency_1=18e3, voltage_2=50.0, frequency_2=54e3, phase_deg=165.0)
     bench = dynamometer_bench(motor, DriveSource(drive), speed=4.0, title=f"{motor.name}: dynamometer")
-    first, last = 126, 162  # periods: the first 7 ms settle, the next 2 ms are averaged over
-    begin, end = first * drive.period, last * drive.period
     integrals = {
         "torque_mean_n_m": ("xbrake.v_friction", motor.rotor.radius_m),
         "load_torque_mean_n_m": ("xbrake.v_taken", 1.0),
@@ -198,56 +230,109 @@ def _dynamometer(motor: Motor) -> str:
     }
     measures = {}
     for name, (node, factor) in integrals.items():
-        measures[f"{name}_0"] = f"FIND v({node}) AT={begin:.12g}"
-        measures[f"{name}_1"] = f"FIND v({node}) AT={end:.12g}"
-        measures[name] = f"PARAM='({name}_1-{name}_0)*{1e-6 * factor / (end - begin):.12g}'"
-    simulation = _simulation(bench, "tran", measures)
-    simulation.transient(step_time=_STEP, end_time=end + _STEP, max_time=_STEP, use_initial_condition=True)
-    return _finish(
-        simulation,
-        """Dynamometer. The brake holds the rotor at the speed of Vset, in rad/s: 0 is stall, 8 about the no-load speed,
-        a negative speed brakes, a higher one overruns the motor. For a load torque instead give Xbrake grip=0
-        torque=1m, in N.m. Prints means over 36 periods: differences of what the instruments have integrated, over the
-        time.""",
-    )
+        measures[f"{name}_0"] = f"FIND v({node}) AT={{stop-periods/frequency}}"
+        measures[f"{name}_1"] = f"FIND v({node}) AT={{stop}}"
+        measures[name] = f"PARAM='({name}_1-{name}_0)*{1e-6 * factor:g}*frequency/periods'"
+    sources, start = _two_tone_sources(METERED)
+    parameters: Parameters = {
+        **_two_tones(drive),
+        "preload": (motor.contact.preload_n, "N"),
+        "speed": (4.0, "rad/s, at which the brake holds the rotor"),
+        "grip": (1e6, "N.m.s, of the brake; 0 releases the rotor"),
+        "torque": (0.0, "N.m, load besides the brake"),
+        "periods": (36, "of frequency at the end of the run, for the means"),
+        **_stop_and_step(162 * drive.period),  # the first 7 ms settle
+    }
+    meters = {f"X{meter}": {"lag": "0.5*step"} for meter in ("contactmeter", "meter_a", "meter_b")}
+    return _deck(
+        bench,
+        """Dynamometer. The brake holds the rotor at a speed: 0 is stall, 8 rad/s about the no-load speed; a negative
+        speed brakes the motor, a higher one drives it. For a load torque set grip=0 and torque. Prints means over whole
+        periods: differences of the integrals of the instruments, divided by the time.""",
+        parameters,
+        {
+            **sources, **meters, "Vset": "set 0 DC {speed}", "Xmotor": _STEPPED,
+            "Xbrake": {"grip": "grip", "torque": "torque"},
+        },
+        measures, analysis=_TRANSIENT.replace("{stop}", "{stop+step}"), start=start,
+    )  # fmt: skip
 
 
 def _impact() -> str:
     throw = Throw(psi=1.2)
     step = float(f"{throw.duration_s / 1000:.2g}")
-    end = 1.1 * throw.duration_s
     circuit = impact_bench(throw, contact="brush", step=step, title="Impact: a steel sphere thrown at a half-space")
-    scale = throw.limit_ratio * throw.velocity_m_s
-    circuit.raw_spice += f"* velocity of the patch in units of kappa v_n\nEpsi psi 0 vx 0 {1.0 / scale:.10g}\n"
+    circuit.raw_spice += "* velocity of the patch in units of kappa v_n\nEpsi psi 0 vx 0 1\n"
+    inertia = throw.inertia_kg_m2 / throw.mass_kg
+    parameters: Parameters = {
+        "velocity": (throw.velocity_m_s, "m/s, approach v_n along the normal"),
+        "incidence": (throw.psi, "psi at the start: velocity of the patch over kappa v_n"),
+        "mass": (throw.mass_kg, "kg"),
+        "stiffness": (throw.contact.normal_stiffness_n_per_m15, "N/m^1.5, of the contact along its normal"),
+        "mu": (throw.friction, "1, coefficient of friction"),
+        "kappa": (f"{throw.limit_ratio / throw.friction:.10g}*mu", "1, velocity ratio at which psi is 1"),
+        "seat": (f"1e6*({throw.contact.preload_n!r}/stiffness)**(2/3)", "um, penetration at the first contact"),
+        **_stop_and_step(float(f"{1.1 * throw.duration_s + step:.9g}"), step),
+    }
+    references: References = {
+        "Capproach": "vy 0 {mass} ic={velocity}",
+        "Cpath": "y 0 1u ic={-seat}",
+        "Ccentre": "centre 0 {mass} ic={incidence*kappa*velocity}",
+        "Cspin": f"spin 0 {{{inertia:.10g}*mass}} ic=0",
+        "Epsi": "psi 0 vx 0 {1/(kappa*velocity)}",
+        "Xcontact": {
+            "mu": "mu", "normal_stiffness": "stiffness", "slider_time": "0.5*step",
+            "span": "1e6*(1.25*mass*velocity**2/stiffness)**0.4",
+        },
+    }  # fmt: skip
     measures = {
         "psi_1": "MAX v(psi) FROM=0 TO=1u",
-        "psi_2": f"FIND v(psi) AT={end:.9g}",
-        "departure_velocity_m_s": f"FIND v(vy) AT={end:.9g}",
-        "spin_rad_s": f"FIND v(spin) AT={end:.9g}",
+        "psi_2": "FIND v(psi) AT={stop-step}",
+        "departure_velocity_m_s": "FIND v(vy) AT={stop-step}",
+        "spin_rad_s": "FIND v(spin) AT={stop-step}",
         "greatest_force_n": "MAX v(normal)",
         "greatest_penetration_um": "MAX v(xcontact.delta)",
         "duration_s": "WHEN v(xcontact.delta)=0 FALL=1",
     }
-    simulation = _simulation(Bench(circuit, TRANSIENT_OPTIONS), "tran", measures)
-    stop = float(f"{end + step:.9g}")
-    simulation.transient(step_time=step, end_time=stop, max_time=step, use_initial_condition=True)
-    return _finish(
-        simulation,
-        f"""Impact. A steel sphere, {1e3 * 2 * throw.radius_m:g} mm, lands at {throw.velocity_m_s:g} m/s on a half-space
-        of steel, oblique. The capacitors hold its masses and, as ic, its velocities; v(vx) is that of the patch.
-        To plot, inside ngspice: v(normal), v(friction) in N, v(xcontact.delta) in um, v(psi), v(state) 0 separated,
-        1 stick, 2 gross slip, between them the part of the contact that slips. Prints the rebound.""",
-    )
+    return _deck(
+        Bench(circuit, TRANSIENT_OPTIONS),
+        f"""Impact. A steel sphere, {1e3 * 2 * throw.radius_m:g} mm, hits a half-space of steel obliquely. The
+        capacitors are its masses, and their initial voltages its velocities; v(vx) is that of the patch. To plot,
+        inside ngspice: v(normal), v(friction) in N, v(xcontact.delta) in um, v(psi), v(state) 0 separated, 1 stick,
+        2 gross slip, between 1 and 2 the part of the contact that slips. Prints the rebound.""",
+        parameters, references, measures,
+    )  # fmt: skip
 
 
 def _hysteresis(motor: Motor, swing: float, what: str, remark: str) -> str:
-    limit = limit_ratio(motor.contact) * static_penetration(motor.contact)
+    contact = motor.contact
+    amplitude = 0.8 * limit_ratio(contact) * static_penetration(contact)
     step, period = 1e-6, 1e-3
     circuit = cyclic_bench(
-        motor.contact, motor.rotor, amplitude=0.8 * limit, swing=swing, phase_deg=90.0, frequency=1.0 / period,
+        contact, motor.rotor, amplitude=amplitude, swing=swing, phase_deg=90.0, frequency=1.0 / period,
         step=step, title=f"Hysteresis: {what}",
     )  # fmt: skip
-    second = f"FROM={period:g} TO={2 * period:g}"
+    circuit.raw_spice += "Bslips slips 0 V=max(0,V(state)-1)\n"
+    parameters: Parameters = {
+        "frequency": (1.0 / period, "Hz"),
+        "amplitude": (1e6 * amplitude, "um, of the displacement along the rotor"),
+        "preload": (contact.preload_n, "N, mean normal force"),
+        "swing": (swing, "1, amplitude of the normal force over the preload"),
+        "phase": (90.0, "degrees, normal force ahead of the displacement"),
+        "omega": (f"{2.0 * pi!r}*frequency", "rad/s"),
+        "depth": (f"1e6*(preload/{contact.normal_stiffness_n_per_m15:.10g})**(2/3)", "um, static penetration"),
+        **_stop_and_step(2 * period, step),
+    }
+    turn = f"{{omega}}*time+({{{_RADIANS!r}*phase}})"
+    force = f"(1+({{swing}})*sin({turn}))"
+    references: References = {
+        "Bmoved": "moved 0 V={amplitude}*sin({omega}*time)",
+        "Bvx": "vx 0 V={1e-6*omega*amplitude}*cos({omega}*time)",
+        "By": f"y 0 V={{depth}}*({force}**(2/3)-1)",
+        "Bvy": f"vy 0 V=({{2e-6/3*depth*swing*omega}})*cos({turn})/{force}**(1/3)",
+        "Xcontact": {"preload": "preload", "slider_time": "0.5*step", "span": "depth*(1+abs(swing))**(2/3)"},
+    }
+    second = "FROM={stop-1/frequency} TO={stop}"
     measures = {
         "loss_j": f"INTEG v(power) {second}",
         "friction_force_greatest_n": f"MAX v(friction) {second}",
@@ -255,46 +340,46 @@ def _hysteresis(motor: Motor, swing: float, what: str, remark: str) -> str:
         "normal_force_greatest_n": f"MAX v(normal) {second}",
         "part_that_slips_greatest": f"MAX v(slips) {second}",
     }
-    circuit.raw_spice += "Bslips slips 0 V=max(0,V(state)-1)\n"
-    simulation = _simulation(Bench(circuit, TRANSIENT_OPTIONS), "tran", measures)
-    simulation.transient(step_time=step, end_time=2 * period, max_time=step, use_initial_condition=True)
-    return _finish(
-        simulation,
-        f"""Hysteresis, {what}. The tip of the motor {motor.name} is moved back and forth along a rotor that stands, by
+    return _deck(
+        Bench(circuit, TRANSIENT_OPTIONS),
+        f"""Hysteresis, {what}. The tip of the motor {motor.name} moves back and forth along a rotor at rest, by
         0.8 of the displacement at which all of the contact slips under the preload. To plot, inside ngspice:
         v(friction) in N over v(moved) in um, v(normal) in N, v(slips) the part of the contact that slips. Prints
-        the energy lost in the second cycle. {remark}""",
-    )
+        the energy lost in the last cycle. {remark}""",
+        parameters, references, measures,
+    )  # fmt: skip
 
 
 def _thermal_drift(motor: Motor) -> str:
     drive = TwoPhaseDrive(voltage=20.0, frequency=51.7e3, phase_deg=180.0)
-    duration = 10e-3
-    bench = motor_bench(
-        motor, DriveSource(drive), law=None, thermal=Thermal(heat_capacity_j_per_k=2.1e-5),
-        title=f"{motor.name}: thermal drift",
-    )  # fmt: skip
-    early = f"FROM=1e-3 TO={1e-3 + _TAIL_PERIODS * drive.period:.9g}"
-    late = f"FROM={duration - _TAIL_PERIODS * drive.period:.9g} TO={duration:g}"
+    thermal = Thermal(heat_capacity_j_per_k=2.1e-5)
+    bench = motor_bench(motor, DriveSource(drive), law=None, thermal=thermal, title=f"{motor.name}: thermal drift")
+    early = f"FROM=1m TO={{1m+{_TAIL_PERIODS}/frequency}}"
     measures = {
         "current_a_rms_early_a": f"RMS i(va) {early}",
-        "current_a_rms_late_a": f"RMS i(va) {late}",
+        "current_a_rms_late_a": f"RMS i(va) {_TAIL}",
         "temperature_early_k": f"AVG v(temperature) {early}",
-        "temperature_late_k": f"AVG v(temperature) {late}",
-        "heat_late_w": f"AVG v(heat) {late}",
+        "temperature_late_k": f"AVG v(temperature) {_TAIL}",
+        "heat_late_w": f"AVG v(heat) {_TAIL}",
     }
-    simulation = _simulation(bench, "tran", measures)
-    simulation.transient(step_time=_STEP, end_time=duration, max_time=_STEP, use_initial_condition=True)
-    return _finish(
-        simulation,
-        """Thermal drift. The free stator, driven at its cold resonance, warms up and drifts away from the drive. It
-        is given a hundred thousandth of its heat capacity, so that 1 ms stands for 100 s. To plot, inside ngspice:
-        v(temperature) in K above the surroundings, v(heat) in W, i(va). Without Xcooling the pins stay open, and
-        nothing drifts; a source at temperature holds it.""",
-    )
+    parameters: Parameters = {
+        **_two_phases(drive),
+        "capacity": (thermal.heat_capacity_j_per_k, "J/K, heat capacity of the stator"),
+        "resistance": (thermal.thermal_resistance_k_per_w, "K/W, thermal resistance to the surroundings"),
+        **_stop_and_step(10e-3),
+    }
+    cooling = {"capacity": "capacity", "resistance": "resistance"}
+    return _deck(
+        bench,
+        """Thermal drift. A drive at the resonance of the cold free stator heats it, so that the resonance drifts away
+        from the drive. The heat capacity is 1e-5 of the real one, so that 1 ms stands for 100 s. To plot, inside
+        ngspice: v(temperature) in K above the surroundings, v(heat) in W, i(va). Without Xcooling the pins are open and
+        the temperature stays 0; a voltage source at temperature holds it.""",
+        parameters, {**_TWO_PHASE_SOURCES, "Xcooling": cooling}, measures, start=_plate_b("voltage"),
+    )  # fmt: skip
 
 
-# Networks as `piezomotor drive andersen2002 --frequency 51700` proposes them for the running motor, rounded.
+# Networks that `piezomotor drive andersen2002 --frequency 51700` proposes for the running motor, rounded.
 _INDUCTORS = {
     "voltage": 49.7, "ratio_b": 0.438, "phase_deg": 161.1,
     "inductor_a.inductance": 2.72e-3, "inductor_a.resistance": 8.8, "inductor_a.capacitance": 3.14e-9,
@@ -310,33 +395,52 @@ _FILTERS = {
 
 def _driver(motor: Motor, driver: Driver, what: str) -> str:
     bench = motor_bench(motor, driver, title=f"{motor.name}: {what.split('.')[0]}")
-    duration = 1e-3
-    tail = f"FROM={duration - _TAIL_PERIODS * driver.period:.9g} TO={duration:g}"
     supplies = [(f"v({rail}_{g})", f"i(vv{rail[1]}_{g})") for g in GROUPS for rail in ("vp", "vn")]
     parts = [part for group in GROUPS for part in driver.parts(group)]
     losses = [f"v(x{part.instance}.loss_{name})" for part in parts for name, _ in part.library.losses]
     feeds = [f"v(x{part.instance}.feed_{name})" for part in parts for name, _ in part.library.feeds]
     measures = {
-        "supply_power_w": _average("".join(f"-{volts}*{amperes}" for volts, amperes in supplies), tail),
-        **({"gate_power_w": _average("+".join(feeds), tail)} if feeds else {}),
-        "driver_loss_w": _average("+".join(losses), tail),
-        "motor_power_w": _average("+".join(f"v({group})*i(vpin_{group})" for group in GROUPS), tail),
+        "supply_power_w": _average("".join(f"-{volts}*{amperes}" for volts, amperes in supplies)),
+        **({"gate_power_w": _average("+".join(feeds))} if feeds else {}),
+        "driver_loss_w": _average("+".join(losses)),
+        "motor_power_w": _average("+".join(f"v({group})*i(vpin_{group})" for group in GROUPS)),
     }
     for group in GROUPS:
-        measures[f"voltage_{group}_rms_v"] = f"RMS v({group}) {tail}"
-        measures[f"current_{group}_rms_a"] = f"RMS i(vpin_{group}) {tail}"
-    simulation = _simulation(bench, "tran", measures)
-    simulation.transient(step_time=_STEP, end_time=duration, max_time=_STEP, use_initial_condition=True)
-    return _finish(
-        simulation,
+        measures[f"voltage_{group}_rms_v"] = f"RMS v({group}) {_TAIL}"
+        measures[f"current_{group}_rms_a"] = f"RMS i(vpin_{group}) {_TAIL}"
+    parameters: Parameters = {
+        "frequency": (driver.frequency, "Hz"),
+        **{
+            f"voltage_{group}": (driver.amplitude(group), "V, amplitude of the fundamental of the power stage")
+            for group in GROUPS
+        },
+        "phase": (driver.phase_deg, "degrees, group B ahead of group A"),
+        "preload": (motor.contact.preload_n, "N"),
+        "rise": (driver.supply_rise_s, "s, rise time of the supply"),
+    }
+    source = {"frequency": "frequency", "phase_deg": "phase"}
+    references: References = {"Xsource": source, "Xmotor": _STEPPED}
+    if not driver.switched:
+        source |= {f"amplitude_{group}": f"voltage_{group}/{driver.setting('amplifier.gain'):g}" for group in GROUPS}
+    for group in GROUPS:
+        # a bridge's supply sets its voltage, an amplifier's supply only limits it
+        ratio = driver.rails(group)[0] / driver.amplitude(group)
+        supply = f"{ratio!r}*voltage_{group}" if driver.switched else driver.rails(group)[0]
+        parameters[f"supply_{group}"] = (supply, "V, each rail" if driver.rails(group)[1] else "V")
+        for rail, sign in zip(("vp", "vn"), ("", "-"), strict=True):
+            if driver.rails(group)[rail == "vn"]:
+                references[f"V{rail}_{group}"] = f"{rail}_{group} 0 PWL(0 0 {{rise}} {{{sign}supply_{group}}})"
+    return _deck(
+        bench,
         f"""{what} To plot, inside ngspice: v(line_a), v(line_b) behind the power stages, v(a), v(b) at the motor,
         i(vout_a), i(vpin_a) their currents, v(xstage_a.loss_...) losses, 1 V = 1 W. Prints mean powers over 20 periods:
         supply (and gates) = loss + motor.""",
-    )
+        parameters | _stop_and_step(1e-3), references, measures,
+    )  # fmt: skip
 
 
-def _average(expression: str, tail: str) -> str:
-    return f"AVG par('{expression}') {tail}"
+def _average(expression: str) -> str:
+    return f"AVG par('{expression}') {_TAIL}"
 
 
 def _chain(kind: str, network: str, values: Mapping[str, float]) -> Driver:
@@ -344,7 +448,7 @@ def _chain(kind: str, network: str, values: Mapping[str, float]) -> Driver:
 
 
 def _rounded(lag: StatorLag, loop_filter: LoopFilter) -> tuple[StatorLag, LoopFilter]:
-    """Return what an engineer would write: four digits of the stator, three of the parts."""
+    """Return the stator's values with four and three digits, those of the filter with three."""
     parts = (loop_filter.resistance_ohm, loop_filter.capacitance_f, loop_filter.ripple_f)
     return (
         StatorLag(float(f"{lag.resonance_hz:.4g}"), float(f"{lag.quality:.3g}")),
@@ -362,7 +466,7 @@ def _tracker(motor: Motor, kind: str, duration: float, what: str) -> str:
         motor, TrackedSource(tracker, 1, loop_filter), law=law,
         discretisation=Discretisation(_STEP, exact_resonance=False), title=f"{motor.name}: {what.split('.')[0]}",
     )  # fmt: skip
-    tail = f"FROM={duration - 2e-3:g} TO={duration:g}"
+    tail = "FROM={stop-2m} TO={stop}"
     measures = {
         "frequency_start_hz": "FIND v(tuned) AT=1u",
         "frequency_end_hz": f"AVG v(tuned) {tail}",
@@ -372,14 +476,36 @@ def _tracker(motor: Motor, kind: str, duration: float, what: str) -> str:
         "force_rms_v": f"RMS v(force) {tail}",
         "in_phase_va": f"AVG par('v(force)*v(motional)') {tail}",
     }
-    simulation = _simulation(bench, "tran", measures)
-    simulation.transient(step_time=_STEP, end_time=duration, max_time=_STEP, use_initial_condition=True)
-    return _finish(
-        simulation,
-        f"""{what} The groups get {tracker.voltage:g} V and {tracker.voltage * tracker.ratio_b:g} V, 90 degrees apart at
-        any frequency. To plot, inside ngspice: v(tuned) in Hz, v(control), v(motional) in A and v(force) in V, which
-        are in phase at resonance, v(shaft) in rad/s. The parts with A are XSPICE; other simulators need their own.""",
-    )
+    parameters: Parameters = {
+        "frequency": (tracker.frequency, "Hz, middle of the oscillator's range"),
+        "span": (tracker.span, "1, half of the range over frequency"),
+        "offset": (tracker.offset, "1, start above frequency, over frequency"),
+        "voltage_a": (tracker.voltage, "V, amplitude of group A"),
+        "voltage_b": (tracker.voltage * tracker.ratio_b, "V, amplitude of group B"),
+        "phase": (tracker.phase_deg, "degrees, group B ahead of group A"),
+    }
+    start = f"{RAIL / 2.0!r}*(1+offset/span)"
+    references: References = {
+        "Xoscillator": {"least": "frequency*(1-span)", "greatest": "frequency*(1+span)"},
+        "Xphases": {"amplitude_a": "voltage_a", "amplitude_b": "voltage_b", "phase_deg": "phase"},
+        "Xsense": {"frequency": "frequency"},
+    }
+    if kind == "pll":
+        parameters["target"] = (tracker.target_deg, "degrees, motional current ahead of the force")
+        parameters["preload"] = (motor.contact.preload_n, "N")
+        references |= {"Vtarget": "target 0 DC {target}", "Xfilter": {"start": start}, "Xmotor": _STEPPED}
+    else:
+        parameters["interval"] = (tracker.period_s, "s, between two changes of the frequency")
+        parameters["increment"] = (tracker.step_hz, "Hz, size of a change")
+        volts = f"increment*{RAIL / 2.0!r}/(span*frequency)"
+        references["Xobserver"] = {"period": "interval", "step": volts, "start": start}
+    return _deck(
+        bench,
+        f"""{what} The groups are driven with a constant phase between them at any frequency. To plot, inside ngspice:
+        v(tuned) in Hz, v(control), v(motional) in A and v(force) in V, which are in phase at resonance, v(shaft) in
+        rad/s. The parts with A are XSPICE; other simulators need their own.""",
+        parameters | _stop_and_step(duration), references, measures, start=_plate_b("voltage_b"),
+    )  # fmt: skip
 
 
 def _tracking_loop(motor: Motor) -> str:
@@ -387,24 +513,39 @@ def _tracking_loop(motor: Motor) -> str:
     lag = tracked_lag(motor, tracker, 1, contact=True)
     lag, loop_filter = _rounded(lag, tracker_filter(tracker, lag))
     circuit = averaged_bench(tracker, lag, loop_filter, closed=False, title=f"{motor.name}: loop gain of the tracker")
-    # FIND takes the real part; a second loop, driven a quarter of a period later, has the imaginary part as its own
+    # FIND takes the real part; the real part of a second loop, driven 90 degrees later, is the imaginary part
     add_average(circuit, tracker, lag, loop_filter, suffix="_later", source="DC 0 AC 1 -90")
     measures = {
-        "real": f"FIND v(control) AT={tracker.bandwidth_hz:g}",
-        "imaginary": f"FIND v(control_later) AT={tracker.bandwidth_hz:g}",
+        "real": "FIND v(control) AT={bandwidth}",
+        "imaginary": "FIND v(control_later) AT={bandwidth}",
         "loop_gain": "PARAM='sqrt(real*real+imaginary*imaginary)'",
         "phase_margin_deg": "PARAM='57.29577951308232*atan(imaginary/real)'",
     }
-    simulation = _simulation(Bench(circuit, AC_OPTIONS), "ac", measures)
-    simulation.ac(variation="dec", number_of_points=100, start_frequency=5, stop_frequency=50e3)
-    return _finish(
-        simulation,
-        f"""Loop gain. The phase-locked loop of tracker_pll.cir averaged over a period, cut open in front of its
-        oscillator: -v(control) is the loop gain, and the phase of v(control) the phase margin. Xaverage is stator,
-        detector and oscillator; lag is the time constant of the stator's phase, 2 Q/omega at its loaded Q =
-        {lag.quality:g}. Xfilter is that of tracker_pll.cir. Prints gain and margin at the bandwidth wanted, 500
-        Hz. To plot, inside ngspice: vdb(control), vp(control).""",
-    )
+    parameters: Parameters = {
+        "frequency": (lag.resonance_hz, "Hz, resonance of the running motor"),
+        "quality": (lag.quality, "1, its loaded Q"),
+        "gain": (tracker.gain_hz_per_v, "Hz/V, of the oscillator"),
+        "current": (tracker.pump_current_a, "A, of the charge pump"),
+        "resistance": (loop_filter.resistance_ohm, "ohm, of the filter"),
+        "capacitance": (loop_filter.capacitance_f, "F, in series with it"),
+        "ripple": (loop_filter.ripple_f, "F, in parallel"),
+        "bandwidth": (tracker.bandwidth_hz, "Hz, at which gain and margin are measured"),
+        "lowest": (5.0, "Hz, first frequency"),
+        "highest": (50e3, "Hz, last frequency"),
+        "points": (100, "frequencies per decade"),
+    }
+    loop = {"lag": f"quality/({pi!r}*frequency)", "gain": "gain", "current": "current"}
+    network = {name: name for name in ("resistance", "capacitance", "ripple")}
+    return _deck(
+        Bench(circuit, AC_OPTIONS),
+        """Loop gain. The phase-locked loop of tracker_pll.cir, averaged over a period and opened before its oscillator:
+        -v(control) is the loop gain, and the phase of v(control) the phase margin. Xaverage is stator, detector and
+        oscillator, with the time constant of the stator's phase, 2 Q/omega. Xfilter is that of tracker_pll.cir. Prints
+        gain and margin at the bandwidth. To plot, inside ngspice: vdb(control), vp(control).""",
+        parameters,
+        {f"X{part}{copy}": each for part, each in (("average", loop), ("filter", network)) for copy in ("", "_later")},
+        measures, analysis=".ac dec {points} {lowest} {highest}",
+    )  # fmt: skip
 
 
 _DECKS: dict[str, Callable[[Motor], str]] = {
@@ -417,16 +558,19 @@ _DECKS: dict[str, Callable[[Motor], str]] = {
     "dynamometer": _dynamometer,
     "impact": lambda _: _impact(),
     "hysteresis": lambda motor: _hysteresis(
-        motor, 0.0, "constant normal force", "By the paper's law of one spring and one slider it would be nothing."
+        motor, 0.0, "constant normal force", "The paper's law of one spring and one slider has no loss here."
     ),
     "hysteresis_varying": lambda motor: _hysteresis(
-        motor, 0.6, "varying normal force", "The force swings by 0.6 of the preload, a quarter of a cycle ahead."
+        motor,
+        0.6,
+        "varying normal force",
+        "The amplitude of the force is 0.6 of the preload, its phase a quarter of a cycle ahead.",
     ),
     "thermal_drift": _thermal_drift,
     "drive_linear": lambda motor: _driver(
         motor,
         _chain("linear", "none", {}),
-        "Linear drive. An amplifier for each group, straight at its pin, two phases at the second resonance.",
+        "Linear drive. An amplifier for each group, connected directly to its pin; two phases at the second resonance.",
     ),
     "drive_half_bridge": lambda motor: _driver(
         motor,
@@ -441,7 +585,7 @@ _DECKS: dict[str, Callable[[Motor], str]] = {
     "drive_llcc": lambda motor: _driver(
         motor,
         _chain("half-bridge", "llcc", _FILTERS),
-        "LLCC drive. Two MOSFETs for each group and an LLCC filter that takes harmonics and reactive current.",
+        "LLCC drive. Two MOSFETs for each group and an LLCC filter against harmonics and reactive current.",
     ),
     "tracker_pll": lambda motor: _tracker(
         motor, "pll", 8e-3, "Phase-locked loop. It starts 3 % above the resonance of the running motor and locks."
@@ -450,38 +594,79 @@ _DECKS: dict[str, Callable[[Motor], str]] = {
         motor,
         "observe-current",
         14e-3,
-        "Perturb and observe. It starts 1 % above the resonance of the free stator and climbs to the greatest current.",
+        "Perturb and observe. It starts 1 % above the resonance of the free stator and seeks the greatest current.",
     ),
     "tracking_loop": _tracking_loop,
 }
 
 
-def _simulation(bench: Bench, analysis: str, measures: Mapping[str, str]) -> CircuitSimulation:
+def _deck(
+    bench: Bench,
+    description: str,
+    parameters: Parameters,
+    references: References,
+    measures: Mapping[str, str],
+    *,
+    analysis: str = _TRANSIENT,
+    start: Mapping[str, str] | None = None,
+) -> str:
+    """Return a deck: title, header, parameters, the circuit that refers to them, measurements and analysis.
+
+    Args:
+        bench: circuit and options.
+        description: text of the header.
+        parameters: the ``.param`` block.
+        references: lines of the circuit that refer to parameters: their text behind the name, or expressions for
+            parameters of their instance.
+        measures: ``.meas`` by name.
+        analysis: last line.
+        start: initial conditions by node.
+    """
     simulation = CircuitSimulation(bench.circuit)
-    for name in ("TEMP", "TNOM"):  # nothing here depends on them
+    simulation.SIMULATOR = "ngspice"
+    for name in ("TEMP", "TNOM"):  # the circuits do not depend on the temperature
         simulation._options.pop(name)
     simulation.options(**bench.options)
-    if bench.start:
-        simulation.initial_condition(**bench.start)
+    if start:
+        simulation.initial_condition(**start)
     for name, what in measures.items():
-        simulation.measure(analysis, name, what)
-    return simulation
-
-
-def _finish(simulation: CircuitSimulation, description: str) -> str:
-    """Return the deck with its header between title and circuit."""
-    simulation.SIMULATOR = "ngspice"
+        simulation.measure(analysis[1:].split()[0], name, what)
     title, _, body = str(simulation).partition("\n")
     header = [
         "SPDX-License-Identifier: GPL-3.0-or-later",
         "",
         *textwrap.wrap(" ".join(description.split()), 110),
         "",
-        "Run: ngspice -b THIS_FILE. Written by python -m pyspice_runner.netlist.decks; do not edit, copy.",
+        "Run: ngspice -b THIS_FILE. Written by python -m pyspice_runner.netlist.decks: to change it, edit a copy.",
         "Units and nodes are explained in behavioral/CONVENTIONS.md.",
         "",
+        "Parameters",
     ]
-    return "\n".join([title, *(f"* {line}".rstrip() for line in header), body.rstrip(), ""])
+    block = [f".param {name}={_value(value)} ; {meaning}" for name, (value, meaning) in parameters.items()]
+    circuit = _refer(body.removesuffix(".end\n").splitlines(), references)
+    return "\n".join([title, *(f"* {line}".rstrip() for line in header), *block, *circuit, analysis, ".end", ""])
+
+
+def _value(value: float | str) -> str:
+    return f"{{{value}}}" if isinstance(value, str) else f"{value:.10g}"
+
+
+def _refer(lines: list[str], references: References) -> list[str]:
+    """Return the lines of a circuit, those that are named with references to parameters."""
+    found, left, inside = [], dict(references), False
+    for line in lines:
+        name = line.partition(" ")[0]
+        inside = (inside or name == ".subckt") and name != ".ends"
+        reference = {} if inside else left.pop(name, {})
+        if isinstance(reference, str):
+            line = f"{name} {reference}"
+        else:
+            for parameter, expression in reference.items():
+                line = re.sub(rf" {parameter}=\S+|$", f" {parameter}={{{expression}}}", line, count=1)
+        found.append(line)
+    if left:
+        raise KeyError(f"The circuit has no line {', '.join(left)}.")
+    return found
 
 
 if __name__ == "__main__":

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import re
 import subprocess
+from collections.abc import Mapping
 from functools import cache
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +18,8 @@ from pyspice_runner.analysis.hysteresis import hysteresis
 from pyspice_runner.model.contact import limit_ratio, linearised_resonances, static_penetration
 from pyspice_runner.model.impact import Throw
 from pyspice_runner.model.traction import microslip_loss, virgin_force
-from pyspice_runner.netlist.decks import deck_texts, write_decks
+from pyspice_runner.netlist import decks
+from pyspice_runner.netlist.decks import write_decks
 from pyspice_runner.netlist.library import data_path
 from tests.reference.row import throw as exact_throw
 
@@ -40,6 +43,8 @@ NAMES = (
     "tracker_pll",
     "tracking_loop",
 )
+
+deck_texts = cache(decks.deck_texts)
 
 
 @cache
@@ -122,23 +127,84 @@ def test_transient_decks_agree_with_simulate(
     assert result["rotor_speed_mean_rad_s"] == pytest.approx(run.mean_rotor_speed_rad_s, rel=0.05)
 
 
+def split(text: str) -> tuple[list[str], list[str]]:
+    """Return the lines of the parameters at the beginning of a deck, and those of the circuit, without comments."""
+    lines = [line for line in text.splitlines()[1:] if not line.startswith("*")]
+    block = list(takewhile(lambda line: line.startswith(".param "), lines))
+    return block, lines[len(block) :]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_deck_begins_with_parameters_to_which_its_lines_refer(name: str) -> None:
+    block, circuit = split(deck_texts()[f"{name}.cir"])
+    top = re.sub(r"^\.subckt.*?^\.ends \w+$", "", "\n".join(circuit), flags=re.M | re.S)
+    expressions = re.findall(r"\{([^}]*)\}|PARAM='([^']*)'", "\n".join([*block, top]))
+    used = set(re.findall(r"[a-z]\w*", " ".join(map(" ".join, expressions))))
+    assert block
+    for line in block:
+        found = re.fullmatch(r"\.param (\w+)=\S+ ; .+", line)
+        assert found, f"{line}: name, value, unit and meaning"
+        assert found[1] in used, line
+    analysis = next(line for line in circuit if re.match(r"\.(tran|ac) ", line))
+    assert not re.search(r"\d", re.sub(r"\{[^}]*\}| 0 ", "", analysis)), "a number that is not a parameter"
+
+
+# one value each, and a short run; the measurements then begin at t = 0
+CHANGES = {
+    "drive_full_bridge": {"voltage_b": "30", "stop": "50u"},
+    "drive_half_bridge": {"voltage_b": "30", "stop": "50u"},
+    "drive_linear": {"phase": "60", "stop": "50u"},
+    "drive_llcc": {"frequency": "50k", "stop": "50u"},
+    "dynamometer": {"speed": "6", "stop": "0.2m", "periods": "3"},
+    "ellipse": {"preload": "8", "stop": "0.4m"},
+    "figure_eight": {"voltage_2": "40", "stop": "0.9m"},
+    "first_resonance": {"frequency": "14k", "stop": "1.5m"},
+    "free_admittance": {"highest": "50k", "points": "4501"},
+    "hysteresis": {"amplitude": "0.1"},
+    "hysteresis_varying": {"swing": "0.5"},
+    "impact": {"velocity": "1.1"},
+    "preloaded_admittance": {"preload": "0.1"},
+    "spin_up": {"torque": "200u", "stop": "0.4m"},
+    "thermal_drift": {"resistance": "50", "stop": "1.5m"},
+    "tracker_observer": {"offset": "0.02", "stop": "0.1m"},
+    "tracker_pll": {"target": "20", "stop": "0.1m"},
+    "tracking_loop": {"bandwidth": "600"},
+}
+
+
+def run_with(name: str, values: Mapping[str, str], folder: Path) -> dict[str, float]:
+    text = deck_texts()[f"{name}.cir"]
+    for parameter, value in values.items():
+        text, found = re.subn(rf"^\.param {parameter}=\S+", f".param {parameter}={value}", text, flags=re.M)
+        assert found == 1, parameter
+    (folder / "deck.cir").write_text(text, encoding="ascii")
+    done = subprocess.run(
+        ["ngspice", "-b", "deck.cir"], cwd=folder, capture_output=True, text=True, timeout=120, check=True
+    )
+    assert not re.search(r"\b(error|failed|warning)\b", done.stdout + done.stderr, re.I), done.stdout + done.stderr
+    return {key: float(value) for key, value in re.findall(r"^(\w+) *= +([-+.\de]+)", done.stdout, re.M)}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_value_of_the_parameters_changes_the_result(name: str, tmp_path: Path) -> None:
+    change, *short = CHANGES[name].items()
+    before, after = (run_with(name, dict(values), tmp_path) for values in (short, [change, *short]))
+    assert before.keys() == after.keys()
+    assert any(after[key] != pytest.approx(value, rel=1e-4, abs=1e-12) for key, value in before.items()), (
+        before,
+        after,
+    )
+
+
 def test_a_deck_follows_the_parameters_at_its_beginning(tmp_path: Path) -> None:
-    deck = tmp_path / "ellipse.cir"
-    text = deck_texts()["ellipse.cir"]
-    values = {"frequency": (51700.0, 52000.0), "phase": (90.0, 60.0), "preload": (5.0, 8.0), "stop": (0.003, 0.001)}
-    for name, (old, new) in values.items():
-        assert f".param {name}={old!r}\n" in text
-        text = text.replace(f".param {name}={old!r}\n", f".param {name}={new!r}\n")
-    deck.write_text(text, encoding="ascii")
-    done = subprocess.run(["ngspice", "-b", str(deck)], capture_output=True, text=True, timeout=120, check=True)
-    found = dict(re.findall(r"^(\w+) *= +(\S+)", done.stdout, re.M))
+    found = run_with("ellipse", {"frequency": "52k", "phase": "60", "preload": "8", "stop": "1m"}, tmp_path)
     motor = pr.load_motor("andersen2002").updated({"contact.preload_n": 8.0})
     drive = pr.TwoPhaseDrive(voltage=50.0, frequency=52e3, phase_deg=60.0)
     run = pr.simulate(motor, drive, duration=1e-3, step=1e-7, exact_resonance=False)
     last = run.time_s >= 1e-3 - 20.0 / 52e3
-    # the same circuit and steps; the ends of the window fall between points
-    assert float(found["tip_x_peak_to_peak_um"]) == pytest.approx(1e6 * np.ptp(run.tip_x_m[last]), rel=1e-4)
-    assert float(found["normal_force_greatest_n"]) == pytest.approx(run.normal_force_n[last].max(), rel=1e-4)
+    # the same circuit and steps; the ends of the window are between points
+    assert found["tip_x_peak_to_peak_um"] == pytest.approx(1e6 * np.ptp(run.tip_x_m[last]), rel=1e-4)
+    assert found["normal_force_greatest_n"] == pytest.approx(run.normal_force_n[last].max(), rel=1e-4)
 
 
 def test_first_resonance_hammers(tmp_path: Path) -> None:
