@@ -74,6 +74,44 @@ def test_fit_reports_repairs_on_standard_error(capsys: pytest.CaptureFixture[str
     assert "off by 180°" in capsys.readouterr().err
 
 
+def test_every_command_that_reads_a_spectrum_takes_columns(
+    measured: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rows = Path(measured).read_text(encoding="utf-8").splitlines()[1:]
+    Path("bare.csv").write_text("\n".join(row.replace(",", ";").replace(".", ",") for row in [*rows, ""]))
+    columns = ["--columns", "frequency_hz, conductance_s, susceptance_s"]
+    assert run(["fit", "bare.csv"]) == 2
+    assert "or the columns stated by --columns frequency_hz,magnitude_ohm,phase_deg" in capsys.readouterr().err
+    assert run(["fit", measured, "--json"]) == run(["fit", "bare.csv", "--json", *columns]) == 0
+    first, second = map(json.loads, capsys.readouterr().out.splitlines())
+    assert first["arms"] == second["arms"]
+    assert run(["compare", "bare.csv", "bare.csv", *columns, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["comparisons"][0]["rms_deviation"] < 0.01
+    wrong = ["--columns", "frequency_hz,magnitude,phase_deg"]
+    for words in (["fit", "bare.csv"], ["compare", "bare.csv", "andersen2002"], ["report", "andersen2002", "--measured",
+        "bare.csv"], ["fit", "bare.csv", "--b", "bare.csv", "--sum", "bare.csv"]):  # fmt: skip
+        assert run([*words, *wrong]) == 2
+        assert "columns: there is no 'magnitude'. Did you mean 'magnitude_s'?" in capsys.readouterr().err
+    assert run(["report", "andersen2002", *columns]) == 2
+    assert "--columns has no effect without --measured. Leave it out." in capsys.readouterr().err
+
+
+def test_fit_of_a_shunt_between_two_ports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    frequency = np.linspace(15e3, 40e3, 801)
+    z = 1.0 / CIRCUIT.admittance(frequency)
+    s11, s21 = -50.0 / (50.0 + 2.0 * z), 2.0 * z / (50.0 + 2.0 * z)
+    rows = np.array([frequency, *(part for s in (s11, s21, s21, s11) for part in (s.real, s.imag))]).T.tolist()
+    path = tmp_path / "shunt.s2p"
+    path.write_text("\n".join(["# Hz S RI R 50", *(" ".join(map(repr, row)) for row in rows), ""]), encoding="ascii")
+    for words in ([], ["--through", "shunt"]):
+        assert run(["fit", str(path), "--modes", "2", "--json", *words]) == 0
+        document = json.loads(capsys.readouterr().out)
+        assert document["arms"][0]["series_resonance_hz"] == pytest.approx(20e3, rel=1e-6)
+        told = [warning for warning in document["warnings"] if "from the line to ground (a shunt)" in warning]
+        assert len(told) == (0 if words else 1)
+
+
 def test_timeout_ends_a_fit_and_a_comparison(measured: str, capsys: pytest.CaptureFixture[str]) -> None:
     two_port = [str(SPECTRA / "two_port.csv"), "--two-port"]
     for words in (["fit", measured], ["fit", *two_port], ["compare", measured, measured]):

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -25,7 +26,15 @@ from pyspice_runner.commands.common import (
     grid,
     load_changed,
 )
-from pyspice_runner.commands.fit import FitTimeoutOption, LeadsOption, ModesOption, Port
+from pyspice_runner.commands.fit import (
+    ColumnsOption,
+    FitTimeoutOption,
+    LeadsOption,
+    ModesOption,
+    Port,
+    ThroughOption,
+    reader,
+)
 
 if TYPE_CHECKING:
     from pyspice_runner.spectra.compare import Trend
@@ -54,6 +63,8 @@ def compare(
     state: Annotated[StateKind, typer.Option(help="Tip of a motor: free, or pressed on the rotor.")] = StateKind.free,
     leads: LeadsOption = True,
     timeout: FitTimeoutOption = None,
+    columns: ColumnsOption = None,
+    through: ThroughOption = None,
     at: Annotated[
         str | None, typer.Option(help="What the spectra were measured at, such as temperatures: 20,40,60.")
     ] = None,
@@ -66,7 +77,7 @@ def compare(
     """Hold spectra against a motor or another spectrum, mode by mode. Writes .json or .csv.
 
     One spectrum is drawn over its reference; of many, the trend. Exit status 1 if a --tolerance is exceeded or a mode
-    is missing.
+    is missing. --columns and --through hold for every spectrum, the reference included.
 
     Example: piezomotor compare measured.csv andersen2002 --tolerance 5% --plot comparison.png
     """
@@ -77,8 +88,9 @@ def compare(
     if not files:
         raise pr.ParameterError(f"There is nothing to compare with {reference}; give a spectrum, then the reference.")
     with busy("reading"):
-        spectra = [pr.read_spectrum(file) for file in files]
-        against = _reference(reference, changes)
+        read = reader(columns, through)
+        spectra = [read(file) for file in files]
+        against = _reference(reference, changes, read)
     with busy("fitting", "spectrum {} of {}") as progress:
         trend = pr.compare(
             spectra, against, modes=modes, connection=connection.value, state=state.value, leads=leads,
@@ -99,13 +111,13 @@ def compare(
         raise typer.Exit(1)
 
 
-def _reference(name: str, changes: list[str] | None) -> pr.Motor | pr.Spectrum:
+def _reference(name: str, changes: list[str] | None, read: Callable[[str], pr.Spectrum]) -> pr.Motor | pr.Spectrum:
     """Return a motor, of a parameter set or a TOML file, or else a spectrum."""
     if name in pr.available_motors() or Path(name).suffix == ".toml":
         return load_changed(name, changes)
     if changes:
         raise pr.ParameterError("--set changes a motor, but the reference is a spectrum; leave it out.")
-    return pr.read_spectrum(name)
+    return read(name)
 
 
 def _table(trend: Trend) -> Table:

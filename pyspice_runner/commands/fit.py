@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
+from functools import partial
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.table import Table
@@ -40,6 +41,13 @@ class Port(StrEnum):
     a_minus_b = "A-B"
 
 
+class Through(StrEnum):
+    """How one device is connected between two ports."""
+
+    series = "series"
+    shunt = "shunt"
+
+
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A measured spectrum, in any format that is known.")]
 ModesOption = Annotated[int | None, typer.Option(help="Number of motional arms; found if it is not given.")]
 ConnectionOption = Annotated[Port, typer.Option(help="Connection of the groups, for the spectrum of a two-port.")]
@@ -48,6 +56,18 @@ StopOption = Annotated[float | None, typer.Option(help="Last frequency that coun
 LeadsOption = Annotated[bool, typer.Option("--leads/--no-leads", help="Fit the leads, or take them as compensated.")]
 FitTimeoutOption = Annotated[
     float | None, typer.Option("--timeout", help="Seconds after which the fit of a spectrum ends with an error.")
+]
+ColumnsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME,…",
+        help="Columns of a table without a header, or with one that is not known: "
+        "frequency_hz,magnitude_ohm,phase_deg; - for a column that does not count.",
+    ),
+]
+ThroughOption = Annotated[
+    Through | None,
+    typer.Option(help="One device between the ports of an .s2p: in series, or a shunt to ground. Told if not given."),
 ]
 TraceOption = Annotated[str | None, typer.Option(help="Which of several spectra in the file, such as memory.")]
 _PANEL = "Both groups, towards a motor"
@@ -95,10 +115,13 @@ _COLUMNS = {
 }
 
 
-def read_one_port(file: Path, trace: str | None, connection: Port) -> pr.Spectrum:
-    """Read a spectrum; of a two-port, take one connection of its groups."""
-    spectrum = pr.read_spectrum(file, trace=trace)
-    return spectrum.driven(connection.value) if spectrum.ports == 2 else spectrum
+def reader(
+    columns: str | None, through: Through | None, trace: str | None = None
+) -> Callable[[str | Path], pr.Spectrum]:
+    """Return the function that reads a spectrum as the options of a command say."""
+    names = [name.strip() for name in columns.split(",")] if columns is not None else None
+    device: Literal["series", "shunt"] | None = through.value if through else None
+    return partial(pr.read_spectrum, trace=trace, columns=names, through=device)
 
 
 def fit(
@@ -108,6 +131,8 @@ def fit(
     leads: LeadsOption = True,
     timeout: FitTimeoutOption = None,
     trace: TraceOption = None,
+    columns: ColumnsOption = None,
+    through: ThroughOption = None,
     start: StartOption = 0.0,
     stop: StopOption = None,
     two_port: TwoPortOption = False,
@@ -134,13 +159,15 @@ def fit(
     if two_port or other is not None or both is not None or difference is not None:
         given = {"A": file, "B": other, "A+B": both, "A-B": difference}
         calibration = _calibration(mass, velocity, connection, tips, base)
-        _fit_two_port(given, two_port, modes, timeout, trace, calibration, as_json, output, plot)
+        read = reader(columns, through, trace)
+        _fit_two_port(given, two_port, modes, timeout, read, calibration, as_json, output, plot)
         return
     if mass or velocity or tips:
         raise pr.ParameterError("--mass-kg, --velocity-per-current and --tip belong to --two-port or --b; add one.")
     check_targets(output, (*CIRCUIT_ENDINGS, ".json", ".csv"), plot, [file])
     with busy("reading"):
-        spectrum = read_one_port(file, trace, connection)
+        spectrum = reader(columns, through, trace)(file)
+        spectrum = spectrum.driven(connection.value) if spectrum.ports == 2 else spectrum
     if start or stop is not None:
         spectrum = spectrum.between(start, inf if stop is None else stop)
     with busy("fitting", _ARMS_TRIED) as progress:
@@ -221,7 +248,7 @@ def _fit_two_port(
     two_port: bool,
     modes: int | None,
     timeout: float | None,
-    trace: str | None,
+    read: Callable[[Path], pr.Spectrum],
     calibration: Mapping[str, Any],
     as_json: bool,
     output: Path | None,
@@ -232,12 +259,12 @@ def _fit_two_port(
     inputs = [*files.values(), calibration.get("base")]
     check_targets(output, (".json", ".toml") if calibration else (".json",), None, inputs)
     with busy("reading"):
-        read = {name: pr.read_spectrum(file, trace=trace) for name, file in files.items() if file is not None}
-    if two_port and len(read) > 1:
+        spectra = {name: read(file) for name, file in files.items() if file is not None}
+    if two_port and len(spectra) > 1:
         raise pr.ParameterError(
             "--two-port takes one file with both ports; leave it out to give --b, --sum, --difference."
         )
-    given: Any = read["A"] if two_port else read
+    given: Any = spectra["A"] if two_port else spectra
     with busy("fitting", _ARMS_TRIED) as progress:
         result = pr.fit_two_port(given, modes, timeout=timeout, progress=progress)
     motor = result.to_motor(**calibration) if calibration else None

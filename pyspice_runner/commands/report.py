@@ -28,7 +28,7 @@ from pyspice_runner.commands.common import (
     refuse_idle,
 )
 from pyspice_runner.commands.driving import DriveOptions, with_drive_options
-from pyspice_runner.commands.fit import Port
+from pyspice_runner.commands.fit import ColumnsOption, Port, ThroughOption, reader
 
 if TYPE_CHECKING:
     from pyspice_runner.view.report import Report
@@ -48,6 +48,8 @@ def report(
         str | None, typer.Option(metavar="FILE", help="A measured spectrum to plot with the computed ones.")
     ] = None,
     connection: Annotated[Port, typer.Option(help="Connection of the groups in a one-port measurement.")] = Port.a,
+    columns: ColumnsOption = None,
+    through: ThroughOption = None,
     timeout: TimeoutOption = None,
     changes: SetOption = None,
     as_json: JsonOption = False,
@@ -61,14 +63,14 @@ def report(
     Example: piezomotor report andersen2002 --output report.html
     """
     if measured is None:
-        refuse_idle(context, "without --measured", "connection")
+        refuse_idle(context, "without --measured", "connection", "columns", "through")
     loaded = load_changed(motor, changes)
     target = Path(f"{loaded.name}.html") if output is None and not as_json else output
     check_targets(target, (".html", ".json"), plot)
     if target is not None and target.suffix == ".html":
         _check_tools()
     excitation = drive.stated(loaded)
-    spectrum = pr.read_spectrum(measured) if measured else None
+    spectrum = reader(columns, through)(measured) if measured else None
     with points_progress() as progress:
         try:
             result = pr.report(

@@ -634,7 +634,7 @@ def _calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         ),
         "load_motor": (pr.load_motor, {"source": "andersen2002"}),
         "load_circuit": (load_circuit, {"path": "fit.json"}),
-        "read_spectrum": (pr.read_spectrum, {"path": "measured.csv", "trace": None}),
+        "read_spectrum": (pr.read_spectrum, {"path": "measured.csv", "trace": None, "columns": None, "through": None}),
     }
 # fmt: on
 

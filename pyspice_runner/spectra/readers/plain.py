@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain CSV whose header names quantity and unit, and the two-port that ``piezomotor admittance --output`` writes.
+"""Plain CSV whose header or user names quantity and unit, and the two-port that ``piezomotor admittance`` writes.
 
 Such as ``frequency_hz,conductance_s,susceptance_s``, ``Frequency (kHz); |Z| (kOhm); Phase (deg)`` or
 ``f/Hz  Re(Z)/Ω  -Im(Z)/Ω``: commas, semicolons, tabs or spaces; comments above, after ``#``, ``!`` or ``%``.
@@ -7,18 +7,30 @@ Such as ``frequency_hz,conductance_s,susceptance_s``, ``Frequency (kHz); |Z| (kO
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
 
-from pyspice_runner.spectra.readers.quantities import heading
-from pyspice_runner.spectra.readers.reading import Reading, cut_warning, from_headings
-from pyspice_runner.spectra.readers.table import Table, read_table, separator, split
-from pyspice_runner.spectra.readers.text import Text, described
+from pyspice_runner.errors import ParameterError, SpectrumError
+from pyspice_runner.model.refusal import check_keys
+from pyspice_runner.spectra.readers.combine import pair_of, with_named_phase
+from pyspice_runner.spectra.readers.quantities import DIMENSION, Heading, heading
+from pyspice_runner.spectra.readers.reading import A_PAIR, Reading, cut_warning, from_headings
+from pyspice_runner.spectra.readers.table import SEPARATORS, Table, number, read_table, separator, split
+from pyspice_runner.spectra.readers.text import Text, described, quote
 
 FORMAT = "plain CSV"
 TWO_PORT_FORMAT = "two-port CSV"
 _COMMENT = "#!% \t"
+_LONGEST = 4000  # characters of a line that may be a header or a row
+_EXAMPLE = "frequency_hz,magnitude_ohm,phase_deg"
+_STATED = (  # names that a user may state; every heading that is known is valid too
+    "frequency_hz", "frequency_khz", "frequency_mhz", "magnitude_ohm", "magnitude_s", "phase_deg", "phase_rad",
+    "resistance_ohm", "reactance_ohm", "conductance_s", "susceptance_s", "real_ohm", "imaginary_ohm", "real_s",
+    "imaginary_s", "rs_ohm", "xs_ohm", "cs_f", "ls_h", "rp_ohm", "xp_ohm", "cp_f", "lp_h", "d", "q", "phase_z_deg",
+    "phase_y_deg",
+)  # fmt: skip
 _TWO_PORT = tuple(f"y_{into}{by}_{part}_s" for into, by, part in product("ab", "ab", ("real", "imag")))
 
 
@@ -36,8 +48,104 @@ def read(text: Text, _trace: str | None) -> Reading | None:
     return from_headings(table, [heading(cell) for cell in table.names], FORMAT, metadata, header)
 
 
+def read_stated(text: Text, columns: Sequence[str], headings: Sequence[Heading]) -> Reading:
+    """Read a table whose columns the user states, from the first row of numbers on; what is above does not count.
+
+    Args:
+        text: the file.
+        columns: their names, ``-`` for one that does not count.
+        headings: their meanings, see :func:`stated`.
+
+    Raises:
+        SpectrumError: if no row has a number for each name.
+    """
+    first, mark = _first_row(text, columns)
+    table = read_table(text, None, first, None, mark, columns)
+    above = [line for line in text.lines[:first] if line.strip()]
+    metadata = {**described(above), "columns": ",".join(columns)}
+    reading = from_headings(table, list(headings), FORMAT, metadata, first)
+    reading.warnings += _contradicted(split(above[-1].lstrip(_COMMENT), mark) if above else [], headings)
+    return reading
+
+
+def stated(columns: Sequence[str]) -> list[Heading]:
+    """Return the meanings of columns that the user states.
+
+    Raises:
+        ParameterError: for a name that is not known, names no unit or occurs twice, or if they make no admittance.
+    """
+    headings = [Heading(name) if name == "-" else heading(name) for name in columns]
+    kinds: dict[str, str] = {}
+    for item in headings:
+        if item.kind is None:
+            if item.cell != "-":
+                check_keys({item.cell: None}, _STATED, "columns", "")
+            continue
+        if item.wrong or (item.scale is None and DIMENSION[item.kind] != "angle"):
+            why = item.wrong or "it names no unit"
+            raise ParameterError(f"columns: {quote(item.cell)}: {why}. Write it as {_example(item.kind)}.")
+        if item.kind in kinds:
+            raise ParameterError(
+                f"columns: {quote(kinds[item.kind])} and {quote(item.cell)} are the same quantity. "
+                "Write - for a column that does not count."
+            )
+        kinds[item.kind] = item.cell
+    if "frequency" not in kinds:
+        raise ParameterError(f"columns = {','.join(columns)} has no frequency. Add frequency_hz at its place.")
+    if pair_of(with_named_phase(dict.fromkeys(kinds, np.zeros(0)))) is None:
+        raise ParameterError(f"columns = {','.join(columns)} makes no admittance. Give {A_PAIR}, as in {_EXAMPLE}.")
+    return headings
+
+
+def _example(kind: str) -> str:
+    """Return a name with a unit for a quantity."""
+    return next(name for name in _STATED if heading(name).kind == kind)
+
+
+def _first_row(text: Text, columns: Sequence[str]) -> tuple[int, str | None]:
+    """Return the line of the first row of numbers, and what separates its cells."""
+    other: tuple[int, int] | None = None  # line and number of cells of a row of numbers of another width
+    for index, line in enumerate(text.lines):
+        if not line.strip() or len(line) > _LONGEST or line[0] in "#!%":
+            continue
+        for mark in (*SEPARATORS, None):
+            cells = split(line, mark)
+            while len(cells) > len(columns) and not cells[-1]:
+                cells.pop()
+            if len(cells) == len(columns):
+                counted = [cell for cell, name in zip(cells, columns, strict=True) if name != "-"]
+                if _numbers(counted, mark):
+                    return index, mark
+            elif other is None and len(cells) > 1 and _numbers(cells, mark):
+                other = index, len(cells)
+    if other is None:
+        raise SpectrumError(f"{text.name} has no row of {len(columns)} numbers, one for each of {','.join(columns)}.")
+    raise text.refusal(
+        other[0],
+        f"{other[1]} columns, but columns states {len(columns)}",
+        "a name for each, - for one that does not count",
+    )
+
+
+def _numbers(cells: Sequence[str], mark: str | None) -> bool:
+    """Whether all cells are numbers, with a decimal comma unless commas separate them."""
+    return all(number(cell if mark == "," else cell.replace(",", ".")) is not None for cell in cells) and any(cells)
+
+
+def _contradicted(header: Sequence[str], headings: Sequence[Heading]) -> list[str]:
+    """Tell the columns whose header names another quantity than the user."""
+    if len(header) != len(headings):
+        return []
+    pairs = [(heading(cell), item) for cell, item in zip(header, headings, strict=True)]
+    return [
+        f"The column headed {quote(found.cell)} was read as {item.cell}, as stated."
+        for found, item in pairs
+        if found.kind and item.kind and found.kind.partition("_")[0] != item.kind.partition("_")[0]
+    ]
+
+
 def _names_frequency(line: str) -> bool:
-    if len(line) > 4000:
+    if len(line) > _LONGEST:
         return False
     cells = split(line.lstrip(_COMMENT), separator(line.lstrip(_COMMENT)))
     return len(cells) >= 3 and any(heading(cell).kind == "frequency" for cell in cells)

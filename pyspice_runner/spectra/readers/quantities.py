@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from math import pi
+from unicodedata import normalize
 
 from pyspice_runner.spectra.readers.text import quote
 
@@ -32,55 +35,97 @@ DIMENSION = {
     "d": "",
 }
 
+# names in English, German and French; of those with accents, :func:`_spellings` adds what is left of them
 _NAMES = {
-    "frequency": "frequency freq f",
-    "abs_z": "|z| z abs(z) absz zabs mag(z) magz zmag zmod modz |impedance| impedance impedancemagnitude "
-    "magnitudez impedancemag zmagnitude",
-    "phase_z": "thetaz phasez zphase argz arg(z) phase(z) impedancephase zphz angle(z) zangle",
-    "r": "r rs rseries resistance seriesresistance re(z) rez zre zreal realz z' impedancereal zr",
-    "x": "x xs xseries reactance seriesreactance im(z) imz zim zimag imagz z'' impedanceimaginary impedanceimag zi",
-    "rp": "rp rparallel parallelresistance",
+    "frequency": "frequency freq f frequenz messfrequenz fréquence",
+    "abs_z": "|z| z |impedance| impedance impedanz impédance scheinwiderstand",
+    "phase_z": "zphz",
+    "r": "r rs rseries resistance seriesresistance z' zr widerstand wirkwiderstand serienwiderstand resistanz "
+    "résistance résistancesérie",
+    "x": "x xs xseries reactance seriesreactance z'' zi blindwiderstand reaktanz réactance",
+    "rp": "rp rparallel parallelresistance parallelwiderstand résistanceparallèle",
     "xp": "xp xparallel parallelreactance",
-    "abs_y": "|y| y abs(y) absy yabs mag(y) magy ymag mody |admittance| admittance admittancemagnitude "
-    "magnitudey admittancemag ymagnitude",
-    "phase_y": "thetay phasey yphase argy arg(y) phase(y) admittancephase angle(y) yangle",
-    "phase": "phase theta th angle arg phi phaseangle",
-    "g": "g gp conductance re(y) rey yre yreal realy y' admittancereal",
-    "b": "b bp susceptance im(y) imy yim yimag imagy y'' admittanceimaginary admittanceimag",
-    "ls": "ls lseries seriesinductance",
-    "lp": "lp lparallel parallelinductance",
-    "cs": "cs cseries seriescapacitance",
-    "cp": "cp cparallel parallelcapacitance",
-    "q": "q qualityfactor",
-    "d": "d dissipation dissipationfactor losstangent tandelta",
+    "abs_y": "|y| y |admittance| admittance admittanz scheinleitwert",
+    "phase_y": "",
+    "phase": "phase theta th angle arg phi phaseangle phasenwinkel phasenlage winkel déphasage argument",
+    "g": "g gp conductance y' leitwert wirkleitwert konduktanz",
+    "b": "b bp susceptance y'' blindleitwert suszeptanz",
+    "ls": "ls lseries seriesinductance serieninduktivität inductancesérie",
+    "lp": "lp lparallel parallelinductance parallelinduktivität inductanceparallèle",
+    "cs": "cs cseries seriescapacitance serienkapazität capacitésérie",
+    "cp": "cp cparallel parallelcapacitance parallelkapazität capacitéparallèle",
+    "q": "q qualityfactor güte gütefaktor facteurdequalité",
+    "d": "d dissipation dissipationfactor losstangent tandelta verlustfaktor facteurdepertes",
 }
-_KIND = {name: kind for kind, names in _NAMES.items() for name in names.split()}
+_PARTS = {  # of an impedance or an admittance; which of the two the unit says, or a name beside it
+    ("abs_z", "abs_y"): "magnitude mag abs modulus mod betrag module",
+    ("r", "g"): "real re realpart realteil partieréelle réel réelle",
+    ("x", "b"): "imaginary imag im imagpart imaginarypart imaginärteil partieimaginaire imaginaire",
+    ("phase_z", "phase_y"): "phase theta arg angle phasenwinkel winkel argument",
+}
+_SIDES = ("z impedance impedanz impédance", "y admittance admittanz")
+_BESIDE = ["{part}{side}", "{part}({side})", "{part}|{side}|", "{side}{part}"]
+_BESIDE += [f"{{part}}{of}{{side}}" for of in ("of", "der", "von", "de", "del'")]
+
+
+def _spellings(name: str) -> set[str]:
+    """Return a name with its accents, without them, as German writes it without them, and with its accents lost.
+
+    A letter with an accent that was written in one encoding and read in another becomes one or more letters that are
+    not ASCII, or a question mark; both are left out, see :func:`_kind`.
+    """
+    plain = "".join(sign for sign in normalize("NFKD", name) if sign.isascii())
+    german = name.translate({ord(sign): f"{letter}e" for sign, letter in zip("äöü", "aou", strict=True)})
+    return {name, plain, german, _ascii(name)}
+
+
+def _ascii(text: str) -> str:
+    return "".join(sign for sign in text if sign.isascii() and sign != "?")
+
+
+def _table(names: Mapping[str, str]) -> dict[str, str]:
+    return {spelling: kind for kind, text in names.items() for name in text.split() for spelling in _spellings(name)}
+
+
+_KIND = {
+    spelling: kind
+    for kinds, parts in _PARTS.items()
+    for kind, sides in zip(kinds, _SIDES, strict=True)
+    for form, part, side in product(_BESIDE, parts.split(), sides.split())
+    for spelling in _spellings(form.format(part=part, side=side))
+} | _table(_NAMES)
 _BY_UNIT = {  # names that say nothing without their unit
     name: dict(zip(("Ohm", "S"), kinds, strict=True))
-    for names, kinds in (
-        ("magnitude mag abs modulus", ("abs_z", "abs_y")),
-        ("real re realpart", ("r", "g")),
-        ("imaginary imag im imagpart imaginarypart", ("x", "b")),
-    )
-    for name in names.split()
+    for kinds, parts in _PARTS.items()
+    for name in _table({kinds[0]: parts})
+    if name not in _KIND
 }
 _SIGNED = frozenset({"x", "b"})  # chemists plot −Im Z
 
 _PREFIX = {"": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}
-_SPELLING = {"\N{OHM SIGN}": "Ohm", "Ω": "Ohm", "ohms": "Ohm", "Ohms": "Ohm", "OHMS": "Ohm", "µ": "u", "μ": "u"} | {
+_MISREAD = {"Î©": "Ohm", "â„¦": "Ohm", "Âµ": "u", "Î¼": "u"}  # UTF-8 read as Windows' Western European
+_SPELLING = _MISREAD | {
+    "\N{OHM SIGN}": "Ohm",
+    "Ω": "Ohm",
+    "ohms": "Ohm",
+    "Ohms": "Ohm",
+    "OHMS": "Ohm",
+    "µ": "u",
+    "μ": "u",
     "siemens": "S",
     "Siemens": "S",
     "mho": "S",
     "℧": "S",
 }
-_ANGLE = dict.fromkeys(("deg", "degree", "degrees", "°", "â°"), pi / 180) | dict.fromkeys(
-    ("rad", "radian", "radians"), 1.0
+_ANGLE = dict.fromkeys(("deg", "degree", "degrees", "°", "â°", "grad"), pi / 180) | dict.fromkeys(
+    ("rad", "radian", "radians", "radiant"), 1.0
 )
+_ANGLE |= dict.fromkeys(_table({"degrees": "degré degrés"}), pi / 180)
 _BASE = re.compile(r"(.{0,1})(hz|ohm|s|f|h)", re.IGNORECASE)
 
 _BRACKETED = re.compile(r"(.*)[(\[]([^()\[\]]*)[)\]]([^()\[\]]*)")
 _DIVIDED = re.compile(r"([^/]+)/([^/]+)")
-_TAILED = re.compile(r"(.+)[_ ]([^_ ]+)")
+_TAILED = re.compile(r"(.+?)(?: (?:in|en))?[_ ]([^_ ]+)")
 
 
 @dataclass(frozen=True)
@@ -106,8 +151,9 @@ def unit_of(text: str) -> tuple[str, float] | None:
     unit = text.strip()
     if len(unit) > 12:
         return None
-    if unit.lower() in _ANGLE:
-        return "angle", _ANGLE[unit.lower()]
+    angle = _ANGLE.get(unit.lower()) or _ANGLE.get(_ascii(unit.lower()))
+    if angle:
+        return "angle", angle
     if not unit or unit in ("1", "-"):
         return "", 1.0
     for spelling, plain in _SPELLING.items():
@@ -127,13 +173,10 @@ def heading(cell: str) -> Heading:
     name, unit = _parts(cell)
     sign = 1.0
     normal = _normal(name)
-    if normal.startswith("-") and _KIND.get(normal[1:]) in _SIGNED:
-        sign, normal = -1.0, normal[1:]
-    normal = normal.replace("-", "")
     known = unit_of(unit) if unit is not None else None
-    kind = _KIND.get(normal)
-    if kind is None and known:
-        kind = _BY_UNIT.get(normal, {}).get(known[0])
+    if normal.startswith("-") and _kind(normal[1:], known) in _SIGNED:
+        sign, normal = -1.0, normal[1:]
+    kind = _kind(normal.replace("-", ""), known)
     if kind is None:
         return Heading(cell)
     dimension = DIMENSION[kind]
@@ -146,6 +189,16 @@ def heading(cell: str) -> Heading:
     return Heading(cell, kind, sign * known[1])
 
 
+def _kind(name: str, unit: tuple[str, float] | None) -> str | None:
+    """Return the quantity of a name, also of one that has lost its accents."""
+    for spelling in (name, _ascii(name)):
+        if spelling in _KIND:
+            return _KIND[spelling]
+        if unit and unit[0] in _BY_UNIT.get(spelling, {}):
+            return _BY_UNIT[spelling][unit[0]]
+    return None
+
+
 def _parts(cell: str) -> tuple[str, str | None]:
     """Split a heading into name and unit; the unit is ``None`` if there is none."""
     text = cell.strip()
@@ -153,12 +206,12 @@ def _parts(cell: str) -> tuple[str, str | None]:
     for match in (bracketed, _DIVIDED.fullmatch(text), _TAILED.fullmatch(text)):
         if match and unit_of(match[2]):
             return match[1], match[2]
-    if bracketed and _normal(text) not in _KIND and _normal(bracketed[1]) in _KIND:
+    if bracketed and not _kind(_normal(text), None) and _kind(_normal(bracketed[1]), None):
         return bracketed[1], bracketed[2]  # a known quantity in a unit that is not
     return text, None
 
 
 def _normal(name: str) -> str:
     text = name.strip().lower().replace("θ", "theta").replace("φ", "phi").replace("\N{MINUS SIGN}", "-")
-    text = text.replace("′", "'").replace("″", "''").replace('"', "''")
+    text = text.replace("′", "'").replace("’", "'").replace("″", "''").replace('"', "''")
     return re.sub(r"[\s_.:]", "", text)

@@ -14,6 +14,9 @@ from pyspice_runner.spectra.readers.quantities import DIMENSION, Heading
 from pyspice_runner.spectra.readers.table import Floats, Table
 from pyspice_runner.spectra.readers.text import Text, quote
 
+STATED = "the columns stated by --columns frequency_hz,magnitude_ohm,phase_deg (columns= in Python)"  # ends a message
+A_PAIR = "two that make an admittance, such as R (Ohm) and X (Ohm), G (S) and B (S), |Z| (Ohm) and Phase (deg)"
+
 
 @dataclass
 class Reading:
@@ -123,18 +126,21 @@ def _the_frequency(table: Table, headings: list[Heading], header: int) -> int:
     found = [place for place, item in enumerate(headings) if item.kind == "frequency"]
     if len(found) != 1:
         raise table.text.refusal(
-            header, f"{len(found) or 'no'} columns of frequency", "one, headed as “Frequency (Hz)” or “frequency_hz”"
+            header,
+            f"{len(found) or 'no'} columns of frequency",
+            f"one, headed as “Frequency (Hz)” or “frequency_hz”, or {STATED}",
         )
     item = headings[found[0]]
     if item.wrong or item.scale is None:
         why = item.wrong or "it names no unit"
-        raise table.text.refusal(header, f"{quote(item.cell)}: {why}", "Hz, kHz, MHz or GHz, as in “Frequency (kHz)”")
+        expected = f"Hz, kHz, MHz or GHz, as in “Frequency (kHz)”, or {STATED}"
+        raise table.text.refusal(header, f"{quote(item.cell)}: {why}", expected)
     return found[0]
 
 
 def _no_quantities(text: Text, header: int, headings: list[Heading]) -> SpectrumError:
     """Return the error for a header that does not hold two quantities which make an admittance."""
-    expected = "two that make an admittance, such as R (Ohm) and X (Ohm), G (S) and B (S), |Z| (Ohm) and Phase (deg)"
+    expected = f"{A_PAIR}, or {STATED}"
     for item in headings:
         if item.kind and item.kind != "frequency" and (item.wrong or item.scale is None):
             why = item.wrong or "it names no unit"

@@ -246,14 +246,17 @@ def _refuse_nonsense(reading: Reading, matrix: Complexes) -> None:
                 "part may be swapped, or the sign of the phase or the imaginary part reversed."
             )
         return
+    hint = " (if one device lies between the ports, state through = series or shunt)"
+    hint = hint if reading.format == "Touchstone" else ""
     if not reciprocal(matrix):
         raise SpectrumError(
             f"{name}: from A to B and from B to A the admittances differ, which those of no passive part do; "
-            "columns may be swapped."
+            f"columns may be swapped{hint}."
         )
     if not passive(matrix) or any(turns_backwards(connect(matrix, connection)) for connection in COUPLING):
         raise SpectrumError(
-            f"{name}: the admittances are not those of a passive part; columns may be swapped, or a sign reversed."
+            f"{name}: the admittances are not those of a passive part; columns may be swapped, or a sign "
+            f"reversed{hint}."
         )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ Floats = NDArray[np.float64]
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 _LONGEST_NUMBER = 60
+SEPARATORS = (";", "\t", ",")  # in this order, since a comma may be a decimal sign
 _MISSING = frozenset(
     {"", "nan", "+nan", "-nan", "inf", "+inf", "-inf", "1.#qnan", "1.#inf", "-1.#inf", "-", "--", "---"}
 )
@@ -77,7 +79,7 @@ def number(cell: str) -> float | None:
 
 def separator(header: str) -> str | None:
     """Return what separates the cells of a header; ``None`` for white space."""
-    return next((mark for mark in (";", "\t", ",") if mark in header), None)
+    return next((mark for mark in SEPARATORS if mark in header), None)
 
 
 def split(line: str, mark: str | None) -> list[str]:
@@ -92,15 +94,23 @@ def split(line: str, mark: str | None) -> list[str]:
         return [cell.strip().strip('"') for cell in line.split(mark)]
 
 
-def read_table(text: Text, header: int | None, start: int, stop: int | None = None, mark: str | None = ",") -> Table:
+def read_table(
+    text: Text,
+    header: int | None,
+    start: int,
+    stop: int | None = None,
+    mark: str | None = ",",
+    names: Sequence[str] | None = None,
+) -> Table:
     """Read the rows of a table from line ``start`` up to ``stop`` (exclusive; ``None``: the file's end).
 
-    A last line without an end may have been cut within a number; it is left out, and the table says so.
+    The header stands in line ``header``, or is ``names``. A last line without an end may have been cut within a number;
+    it is left out, and the table says so.
 
     Raises:
         SpectrumError: for a row whose cells are not those of the header, or if fewer than two are there.
     """
-    names = split(text.lines[header], mark) if header is not None else None
+    names = split(text.lines[header], mark) if header is not None else list(names) if names else None
     while names and not names[-1]:  # a separator at the end of the header
         names.pop()
     last = len(text.lines) if stop is None else stop

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Touchstone 1 of one port or two, through scikit-rf (the extra ``spectra``).
 
-The number of ports is told from the columns, not from the file's name. Port 1 is group A, port 2 group B.
+The number of ports is told from the columns, not from the file's name. Port 1 is group A, port 2 group B, unless both
+ports belong to one device. In series between them it has S₁₁ + S₂₁ = 1 and Y = S₂₁/(2 Z₀ (1 − S₂₁)); as a shunt from
+the line to ground it has S₂₁ − S₁₁ = 1 and Z = Z₀ S₂₁/(2 (1 − S₂₁)), by Kirchhoff's laws with both ports ended by Z₀.
 """
 
 from __future__ import annotations
@@ -24,6 +26,11 @@ _SIDES = ("s", "y", "z", "g", "h")
 _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
 _GROUP = dict.fromkeys(_HERTZ, "unit") | dict.fromkeys(_SIDES, "side") | dict.fromkeys(("ri", "ma", "db"), "form")
 _PORTS = {3: 1, 9: 2}
+_ONE_DEVICE = 0.1  # share of S₂₁ by which the rule of one device may be missed, for fixture and calibration
+_ASSUMED = {
+    "series": "The two ports are those of one device in series between them, and it was read as one port.",
+    "shunt": "The two ports are those of one device from the line to ground (a shunt), and it was read as one port.",
+}
 _NOISE = 5  # numbers in a line of noise parameters, which may follow a two-port
 
 
@@ -36,8 +43,8 @@ class _Option(NamedTuple):
     reference: float
 
 
-def read(text: Text, _trace: str | None) -> Reading | None:
-    """Read the file; ``None`` if it is of another format."""
+def read(text: Text, _trace: str | None, through: str | None = None) -> Reading | None:
+    """Read the file; ``None`` if it is of another format. Of two ports, ``through`` makes one device of both."""
     first = text.find(lambda line: line.strip() and not line.lstrip().startswith("!"), 0, 1000)
     if first is None:
         return None
@@ -50,7 +57,18 @@ def read(text: Text, _trace: str | None) -> Reading | None:
     ports = _PORTS[len(rows[0])]
     option = _option(text, first, line)
     frequency = np.array([row[0] for row in rows]) * option.hertz
-    matrix = _admittance(text, option, rows, ports)
+    if through is not None and (ports == 1 or option.side != "s"):
+        found = "one port" if ports == 1 else f"{option.side.upper()} parameters"
+        raise text.refusal(first, found, "S parameters of two ports, or through left out")
+    values = _parameters(text, option, rows, ports)
+    assumed = _assumed(values) if ports == 2 and option.side == "s" and through is None else None
+    if device := through or assumed:
+        matrix = _through(values[:, 1, 0], option.reference, device)
+        ports = 1
+    else:
+        matrix = _admittance(text, option, values)
+    if assumed:
+        warnings.append(f"{_ASSUMED[assumed]} State through = series or shunt if that is wrong.")
     if option.side != "s" and option.reference != 1.0:
         warnings.append(
             f"The {option.side.upper()} parameters were taken as normalised to {option.reference:g} Ω, "
@@ -112,15 +130,14 @@ def _option(text: Text, index: int, line: str) -> _Option:
     return _Option(_HERTZ[unit], side, form, reference)
 
 
-def _parameters(text: Text, option: _Option, rows: list[list[float]], ports: int) -> tuple[Complexes, Complexes]:
-    """Let scikit-rf make complex matrices of the points; return them and, if they are S, the admittance too.
+def _parameters(text: Text, option: _Option, rows: list[list[float]], ports: int) -> Complexes:
+    """Let scikit-rf make complex matrices of the points.
 
     It tells the number of ports from a name and takes frequencies that fall for noise, so it gets a name and
     frequencies that suit it; of Y and Z, which it would normalise in its own way, it is told that they are S.
     """
     try:
         from skrf.io.touchstone import Touchstone
-        from skrf.network import s2y
     except ImportError:
         raise SpectrumError(
             f"{text.name} is a Touchstone file, which needs scikit-rf; install it by "
@@ -130,19 +147,40 @@ def _parameters(text: Text, option: _Option, rows: list[list[float]], ports: int
     lines += [" ".join(map(repr, [float(place), *row[1:]])) for place, row in enumerate(rows, start=1)]
     file = StringIO("\n".join(lines) + "\n")
     file.name = f"spectrum.s{ports}p"
-    network = Touchstone(file)
-    values = np.asarray(network.s, dtype=np.complex128)
-    if option.side != "s":
-        return values, values
-    with np.errstate(all="ignore"):
-        return values, np.asarray(s2y(values, network.z0), dtype=np.complex128)
+    return np.asarray(Touchstone(file).s, dtype=np.complex128)
 
 
-def _admittance(text: Text, option: _Option, rows: list[list[float]], ports: int) -> Complexes:
+def _admittance(text: Text, option: _Option, values: Complexes) -> Complexes:
+    from skrf.network import s2y
+
     try:
-        values, admittance = _parameters(text, option, rows, ports)
+        with np.errstate(all="ignore"):
+            if option.side == "s":
+                return np.asarray(s2y(values, option.reference), dtype=np.complex128)
         if option.side == "z":
             return np.asarray(np.linalg.inv(values * option.reference), dtype=np.complex128)
-        return admittance if option.side == "s" else values / option.reference
     except np.linalg.LinAlgError:
         raise SpectrumError(f"{text.name}: at some point there is a short circuit, which has no admittance.") from None
+    return values / option.reference
+
+
+def _through(s21: Complexes, reference: float, device: str) -> Complexes:
+    """Return the admittance in S of one device in series between the ports, or as a shunt to ground."""
+    with np.errstate(all="ignore"):
+        ratio = s21 / (2.0 * (1.0 - s21))
+        y = ratio / reference if device == "series" else 1.0 / (ratio * reference)
+    return np.asarray(y, dtype=np.complex128)[:, None, None]
+
+
+def _assumed(s: Complexes) -> str | None:
+    """Return ``series`` or ``shunt`` if the S-parameters are those of one device between the ports.
+
+    Through a series device one current flows, 1 − S₁₁ = S₂₁; both ports of a shunt have one voltage, 1 + S₁₁ = S₂₁. Of
+    a direct connection both hold, so the rule that holds better counts. Neither holds of two groups, except at the
+    resonance of a mode that they share.
+    """
+    reflected, passed = s[:, 0, 0], s[:, 1, 0]
+    missed = {"series": np.abs(1.0 - reflected - passed), "shunt": np.abs(1.0 + reflected - passed)}
+    device = min(missed, key=lambda name: float(np.median(missed[name])))
+    worst = np.maximum(missed[device], np.abs(s[:, 0, 1] - passed))
+    return device if np.mean(worst < _ONE_DEVICE * np.abs(passed)) > 0.5 else None
