@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import json
+import re
+import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -120,6 +123,56 @@ def test_timeout_ends_a_fit_and_a_comparison(measured: str, capsys: pytest.Captu
         assert run([*words, "--timeout", "0"]) == 2
         assert "timeout = 0.0 is not valid: it must be a number of seconds > 0" in capsys.readouterr().err
     assert run(["fit", measured, "--modes", "2", "--timeout", "600", "--json"]) == 0
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["fit", "hp4294a_turned.txt", "--modes", "2"],
+        ["fit", "two_port.csv", "--two-port", "--modes", "2"],
+        ["compare", "hp4294a_turned.txt", "hp4294a_turned.txt", "--modes", "2"],
+        ["export", "andersen2002", "--output", "motor.asy"],
+    ],
+)
+def test_a_note_begins_its_own_line(
+    words: list[str],
+    terminal: bool,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("hp4294a_turned.txt", "two_port.csv"):
+        shutil.copy(SPECTRA / name, name)
+    monkeypatch.setattr("sys.stderr", sys.stdout)  # both streams on one screen
+    monkeypatch.setattr("sys.stdout.isatty", lambda: terminal)
+    monkeypatch.setenv("COLUMNS", "60")
+    assert run(words) == 0
+    screen = capsys.readouterr().out
+    if terminal:
+        screen = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]|\r", "", screen)
+    assert screen.count("note: ") == len(re.findall(r"^note: ", screen, re.MULTILINE)) > 0
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-160, 1e-27, 1e27, 1e160, 1e290])
+@pytest.mark.parametrize("frequency", [1e-300, 1e-160, 1.0, 1e6])
+def test_values_of_any_size_end_in_a_result_or_one_sentence(
+    size: float, frequency: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A RuntimeWarning of NumPy's is an error in all tests."""
+    ratio = np.linspace(0.7, 1.3, 51)
+    y = size * (1j * ratio + 1.0 / (0.02 + 1j * (ratio - 1.0 / ratio))) / 51.0
+    rows = np.array([1e4 * frequency * ratio, y.real, y.imag]).T.tolist()
+    path = tmp_path / "measured.csv"
+    lines = ["frequency_hz,conductance_s,susceptance_s", *(",".join(map(repr, row)) for row in rows), ""]
+    path.write_text("\n".join(lines), encoding="ascii")
+    for words in (["fit", str(path)], ["compare", str(path), str(path)]):
+        status, (_, said) = run([*words, "--modes", "1"]), capsys.readouterr()
+        fits = 1e-30 < size < 1e30 and frequency >= 1.0
+        assert status == (0 if fits else 2)
+        assert fits or said.startswith("piezomotor: measured.csv has a")
+        assert "Warning" not in said
 
 
 def test_a_terminal_shows_the_progress(

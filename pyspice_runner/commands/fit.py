@@ -215,7 +215,11 @@ def _tell(result: SpectrumFit) -> None:
         for item in result.candidates
     )
     say(f"numbers of arms tried (information criterion, RMS error): {tried}\n")
-    for warning in result.warnings:
+    _note(result.warnings)
+
+
+def _note(warnings: tuple[str, ...]) -> None:
+    for warning in warnings:
         complain(f"note: {warning}", style=None)
 
 
@@ -278,7 +282,7 @@ def _fit_two_port(
                 for name in ("coupling_a_n_per_v_kg05", "coupling_b_n_per_v_kg05")
             ),
         )  # fmt: skip
-    for warning in result.warnings:
-        complain(f"note: {warning}", style=None)
     document = {**result.to_dict(), "motor": motor.to_dict() if motor else None}
     deliver(document, table, as_json, (output, lambda path: result.save(path, **calibration)))
+    if not as_json:
+        _note(result.warnings)

@@ -29,6 +29,7 @@ from pyspice_runner.units import engineering
 MOST_MODES = 20  # that may be asked for
 _ANALYSER = 1e-3  # what impedance analysers are accurate to, at best half of it
 _LEAST_ADMITTANCE = 1e-30  # S; below it, and above its inverse, is no device, and squares leave the range of numbers
+_FREQUENCIES = 1e-9, 1e12  # Hz; outside is no measurement, and products leave the range of numbers
 _LAST_STEPS = 20  # of the descent with all points, which starts near its end
 _SHARED = "arms share a peak"
 _LEAST_CAPACITANCE = 1e-3  # clamped over motional capacitance; a strongly coupled ceramic has about 2
@@ -260,6 +261,13 @@ def fit_spectrum(
 def _check(spectrum: Spectrum, name: str, modes: int) -> None:
     """Check that a spectrum has the points and values that a fit needs."""
     y = spectrum.admittance_s
+    lowest, highest = _FREQUENCIES
+    for place in spectrum.frequency_hz[[0, -1]].tolist():
+        if not lowest <= place <= highest:
+            raise SpectrumError(
+                f"{name} has a frequency of {place:g} Hz; it must be from {lowest:g} Hz to {highest:g} Hz. "
+                "Check its unit."
+            )
     if not np.all(np.abs(y) > 0.0):
         zero = spectrum.frequency_hz[np.abs(y) == 0.0][0]
         raise SpectrumError(f"{name} has an admittance of zero at {zero:g} Hz; leave that point out.")
