@@ -135,6 +135,8 @@ TEXTS: dict[str, Callable[[str], object]] = {
     "--signals": _command("simulate", "andersen2002", "--signals=ATTEMPT"),
     "--speeds": _command("speed-torque", "andersen2002", "--speeds=ATTEMPT"),
     "--driver": _command("drive", "andersen2002", "--driver=ATTEMPT"),
+    "--driver, name in a file": _command("drive", "andersen2002", "--driver=my.lib:ATTEMPT"),
+    "--mosfet": _command("drive", "andersen2002", "--driver=half-bridge", "--mosfet=ATTEMPT:x"),
     "--part, name": _command("drive", "andersen2002", "--part=ATTEMPT=5"),
     "--part, value": _command("drive", "andersen2002", "--part=supply_v=ATTEMPT"),
     "--output, ending": _command("export", "andersen2002", "--output=out.ATTEMPT"),

@@ -20,9 +20,9 @@ from pyspice_runner.model.drive import Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
-from pyspice_runner.netlist.drivers import GROUPS, Driver
+from pyspice_runner.netlist.drivers import GROUPS, RAILS, Driver, Part
 from pyspice_runner.result import Audit, Result
-from pyspice_runner.run.audit import audit_contact, audit_power
+from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power
 from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE, Array
@@ -91,11 +91,13 @@ class DriveReport(Result):
         run: settings of the run, JSON-ready.
         outputs: group → what leaves its power stage, before transformer and network.
         groups: group → what enters the group at its pin.
-        supply_power_w: mean power of all supplies but the gate drivers'; for ideal sources that of the sources.
+        supply_power_w: mean power of all supplies but the gate drivers'. Of a stage without supply pins, and of ideal
+            sources, what leaves the output and is lost in the stage.
         gate_power_w: mean power of the gate drivers.
         supply_current_mean_a: rail → mean current asked of it, both groups together.
         supply_current_peak_a: rail → greatest current asked of it.
-        losses_w: ``PART_GROUP.DEVICE`` → mean loss.
+        losses_w: ``PART_GROUP.DEVICE`` → mean loss. ``driver_GROUP.total`` is what the user's own stage takes from its
+            supplies and does not put out, if its header has no ``LOSS`` lines.
         stored_power_w: rate at which energy builds up in the driver's inductors and capacitors; 0 once settled.
         motor_power_w: mean power into both groups.
         shaft_power_w: mean power of the contact on the rotor.
@@ -175,6 +177,15 @@ class DriveReport(Result):
         """Findings of the audit, and what has not settled."""
         moving = [name for name, share in self.to_come.items() if share is None or share > SETTLED]
         told = [f"Not settled at the end of the run: {', '.join(moving)}. Run it longer."] if moving else []
+        if not self.driver["supplied"] and self.driver["kind"] != "ideal":
+            told.append("The driver has no supply pins: powers and efficiencies count from its output.")
+        for group in GROUPS:
+            gain = -self.losses_w.get(f"driver_{group}.total", 0.0)
+            if gain > DRIVER_BOUND * abs(self.power_in_w):
+                told.append(
+                    f"The driver of group {group.upper()} puts out {gain:.3g} W more than its supplies give. It has "
+                    "sources of its own, and its efficiency is not valid."
+                )
         return (*self.audit.findings, *told)
 
     def to_dict(self) -> dict[str, Any]:
@@ -280,22 +291,17 @@ def drive_report(
     groups = {group: _port(window, samples, driver, f"pin_{group}", group) for group in GROUPS}
     supplies = _supplies(samples)
     losses: dict[str, float] = {}
-    gates = stored = 0.0
+    gates = stored = supply_power = 0.0
     for group in GROUPS:
-        for part in driver.parts(group):
-            for name, _ in part.library.losses:
-                losses[f"{part.label}_{group}.{name}"] = window.mean(samples[f"v(x{part.instance}.loss_{name})"])
-            for name, _ in part.library.feeds:
-                gates += window.mean(samples[f"v(x{part.instance}.feed_{name})"])
-            for name, _ in part.library.stores:
-                energy = window.cut(samples[f"v(x{part.instance}.store_{name})"])
-                stored += 1e-6 * float(energy[-1] - energy[0]) / window.length
-    supply_power = sum(window.mean(volts * amperes) for volts, amperes, _ in supplies)
-    if driver.kind == "ideal":
-        supply_power = sum(port.real_power_w for port in outputs.values())
+        put_in, found = _budget(window, samples, driver, group, outputs[group].real_power_w)
+        supply_power += put_in
+        for part, powers in found:
+            losses |= {f"{part.label}_{group}.{name}": loss for name, loss in powers.losses.items()}
+            gates += powers.feed
+            stored += powers.stored
     currents = {
-        rail: sum((amperes for _, amperes, name in supplies if name == rail), np.zeros_like(samples["time"]))
-        for rail in dict.fromkeys(name for _, _, name in supplies)
+        rail: sum((amperes for _, amperes, name, _ in supplies if name == rail), np.zeros_like(samples["time"]))
+        for rail in dict.fromkeys(name for _, _, name, _ in supplies)
     }
     pin_a, pin_b = (power_at(samples, driver, f"pin_{group}", group) for group in GROUPS)
     torque = motor.rotor.radius_m * samples.get("v(xmotor.friction)", np.zeros_like(samples["time"]))
@@ -362,12 +368,52 @@ def _audited(motor: Motor, report: DriveReport, samples: dict[str, Array]) -> tu
     return findings
 
 
-def _supplies(samples: dict[str, Array]) -> list[tuple[Array, Array, str]]:
-    """Return voltage, delivered current and name of every rail of every group."""
+@dataclass(frozen=True)
+class _Powers:
+    """Mean powers of one part in W: its losses by name, what it is fed besides its supplies, what it stores."""
+
+    losses: dict[str, float]
+    feed: float
+    stored: float
+
+
+def _powers(window: Window, samples: dict[str, Array], part: Part) -> _Powers:
+    def node(kind: str, name: str) -> Array:
+        return samples[f"v(x{part.instance}.{kind}_{name})"]
+
+    energies = [window.cut(node("store", name)) for name, _ in part.library.stores]
+    return _Powers(
+        {name: window.mean(node("loss", name)) for name, _ in part.library.losses},
+        sum(window.mean(node("feed", name)) for name, _ in part.library.feeds),
+        sum(1e-6 * float(energy[-1] - energy[0]) / window.length for energy in energies),
+    )
+
+
+def _budget(
+    window: Window, samples: dict[str, Array], driver: Driver, group: str, output_w: float
+) -> tuple[float, list[tuple[Part, _Powers]]]:
+    """Return what the supplies of a group put in, and the powers of its parts.
+
+    What the user's own stage does not state follows by difference: its loss, or what it takes from sources of its own.
+    """
+    found = [(part, _powers(window, samples, part)) for part in driver.parts(group)]
+    if not driver.supplied:
+        inside = sum(sum(own.losses.values()) + own.stored - own.feed for _, own in found[: int(driver.own)])
+        return output_w + inside, found
+    put_in = sum(window.mean(volts * amperes) for volts, amperes, _, fed in _supplies(samples) if fed == group)
+    stage, powers = found[0]
+    if driver.own and not stage.library.losses:
+        rest = put_in + powers.feed - powers.stored - output_w
+        found[0] = stage, replace(powers, losses={"total": rest})
+    return put_in, found
+
+
+def _supplies(samples: dict[str, Array]) -> list[tuple[Array, Array, str, str]]:
+    """Return voltage, delivered current and name of every rail, and the group that it supplies."""
     return [
-        (samples[f"v({rail}_{group})"], -samples[f"i(v{rail}_{group})"], name)
+        (samples[f"v({rail}_{group})"], -samples[f"i(v{rail}_{group})"], name, group)
         for group in GROUPS
-        for rail, name in (("vp", "positive"), ("vn", "negative"))
+        for rail, name in zip(RAILS, ("positive", "negative"), strict=True)
         if f"i(v{rail}_{group})" in samples
     ]
 
@@ -440,7 +486,7 @@ def _saved(driver: Driver, *, contact: bool) -> list[str]:
         if driver.kind == "full-bridge":
             names.append(f"v(return_{group})")
         if driver.kind != "ideal":
-            rails = [rail for rail, volts in zip(("vp", "vn"), driver.rails(group), strict=True) if volts]
+            rails = [rail for rail, volts in zip(RAILS, driver.rails(group), strict=True) if volts]
             names += [item for rail in rails for item in (f"v({rail}_{group})", f"i(v{rail}_{group})")]
         for part in driver.parts(group):
             names += [f"v(x{part.instance}.loss_{name})" for name, _ in part.library.losses]

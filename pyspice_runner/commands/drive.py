@@ -31,17 +31,24 @@ from pyspice_runner.commands.common import (
 from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, law_named
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pyspice_runner.analysis.drive import DriveReport
 
-DRIVERS = "ideal, linear, half-bridge, full-bridge; with +inductor or +llcc a matching network"
-
-
+DRIVERS = (
+    "ideal, linear, half-bridge, full-bridge, or FILE:NAME of your own subcircuit; with +inductor or +llcc a matching "
+    "network"
+)
 PartOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar="PART.PARAMETER=VALUE",
         help="Change a part of the driver, as bridge.dead_time=3e-7, or supply_v. Repeatable.",
     ),
+]
+MosfetOption = Annotated[
+    str | None,
+    typer.Option(metavar="FILE:NAME", help="MOSFET of a bridge, a .subckt or .model; default: IRF610."),
 ]
 
 
@@ -54,7 +61,8 @@ class MatchKind(StrEnum):
     running = "running"
 
 
-_STATES: dict[MatchKind, Literal["free", "preloaded", "running"] | None] = {
+MatchOption = Annotated[MatchKind, typer.Option(help="State of the motor for which the network is matched.")]
+MATCH_STATES: dict[MatchKind, Literal["free", "preloaded", "running"] | None] = {
     MatchKind.none: None,
     MatchKind.free: "free",
     MatchKind.preloaded: "preloaded",
@@ -70,10 +78,9 @@ def drive(
     voltage: Annotated[float, typer.Option(help="Amplitude of both groups, V.")] = 50.0,
     frequency: Annotated[float | None, typer.Option(help="Frequency, Hz; default: the last mode.")] = None,
     phase: Annotated[float, typer.Option(help="Phase of group B ahead of group A, degrees.")] = 90.0,
-    match: Annotated[MatchKind, typer.Option(help="State of the motor for which the network is matched.")] = (
-        MatchKind.running
-    ),
+    match: MatchOption = MatchKind.running,
     part: PartOption = None,
+    mosfet: MosfetOption = None,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 3e-3,
     contact: ContactOption = DEFAULT_LAW,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
@@ -94,14 +101,15 @@ def drive(
     if all("+" not in words for words in (driver, against or "")):
         refuse_idle(context, "without a matching network, such as --driver half-bridge+llcc", "match")
     check_targets(output, (".json", ".csv", ".cir") if against is None else (".json", ".csv"), plot)
-    loaded = load_changed(motor, changes)
+    of_motor, of_parts = changes_of(changes, part)
+    loaded = load_changed(motor, of_motor)
+    tone = {"voltage": voltage, "frequency": loaded.modes[-1].frequency_hz if frequency is None else frequency}
     reports: list[DriveReport] = []
     fault: pr.SimulationError | None = None
     for number, words in enumerate([driver] if against is None else [driver, against]):
-        chosen = _driver(words, voltage, loaded.modes[-1].frequency_hz if frequency is None else frequency, phase)
-        chosen = chosen.updated(_parts(part, chosen, strict=number == 0))
+        chosen = driver_of(words, tone | {"phase_deg": phase}, of_parts, mosfet, strict=number == 0)
         try:
-            with busy(f"ngspice runs the {words}"):
+            with busy(f"ngspice runs the {chosen.name}"):
                 reports.append(
                     pr.drive_report(
                         loaded,
@@ -110,7 +118,7 @@ def drive(
                         contact=law_named(contact),
                         speed=speed,
                         load_torque=load_torque,
-                        match=None if chosen.network == "none" else _STATES[match],
+                        match=None if chosen.network == "none" else MATCH_STATES[match],
                         proposals=number == 0,
                         timeout=timeout,
                         audit=audit,
@@ -134,27 +142,59 @@ def drive(
         raise fault
 
 
-def driver_of(words: str, drive: pr.TwoPhaseDrive | pr.TwoToneDrive, part: list[str] | None) -> pr.Driver:
-    """Return the driver that two-phase options and ``--part`` ask for.
+def driver_of(
+    words: str, values: Mapping[str, Any], part: list[str] | None, mosfet: str | None, *, strict: bool = True
+) -> pr.Driver:
+    """Return the driver that the options of a command ask for.
+
+    Args:
+        words: kind of the stage, and behind a + its network.
+        values: voltage, frequency and phase, as :class:`pyspice_runner.Driver` names them.
+        part: changes of parts.
+        mosfet: MOSFET of a bridge.
+        strict: whether every change and the MOSFET must suit the driver; else it takes those that do.
 
     Raises:
-        ParameterError: for a drive of two tones, which no driver makes, or a value that is not valid.
+        ParameterError: for a value that is not valid.
+    """
+    kind, plus, network = words.rpartition("+")
+    if not plus or ":" in network:  # of the name of a file
+        kind, network = words, "none"
+    changes = _parts(part)
+    stated = dict(values) | {path: value for path, value in changes.items() if "." not in path}
+    if mosfet is not None and (strict or kind.endswith("-bridge")):
+        stated["mosfet"] = mosfet
+    chosen = pr.Driver(kind=kind, network=network, **stated)
+    present = {item.label for item in chosen.parts("a")}
+    return chosen.updated(
+        {
+            path: value
+            for path, value in changes.items()
+            if "." in path and (strict or path.partition(".")[0].removesuffix("_a").removesuffix("_b") in present)
+        }
+    )
+
+
+def two_phase(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> dict[str, float]:
+    """Return voltage, frequency and phase of a drive for :func:`driver_of`.
+
+    Raises:
+        ParameterError: for a drive of two tones, which no driver makes.
     """
     if not isinstance(drive, pr.TwoPhaseDrive):
         raise pr.ParameterError("A driver makes two phases of one tone. Add --drive two-phase.")
-    chosen = _driver(words, drive.voltage, drive.frequency, drive.phase_deg)
-    return chosen.updated(_parts(part, chosen, strict=True))
+    return {"voltage": drive.voltage, "frequency": drive.frequency, "phase_deg": drive.phase_deg}
 
 
-def _driver(words: str, voltage: float, frequency: float, phase: float) -> pr.Driver:
-    kind, _, network = words.partition("+")
-    return pr.Driver(kind=kind, network=network or "none", voltage=voltage, frequency=frequency, phase_deg=phase)
+def changes_of(changes: list[str] | None, part: list[str] | None) -> tuple[list[str], list[str]]:
+    """Return what ``--set`` changes of the motor, and the changes of the driver's parts with its ``driver.…``."""
+    of_driver = [change for change in changes or [] if change.strip().startswith("driver.")]
+    return [change for change in changes or [] if change not in of_driver], [*(part or []), *of_driver]
 
 
-def _parts(changes: list[str] | None, driver: pr.Driver, *, strict: bool) -> dict[str, float]:
-    """Return the changed parameters of parts; for the second driver only those of parts that it has."""
+def _parts(changes: list[str] | None) -> dict[str, float]:
+    """Return the changed parameters."""
     values = {}
-    present = {item.label for item in driver.parts("a")}
     for change in changes or []:
         path, equals, text = change.partition("=")
         if not equals:
@@ -162,12 +202,9 @@ def _parts(changes: list[str] | None, driver: pr.Driver, *, strict: bool) -> dic
                 f"--part {change!r} is not PART.PARAMETER=VALUE; write it as bridge.dead_time=3e-7."
             )
         try:
-            value = float(text)
+            values[path.strip()] = float(text)
         except ValueError:
             raise pr.ParameterError(f"--part {path}: {text!r} is not a number. Give one, in SI units.") from None
-        label = path.strip().partition(".")[0].removesuffix("_a").removesuffix("_b")
-        if strict or label in present or "." not in path:
-            values[path.strip()] = value
     return values
 
 
@@ -202,7 +239,7 @@ def _rows(reports: list[DriveReport]) -> list[list[str]]:
 
 
 def _table(motor: pr.Motor, reports: list[DriveReport], rows: list[list[str]]) -> Table:
-    names = (report.driver["kind"] for report in reports)
+    names = (report.driver["kind"].rpartition(":")[2] for report in reports)
     table = Table(Column("quantity", overflow="fold"), *names, title=motor.name)
     for row in rows:
         table.add_row(*row)

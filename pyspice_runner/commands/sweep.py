@@ -32,7 +32,7 @@ from pyspice_runner.commands.common import (
     refuse_idle,
 )
 from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, check_contact, law_named
-from pyspice_runner.commands.drive import DRIVERS, PartOption, driver_of
+from pyspice_runner.commands.drive import DRIVERS, MosfetOption, PartOption, changes_of, driver_of, two_phase
 from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 
 if TYPE_CHECKING:
@@ -93,6 +93,7 @@ def sweep(
     ] = AnalysisKind.simulate,
     driver: Annotated[str | None, typer.Option(help=f"Drive: {DRIVERS}; default: linear.")] = None,
     part: PartOption = None,
+    mosfet: MosfetOption = None,
     distribution: Annotated[
         DistributionKind, typer.Option(help="Distribution; normal: the tolerance is three standard deviations.")
     ] = DistributionKind.uniform,
@@ -127,13 +128,15 @@ def sweep(
     if analysis is AnalysisKind.operating_point:
         refuse_idle(context, "on --analysis operating-point", "duration", "load_torque")
     if analysis is not AnalysisKind.drive:
-        refuse_idle(context, "without --analysis drive", "driver", "part")
+        refuse_idle(context, "without --analysis drive", "driver", "part", "mosfet")
     if not tolerance:
         refuse_idle(context, "without --tolerance", "distribution", "samples", "sampling", "seed")
     check_targets(output, (".nc", ".csv", ".json"), plot)
-    loaded = load_changed(motor, changes)
+    of_motor, of_parts = changes_of(changes, part) if analysis is AnalysisKind.drive else (changes, part)
+    loaded = load_changed(motor, of_motor)
     stated = drive.stated(loaded)
-    excitation = driver_of(driver or "linear", stated, part) if analysis is AnalysisKind.drive else stated
+    driven = analysis is AnalysisKind.drive
+    excitation = driver_of(driver or "linear", two_phase(stated), of_parts, mosfet) if driven else stated
     axes: dict[str, Any] = {path: grid(f"--over {path}", text) for path, text in _pairs("--over", over)}
     for path, text in _pairs("--tolerance", tolerance):
         if path in axes:

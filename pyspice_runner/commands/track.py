@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.table import Table
@@ -27,6 +27,16 @@ from pyspice_runner.commands.common import (
     refuse_idle,
 )
 from pyspice_runner.commands.contacting import DEFAULT_LAW, NONE, ContactOption, law_named
+from pyspice_runner.commands.drive import (
+    DRIVERS,
+    MATCH_STATES,
+    MatchKind,
+    MatchOption,
+    MosfetOption,
+    PartOption,
+    changes_of,
+    driver_of,
+)
 
 if TYPE_CHECKING:
     from pyspice_runner.analysis.track import Tracking
@@ -80,6 +90,12 @@ def track(
     all_drift: Annotated[
         bool, typer.Option("--all-drift", help="Couplings and capacitances drift too, by their default coefficients.")
     ] = False,
+    driver: Annotated[
+        str | None, typer.Option(help=f"Driver between tracker and motor: {DRIVERS}; default: none.")
+    ] = None,
+    match: MatchOption = MatchKind.running,
+    part: PartOption = None,
+    mosfet: MosfetOption = None,
     contact: ContactOption = DEFAULT_LAW,
     begin: Annotated[float | None, typer.Option(help="Start of the disturbance, s.")] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated time, s.")] = None,
@@ -96,9 +112,10 @@ def track(
 
     Example: piezomotor track andersen2002 --tracker pll --disturb load --plot track.png
     """
-    _refuse_idle(context, tracker, disturb)
+    _refuse_idle(context, tracker, disturb, driver)
     check_targets(output, (".json", ".csv", ".cir"), plot)
-    loaded = load_changed(motor, changes)
+    of_motor, of_parts = changes_of(changes, part) if driver else (changes, part)
+    loaded = load_changed(motor, of_motor)
     values = {
         "kind": tracker.value, "voltage": voltage, "ratio_b": ratio_b, "phase_deg": phase, "span": span,
         "offset": (0.03 if disturb is DisturbName.start else 0.0) if offset is None else offset, "target_deg": target,
@@ -110,10 +127,19 @@ def track(
 
         resonance = running_resonance(loaded, chosen, contact=contact != NONE)
         chosen = pr.Tracker(frequency=resonance.resonance_hz, **values)
+    through = driver and driver_of(
+        driver,
+        {"voltage": voltage, "ratio_b": ratio_b, "phase_deg": phase, "frequency": chosen.frequency},
+        of_parts,
+        mosfet,
+    )
     with busy(f"ngspice runs the tracker {tracker.value}"):
+        if through and through.network != "none" and (state := MATCH_STATES[match]):
+            through = _matched(loaded, through, state, contact, timeout)
         found = pr.track(
             loaded,
             chosen,
+            driver=through or None,
             disturb=disturb.value,
             contact=law_named(contact),
             begin=begin,
@@ -145,8 +171,12 @@ _OF_DISTURBANCES = {
 }
 
 
-def _refuse_idle(context: typer.Context, tracker: TrackerName, disturb: DisturbName) -> None:
-    """Refuse options of another tracker and of another disturbance."""
+def _refuse_idle(context: typer.Context, tracker: TrackerName, disturb: DisturbName, driver: str | None) -> None:
+    """Refuse options of another tracker, of another disturbance and of a driver that is not there."""
+    if driver is None:
+        refuse_idle(context, "without --driver", "match", "part", "mosfet")
+    elif "+" not in driver:
+        refuse_idle(context, "without a matching network, such as --driver half-bridge+llcc", "match")
     for names, trackers in _OF_TRACKERS.items():
         if tracker not in trackers:
             refuse_idle(context, f"on --tracker {tracker.value}", *names)
@@ -155,12 +185,28 @@ def _refuse_idle(context: typer.Context, tracker: TrackerName, disturb: DisturbN
             refuse_idle(context, f"on --disturb {disturb.value}", *names)
 
 
+def _matched(
+    motor: pr.Motor,
+    driver: pr.Driver,
+    state: Literal["free", "preloaded", "running"],
+    contact: str,
+    timeout: float | None,
+) -> pr.Driver:
+    """Return a driver whose network is matched to the motor at its frequency."""
+    from pyspice_runner.analysis.matching import propose_matching
+
+    matching = propose_matching(motor, driver, state=state, contact=law_named(contact), timeout=timeout)
+    return matching.applied(driver)
+
+
 def _table(motor: pr.Motor, found: Tracking) -> Table:
     remark = ", not settled" if found.settled is False else ""
     table = Table("quantity", "value", title=f"{motor.name}: {found.settings['tracker']['kind']}")
     tracker = found.settings["tracker"]
     volts = f"A {tracker['voltage']:g} V, B {tracker['voltage'] * tracker['ratio_b']:g} V at {tracker['phase_deg']:g}°"
     table.add_row("drive", f"{volts}, about {engineering(tracker['frequency'], 'Hz')}")
+    if found.settings["driver"]:
+        table.add_row("driver", found.settings["driver"]["label"])
     table.add_row("locked", "yes" if found.locked else "no")
     table.add_row("lock time", "–" if found.lock_time_s is None else engineering(found.lock_time_s, "s"))
     table.add_row("phase error, RMS", f"{found.rms_phase_error_deg:.3g}°")

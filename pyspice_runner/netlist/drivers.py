@@ -4,19 +4,20 @@
     control --> power stage (--> transformer) --> network --> group
 
 The parts are the libraries ``behavioral/driver_*.lib``. Their parameters, with unit, default and range, are stated in
-the libraries' headers and nowhere else: :attr:`Driver.settings` names them as ``PART.PARAMETER``.
+the libraries' headers and nowhere else: :attr:`Driver.settings` names them as ``PART.PARAMETER``. The power stage, or
+the MOSFETs of a bridge, may be a subcircuit of the user's own (:mod:`.own_device`).
 """
 
 from __future__ import annotations
 
 import difflib
 from cmath import rect
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi, radians, sqrt
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.errors import ParameterError
@@ -27,14 +28,19 @@ from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD, UNIFORM_POI
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.library import Library, definitions, read_library
 from pyspice_runner.netlist.motor import instantiate
+from pyspice_runner.netlist.own_device import DRIVEN, MOSFET, is_reference, read_driver, read_mosfet
 
 DriverKind = Literal["ideal", "linear", "half-bridge", "full-bridge"]
 NetworkKind = Literal["none", "inductor", "llcc"]
 
 GROUPS = ("a", "b")
+RAILS = ("vp", "vn")  # supply pins
 HIGHEST_RAILS = 180.0  # V between the rails of a bridge: nine tenths of the transistors' breakdown voltage
+IRF610 = "IRF610"  # the built-in MOSFET
+HEADROOM = 3.0  # V between an amplifier's output and its rails, if it does not state another one
 LARGEST_DEAD_TIME = 0.2  # of a period; a quarter leaves each transistor no time to conduct at all
-_STAGES: dict[DriverKind, tuple[str, str]] = {
+_OWN = "driver"  # what the user's own stage is called
+_STAGES: dict[str, tuple[str, str]] = {
     "linear": ("amplifier", "driver_amplifier"),
     "half-bridge": ("bridge", "driver_half_bridge"),
     "full-bridge": ("bridge", "driver_full_bridge"),
@@ -43,6 +49,7 @@ _NETWORKS: dict[NetworkKind, tuple[str, str]] = {
     "inductor": ("inductor", "driver_inductor"),
     "llcc": ("llcc", "driver_llcc"),
 }
+_INSTANCES = {"amplifier": "stage", "bridge": "stage", _OWN: "stage", "inductor": "network", "llcc": "network"}
 
 # Switching edges: ngspice chooses the steps. Its error control weighs charges against reltol; with the currents' own
 # tolerance of 1 pA Newton's iteration fails in steps of a picosecond, where round-off alone is more than that.
@@ -79,7 +86,9 @@ class Driver(Stated):
         ParameterError: by the constructor, for an invalid value.
     """
 
-    kind: DriverKind = Field(description="power stage")
+    kind: str = Field(
+        description="power stage: ideal, linear, half-bridge, full-bridge, or FILE:NAME of the user's own subcircuit"
+    )
     voltage: float = quantity("amplitude of the stage's fundamental, group A", "V", ge=0.1, le=1000.0)
     frequency: float = quantity("frequency", "Hz", ge=1e3, le=5e5)
     phase_deg: float = quantity("phase of group B ahead of group A", "°", default=90.0, ge=-360.0, le=360.0)
@@ -94,10 +103,29 @@ class Driver(Stated):
         le=2000.0,
     )
     supply_rise_s: float = quantity("rise time of the supply at power-up", "s", default=20e-6, ge=1e-6, le=1e-2)
+    mosfet: str = Field(
+        default=IRF610, description="MOSFET of a bridge: IRF610, or FILE:NAME of a .subckt or .model of the user's own"
+    )
     settings: dict[str, float] = Field(default_factory=dict, description="parameters of the parts, by PART.PARAMETER")
+    _stage: Library | None = PrivateAttr(None)  # the user's own files as they were when the driver was made
+    _transistor: Library | None = PrivateAttr(None)
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
+        if is_reference(self.kind):
+            self._stage = read_driver(self.kind)
+        elif self.kind not in get_args(DriverKind):
+            raise ParameterError(
+                f"Driver: kind = {quoted(self.kind)} is not valid: it must be {', '.join(get_args(DriverKind))} or "
+                "FILE:NAME of a subcircuit."
+            )
+        if is_reference(self.mosfet):
+            self._transistor = read_mosfet(self.mosfet)
+        elif self.mosfet != IRF610:
+            raise ParameterError(
+                f"Driver: mosfet = {quoted(self.mosfet)} is not valid: it must be {IRF610} or FILE:NAME of a .subckt "
+                "or .model."
+            )
         self._check()
 
     def _check(self) -> None:
@@ -105,8 +133,14 @@ class Driver(Stated):
             self._check_setting(path)
         for group in GROUPS:
             self.parts(group)
+        if self._stage:
+            self._check_gain()
+        if self._transistor and not any(MOSFET in part.library.needs for part in self.parts("a")):
+            raise ParameterError(
+                f"Driver: mosfet has no effect on a {self.name}. Leave it out, or choose a half-bridge or full-bridge."
+            )
         if self.kind in ("half-bridge", "full-bridge"):
-            for group in GROUPS:
+            for group in GROUPS if self._transistor is None else ():
                 high, low = self.rails(group)
                 if high - low > HIGHEST_RAILS:
                     raise ParameterError(
@@ -121,10 +155,47 @@ class Driver(Stated):
                     f"most a fifth of a period, {longest:.3g} s."
                 )
 
+    def _check_gain(self) -> None:
+        """Check the gain of the user's own stage, by which the control is divided."""
+        for group in GROUPS:
+            gain = self.parts(group)[0].values.get("gain", 1.0)
+            if gain <= 0.0:
+                raise ParameterError(
+                    f"Driver: driver.gain = {gain:g} is not valid: it must be > 0, since the control is the voltage "
+                    "over the gain."
+                )
+
+    @property
+    def name(self) -> str:
+        """The power stage: its kind, or the name of the user's own subcircuit."""
+        return self.kind.rpartition(":")[2]
+
+    @property
+    def own(self) -> bool:
+        """Whether the stage is a subcircuit of the user's own."""
+        return self._stage is not None
+
+    @property
+    def own_text(self) -> str:
+        """The subcircuits of the user's own, for a netlist."""
+        return "\n".join(library.subcircuit for library in (self._stage, self._transistor) if library)
+
+    @property
+    def supplied(self) -> bool:
+        """Whether the stage has supply pins, so that its supply power is known."""
+        if self._stage:
+            return bool({*RAILS} & {*self._stage.pin_names})
+        return self.kind != "ideal"
+
+    @property
+    def controlled(self) -> bool:
+        """Whether the stage follows a control voltage; else it has an oscillator of its own."""
+        return self._stage is None or "in" in self._stage.pin_names
+
     @property
     def switched(self) -> bool:
-        """Whether there are switching edges, so that the steps of a run cannot be uniform."""
-        return self.kind in ("half-bridge", "full-bridge")
+        """Whether there may be switching edges, so that the steps of a run cannot be uniform."""
+        return self.own or self.kind in ("half-bridge", "full-bridge")
 
     @property
     def period(self) -> float:
@@ -166,7 +237,7 @@ class Driver(Stated):
         """What a figure's caption says of the driver."""
         network = "" if self.network == "none" else f" with {self.network}"
         return (
-            f"{self.kind}{network}, {self.voltage:.4g} V at {self.frequency / 1e3:.6g} kHz, {self.phase_deg:.4g}° apart"
+            f"{self.name}{network}, {self.voltage:.4g} V at {self.frequency / 1e3:.6g} kHz, {self.phase_deg:.4g}° apart"
         )
 
     def amplitude(self, group: str) -> float:
@@ -181,13 +252,15 @@ class Driver(Stated):
         """Return the voltages in V of the upper and the lower rail; both 0 for ideal sources."""
         if self.kind == "ideal":
             return 0.0, 0.0
+        if self._stage:
+            high, low = (self._own_rail(group) if rail in self._stage.pin_names else 0.0 for rail in RAILS)
+            return high, -low
         if self.kind == "full-bridge":
             return self.supply_v or self._bridge_fundamental(group) * pi / 4.0, 0.0
         if self.kind == "half-bridge":
             rail = self.supply_v or self._bridge_fundamental(group) * pi / 4.0
         else:
-            headroom = self._setting("amplifier", "headroom", group, 3.0)
-            rail = self.supply_v or 1.1 * max(self.amplitude("a"), self.amplitude("b")) + headroom + 2.0
+            rail = self.supply_v or self._amplifier_rail(self._setting("amplifier", "headroom", group, HEADROOM))
         return rail, -rail
 
     def updated(self, changes: Mapping[str, Any]) -> Driver:
@@ -224,8 +297,10 @@ class Driver(Stated):
 
     def parts(self, group: str) -> tuple[Part, ...]:
         """Return the chain of one group, from the stage to the pin."""
-        chain: list[tuple[str, str]] = []
-        if self.kind in _STAGES:
+        chain: list[tuple[str, str | Library]] = []
+        if self._stage:
+            chain.append((_OWN, self._stage))
+        elif self.kind in _STAGES:
             chain.append(_STAGES[self.kind])
         if self.kind == "full-bridge":
             chain.append(("transformer", "driver_transformer"))
@@ -272,22 +347,31 @@ class Driver(Stated):
         """Return the driver and every parameter of its parts, JSON-ready."""
         document = self.model_dump(exclude={"settings"})
         document["label"] = self.label
+        document["supplied"] = self.supplied
         document["rails_v"] = {group: list(self.rails(group)) for group in GROUPS}
         document["parts"] = {group: {part.label: part.values for part in self.parts(group)} for group in GROUPS}
         return document
 
-    def _part(self, label: str, name: str, group: str) -> Part:
-        library = read_library(name)
+    def libraries(self) -> list[Library]:
+        """Return the libraries of all parts; the user's own MOSFET stands before those that need one."""
+        parts = [part.library for group in GROUPS for part in self.parts(group)]
+        return [self._transistor, *parts] if self._transistor else parts
+
+    def _part(self, label: str, part: str | Library, group: str) -> Part:
+        library = part if isinstance(part, Library) else read_library(part)
         values = {
             parameter.name: self._setting(label, parameter.name, group, parameter.default)
             for parameter in library.parameters
         }
+        if label == _OWN:
+            phase_deg = self.phase_deg if group == "b" else 0.0
+            driven = dict(zip(DRIVEN, (self.amplitude(group), self.frequency, phase_deg), strict=True))
+            values |= {name: value for name, value in driven.items() if name in values}
         try:
             library.check(**values)
         except ParameterError as error:
             raise ParameterError(f"Driver: {label} of group {group.upper()}: {error}") from None
-        instance = {"amplifier": "stage", "bridge": "stage", "inductor": "network", "llcc": "network"}.get(label, label)
-        return Part(f"{instance}_{group}", label, group, library, values)
+        return Part(f"{_INSTANCES.get(label, label)}_{group}", label, group, library, values)
 
     def _setting(self, label: str, name: str, group: str, default: float) -> float:
         for path in (f"{label}_{group}.{name}", f"{label}.{name}"):
@@ -302,12 +386,29 @@ class Driver(Stated):
         plain = label[:-2] if label[-2:] in ("_a", "_b") else label
         if plain not in present:
             labels = ", ".join(present) or "none"
-            raise ParameterError(f"Driver: there is no part {quoted(label)} in this {self.kind}; its parts: {labels}.")
+            raise ParameterError(f"Driver: there is no part {quoted(label)} in this {self.name}; its parts: {labels}.")
+        if plain == _OWN and name in DRIVEN:
+            raise ParameterError(f"Driver: {path} follows from the driver's voltage, frequency and phase. Set these.")
         known = [parameter.name for parameter in present[plain].library.parameters]
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1)
             hint = f"Did you mean {close[0]!r}?" if close else f"It has {', '.join(known)}."
             raise ParameterError(f"Driver: the {plain} has no parameter {quoted(name)}. {hint}")
+
+    def _amplifier_rail(self, headroom: float) -> float:
+        """Return the rail in V that an amplifier needs for the larger of both amplitudes, with a margin."""
+        return 1.1 * max(self.amplitude("a"), self.amplitude("b")) + headroom + 2.0
+
+    def _own_rail(self, group: str) -> float:
+        """Return a rail in V of the user's own stage: like the built-in amplifier's if it has a gain or an amplitude.
+
+        Otherwise it is that of a half bridge. One rail alone gives the voltage of two.
+        """
+        stage = self.parts(group)[0]
+        amplifies = {"gain", "amplitude"} & {*stage.values}
+        headroom = stage.values.get("headroom", HEADROOM)
+        rail = self._amplifier_rail(headroom) if amplifies else self.amplitude(group) * pi / 4.0
+        return self.supply_v or (rail if {*RAILS} <= {*stage.library.pin_names} else 2.0 * rail)
 
     def _bridge_fundamental(self, group: str) -> float:
         """Return the fundamental in V that a rail of 4/π times that gives, before the transformer and its width."""
@@ -328,7 +429,8 @@ def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, sou
         source: whether to add the control source; without it the controls ``control_a``, ``control_b`` (1 V amplitude
             for a bridge, the voltage over the gain for a linear amplifier) are left to others.
     """
-    libraries = [part.library for group in GROUPS for part in driver.parts(group)]
+    libraries = driver.libraries()
+    source = source and driver.controlled
     if source:
         libraries.insert(0, read_library("driver_source"))
     circuit.raw_spice += definitions(*libraries) + "\n"
@@ -344,32 +446,33 @@ def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, sou
 
 
 def control_amplitude(driver: Driver, group: str) -> float:
-    """Return the amplitude in V of a control: that of the output for ideal sources, 1 V for a bridge."""
+    """Return the amplitude in V of a control: the voltage over the gain of a stage that has one, else 1 V.
+
+    For ideal sources it is the voltage itself.
+    """
     if driver.kind == "ideal":
         return driver.amplitude(group)
-    if driver.kind == "linear":
-        return driver.amplitude(group) / driver.parts(group)[0].values["gain"]
-    return 1.0
+    gain = driver.parts(group)[0].values.get("gain")
+    return driver.amplitude(group) / gain if gain else 1.0
 
 
 def _add_channel(circuit: Circuit, driver: Driver, group: str, pin: str) -> None:
     ground = circuit.gnd
     rest = list(driver.parts(group))
     line = f"control_{group}"
-    if driver.kind in _STAGES:
+    if driver.kind != "ideal":
         stage = rest.pop(0)
-        for rail, volts in zip(("vp", "vn"), driver.rails(group), strict=True):
+        pins = stage.library.pin_names
+        for rail, volts in zip(RAILS, driver.rails(group), strict=True):
             ramp = f"PWL(0 0 {driver.supply_rise_s!r} {volts!r})" if volts else "DC 0"
-            circuit.V(f"{rail}_{group}", f"{rail}_{group}", ground, ramp)
-        inputs: Sequence[str | int] = (f"control_{group}", ground)
-        rails = (f"vp_{group}", f"vn_{group}")
+            if rail in pins:
+                circuit.V(f"{rail}_{group}", f"{rail}_{group}", ground, ramp)
         line = f"out_{group}"
-        nodes = {
-            "linear": (inputs[0], line, ground, *rails),
-            "half-bridge": (*inputs, line, *rails),
-            "full-bridge": (*inputs, line, f"return_{group}", *rails),
-        }[driver.kind]
-        instantiate(circuit, stage.instance, stage.library, nodes, **stage.values)
+        nodes: dict[str, str | int] = {
+            "in": f"control_{group}", "com": ground, "out": line, "out_p": line, "out_n": f"return_{group}",
+            **{rail: f"{rail}_{group}" for rail in RAILS},
+        }  # fmt: skip
+        instantiate(circuit, stage.instance, stage.library, [nodes[pin] for pin in pins], **stage.values)
     circuit.V(f"out_{group}", line, f"line_{group}", "DC 0")
     line = f"line_{group}"
     for part in rest:

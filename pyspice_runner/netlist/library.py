@@ -70,6 +70,11 @@ class Library:
     stores: tuple[tuple[str, str], ...] = ()
     needs: tuple[str, ...] = ()
 
+    @property
+    def pin_names(self) -> tuple[str, ...]:
+        """Names of the pins, in their order."""
+        return tuple(pin.name for pin in self.pins)
+
     def check(self, **values: float) -> dict[str, float]:
         """Return the values if each is a known parameter within its range.
 

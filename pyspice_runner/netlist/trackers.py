@@ -243,8 +243,12 @@ class TrackedSource:
         return float((time[late][-1] - time[late][0]) / np.trapezoid(tuned[late], time[late]))
 
     def check(self, motor: Motor) -> None:
-        """Raise a ParameterError if no group drives the mode."""
+        """Raise a ParameterError if no group drives the mode, or the driver cannot follow the oscillator."""
         weights(motor, self.mode)
+        if self.driver and not self.driver.controlled:
+            raise ParameterError(
+                f"The driver {self.driver.name} has no pin in, so that no tracker can set its frequency. Add the pin."
+            )
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
         """Return ngspice's options: behind switching edges those of the driver."""

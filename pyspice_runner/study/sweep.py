@@ -37,6 +37,7 @@ from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import as_number, checked, quoted, unit_of
+from pyspice_runner.netlist.contact import Law, is_own
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.library import data_path
 from pyspice_runner.netlist.sources import Excitation, updated
@@ -221,7 +222,7 @@ class _Task:
             "functions": {name: _identity(function) for name, function in self.functions.items()},
             "motor": self.motor.to_dict(),
             "drive": _drive(self.drive),
-            "run": {name: value for name, value in self.run.items() if name != "timeout"},
+            "run": {name: value for name, value in self.run.items() if name != "timeout"} | _law(self.run),
             "versions": self.versions,
         }
 
@@ -537,7 +538,18 @@ def _unit(name: str) -> str:
 
 
 def _drive(drive: Excitation) -> dict[str, Any]:
-    return {"kind": type(drive).__name__, **drive.model_dump()}
+    own = {"own_sha256": _sha256(drive.own_text)} if isinstance(drive, Driver) and drive.own_text else {}
+    return {"kind": type(drive).__name__, **drive.model_dump(), **own}
+
+
+def _law(run: Mapping[str, Any]) -> dict[str, str]:
+    """Return the hash of a contact law of the user's own, whose file may change while its name stays."""
+    contact = run.get("contact")
+    return {"contact_sha256": _sha256(Law(str(contact)).library.subcircuit)} if is_own(contact) else {}
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 @cache
@@ -555,7 +567,7 @@ def _identity(function: Callable[..., Any]) -> dict[str, str]:
         raise ParameterError(f"{quoted(function)} is not valid: workers need a function with a name in a module.")
     return {
         "function": f"{function.__module__}.{function.__qualname__}",
-        "sha256": hashlib.sha256(text.encode()).hexdigest(),
+        "sha256": _sha256(text),
     }
 
 

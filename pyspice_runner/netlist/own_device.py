@@ -1,0 +1,291 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A driver or a MOSFET of the user's own: ``FILE:NAME``, a ``.subckt`` or ``.model`` in a SPICE library.
+
+Only NAME and what it refers to in the same file come into a netlist. ``docs/drive.md`` says which pins and parameters
+they have; :mod:`.own_file` says what is taken from the file.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.refusal import quoted
+from pyspice_runner.netlist.library import Library, LibraryParameter
+from pyspice_runner.netlist.own_file import OwnFile, Rules, Statement, read_bytes, short, words_of
+
+DRIVER = "driver_own"  # name of the subcircuit in a netlist
+MOSFET = "driver_mosfet"  # that of the part of the bridges that it replaces
+#: parameters of a driver that the package sets where the driver declares them
+DRIVEN = ("amplitude", "frequency", "phase_deg")
+_NEEDED = ("out", "com")
+_PINS = ("in", *_NEEDED, "vp", "vn")
+_MOST_BYTES = 1 << 22  # manufacturers' libraries have hundreds of parts
+_TYPES = ("D", "SW", "CSW", "NMOS", "PMOS", "VDMOS", "NPN", "PNP", "NJF", "PJF", "R", "RES", "C", "CAP", "L", "IND")
+_RULES = Rules("device", "RLCVIEFGHBDKSWMQJTX", _TYPES, MOSFET)
+_POWERS = {"losses": "loss", "feeds": "feed", "stores": "store"}
+_DEEPEST = 20  # subcircuits within subcircuits
+_WITH_MODEL = "DSWMQJ"  # elements that need a .model
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,59}")
+_DRAIN_GATE_SOURCE = ({"d", "drain"}, {"g", "gate"}, {"s", "source"})
+
+
+class Reference(NamedTuple):
+    """``FILE:NAME``."""
+
+    path: str
+    name: str
+
+
+def is_reference(text: str) -> bool:
+    """Return whether a text is meant as ``FILE:NAME``."""
+    return ":" in text
+
+
+def read_driver(text: str) -> Library:
+    """Read a driver: a subcircuit with the pins ``out`` and ``com``, and any of ``in``, ``vp`` and ``vn``.
+
+    Args:
+        text: ``FILE:NAME``.
+
+    Raises:
+        ParameterError: for a file that cannot be read or used; the message names the line.
+    """
+    reference = _reference(text, "driver")
+    return _Devices(reference.path, _text(reference.path, "driver library")).driver(reference.name)
+
+
+def read_mosfet(text: str) -> Library:
+    """Read an n-channel MOSFET: a subcircuit with the pins drain, gate, source, or a model of type NMOS or VDMOS.
+
+    Args:
+        text: ``FILE:NAME``.
+
+    Raises:
+        ParameterError: for a file that cannot be read or used; the message names the line.
+    """
+    reference = _reference(text, "mosfet")
+    return _Devices(reference.path, _text(reference.path, "MOSFET library")).mosfet(reference.name)
+
+
+def _reference(text: str, what: str) -> Reference:
+    path, _, name = text.rpartition(":")
+    if not (path and _NAME.fullmatch(name)):
+        raise ParameterError(
+            f"{what} = {quoted(text)} is not valid: it must be FILE:NAME, with a NAME of letters, digits and _ . + -."
+        )
+    return Reference(path, name)
+
+
+def _text(path: str, what: str) -> str:
+    """Return a file's text; characters that are not ASCII are an error only where a simulator would read them."""
+    return read_bytes(path, what, _MOST_BYTES).decode("ascii", errors="replace")
+
+
+@dataclass
+class _Block:
+    """One subcircuit of a file.
+
+    Attributes:
+        begin: number of its first line.
+        first: its first line.
+        name: its name as it is written.
+        pins: in lower case.
+        parameters: words ``name=value`` of the first line.
+        body: what stands between the first and the last line.
+        header: the text from the end of the subcircuit before to its own end.
+    """
+
+    begin: int
+    first: str
+    name: str
+    pins: tuple[str, ...]
+    parameters: list[str]
+    body: list[Statement] = field(default_factory=list)
+    header: str = ""
+
+
+class _Devices(OwnFile):
+    """Reads one library; subcircuits and models that stand outside of them, each by its name in lower case."""
+
+    def __init__(self, path: str, text: str) -> None:
+        super().__init__(path, text, _RULES)
+        self._blocks: dict[str, _Block] = {}
+        self._models: dict[str, Statement] = {}
+        self._sort()
+
+    def driver(self, name: str) -> Library:
+        """Return a driver as a library whose subcircuit is called :data:`DRIVER`."""
+        block = self._block(name)
+        self._header, pins = block.header, block.pins
+        if not set(_NEEDED) <= set(pins) <= set(_PINS) or len(set(pins)) < len(pins):
+            self._fail(
+                block.begin,
+                f"the pins of {block.name} are {' '.join(pins) or 'missing'}; they must be out and com, "
+                "and may be in, vp and vn besides, in any order",
+            )
+        parameters = self._parameters(block.begin, block.parameters)
+        declared = {parameter.name for parameter in parameters}
+        missing = [] if "in" in pins else [parameter for parameter in DRIVEN if parameter not in declared]
+        if missing:
+            self._fail(
+                block.begin,
+                f"the parameters {', '.join(missing)} are missing; the package sets them in a driver without a pin in",
+            )
+        text, needs = self._netlist(block, DRIVER, pins, parameters)
+        powers = {name: self._powers(kind, text) for name, kind in _POWERS.items()}
+        return self._library(DRIVER, block.name, pins, parameters, text, needs, **powers)
+
+    def mosfet(self, name: str) -> Library:
+        """Return a MOSFET as a library that replaces :data:`MOSFET`; its parameters keep their defaults."""
+        if name.lower() in self._models and name.lower() not in self._blocks:
+            text = self._wrapped(name)
+            return self._library(MOSFET, name, ("d", "g", "s"), (), text, ())
+        block = self._block(name)
+        self._header, pins = block.header, block.pins
+        if len(pins) != 3 or len(set(pins)) < 3:
+            self._fail(
+                block.begin,
+                f"the pins of {block.name} are {' '.join(pins) or 'missing'}; they must be three: drain gate source",
+            )
+        named = [[pin for pin in pins if pin in names] for names in _DRAIN_GATE_SOURCE]
+        ordered = tuple(pin for one in named for pin in one)
+        text, needs = self._netlist(block, MOSFET, ordered if len(ordered) == 3 else pins, ())
+        if needs:
+            self._fail(block.begin, f"{block.name} needs {needs[0]}, which is not a part of a MOSFET")
+        return self._library(MOSFET, block.name, ("d", "g", "s"), (), text, needs)
+
+    def _sort(self) -> None:
+        """Sort the file's lines into subcircuits and models; there is nothing else outside of subcircuits."""
+        inside: _Block | None = None
+        ended = 0
+        for line, text in self._statements:
+            keyword, *words = words_of(text)
+            if keyword.lower() == ".ends":
+                if inside is None or (words and words[0].lower() != inside.name.lower()):
+                    self._fail(line, f"{short(text)} does not end a subcircuit; write .subckt NAME and .ends NAME")
+                inside.header = "\n".join(self._text.split("\n")[ended:line])
+                inside, ended = None, line
+            elif keyword.lower() == ".subckt":
+                if inside:
+                    self._fail(line, f"{short(text)} is inside of .subckt {inside.name}; move it out of there")
+                inside = self._begun(line, text, words)
+            elif inside:
+                inside.body.append((line, text))
+            else:
+                self._outside(line, text, words)
+        if inside:
+            self._fail(inside.begin, f".subckt {inside.name} has no .ends")
+
+    def _begun(self, line: int, text: str, words: list[str]) -> _Block:
+        """Return the subcircuit that begins with a line."""
+        name = words[0] if words else ""
+        self._check_name(line, name, self._blocks)
+        pins = tuple(word.lower() for word in words[1:] if "=" not in word)
+        block = _Block(line, text, name, pins, [word for word in words[1:] if "=" in word])
+        self._blocks[name.lower()] = block
+        return block
+
+    def _outside(self, line: int, text: str, words: list[str]) -> None:
+        """Keep a model that stands outside of subcircuits."""
+        if re.match(r"\.model\s+\S", text, re.I):
+            self._check_name(line, words[0], self._models)
+            self._models[words[0].lower()] = (line, text)
+        elif text.lower() != ".end":
+            self._fail(line, f"{short(text)} is outside of a subcircuit; only .subckt and .model are read there")
+
+    def _check_name(self, line: int, name: str, others: Collection[str]) -> None:
+        if not _NAME.fullmatch(name):
+            self._fail(line, f"the name {short(name)} is not valid: it must be at most 60 letters, digits and _ . + -")
+        if name.lower() in others:
+            self._fail(line, f"{name} is defined twice")
+
+    def _block(self, name: str) -> _Block:
+        block = self._blocks.get(name.lower())
+        if block is None:
+            known = [one.name for one in self._blocks.values()]
+            listed = f"{', '.join(known[:8])}{', …' if len(known) > 8 else ''}"
+            has = f"It has {listed}." if known else "It has none."
+            raise ParameterError(f"{self._path}: there is no .subckt {name}. {has}")
+        return block
+
+    def _wrapped(self, name: str) -> str:
+        """Return a subcircuit around a model."""
+        line, text = self._models[name.lower()]
+        self._check(line, text, (), ())
+        kind = re.match(r"\.model\s+\S+\s+(\w+)", text, re.I)
+        if kind is None or kind.group(1).upper() not in ("NMOS", "VDMOS") or re.search(r"\bpchan\b", text, re.I):
+            self._fail(line, f"{short(text)} is not valid: the type must be NMOS or VDMOS, of n-channel")
+        bulk = "" if kind.group(1).upper() == "VDMOS" else " s"
+        return f".subckt {MOSFET} d g s\nMswitch d g s{bulk} {name}\n{text}\n.ends {MOSFET}"
+
+    def _netlist(
+        self, block: _Block, name: str, pins: Sequence[str], parameters: tuple[LibraryParameter, ...]
+    ) -> tuple[str, tuple[str, ...]]:
+        """Return a subcircuit and those that it consists of, and what these need of ``behavioral/``.
+
+        A subcircuit gets a copy of the models outside that it refers to, and its parts are called after it, so that
+        nothing clashes with the rest of a netlist.
+        """
+        allowed = {*self._blocks, *self._needs()}
+        written: dict[str, str] = {}
+        needs: set[str] = set()
+
+        def write(one: _Block, called: str, head: str, depth: int) -> None:
+            if depth > _DEEPEST:
+                self._fail(one.begin, f"{one.name} contains itself, or stands too deep in other subcircuits")
+            lines = [f".subckt {called} {head}"]
+            for _, text in self._checked(one, allowed):
+                part = self._part(text) if text[0] in "xX" else ""
+                if part in self._blocks:
+                    inner, deeper = self._blocks[part], f"{name}_{part}"
+                    lines.append(_renamed(text, deeper))
+                    if deeper not in written:
+                        write(inner, deeper, " ".join([*inner.pins, *inner.parameters]), depth + 1)
+                else:
+                    lines.append(text)
+                    needs.update([part] if part else [])
+            written[called] = "\n".join([*lines, f".ends {called}"])
+
+        values = [f"{parameter.name}={parameter.default!r}" for parameter in parameters] or block.parameters
+        write(block, name, " ".join([*pins, *values]), 0)
+        return "\n".join(written.values()), tuple(sorted(needs))
+
+    def _checked(self, block: _Block, allowed: Collection[str]) -> list[Statement]:
+        """Return the lines of a subcircuit, and of the models outside that it refers to, each of them checked."""
+        known = {word.partition("=")[0].lower() for word in block.parameters}
+        self._check_text(block.begin, block.first, known)
+        if not all(re.fullmatch(r"[\w.+-]{1,60}", word, re.A) for word in (*block.pins, *known)):
+            self._fail(block.begin, f"{short(block.first)} has a name with other characters than letters, digits, _.+-")
+        local = {words_of(text)[1].lower() for _, text in block.body if re.match(r"\.model\s+\S", text, re.I)}
+        models: set[str] = set()
+        for line, text in block.body:
+            known |= self._check(line, text, known, allowed)
+            words = set() if text[0] == "." else set(re.split(r"[\s()=,]+", text.lower()))
+            if text[0].upper() in _WITH_MODEL and not words & {*local, *self._models}:
+                self._fail(line, f"the model of {text.split()[0]} is not in the file; add its .model")
+            models |= (words & set(self._models)) - local
+        for model in sorted(models):
+            self._check(*self._models[model], known, ())
+        return [*block.body, *(self._models[model] for model in sorted(models))]
+
+    def _powers(self, kind: str, netlist: str) -> tuple[tuple[str, str], ...]:
+        """Return name and meaning of every ``LOSS``, ``FEED`` or ``STORE`` line, each of which has its node."""
+        found = re.findall(rf"^\* {kind.upper()} +(\S+) +(.+)$", self._header, re.M)
+        for name, _ in found:
+            if not re.fullmatch(r"[a-z]\w{0,39}", name, re.A) or not re.search(rf"\b{kind}_{name}\b", netlist):
+                node = short(f"{kind}_{name}")
+                raise ParameterError(
+                    f"{self._path}: {kind.upper()} {short(name)} has no node {node} in the subcircuit."
+                )
+        return tuple(found)
+
+
+def _renamed(text: str, name: str) -> str:
+    """Return an X line that instantiates a subcircuit by another name."""
+    words = words_of(text)
+    place = max(index for index, word in enumerate(words) if "=" not in word)
+    return " ".join([*words[:place], name, *words[place + 1 :]])

@@ -1,0 +1,251 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""SPICE files of the user's own: contact laws (:mod:`.own_law`), drivers and MOSFETs (:mod:`.own_device`).
+
+The file comes from outside and its text goes into netlists, so that only circuit elements are taken from it: no control
+language, no files, no code models.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NoReturn
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.netlist.library import (
+    PREFIX,
+    Library,
+    LibraryParameter,
+    Pin,
+    header_parameters,
+    library_names,
+    number,
+)
+
+Statement = tuple[int, str]  # number of its first line in the file, and its text with the continued lines
+_FUNCTIONS = frozenset(
+    re.findall(
+        r"\w+",
+        "abs acos asin atan ceil cos cosh exp floor int ln log log10 max min pow pwr sgn sin sinh sqrt tan tanh",
+    )
+)
+_FREE = frozenset(["pi", "temper", "time"])  # names that every expression may read
+_UNIT = re.compile(r"[\w/*^().%-]{1,20}")  # of a PAR line; it stands beside axes
+_LONGEST = 4096  # characters of a line
+_NO_FILES = {r"file|[`\"\\]": "a {what} reads no files and needs no quotes"}
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What is taken from a file.
+
+    Attributes:
+        what: the file's purpose in one word, for messages.
+        elements: first letters of the elements. A and N, which may run code, are never among them.
+        models: types of ``.model``.
+        usual: the part of ``behavioral/`` that such a file usually needs, for messages.
+        forbidden: further patterns that no line may have, and why.
+    """
+
+    what: str
+    elements: str = "RLCVIEFGHBDKSX"
+    models: tuple[str, ...] = ("D", "SW", "CSW")
+    usual: str = f"{PREFIX}_normal"
+    forbidden: Mapping[str, str] = field(default_factory=dict)
+
+
+def read_bytes(path: str, what: str, most: int) -> bytes:
+    """Read a regular file.
+
+    Args:
+        path: the file.
+        what: what it is, for messages, such as ``"contact law"``.
+        most: its greatest size in bytes.
+
+    Raises:
+        ParameterError: for a file that cannot be read or is larger.
+    """
+    shown = repr(path if len(path) <= 200 else f"{path[:197]}...")
+    file = Path(path)
+    try:
+        if not file.is_file():
+            raise ParameterError(f"The {what} {shown} is not a file. Give the path of a .lib file.")
+        with file.open("rb") as stream:
+            data = stream.read(most + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ParameterError(f"The {what} {shown} cannot be read: {reason}.") from None
+    if len(data) > most:
+        raise ParameterError(f"The {what} {shown} is larger than {most >> 10} KiB. Shorten it.")
+    return data
+
+
+class OwnFile:
+    """The text of one file, checked statement by statement.
+
+    Args:
+        path: of the file, for messages.
+        text: its text.
+        rules: what is taken from it.
+
+    Raises:
+        ParameterError: for a statement with a character that no netlist takes; the message names the line.
+    """
+
+    def __init__(self, path: str, text: str, rules: Rules) -> None:
+        self._path = path
+        self._text = text.replace("\r\n", "\n")
+        self._header = self._text  # whose comments state facts
+        self._rules = rules
+        self._statements = self._joined()
+
+    def _joined(self) -> list[Statement]:
+        """Return what a simulator reads, each continued line joined to the line before, without blanks in braces."""
+        joined: list[Statement] = []
+        for count, raw in enumerate(self._text.split("\n"), start=1):
+            if raw.lstrip(" \t").startswith(("*", "$", "#", ";")):
+                continue
+            if len(raw) > _LONGEST:
+                self._fail(count, f"it has {len(raw)} characters; at most {_LONGEST} are allowed")
+            line = re.sub(r"\s*;.*$|\s+\$ .*$", "", raw).replace("\t", " ").strip(" ")
+            if not line:
+                continue
+            if re.search(r"[^\x20-\x7e]", line):
+                self._fail(count, "there is a control character or one that is not ASCII; write u for µ")
+            if line.startswith("+"):
+                if not joined:
+                    self._fail(count, "a continued line needs a line before it")
+                joined[-1] = (joined[-1][0], f"{joined[-1][1]} {line[1:].strip()}")
+            else:
+                joined.append((count, line))
+        for count, line in joined:
+            if re.sub(r"[^{}]", "", line).replace("{}", ""):
+                self._fail(count, f"the braces of {short(line)} do not match, or are nested")
+        return [
+            (count, re.sub(r"\{[^}]*\}", lambda found: found.group().replace(" ", ""), line)) for count, line in joined
+        ]
+
+    def _library(
+        self,
+        name: str,
+        own_name: str,
+        pins: Sequence[str],
+        parameters: tuple[LibraryParameter, ...],
+        subcircuit: str,
+        needs: tuple[str, ...],
+        **entries: tuple[tuple[str, str], ...],
+    ) -> Library:
+        """Return the file as a library: ``name`` in a netlist, ``own_name`` in the file."""
+        what = self._rules.what
+        title = re.search(rf"^\* {re.escape(own_name)}: (.+)$", self._header, re.M | re.I)
+        return Library(
+            name=name,
+            title=title.group(1) if title else f"{what} {own_name}",
+            pins=tuple(Pin(pin, "", "", "") for pin in pins),
+            parameters=parameters,
+            source=self._fact("SOURCE", "not stated"),
+            omits=self._fact("OMITS", f"what the user's own {what} leaves out"),
+            revision=self._fact("REVISION", "not stated"),
+            step=self._fact("STEP", "not stated"),
+            tested_with=self._fact("TESTED WITH", "not stated"),
+            usage="",
+            subcircuit=subcircuit,
+            text=self._text,
+            needs=needs,
+            **entries,
+        )
+
+    def _needs(self) -> tuple[str, ...]:
+        """Return what the ``NEEDS`` lines name of ``behavioral/``."""
+        names = tuple(name for line in re.findall(r"^\* NEEDS +(.+)$", self._text, re.M) for name in line.split())
+        for name in names:
+            if name not in library_names():
+                raise ParameterError(
+                    f"{self._path}: NEEDS names {name!r}, which is not in behavioral/. "
+                    f"Usually it is {self._rules.usual}."
+                )
+        return names
+
+    def _parameters(self, line: int, words: Sequence[str]) -> tuple[LibraryParameter, ...]:
+        """Return the parameters ``name=value`` of a ``.subckt`` line, with what PAR lines say of them."""
+        stated = header_parameters(self._path, self._header)
+        found: list[LibraryParameter] = []
+        for word in words:
+            name, _, value = word.partition("=")
+            name = name.lower()
+            if not re.fullmatch(r"[a-z]\w*", name):
+                self._fail(line, f"{name!r} cannot be the name of a parameter")
+            if any(name == other.name for other in found):
+                self._fail(line, f"a parameter cannot be called {name}, since another one is; rename it")
+            try:
+                default = number(value)
+            except ParameterError as error:
+                self._fail(line, f"parameter {name}: {str(error).rstrip('.')}")
+            plain = LibraryParameter(name, "1", default, -1e30, 1e30, f"parameter of the user's own {self._rules.what}")
+            parameter = stated.pop(name, plain)
+            if parameter.default != default:
+                self._fail(line, f"{name} is {value} here and {parameter.default:g} in its PAR line")
+            if not _UNIT.fullmatch(parameter.unit):
+                raise ParameterError(f"{self._path}: {parameter.unit!r} in the PAR line of {name} is not a unit.")
+            found.append(parameter)
+        if stated:
+            raise ParameterError(f"{self._path}: {', '.join(stated)} has a PAR line, but .subckt does not have it.")
+        return tuple(found)
+
+    def _check(self, line: int, text: str, known: Collection[str], parts: Collection[str]) -> set[str]:
+        """Check one line of a subcircuit and return the parameters that it defines.
+
+        Args:
+            line: its number in the file.
+            text: its text.
+            known: parameters that it may read.
+            parts: subcircuits that it may instantiate.
+        """
+        rules = self._rules
+        self._check_text(line, text, known)
+        if text.startswith("."):
+            if re.match(r"\.param\s+[a-z]\w*\s*=", text, re.I):
+                return {name.lower() for name in re.findall(r"([a-z]\w*)\s*=", text, re.I)}
+            if not re.match(rf"\.model\s+\S+\s+({'|'.join(rules.models)})\b", text, re.I):
+                types = f"{', '.join(rules.models[:-1])} or {rules.models[-1]}"
+                self._fail(line, f"{short(text)} is not allowed: only .param, and .model of type {types}")
+        elif text[0].upper() not in rules.elements:
+            self._fail(line, f"{short(text)} is not allowed: elements begin with one of {rules.elements}")
+        elif text[0].upper() == "X":
+            part = self._part(text)
+            if part not in parts:
+                self._fail(line, f"{part} is not in the file; name it in a line '* NEEDS {rules.usual}'")
+        return set()
+
+    def _check_text(self, line: int, text: str, known: Collection[str]) -> None:
+        """Check what holds for every line: no files, and in braces only known parameters, nodes and currents."""
+        for pattern, why in (_NO_FILES | dict(self._rules.forbidden)).items():
+            if re.search(pattern, text, re.I):
+                self._fail(line, f"{short(text)} is not allowed: {why.format(what=self._rules.what)}")
+        for expression in re.findall(r"\{([^}]*)\}", text.lower()):
+            for name in re.findall(r"(?<![\w.])[a-z_]\w*", re.sub(r"\b[vi]\([^()]*\)", "", expression)):
+                if name not in known and name not in _FUNCTIONS | _FREE:
+                    self._fail(line, f"the expression reads {name}, which is not a parameter of the {self._rules.what}")
+
+    def _part(self, text: str) -> str:
+        """Return the subcircuit that an X line instantiates, in lower case."""
+        return next(word for word in reversed(words_of(text)) if "=" not in word).lower()
+
+    def _fact(self, key: str, otherwise: str) -> str:
+        match = re.search(rf"^\* {key} +(.+)$", self._header, re.M)
+        return match.group(1).strip() if match else otherwise
+
+    def _fail(self, line: int, what: str) -> NoReturn:
+        raise ParameterError(f"{self._path}, line {line}: {what}.")
+
+
+def words_of(text: str) -> list[str]:
+    """Return the words of a ``.subckt`` or X line, ``name=value`` as one; the word ``params:`` is left out."""
+    return [word for word in re.sub(r"\s*=\s*", "=", text).split() if word.lower() != "params:"]
+
+
+def short(text: str) -> str:
+    """Return the start of a line, as a message shows it."""
+    return repr(text if len(text) <= 40 else text[:37] + "...")
