@@ -24,6 +24,7 @@ from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.model.tracking import LoopFilter, StatorLag
+from pyspice_runner.netlist.averaged_decks import LIBRARY, averaged_deck_texts, averaged_library_text
 from pyspice_runner.netlist.benches import AC_OPTIONS, METERED, TRANSIENT_OPTIONS, admittance_bench
 from pyspice_runner.netlist.contact_benches import cyclic_bench, impact_bench
 from pyspice_runner.netlist.drivers import GROUPS, Driver
@@ -56,7 +57,7 @@ References = dict[str, str | dict[str, str]]  # name of a line → its new text,
 def deck_texts() -> dict[str, str]:
     """Return file name → text of every deck."""
     motor = load_motor(MOTOR)
-    return {f"{name}.cir": write(motor) for name, write in _DECKS.items()}
+    return {f"{name}.cir": write(motor) for name, write in _DECKS.items()} | averaged_deck_texts()
 
 
 def write_decks(folder: Path) -> list[Path]:
@@ -670,5 +671,7 @@ def _refer(lines: list[str], references: References) -> list[str]:
 
 
 if __name__ == "__main__":
-    for written in write_decks(data_path("netlists")):
+    library = data_path("behavioral") / LIBRARY  # which the averaged decks include
+    library.write_text(averaged_library_text(), encoding="utf-8", newline="\n")
+    for written in (library, *write_decks(data_path("netlists"))):
         sys.stdout.write(f"{written}\n")

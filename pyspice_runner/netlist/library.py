@@ -22,6 +22,7 @@ from pathlib import Path
 
 from pyspice_runner.errors import ParameterError
 
+ASSEMBLED = "piezomotor_averaged"  # a library of behavioral/ that the package writes from the parts
 PREFIX = "piezomotor"  # of the names of a motor's parts, and name of the motor itself
 LAW = "_law"  # ends the name that a user's own contact law gets in a netlist
 _EXPONENTS = {"t": 12, "g": 9, "meg": 6, "k": 3, "": 0, "m": -3, "u": -6, "n": -9, "p": -12, "f": -15}
@@ -150,8 +151,8 @@ def read_library(name: str) -> Library:
 
 @cache
 def library_names() -> tuple[str, ...]:
-    """Return the names of all libraries in ``behavioral/``."""
-    return tuple(sorted(path.stem for path in data_path("behavioral").glob("*.lib")))
+    """Return the names of all parts in ``behavioral/``; :data:`ASSEMBLED` is none."""
+    return tuple(sorted(path.stem for path in data_path("behavioral").glob("*.lib") if path.stem != ASSEMBLED))
 
 
 def parse_library(name: str, text: str) -> Library:

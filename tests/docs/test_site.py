@@ -20,6 +20,7 @@ import typer
 
 import pyspice_runner as pr
 from pyspice_runner.cli import app
+from pyspice_runner.netlist.library import library_names, read_library
 
 ROOT = Path(__file__).parents[2]
 
@@ -79,10 +80,10 @@ def test_every_public_name_is_there_with_what_it_takes(site: Path) -> None:
 
 def test_every_subcircuit_and_parameter_is_there(site: Path) -> None:
     page = text(site, "netlists")
-    for library in sorted((ROOT / "behavioral").glob("*.lib")):
-        assert f'id="{library.stem}"' in page
-        for name in re.findall(r"^\* PAR\s+(\w+)", library.read_text(encoding="utf-8"), re.M):
-            assert f"<code>{name}</code>" in page, f"{library.stem}: {name}"
+    for library in library_names():
+        assert f'id="{library}"' in page
+        for name in re.findall(r"^\* PAR\s+(\w+)", read_library(library).text, re.M):
+            assert f"<code>{name}</code>" in page, f"{library}: {name}"
 
 
 def test_every_figure_is_there_with_its_script(site: Path) -> None:
