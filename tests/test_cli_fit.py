@@ -91,11 +91,11 @@ def test_every_command_that_reads_a_spectrum_takes_columns(
     assert first["arms"] == second["arms"]
     assert run(["compare", "bare.csv", "bare.csv", *columns, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["comparisons"][0]["rms_deviation"] < 0.01
-    wrong = ["--columns", "frequency_hz,magnitude,phase_deg"]
+    wrong = ["--columns", "frequency_hz,magnitud_ohm,phase_deg"]
     for words in (["fit", "bare.csv"], ["compare", "bare.csv", "andersen2002"], ["report", "andersen2002", "--measured",
         "bare.csv"], ["fit", "bare.csv", "--b", "bare.csv", "--sum", "bare.csv"]):  # fmt: skip
         assert run([*words, *wrong]) == 2
-        assert "columns: there is no 'magnitude'. Did you mean 'magnitude_s'?" in capsys.readouterr().err
+        assert "columns: there is no 'magnitud_ohm'. Did you mean 'magnitude_ohm'?" in capsys.readouterr().err
     assert run(["report", "andersen2002", *columns]) == 2
     assert "--columns has no effect without --measured. Leave it out." in capsys.readouterr().err
 

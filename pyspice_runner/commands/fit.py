@@ -61,8 +61,8 @@ ColumnsOption = Annotated[
     str | None,
     typer.Option(
         metavar="NAME,…",
-        help="Columns of a table without a header, or with one that is not known: "
-        "frequency_hz,magnitude_ohm,phase_deg; - for a column that does not count.",
+        help="Columns of a table whose header is missing or not known, as frequency_hz,r_ohm,x_ohm or "
+        "f_hz,z_ohm,phase_deg; - for a column that does not count.",
     ),
 ]
 ThroughOption = Annotated[

@@ -77,9 +77,14 @@ def stated(columns: Sequence[str]) -> list[Heading]:
     headings = [Heading(name) if name == "-" else heading(name) for name in columns]
     kinds: dict[str, str] = {}
     for item in headings:
+        if item.cell == "-":
+            continue
         if item.kind is None:
-            if item.cell != "-":
-                check_keys({item.cell: None}, _STATED, "columns", "")
+            if heading(f"{item.cell}_ohm").kind and heading(f"{item.cell}_s").kind:
+                raise ParameterError(
+                    f"columns: {quote(item.cell)} names no unit. Write it as {item.cell}_ohm or {item.cell}_s."
+                )
+            check_keys({item.cell: None}, _STATED, "columns", "")
             continue
         if item.wrong or (item.scale is None and DIMENSION[item.kind] != "angle"):
             why = item.wrong or "it names no unit"
