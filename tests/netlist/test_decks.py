@@ -312,7 +312,7 @@ def test_the_averaged_operating_point_is_the_steady_state_of_the_full_model(tmp_
     response = measured("averaged_frequency_response", tmp_path)
     assert family["free_speed_rad_s"] == pytest.approx(response["speed_at_frequency_rad_s"], rel=1e-3)
     # the transient without heat goes there too
-    warm = run_with("averaged_warm_up", {"capacity": "1", "loaded": "0.25", "stop": "0.3"}, tmp_path)
+    warm = run_with("averaged_warm_up", {"capacity": "1", "loaded": "0.25", "stop": "0.35"}, tmp_path)
     assert warm["free_speed_rad_s"] == pytest.approx(family["free_speed_rad_s"], rel=0.01)
 
 
