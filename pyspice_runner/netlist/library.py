@@ -162,8 +162,9 @@ def parse_library(name: str, text: str) -> Library:
         ParameterError: naming what is missing or disagrees.
     """
     pins = tuple(Pin(*match) for match in re.findall(r"^\* PIN +(\S+) +(\S+) +(\S+) +(.+)$", text, re.M))
+    where = f"behavioral/{name}.lib"
     parameters = tuple(
-        _parameter(name, *match)
+        _parameter(where, *match)
         for match in re.findall(r"^\* PAR +(\S+) +(\S+) +(\S+) +(\S+) +(\S+) +(.+)$", text, re.M)
     )
     title = re.search(rf"^\* {re.escape(name)}: (.+)$", text, re.M)
@@ -188,7 +189,7 @@ def parse_library(name: str, text: str) -> Library:
     words = subcircuit.group(1).split()
     declared = [word for word in words if "=" not in word]
     defaults = [
-        (key, _number_in(name, key, value)) for key, _, value in (word.partition("=") for word in words if "=" in word)
+        (key, _number_in(where, key, value)) for key, _, value in (word.partition("=") for word in words if "=" in word)
     ]
     if declared != [pin.name for pin in pins]:
         raise ParameterError(
@@ -261,19 +262,19 @@ def _powers(keyword: str, text: str) -> tuple[tuple[str, str], ...]:
 
 
 def _parameter(
-    library: str, key: str, unit: str, default: str, least: str, greatest: str, meaning: str
+    where: str, key: str, unit: str, default: str, least: str, greatest: str, meaning: str
 ) -> LibraryParameter:
-    value, low, high = (_number_in(library, key, text) for text in (default, least, greatest))
+    value, low, high = (_number_in(where, key, text) for text in (default, least, greatest))
     if not low <= value <= high:
-        raise ParameterError(f"behavioral/{library}.lib: the default of {key} is outside its range; correct its PAR.")
+        raise ParameterError(f"{where}: the default of {key} is outside its range; correct its PAR.")
     return LibraryParameter(key, unit, value, low, high, meaning)
 
 
-def _number_in(library: str, key: str, text: str) -> float:
+def _number_in(where: str, key: str, text: str) -> float:
     try:
         return number(text)
     except ParameterError as error:
-        raise ParameterError(f"behavioral/{library}.lib, parameter {key}: {error}") from None
+        raise ParameterError(f"{where}, parameter {key}: {error}") from None
 
 
 def number(text: str) -> float:

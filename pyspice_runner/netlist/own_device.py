@@ -161,13 +161,13 @@ class _Devices(OwnFile):
     def _sort(self) -> None:
         """Sort the file's lines into subcircuits and models; there is nothing else outside of subcircuits."""
         inside: _Block | None = None
-        ended = 0
+        raw, ended = self._text.split("\n"), 0
         for line, text in self._statements:
             keyword, *words = words_of(text)
             if keyword.lower() == ".ends":
                 if inside is None or (words and words[0].lower() != inside.name.lower()):
                     self._fail(line, f"{short(text)} does not end a subcircuit; write .subckt NAME and .ends NAME")
-                inside.header = "\n".join(self._text.split("\n")[ended:line])
+                inside.header = "\n".join(raw[ended:line])
                 inside, ended = None, line
             elif keyword.lower() == ".subckt":
                 if inside:
@@ -265,9 +265,10 @@ class _Devices(OwnFile):
         for line, text in block.body:
             known |= self._check(line, text, known, allowed)
             words = set() if text[0] == "." else set(re.split(r"[\s()=,]+", text.lower()))
-            if text[0].upper() in _WITH_MODEL and not words & {*local, *self._models}:
+            outside = (words & self._models.keys()) - local
+            if text[0].upper() in _WITH_MODEL and not (outside or words & local):
                 self._fail(line, f"the model of {text.split()[0]} is not in the file; add its .model")
-            models |= (words & set(self._models)) - local
+            models |= outside
         for model in sorted(models):
             self._check(*self._models[model], known, ())
         return [*block.body, *(self._models[model] for model in sorted(models))]

@@ -103,29 +103,30 @@ class OwnFile:
 
     def _joined(self) -> list[Statement]:
         """Return what a simulator reads, each continued line joined to the line before, without blanks in braces."""
-        joined: list[Statement] = []
+        joined: list[tuple[int, list[str]]] = []
         for count, raw in enumerate(self._text.split("\n"), start=1):
             if raw.lstrip(" \t").startswith(("*", "$", "#", ";")):
                 continue
             if len(raw) > _LONGEST:
                 self._fail(count, f"it has {len(raw)} characters; at most {_LONGEST} are allowed")
-            line = re.sub(r"\s*;.*$|\s+\$ .*$", "", raw).replace("\t", " ").strip(" ")
+            line = raw.partition(";")[0].replace("\t", " ").partition(" $ ")[0].strip(" ")
             if not line:
                 continue
             if re.search(r"[^\x20-\x7e]", line):
                 self._fail(count, "there is a control character or one that is not ASCII; write u for µ")
-            if line.startswith("+"):
-                if not joined:
-                    self._fail(count, "a continued line needs a line before it")
-                joined[-1] = (joined[-1][0], f"{joined[-1][1]} {line[1:].strip()}")
+            if not line.startswith("+"):
+                joined.append((count, [line]))
+            elif joined:
+                joined[-1][1].append(line[1:].strip())
             else:
-                joined.append((count, line))
-        for count, line in joined:
-            if re.sub(r"[^{}]", "", line).replace("{}", ""):
-                self._fail(count, f"the braces of {short(line)} do not match, or are nested")
-        return [
-            (count, re.sub(r"\{[^}]*\}", lambda found: found.group().replace(" ", ""), line)) for count, line in joined
-        ]
+                self._fail(count, "a continued line needs a line before it")
+        return [(count, self._squeezed(count, " ".join(pieces))) for count, pieces in joined]
+
+    def _squeezed(self, count: int, line: str) -> str:
+        """Return a line without the blanks in its braces."""
+        if re.sub(r"[^{}]", "", line).replace("{}", ""):
+            self._fail(count, f"the braces of {short(line)} do not match, or are nested")
+        return re.sub(r"\{[^}]*\}", lambda found: found.group().replace(" ", ""), line)
 
     def _library(
         self,

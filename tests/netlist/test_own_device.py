@@ -26,6 +26,7 @@ from pyspice_runner.netlist.own_device import read_driver, read_mosfet
 from pyspice_runner.netlist.sources import motor_bench
 from tests.fuzz.entry_points import clear, harmless
 from tests.fuzz.nasty import ATTEMPTS, MARKER
+from tests.fuzz.watch import watched
 
 pytestmark = pytest.mark.xdist_group("drivers")
 
@@ -239,6 +240,7 @@ def put(line: str) -> str:
         (put(f"R2 a 0 1{' ' * 5000}x"), "at most 4096 are allowed"),
         (put(".subckt inner a b"), "'.subckt inner a b' is inside of .subckt one; move it out"),
         ("* PAR gain $\\frac{$ 20 1 100 gain\n" + DRIVER, "in the PAR line of gain is not a unit"),
+        ("* PAR gain 1 20 x 100 gain\n" + DRIVER, "my.lib, parameter gain: 'x' is not a SPICE number."),
         ("* LOSS v(x)) loss\n" + DRIVER, "LOSS 'v(x))' has no node"),
         ("* LOSS heat loss\n" + DRIVER, "LOSS 'heat' has no node 'loss_heat'"),
         ("* PAR gain 1 20 0 100 gain\n" + DRIVER.replace("=20", "=21"), "gain is 21 here and 20 in its PAR line"),
@@ -308,6 +310,23 @@ def test_the_command_ends_with_status_2_for_a_library_that_is_not_valid(
     assert run(["drive", "andersen2002", "--driver", "half-bridge", "--mosfet", "absent.lib:one"]) == 2
     assert "The MOSFET library 'absent.lib' is not a file." in " ".join(capsys.readouterr().err.split())
     assert [path.name for path in tmp_path.iterdir()] == ["my.lib"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        DRIVER.replace(".ends", f"R2 a 0 {{1{' ' * 4000}}}\n" * 900 + ".ends"),
+        DRIVER.replace(".ends", "+ 1\n" * 900_000 + ".ends"),
+        "".join(f".subckt s{i} a b\nX1 a b s{i + 1}\nX2 a b s{i + 1}\n.ends\n" for i in range(30_000)) + DRIVER,
+    ],
+    ids=["blanks", "continued lines", "subcircuits"],
+)
+@pytest.mark.fuzz
+def test_a_large_library_is_read_in_seconds(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "my.lib"
+    path.write_text(text, encoding="ascii")
+    with watched(tmp_path):  # at most five seconds of processor time
+        read_driver(f"{path}:one")
 
 
 @pytest.mark.parametrize("what", ["a line of its own", "a control section", "a continued line", "an include"])
