@@ -95,8 +95,8 @@ class Driver(Stated):
     ratio_b: float = quantity("amplitude of group B over that of group A", "1", default=1.0, ge=0.01, le=100.0)
     network: NetworkKind = Field(default="none", description="network between stage and group")
     supply_v: float = quantity(
-        "supply: each rail of a linear amplifier or a half bridge, the only rail of a full bridge; 0: what the voltage "
-        "asks for",
+        "supply: each rail of a linear amplifier, a half bridge or the user's own stage, the only rail of a full "
+        "bridge; 0: what the voltage asks for",
         "V",
         default=0.0,
         ge=0.0,
