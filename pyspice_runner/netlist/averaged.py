@@ -32,7 +32,7 @@ PINS = ("a_re", "a_im", "b_re", "b_im", "frequency", "shaft", "temperature", "he
 PHASES, HARMONICS = 64, 3
 FEWEST_PHASES, MOST_PHASES = 16, 512
 MOST_HARMONICS = 6
-CHECKED_HARMONICS = 2  # above those of the model, whose response the check node tells
+CHECKED_HARMONICS = 2  # above those of the model; the check node gives the response to them
 _CONTACT = "piezomotor_averaged_contact"
 
 
@@ -155,10 +155,10 @@ _CONTACT_LIB = """\
 *   mean and harmonics o--[ tip at each ]--[ contact at  ]--[ sums ]--o mean and harmonics of fx, fy
 *   of x, y               [ phase       ]  [ each phase  ]         '--o torque on the shaft
 *
-* The slider goes from phase to phase and, by a capacitor, from period to period.
+* The displacement of the slider is passed from phase to phase and, by a capacitor, from period to period.
 *
 * A quantity is q(t) = q_0 + Re(sum of Q_h exp(j h theta)), d theta/dt = 2 pi frequency. The forces have two harmonics
-* more than the displacements: they tell what the model leaves out.
+* more than the displacements; these show what the model leaves out.
 *
 * Written by python -m pyspice_runner.netlist.averaged; do not edit.
 *
@@ -184,11 +184,11 @@ _CONTACT_LIB = """\
 * NEEDS  piezomotor_averaged_phase
 * OMITS  motion of the contact between two phases, partial slip before gross slip, roughness, wear, adhesion
 * REVISION 1
-* STEP   that of the circuit that it measures
+* STEP   that of the circuit in which it is used
 * TESTED WITH ngspice 39 and 46
 *
 * USE    the first line of a deck is its title; then:
-*   * a tip that rests on a rotor which turns: gross slip, the friction force is -mu F_N
+*   * a tip at rest on a rotor that turns: gross slip, the friction force is -mu F_N
 *   Vshaft shaft 0 1
 *   Vf frequency 0 50k
 *   Xcontact {example} {name} mu=0.25 preload=4
@@ -224,7 +224,7 @@ class AveragedSubCircuit(Assembly):
         motor: the motor.
         phases: number of phases at which the contact is evaluated.
         harmonics: number of harmonics of the tip's motion.
-        thermal: drift with the pin ``temperature``; by default nothing drifts.
+        thermal: drift with the pin ``temperature``; by default the motor does not drift.
         name: name of the subcircuit.
     """
 
@@ -291,10 +291,10 @@ class AveragedSubCircuit(Assembly):
     def _add_contact(self, motor: Motor, library: Library, nodes: list[str]) -> None:
         contact, preload = motor.contact, motor.contact.preload_n
         sway = contact_law.static_sway(contact, motor.modes) / preload
-        if sway:  # the rotor's crown is above the resting tip
+        if sway:  # the crown of the rotor is above the tip at rest
             self.V("sway", "x_0", CROWN, f"DC {{{1e6 * sway:.10g}*preload}}")
             nodes[0] = CROWN
-        if motor.mount:  # the carrier follows the mean force; at the frequency of the drive its mass holds it
+        if motor.mount:  # the carrier follows the mean force; its inertia keeps it at rest at the drive frequency
             self.VCVS("carrier", "fy_carrier", self.gnd, "fy_0", self.gnd, voltage_gain=1)
             carrier = {
                 "stiffness": motor.mount.stiffness_n_per_m, "mass": motor.mount.mass_kg,
@@ -332,10 +332,10 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
     Args:
         motor: the motor.
         name: name of the subcircuit; by default ``piezomotor_averaged``. The names of its parts begin with it.
-        thermal: drift with the pin ``temperature``; by default nothing drifts.
+        thermal: drift with the pin ``temperature``; by default the motor does not drift.
 
     Raises:
-        ParameterError: for a name that is not possible.
+        ParameterError: for an invalid name.
     """
     circuit = AveragedSubCircuit(motor, thermal=thermal, name=check_name(name) if name else SUBCIRCUIT)
     fastest = max(mode.frequency_hz for mode in motor.modes)
@@ -422,10 +422,10 @@ def add_averaged_motor(
     circuit.X(instance, SUBCIRCUIT, *nodes)
 
 
-# Gear damps what the averages leave out, such as the ringing of a mode far from the drive; the trapezoidal rule would
-# keep it. The step is ngspice's own; trtol = 50 takes steps in which the speed is right to a few tenths of a per cent.
+# Gear damps what the averages leave out, such as the ringing of a mode far from the drive; the trapezoidal
+# rule does not. ngspice chooses the step; with trtol = 50 the error of the speed is a few tenths of a per cent.
 OPTIONS = {"method": "gear", "trtol": "50", "reltol": "1e-3", "vntol": "1e-6", "abstol": "1e-9"}
-SETTINGS = {  # what may change during a run: unit
+SETTINGS = {  # quantities that may change during a run, with their units
     "frequency": "Hz",
     "voltage_a": "V",
     "voltage_b": "V",
@@ -449,7 +449,7 @@ def averaged_bench(
 
     Args:
         motor: the motor; instance ``Xmotor``. ``v(position)`` is the angle of the shaft in rad.
-        settings: the courses of :data:`SETTINGS`; the phase is that of group B ahead of group A. The sources
+        settings: :data:`SETTINGS` over time; the phase is that of group B ahead of group A. The sources
             ``Va_re``, ``Va_im``, ``Vb_re``, ``Vb_im`` carry the currents into the pins.
         load: on the shaft; its torque is that of ``settings``.
         phases: as in :class:`AveragedSubCircuit`.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Circuits around the motor: sources and loads, as PySpice circuits."""
+"""Sources and loads of the motor as PySpice circuits."""
 
 from __future__ import annotations
 
@@ -23,24 +23,23 @@ from pyspice_runner.netlist.motor import (
     instantiate,
 )
 
-# Newton's iteration is closed to a part in 10⁶, so that its error stays far below that of the time step. Nodes carry
-# V, N, µm, m/s and rad/s of order one; a nanovolt and a nanoampere stand for nothing. The step is uniform: trtol takes
-# the truncation-error control, which would shorten steps, out of play.
+# Newton's iteration ends at a relative change of 10⁻⁶, so that its error is far below that of the time step. Nodes have
+# V, N, µm, m/s and rad/s of order one; a nanovolt and a nanoampere are negligible. The step is uniform: trtol switches
+# off the control of the truncation error, which would shorten steps.
 TRANSIENT_OPTIONS = {"reltol": "1e-6", "vntol": "1e-9", "abstol": "1e-9", "trtol": "1e9", "method": "trap"}
-FEWEST_POINTS_PER_PERIOD = 16  # of the fastest motion; coarser, its shape is lost
+FEWEST_POINTS_PER_PERIOD = 16  # of the fastest motion; fewer points do not resolve it
 UNIFORM_POINTS = 128  # steps in a period of the fastest motion, see Source.points_per_period
-_SMALL = 1e-5  # of the smallest of a motor's own forces and displacements: below it, a nanovolt is too much
-# ngspice ends a sweep within reltol of a frequency step: much smaller, and round-off may drop the last frequency.
+_SMALL = 1e-5  # tolerance over the smallest of a motor's forces and displacements, if a nanovolt is larger
+# ngspice ends a sweep within reltol of a frequency step. With a much smaller reltol, round-off may drop the last point.
 AC_OPTIONS = {"reltol": "1e-6", "vntol": "1e-12", "abstol": "1e-12"}
-METERED = ("metered_a", "metered_b")  # nodes of what drives a motor behind wattmeters
+METERED = ("metered_a", "metered_b")  # nodes of the source in front of the wattmeters
 _METERS = ("piezomotor_contactmeter", "piezomotor_wattmeter", "piezomotor_heat")
 
 
 def transient_options(motor: Motor, contact: ContactLaw | None = "spring-slider") -> dict[str, str]:
-    """Return :data:`TRANSIENT_OPTIONS`, with tolerances to suit a motor whose contact is that of a MEMS.
+    """Return :data:`TRANSIENT_OPTIONS`, with smaller tolerances for a motor with small contact forces.
 
-    What a nanovolt and a nanoampere stand for is nothing in a motor on a desk; a contact of micronewtons with little
-    friction is lost in it.
+    A nanovolt and a nanoampere are negligible in a motor of centimetres, but not against micronewtons in a MEMS.
     """
     if contact is None:
         return TRANSIENT_OPTIONS
@@ -71,7 +70,7 @@ class SpeedRamp:
 
 
 def add_brake(circuit: Circuit, *, meters: bool) -> None:
-    """Put the subcircuits of a dynamometer into a circuit, and with meters theirs."""
+    """Add the subcircuits of a dynamometer to a circuit, and those of the meters if asked for."""
     parts = ("piezomotor_dynamometer", *(_METERS if meters else ()))
     circuit.raw_spice += "\n".join(read_library(name).subcircuit for name in parts) + "\n"
 
@@ -86,7 +85,7 @@ def add_set_speed(circuit: Circuit, speed: float | SpeedRamp | None) -> None:
 
 
 def connect_brake(circuit: Circuit, load_torque: float, *, grips: bool) -> None:
-    """Put the brake on the shaft: it holds the speed, or lets go of the shaft but for a torque in N·m."""
+    """Connect the brake to the shaft: it holds the speed, or only draws a torque in N·m."""
     instantiate(
         circuit, "brake", "piezomotor_dynamometer", ("set", "shaft", "xmotor.normal", "xmotor.friction"),
         torque=load_torque, **({} if grips else {"grip": 0.0}),
@@ -114,7 +113,7 @@ def add_meters(circuit: Circuit, motor: Motor, lag: dict[str, float]) -> None:
 
 
 def add_cooling(circuit: Circuit, thermal: Thermal) -> None:
-    """Put the heat capacity and the way to the surroundings between the nodes heat and temperature."""
+    """Put heat capacity and thermal resistance between the nodes heat and temperature."""
     circuit.raw_spice += read_library("piezomotor_cooling").subcircuit + "\n"
     instantiate(
         circuit, "cooling", "piezomotor_cooling", ("heat", "temperature"),
@@ -124,9 +123,9 @@ def add_cooling(circuit: Circuit, thermal: Thermal) -> None:
 
 
 def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circuit:
-    """Two copies of one motor, the first driven at A with B shorted, the second at B with A shorted.
+    """Return two copies of one motor, the first driven at A with B shorted, the second at B with A shorted.
 
-    One AC analysis then gives the whole two-port: the currents of ``Va1``, ``Vb1`` are −Y_AA, −Y_BA, those of ``Va2``,
+    One AC analysis gives the two-port: the currents of ``Va1``, ``Vb1`` are −Y_AA, −Y_BA, those of ``Va2``,
     ``Vb2`` are −Y_AB, −Y_BB. Shafts are free to turn on their bearings.
     """
     circuit = Circuit(title or f"{motor.name}: admittance, {'preloaded' if preloaded else 'free'}")
@@ -153,7 +152,7 @@ def start_voltages(start: Motion, law: Law | None, instance: str = "motor") -> d
 
 
 def add_drive(circuit: Circuit, drive: Drive, pins: tuple[str, str], *, begun: float = 0.0) -> None:
-    """Put ideal sources ``Va`` and ``Vb`` at the nodes of groups A and B; they came on ``begun`` seconds ago."""
+    """Put ideal sources ``Va`` and ``Vb`` at the nodes of groups A and B; they have been on for ``begun`` seconds."""
     for group, node, tones in zip(("a", "b"), pins, (drive.tones_a, drive.tones_b), strict=True):
         _drive_group(circuit, group, tones, drive.soft_start, begun, node=node)
 
@@ -161,9 +160,9 @@ def add_drive(circuit: Circuit, drive: Drive, pins: tuple[str, str], *, begun: f
 def _drive_group(
     circuit: Circuit, group: str, tones: Sequence[Tone], soft_start: float, begun: float = 0.0, node: str = ""
 ) -> None:
-    """Put the source ``Vgroup`` between the node of a group and ground; several sines are stacked.
+    """Put the source ``Vgroup`` between the node of a group and ground; several sines are in series.
 
-    ``begun`` is the time in s since the drive came on.
+    ``begun`` is the time in s since the drive was switched on.
     """
     active = [tone for tone in tones if tone.amplitude] or [tones[0]]
     phases = [tone.phase + 2.0 * pi * ((tone.frequency * begun) % 1.0) for tone in active]

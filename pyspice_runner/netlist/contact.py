@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The laws of the contact: which library stands for each, and what values an instance of it takes.
+"""The laws of the contact: their libraries, and the values of an instance.
 
-``spring-slider`` is the paper's, ``brush`` a row of sliders that slip one after the other (partial slip), ``coulomb``
-friction that follows the velocity, without a spring. All have the same pins. The path of a ``.lib`` file is a
-user's own law, see :mod:`.own_law`. ``behavioral/piezomotor_brush.lib`` is written by :func:`brush_library`:
-``python -m pyspice_runner.netlist.contact``; a test proves it fresh.
+``spring-slider`` is the paper's law, ``brush`` a row of sliders that slip one after the other (partial slip),
+``coulomb`` friction as a function of the velocity, without a spring. All have the same pins. The path of a
+``.lib`` file is a user's own law, see :mod:`.own_law`. ``python -m pyspice_runner.netlist.contact`` writes
+``behavioral/piezomotor_brush.lib``; a test compares the file with :func:`brush_library`.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ LIBRARIES: dict[str, str] = {
 }
 SLIDERS = 8
 MOST_SLIDERS = 200
-REACH = 4.0  # penetration over the static one that the sliders of a motor's brush cover evenly: eight times its force
+REACH = 4.0  # penetration over the static one that the sliders of a brush cover evenly: at eight times the force
 
 
 @dataclass(frozen=True)
 class Law:
-    """The law of a contact, with what it needs to be written. ``None`` in its place stands for a free tip.
+    """The law of a contact and its settings. ``None`` instead of a law is a free tip.
 
     Attributes:
         name: which law.
@@ -61,7 +61,7 @@ class Law:
     def states(self) -> tuple[str, ...]:
         """The nodes inside a motor whose capacitors hold the state of the contact, for ``.ic``.
 
-        That of ``spring-slider`` has its own place in a :class:`~pyspice_runner.netlist.motor.Motion`.
+        The state of ``spring-slider`` is an attribute of :class:`~pyspice_runner.netlist.motor.Motion`.
         """
         if self.name == "spring-slider":
             return ()
@@ -69,12 +69,12 @@ class Law:
         return tuple(node if node in PINS else f"xcontact.{node}" for node in map(str.lower, nodes))
 
     def to_dict(self) -> dict[str, object]:
-        """Return the law as results state it, JSON-ready."""
+        """Return the law as in the results, JSON-ready."""
         return {"contact": self.name, **({"sliders": self.sliders} if self.name == "brush" else {})}
 
 
 def law_of(contact: ContactLaw | None, sliders: int = SLIDERS) -> Law | None:
-    """Return the law that the arguments ``contact`` and ``sliders`` of an analysis ask for; ``None`` is a free tip.
+    """Return the law for the arguments ``contact`` and ``sliders`` of an analysis; ``None`` is a free tip.
 
     Raises:
         ParameterError: for a law or a number of sliders that does not exist.
@@ -84,12 +84,12 @@ def law_of(contact: ContactLaw | None, sliders: int = SLIDERS) -> Law | None:
 
 
 def is_own(contact: object) -> bool:
-    """Return whether a law is a user's own file, by its ending."""
+    """Return whether a law is a user's own file, according to its ending."""
     return isinstance(contact, str | Path) and str(contact).lower().endswith(ENDING)
 
 
 def check_law(contact: str | None, *, free: bool = True) -> None:
-    """Check that there is such a law; ``None``, a free tip, is one only where ``free``.
+    """Check that the law exists; ``None``, a free tip, is valid only with ``free``.
 
     Raises:
         ParameterError: naming the laws.
@@ -107,10 +107,10 @@ def check_law(contact: str | None, *, free: bool = True) -> None:
 def contact_library(law: ContactLaw, sliders: int = SLIDERS, contact: Contact | None = None) -> Library:
     """Return the library of a law; the brush is written for the given number of sliders.
 
-    The spring-slider of a contact whose friction falls with the slip velocity has a library of its own.
+    The spring-slider with friction that falls with the slip velocity is a separate library.
 
     Raises:
-        ParameterError: for a number of sliders that is out of range, or a user's own law that is not usable.
+        ParameterError: for a number of sliders that is out of range, or a user's own law that is not valid.
     """
     if sliders not in range(1, MOST_SLIDERS + 1):
         raise ParameterError(f"sliders = {sliders} is not valid: it must be a whole number from 1 to {MOST_SLIDERS}.")
@@ -134,7 +134,7 @@ def contact_values(
     slider_time: float | None = None,
     span: float | None = None,
 ) -> dict[str, float]:
-    """Return what an instance of a law's subcircuit takes, in the library's units.
+    """Return the parameters of an instance of a law's subcircuit, in the library's units.
 
     Args:
         law: the law.
@@ -142,7 +142,7 @@ def contact_values(
         radius: of the rotor, m.
         preload: static normal force, N.
         deflection: static bending under the preload, m.
-        slider_time: time constant of the pull that holds a slider, s; by default the library's.
+        slider_time: time constant with which a slider is held at its limit, s; by default the library's.
         span: penetration in m that the brush's sliders cover evenly; by default :data:`REACH` times the static one.
     """
     values = {
@@ -209,18 +209,20 @@ _BRUSH = """\
 *
 *      rotor      ___|_|_|_|_|_|_|_|___      half of the contact's width, from its centre to its edge, in cells
 *                 s s s s s s s s s          of one width; springs without a coupling between them (method of
-*      tip       -o-o-o-o-o-o-o-o  o  o      dimensionality reduction). The last cell reaches on without an end.
+*      tip       -o-o-o-o-o-o-o-o  o  o      dimensionality reduction). The last cell has no outer end.
 *                 1 2 ...    edge -->
 *
-* An element at x is pressed in by delta - x^2/R*, where that is positive, and carries E* per length of that as
-* normal force and G* per length of its tangential displacement u; it slips at |u| = mu E*/G* (delta - x^2/R*).
-* E*/G* = compliance * normal_stiffness^(2/3); R* drops out. A cell adds up its elements: w is the part of it that
-* touches, in cells; q the sum of their displacements over w, the voltage of 1 uF that the relative velocity charges
-* where they touch; l the sum of their limits, mu E*/G* (delta w - cell (b^2 w + b w^2 + w^3/3)) with b its inner edge.
-* So the normal force, the friction force in gross slip and the stiffness in stick are exact for any number of cells.
-* q is held inside +-l by a one-sided pull with the time constant slider_time, half of the time step (see
-* piezomotor_contact). Spread the cells over the contact: span is the penetration at which it reaches the end of
-* cell {sliders}; where it goes beyond, the last cell grows.
+* The penetration of an element at x is delta - x^2/R*, where that is positive; its normal force is E* per length times
+* the penetration, its tangential force G* per length times its displacement u. It slips at
+* |u| = mu E*/G* (delta - x^2/R*).
+* E*/G* = compliance * normal_stiffness^(2/3); R* cancels. A cell sums its elements: w is the part of it in
+* contact, in cells; q the sum of their displacements over w, the voltage of 1 uF that the relative velocity charges
+* where they are in contact; l the sum of their limits, mu E*/G* (delta w - cell (b^2 w + b w^2 + w^3/3)), with b the
+* inner edge of the cell.
+* The normal force, the friction force in gross slip and the stiffness in stick are thus exact for any number of cells.
+* A resistor holds q inside +-l with the time constant slider_time, half of the time step (see piezomotor_contact).
+* span is the penetration at which the contact reaches the end of cell {sliders}: choose it to cover the contact.
+* At a larger penetration the last cell grows.
 *
 * Written by python -m pyspice_runner.netlist.contact; do not edit.
 *
@@ -233,7 +235,7 @@ _BRUSH = """\
 * PIN  shaft     inout  rad/s  rotor speed; the contact feeds the torque R F_T, 1 A = 1 N.m
 * PIN  normal    out    N      normal force F_N
 * PIN  friction  out    N      friction force F_T, positive where it drives the rotor forward
-* PIN  slider    out    um     elastic displacement of the innermost cell, the last to slip
+* PIN  slider    out    um     elastic displacement of the innermost cell, which slips last
 * PIN  state     out    1      0 separated, 1 stick, 2 gross slip, between them 1 + the part of the contact that slips
 *
 *      name              unit       default  min   max   meaning
@@ -245,7 +247,7 @@ _BRUSH = """\
 * PAR  deflection        um         0        0     1e6   static bending of the stator under the preload
 * PAR  damping           s/m        0        0     1e6   Hunt-Crossley damping: F_N grows by damping * approach velocity
 * PAR  span              um         1.6      1e-9  1e9   penetration that the sliders cover evenly
-* PAR  slider_time       s          50n      1e-12 1e-3  time constant of the pull on the sliders: half of the time step
+* PAR  slider_time       s          50n      1e-12 1e-3  time constant that holds the sliders: half of the time step
 *
 * NEEDS  piezomotor_normal
 * SOURCE Popov, Hess, Method of Dimensionality Reduction in Contact Mechanics and Friction, 2015, applied to Hertz
@@ -255,7 +257,7 @@ _BRUSH = """\
 * TESTED WITH ngspice 39 and 46
 *
 * USE    the first line of a deck is its title; then:
-*   * a tip pressed and dragged at 10 mm/s along a rotor that stands still: partial slip, then gross slip
+*   * a tip pressed on a rotor at rest and moved along it at 10 mm/s: partial slip, then gross slip
 *   Vx x 0 0
 *   Vy y 0 0
 *   Vvx vx 0 0.01
@@ -277,7 +279,7 @@ Xnormal x y vx vy fx fy shaft normal friction delta factor slip piezomotor_norma
 normal_stiffness={{normal_stiffness}} radius={{radius}} preload={{preload}} deflection={{deflection}} \
 damping={{damping}}
 Rslip slip 0 1
-* the edge of the contact, in cells, with a floor under the penetration that keeps the root smooth
+* the edge of the contact, in cells, with a least penetration, so that the root is smooth
 Bdepth depth 0 V=max(V(delta),1e-9)
 Bedge edge 0 V=sqrt(max(V(delta),1e-9)/{{cell}})
 * cells, from the centre outwards: w, l, q held inside +-l, q; their sums, and the number of those that slip
@@ -286,7 +288,7 @@ Rheld held 0 1
 Rslips slips 0 1
 * in gross slip the sum is mu ratio depth edge 2/3, and the friction force mu F_N
 Bfriction friction 0 V={{spring}}*V(factor)*V(held)
-* for plotting only; nothing depends on these
+* for plotting only
 Bslider slider 0 V=V(c1)/max(V(w1),1e-6)
 Bstate state 0 V=u(V(delta))*(1+V(slips)/V(edge))
 .ends piezomotor_brush

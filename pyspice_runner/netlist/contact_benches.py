@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Benches of the contact alone: a thrown sphere, and a tip that is moved back and forth under a normal force."""
+"""Benches of the contact alone: the oblique impact of a sphere, and a tip that moves back and forth."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from pyspice_runner.netlist.library import definitions
 from pyspice_runner.netlist.motor import instantiate
 from pyspice_runner.netlist.own_law import PINS
 
-_HALF_SPACE = 10.0  # m: radius of the rotor that stands for a half-space; the bench has no motion along it
+_HALF_SPACE = 10.0  # m: radius of the rotor that represents a half-space; its curvature has no effect in this bench
 
 
 def impact_bench(
     throw: Throw, *, contact: ContactLaw = "brush", sliders: int = SLIDERS, step: float, title: str = ""
 ) -> Circuit:
-    """Throw a sphere at a half-space; it touches at t = 0.
+    """Return the bench of a sphere that hits a half-space at t = 0.
 
     The sphere is the tip: its masses are capacitors (mobility analogy, 1 V = 1 m/s or 1 rad/s, 1 A = 1 N or 1 N.m) on
     the nodes ``vy`` (approach), ``centre`` and ``spin``; ``vx`` is the velocity of its contact patch. Run it with
@@ -31,7 +31,7 @@ def impact_bench(
         throw: sphere, half-space and velocities.
         contact: law of the contact; instance ``Xcontact``.
         sliders: number of sliders of the brush.
-        step: time step of the run in s; a slider's pull is half of it.
+        step: time step of the run in s; the time constant of a slider is half of it.
         title: title line of the deck.
     """
     circuit = Circuit(title or "sphere thrown at a half-space")
@@ -41,7 +41,7 @@ def impact_bench(
         contact, constants, radius=_HALF_SPACE, preload=constants.preload_n,
         slider_time=step / 2.0, span=throw.greatest_penetration_m,
     )  # fmt: skip
-    if contact == "coulomb":  # stick creeps by a thousandth of the velocity that makes ψ = 1
+    if contact == "coulomb":  # creep velocity: a thousandth of the velocity at ψ = 1
         values["creep"] = 1e-3 * throw.limit_ratio * throw.velocity_m_s
     seat = contact_law.static_penetration(constants)
     mass, radius = f"{throw.mass_kg:.10g}", f"{throw.radius_m:.10g}"
@@ -79,22 +79,22 @@ def cyclic_bench(
     step: float,
     title: str = "",
 ) -> Circuit:
-    """Move the tip back and forth along a rotor that stands, at a constant or a swinging normal force.
+    """Return the bench of a tip that moves back and forth along a rotor at rest, at a constant or varying normal force.
 
     The displacement is amplitude · sin(2πft), the node ``moved`` in µm; the normal force F₀ (1 + swing ·
-    sin(2πnft + φ)). The node ``power`` is what friction takes up.
+    sin(2πnft + φ)). The node ``power`` is the power that friction dissipates or stores.
 
     Args:
         contact: constants of the contact, among them F₀.
-        rotor: of which the radius counts.
+        rotor: only its radius matters.
         amplitude: of the displacement, m.
-        swing: of the normal force, relative to F₀.
-        phase_deg: by which the force is ahead, degrees.
-        harmonic: number n of swings of the force a cycle.
+        swing: amplitude of the normal force, relative to F₀.
+        phase_deg: phase of the force ahead of the displacement, degrees.
+        harmonic: number n of cycles of the force in a cycle of the displacement.
         frequency: of the displacement, Hz.
         law: law of the contact; instance ``Xcontact``.
         sliders: number of sliders of the brush.
-        step: time step of the run in s; a slider's pull is half of it.
+        step: time step of the run in s; the time constant of a slider is half of it.
         title: title line of the deck.
     """
     circuit = Circuit(title or "tip moved back and forth")
@@ -104,7 +104,7 @@ def cyclic_bench(
         law, contact, radius=rotor.radius_m, preload=contact.preload_n, slider_time=step / 2.0, span=span
     )
     omega = 2.0 * pi * frequency
-    if law == "coulomb":  # stick creeps by a hundredth of the greatest velocity
+    if law == "coulomb":  # creep velocity: a hundredth of the greatest velocity
         values["creep"] = min(max(0.01 * amplitude * omega, 1e-9), 1e3)
     depth = 1e6 * contact_law.static_penetration(contact)
     turn = f"{omega:.12g}*time"

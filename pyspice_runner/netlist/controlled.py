@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Benches for a controller in the loop: sources that a session alters, and integrals that a sample reads.
 
-The averaged and the full motor have the same command sources and the same sampled nodes. So one controller runs
-against both.
+The averaged and the full motor have the same command sources and the same sampled nodes, so that one controller runs
+with both.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _TURNS = f"{2.0 * pi!r}*V(turns)"
 
 @dataclass(frozen=True)
 class CommandedSource:
-    """Two sines whose frequency, amplitudes and phase are the values of DC sources; the phase goes on without a jump.
+    """Two sines whose frequency, amplitudes and phase are the values of DC sources; the phase is continuous.
 
     Attributes:
         drive: the values at the start.
@@ -46,21 +46,21 @@ class CommandedSource:
 
     @property
     def label(self) -> str:
-        """That of the drive at the start."""
+        """The same as of the drive at the start."""
         return f"{self.drive.label} at the start, then as commanded"
 
     @property
     def frequencies(self) -> tuple[float, ...]:
-        """That of the drive at the start."""
+        """The same as of the drive at the start."""
         return self.drive.frequencies
 
     @property
     def period(self) -> float:
-        """That of the drive at the start."""
+        """The same as of the drive at the start."""
         return self.drive.period
 
     def check(self, motor: Motor) -> None:
-        """Raise a ParameterError for a frequency far from the modes, or a voltage that no stator withstands."""
+        """Raise a ParameterError for a frequency far from the modes, or a voltage above what a stator withstands."""
         check_together(motor, self.drive)
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:

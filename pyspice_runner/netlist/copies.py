@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Many copies of a running motor in one circuit, each from a state of its own: the bench of the steady state.
+"""The bench of the steady state: many copies of a running motor in one circuit, each with its own initial state.
 
-All copies share the time axis, so that one run of ngspice maps all states over a period of the drive. Copies of the
+All copies have the same time axis, so that one run of ngspice maps all states over a period of the drive. Copies of the
 same motor share its subcircuit; the state at the start is a set of parameters on the X line of each copy.
 """
 
@@ -25,16 +25,16 @@ from pyspice_runner.netlist.motor import Discretisation, Motion, MotorSubCircuit
 from pyspice_runner.netlist.sources import Bench
 
 Array = NDArray[np.float64]
-_MICRO = 1e-6  # m, for which 1 V stands
+_MICRO = 1e-6  # m for 1 V
 
 
 @dataclass(frozen=True)
 class Plant:
-    """A motor, its drive and its load with the order of the states that a period maps.
+    """A motor, its drive and its load and the order of the states that a period maps.
 
     The states are the modal displacements (m), the modal velocities (m/s), the sliders of the contact (m), of a stator
     on a mount the displacement (m) and velocity (m/s) of the carrier and, unless the shaft is held, the speed of the
-    rotor (rad/s). The plates are none of them: ideal voltage sources fix their
+    rotor (rad/s). The plates are no states: ideal voltage sources set their
     voltages.
 
     Attributes:
@@ -135,7 +135,7 @@ class Plant:
         return nodes
 
     def plate_gain(self, group: str, tone: Tone) -> complex:
-        """Return voltage of the clamped capacitance over voltage of the pin."""
+        """Return the voltage of the clamped capacitance over that of the pin."""
         capacitance: float = getattr(self.motor.piezo, f"capacitance_{group}_f")
         resistance = dielectric_resistance(self.motor, group)
         return 1.0 / (1.0 + 2j * pi * tone.frequency * resistance * capacitance)
@@ -151,7 +151,7 @@ class Plant:
         return [*names, "v({}_shaft)"] if self.turns else names
 
     def units(self, discretisation: Discretisation) -> Array:
-        """Return the SI value for which 1 V or 1 A of each of these vectors stands."""
+        """Return the SI value of 1 V or 1 A of each of these vectors."""
         compliances = [1.0 / discretisation.mode(mode)[1] for mode in self.motor.modes]
         carrier = [1.0 / discretisation.mode(self.mount)[1], 1.0] if self.mount else []
         return np.array([*compliances, *(1.0,) * self.modes, *(_MICRO,) * self.sliders, *carrier, *(1.0,) * self.turns])
@@ -194,8 +194,8 @@ def copies_bench(
     Args:
         copies: the copies.
         discretisation: adaptation to the uniform step.
-        texts: subcircuits of motors that have been written before, by the identity of the motor: name and text.
-            It is filled.
+        texts: subcircuits of motors that exist already, by the identity of the motor: name and text.
+            New ones are added to it.
     """
     first = copies[0].plant
     texts = {} if texts is None else texts

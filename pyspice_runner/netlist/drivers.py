@@ -3,8 +3,8 @@
 
     control --> power stage (--> transformer) --> network --> group
 
-The parts are the libraries ``behavioral/driver_*.lib``. Their parameters, with unit, default and range, are stated in
-the libraries' headers and nowhere else: :attr:`Driver.settings` names them as ``PART.PARAMETER``. The power stage, or
+The parts are the libraries ``behavioral/driver_*.lib``. Their parameters, with unit, default and range, are in the
+headers of the libraries; :attr:`Driver.settings` names them as ``PART.PARAMETER``. The power stage, or
 the MOSFETs of a bridge, may be a subcircuit of the user's own (:mod:`.own_device`).
 """
 
@@ -38,8 +38,8 @@ RAILS = ("vp", "vn")  # supply pins
 HIGHEST_RAILS = 180.0  # V between the rails of a bridge: nine tenths of the transistors' breakdown voltage
 IRF610 = "IRF610"  # the built-in MOSFET
 HEADROOM = 3.0  # V between an amplifier's output and its rails, if it does not state another one
-LARGEST_DEAD_TIME = 0.2  # of a period; a quarter leaves each transistor no time to conduct at all
-_OWN = "driver"  # what the user's own stage is called
+LARGEST_DEAD_TIME = 0.2  # of a period; with a quarter the transistors do not conduct at all
+_OWN = "driver"  # label of the user's own stage
 _STAGES: dict[str, tuple[str, str]] = {
     "linear": ("amplifier", "driver_amplifier"),
     "half-bridge": ("bridge", "driver_half_bridge"),
@@ -51,8 +51,8 @@ _NETWORKS: dict[NetworkKind, tuple[str, str]] = {
 }
 _INSTANCES = {"amplifier": "stage", "bridge": "stage", _OWN: "stage", "inductor": "network", "llcc": "network"}
 
-# Switching edges: ngspice chooses the steps. Its error control weighs charges against reltol; with the currents' own
-# tolerance of 1 pA Newton's iteration fails in steps of a picosecond, where round-off alone is more than that.
+# At switching edges ngspice chooses the steps. With the default abstol of 1 pA they fall to a picosecond, at which
+# round-off alone is larger, and the run ends with "Timestep too small". docs/convergence.md has measurements.
 SWITCHED_POINTS = 250  # steps in a period of the fastest motion, at least; ngspice takes more at the edges
 SWITCHED_OPTIONS = {"reltol": "1e-4", "vntol": "1e-5", "abstol": "1e-6", "method": "trap"}
 
@@ -63,7 +63,7 @@ class Part:
 
     Attributes:
         instance: name of the instance, without the X.
-        label: what its parameters and losses are called: ``amplifier``, ``bridge``, ``transformer``, ...
+        label: the name of its parameters and losses: ``amplifier``, ``bridge``, ``transformer``, ...
         group: ``"a"`` or ``"b"``.
         library: its subcircuit.
         values: every parameter of the subcircuit.
@@ -77,10 +77,10 @@ class Part:
 
 
 class Driver(Stated):
-    """What stands in front of the motor: two equal channels, driven by two sines with a settable phase.
+    """The electronics that drive the motor: two equal channels for two sines with a settable phase.
 
-    ``voltage`` is what the fundamental of the power stage would be with nothing lost in it, behind the transformer and
-    in front of the network; the control, and the supply of a bridge, follow from it.
+    ``voltage`` is the fundamental of the lossless power stage, behind the transformer and in front of the network. It
+    determines the control, and the supply of a bridge.
 
     Raises:
         ParameterError: by the constructor, for an invalid value.
@@ -107,7 +107,7 @@ class Driver(Stated):
         default=IRF610, description="MOSFET of a bridge: IRF610, or FILE:NAME of a .subckt or .model of the user's own"
     )
     settings: dict[str, float] = Field(default_factory=dict, description="parameters of the parts, by PART.PARAMETER")
-    _stage: Library | None = PrivateAttr(None)  # the user's own files as they were when the driver was made
+    _stage: Library | None = PrivateAttr(None)  # the user's own files as read when the driver was created
     _transistor: Library | None = PrivateAttr(None)
 
     def __init__(self, **values: Any) -> None:
@@ -156,7 +156,7 @@ class Driver(Stated):
                 )
 
     def _check_gain(self) -> None:
-        """Check the gain of the user's own stage, by which the control is divided."""
+        """Check the gain of the user's own stage, which divides the control voltage."""
         for group in GROUPS:
             gain = self.parts(group)[0].values.get("gain", 1.0)
             if gain <= 0.0:
@@ -172,12 +172,12 @@ class Driver(Stated):
 
     @property
     def own(self) -> bool:
-        """Whether the stage is a subcircuit of the user's own."""
+        """Whether the stage is the user's own subcircuit."""
         return self._stage is not None
 
     @property
     def own_text(self) -> str:
-        """The subcircuits of the user's own, for a netlist."""
+        """The user's own subcircuits, for a netlist."""
         return "\n".join(library.subcircuit for library in (self._stage, self._transistor) if library)
 
     @property
@@ -189,7 +189,7 @@ class Driver(Stated):
 
     @property
     def controlled(self) -> bool:
-        """Whether the stage follows a control voltage; else it has an oscillator of its own."""
+        """Whether the stage follows a control voltage; otherwise it has its own oscillator."""
         return self._stage is None or "in" in self._stage.pin_names
 
     @property
@@ -204,7 +204,7 @@ class Driver(Stated):
 
     @property
     def frequencies(self) -> tuple[float, ...]:
-        """Frequencies in Hz that the time step must resolve, beside the edges, for which ngspice shortens its steps."""
+        """Frequencies in Hz that the time step must resolve. ngspice shortens its steps at edges."""
         return (self.frequency,)
 
     @property
@@ -214,7 +214,7 @@ class Driver(Stated):
 
     @property
     def continues(self) -> bool:
-        """No: its inductors and capacitors hold a state that a run cannot go on from."""
+        """False: a run cannot continue from the state of its inductors and capacitors."""
         return False
 
     @property
@@ -234,7 +234,7 @@ class Driver(Stated):
 
     @property
     def label(self) -> str:
-        """What a figure's caption says of the driver."""
+        """The driver as in the caption of a figure."""
         network = "" if self.network == "none" else f" with {self.network}"
         return (
             f"{self.name}{network}, {self.voltage:.4g} V at {self.frequency / 1e3:.6g} kHz, {self.phase_deg:.4g}° apart"
@@ -264,7 +264,7 @@ class Driver(Stated):
         return rail, -rail
 
     def updated(self, changes: Mapping[str, Any]) -> Driver:
-        """Return a driver with some values changed: its own by their name, those of its parts by PART.PARAMETER.
+        """Return a driver with changed values: its own by their name, those of its parts by PART.PARAMETER.
 
         Raises:
             ParameterError: for a name that does not exist or an invalid value.
@@ -278,7 +278,7 @@ class Driver(Stated):
         return Driver(**values)
 
     def setting(self, path: str) -> float:
-        """Return the value of a part's parameter, by PART.PARAMETER; of a part of both groups that of group A.
+        """Return the value of a part's parameter, by PART.PARAMETER; for a part of both groups that of group A.
 
         Raises:
             ParameterError: for a part or a parameter that does not exist.
@@ -309,7 +309,7 @@ class Driver(Stated):
         return tuple(self._part(label, name, group) for label, name in chain)
 
     def check(self, motor: Motor) -> None:
-        """A driver suits every motor: what it cannot drive shows in the report."""
+        """Accept every motor; the report shows how well the driver drives it."""
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
         """Return ngspice's options for a run with the driver."""
@@ -324,7 +324,7 @@ class Driver(Stated):
         add_driver(circuit, self, dict(zip(GROUPS, pins, strict=True)))
 
     def initial_voltages(self) -> tuple[float, float]:
-        """Return the voltages of the pins at t = 0: an ideal source must not step onto a capacitance."""
+        """Return the voltages of the pins at t = 0: an ideal source must not have a step at a capacitance."""
         if self.kind == "ideal" and self.network == "none":
             volts = self.phasors()
             return volts["a"].imag, volts["b"].imag
@@ -336,7 +336,7 @@ class Driver(Stated):
 
     @property
     def vectors(self) -> tuple[str, ...]:
-        """What a run records beside the motor's."""
+        """Vectors that a run records in addition to those of the motor."""
         return ()
 
     def measured_period(self, samples: Mapping[str, Any]) -> float:  # noqa: ARG002
@@ -353,7 +353,7 @@ class Driver(Stated):
         return document
 
     def libraries(self) -> list[Library]:
-        """Return the libraries of all parts; the user's own MOSFET stands before those that need one."""
+        """Return the libraries of all parts; the user's own MOSFET comes first."""
         parts = [part.library for group in GROUPS for part in self.parts(group)]
         return [self._transistor, *parts] if self._transistor else parts
 
@@ -380,7 +380,7 @@ class Driver(Stated):
         return default
 
     def _check_setting(self, path: str) -> None:
-        """Refuse a setting that no part reads."""
+        """Raise a ParameterError for a setting that no part has."""
         label, _, name = path.partition(".")
         present = {part.label: part for group in GROUPS for part in self.parts(group)}
         plain = label[:-2] if label[-2:] in ("_a", "_b") else label
@@ -402,7 +402,7 @@ class Driver(Stated):
     def _own_rail(self, group: str) -> float:
         """Return a rail in V of the user's own stage: like the built-in amplifier's if it has a gain or an amplitude.
 
-        Otherwise it is that of a half bridge. One rail alone gives the voltage of two.
+        Otherwise it is that of a half bridge. A single rail has the voltage of both.
         """
         stage = self.parts(group)[0]
         amplifies = {"gain", "amplitude"} & {*stage.values}
@@ -411,7 +411,7 @@ class Driver(Stated):
         return self.supply_v or (rail if {*RAILS} <= {*stage.library.pin_names} else 2.0 * rail)
 
     def _bridge_fundamental(self, group: str) -> float:
-        """Return the fundamental in V that a rail of 4/π times that gives, before the transformer and its width."""
+        """Return the fundamental in V of a square wave between the rails, without transformer and zero level."""
         if self.kind == "half-bridge":
             return self.amplitude(group)
         level = self._setting("bridge", "level", group, 0.0)
@@ -420,14 +420,14 @@ class Driver(Stated):
 
 
 def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, source: bool = True) -> None:
-    """Put both channels of a driver into a circuit.
+    """Add both channels of a driver to a circuit.
 
     Args:
         circuit: the circuit to add to.
         driver: the driver.
         pins: node of each group.
         source: whether to add the control source; without it the controls ``control_a``, ``control_b`` (1 V amplitude
-            for a bridge, the voltage over the gain for a linear amplifier) are left to others.
+            for a bridge, the voltage over the gain for a linear amplifier) come from another source.
     """
     libraries = driver.libraries()
     source = source and driver.controlled

@@ -19,13 +19,13 @@ _LEAST = 1e-9
 def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title: str = "") -> str:
     """Return a library of one equivalent circuit: header, usage and ``.subckt NAME p n``.
 
-    Values are written so that they are read back without loss. Leads of less than a billionth of the device's
-    impedance at its resonances are left out, and so is such a loss tangent: they would cost the simulator digits.
+    The digits of the values are sufficient to read them back exactly. Leads below 1e-9 of the device's impedance at its
+    resonances are omitted, and so is such a loss tangent: they would reduce the precision of the simulator.
 
     Args:
         circuit: the circuit.
         name: name of the subcircuit.
-        title: what the circuit stands for, one line.
+        title: what the circuit represents, one line.
 
     Raises:
         ParameterError: for an invalid name.
@@ -99,5 +99,5 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
 
 
 def _plain(text: str) -> str:
-    """Return a text as one ASCII line, as every SPICE reads it in a comment."""
+    """Return a text as one ASCII line, which every SPICE accepts in a comment."""
     return "".join(character if " " <= character <= "~" else "_" for character in text)[:150]

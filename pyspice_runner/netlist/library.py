@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The hand-written subcircuits of ``behavioral/``, and what their headers promise.
+"""The subcircuits of ``behavioral/`` and their headers.
 
-A library's header is read by machines: ``PIN`` lines (name, direction, unit, meaning) in the order of the
+This module reads the header of a library: ``PIN`` lines (name, direction, unit, meaning) in the order of the
 ``.subckt`` line, ``PAR`` lines (name, unit, default, least, greatest, meaning), ``SOURCE``, ``OMITS``,
 ``REVISION`` (of pins, parameters and results), ``STEP`` (the coarsest time step at which the results are right),
 ``TESTED WITH``, and a usage example between ``USE`` and ``END USE``. ``NEEDS`` names other libraries whose subcircuits
@@ -23,8 +23,8 @@ from pathlib import Path
 from pyspice_runner.errors import ParameterError
 
 ASSEMBLED = "piezomotor_averaged"  # a library of behavioral/ that the package writes from the parts
-PREFIX = "piezomotor"  # of the names of a motor's parts, and name of the motor itself
-LAW = "_law"  # ends the name that a user's own contact law gets in a netlist
+PREFIX = "piezomotor"  # first part of the names of a motor's parts, and name of the motor
+LAW = "_law"  # end of the name of a user's own contact law in a netlist
 _EXPONENTS = {"t": 12, "g": 9, "meg": 6, "k": 3, "": 0, "m": -3, "u": -6, "n": -9, "p": -12, "f": -15}
 
 
@@ -40,7 +40,7 @@ class Pin:
 
 @dataclass(frozen=True)
 class LibraryParameter:
-    """One parameter of a subcircuit, with its default and the closed range it may take."""
+    """One parameter of a subcircuit, with its default and its closed range."""
 
     name: str
     unit: str
@@ -89,7 +89,7 @@ class Library:
 
 
 def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: Mapping[str, float | str]) -> None:
-    """Check what an instance of a subcircuit is given; of a text, which is an expression, only the parameter's name.
+    """Check the parameters of an instance; of a text, which is an expression, only the name of the parameter.
 
     Raises:
         ParameterError: for an unknown parameter or a number out of range.
@@ -108,7 +108,7 @@ def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: 
 
 
 def check_name(name: str) -> str:
-    """Return a subcircuit's name if every SPICE takes it and no part of another export can have it.
+    """Return the name of a subcircuit if every SPICE accepts it and no part of another export can have it.
 
     Raises:
         ParameterError: otherwise.
@@ -156,10 +156,10 @@ def library_names() -> tuple[str, ...]:
 
 
 def parse_library(name: str, text: str) -> Library:
-    """Read a library's header and hold it against its ``.subckt`` line.
+    """Read the header of a library and compare it with its ``.subckt`` line.
 
     Raises:
-        ParameterError: naming what is missing or disagrees.
+        ParameterError: with what is missing or different.
     """
     pins = tuple(Pin(*match) for match in re.findall(r"^\* PIN +(\S+) +(\S+) +(\S+) +(.+)$", text, re.M))
     where = f"behavioral/{name}.lib"
@@ -220,12 +220,12 @@ def parse_library(name: str, text: str) -> Library:
 
 
 def definitions(*libraries: Library, prefix: str = PREFIX) -> str:
-    """Return the subcircuits of libraries and of all they need, each once, ready for a netlist.
+    """Return the subcircuits of libraries and of those that they need, each once, for a netlist.
 
     Args:
         libraries: the libraries.
-        prefix: what the names of a motor's parts begin with, in place of ``piezomotor``: two motors in one netlist
-            then have no name in common.
+        prefix: first part of the names of a motor's parts instead of ``piezomotor``: two motors in one netlist
+            then have no common name.
     """
     wanted: dict[str, Library] = {}
 
@@ -242,15 +242,15 @@ def definitions(*libraries: Library, prefix: str = PREFIX) -> str:
 
 
 def part_name(name: str, prefix: str = PREFIX) -> str:
-    """Return what the subcircuit of a library is called in a netlist whose motor's parts begin with ``prefix``."""
+    """Return the name of a library's subcircuit in a netlist whose motor's parts begin with ``prefix``."""
     return re.sub(rf"^{PREFIX}_", f"{prefix}_", name)
 
 
 def header_parameters(where: str, text: str) -> dict[str, LibraryParameter]:
-    """Return what the ``PAR`` lines of a library's header state, by name.
+    """Return the parameters of the ``PAR`` lines of a header, by name.
 
     Raises:
-        ParameterError: naming ``where``, for a number that is none or a default out of its range.
+        ParameterError: naming ``where``, for an invalid number or a default out of its range.
     """
     found = re.findall(r"^\* PAR +(\S+) +(\S+) +(\S+) +(\S+) +(\S+) +(.+)$", text, re.M)
     return {match[0]: _parameter(where, *match) for match in found}
@@ -284,7 +284,7 @@ def number(text: str) -> float:
         ParameterError: for any other text.
     """
     match = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)(t|g|meg|k|m|u|n|p|f)?", text.lower(), re.A)
-    try:  # in decimals, so that 40n is 4e-8 to the last digit
+    try:  # by decimal arithmetic, so that 40n is exactly 4e-8
         value = float(Decimal(match.group(1)).scaleb(_EXPONENTS[match.group(2) or ""])) if match else inf
     except ArithmeticError:
         value = inf

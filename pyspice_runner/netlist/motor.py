@@ -40,12 +40,12 @@ from pyspice_runner.netlist.library import (
 from pyspice_runner.netlist.own_law import PINS
 
 SUBCIRCUIT = PREFIX
-MOUNTED = {"y": "contact_y", "vy": "contact_vy"}  # where the contact sees a tip on a mount
-CROWN = "crown"  # node inside a motor whose preload bends the tip sideways: the tip's x from there, in µm
+MOUNTED = {"y": "contact_y", "vy": "contact_vy"}  # nodes of the tip at the contact if there is a mount
+CROWN = "crown"  # node of a motor whose preload bends the tip sideways: x of the tip from the rotor's crown, in µm
 THERMAL_SUBCIRCUIT = "piezomotor_thermal"
 REVISION = 2  # of the exported motor: its pins, its parameters and what they mean
-_POINTS = 100  # a period of the fastest motion, the least with which an exported motor gives right results
-# parameters of the motor's X line that set one of the contact's, and what that is called there
+_POINTS = 100  # least number of steps in a period of the fastest motion for an exported motor
+# parameters of the motor's X line → the parameters of the contact that they set
 _OF_CONTACT = {
     "preload": "preload",
     "friction": "mu",
@@ -55,17 +55,17 @@ _OF_CONTACT = {
 }
 _OF_ROTOR = ("inertia", "bearing")
 _DERIVED = ("deflection", "damping", "span", "start")  # parameters of a contact that the motor sets
-# at the highest mode's frequency; it stands for none: SPICE allows no resistor of zero ohm, and a tiny one costs digits
+# at the highest mode's frequency, for a loss of 0: SPICE has no resistor of 0 ohm, and a tiny one costs precision
 _SMALLEST_LOSS = 3e-8
 
 
 @dataclass(frozen=True)
 class Discretisation:
-    """What a run with a uniform step adapts in the netlist; an exported motor has none of it.
+    """Adaptation of the netlist to a run with a uniform step; an exported motor has none.
 
-    The trapezoidal rule with step h shows a resonance ω at (2/h) atan(ω h/2). With m′ = m cos²(ωh/2) and
-    k′ = (4m/h²) sin²(ωh/2) the discretised mode resonates at ω exactly. The slider's time constant becomes h/2: then
-    the rule's two half steps cancel, and the slider follows its limit without ringing.
+    The trapezoidal rule with step h shifts a resonance ω to (2/h) atan(ω h/2). With m′ = m cos²(ωh/2) and
+    k′ = (4m/h²) sin²(ωh/2) the discretised mode resonates at ω exactly. The time constant of
+    the slider is h/2, with which the slider follows its limit without ringing.
 
     Attributes:
         step: time step h in s.
@@ -84,13 +84,13 @@ class Discretisation:
 
     @property
     def slider_time(self) -> float:
-        """Time constant of the pull that holds the slider, in s."""
+        """Time constant that holds the slider at its limit, in s."""
         return self.step / 2.0
 
 
 @dataclass(frozen=True)
 class Motion:
-    """The state of a running motor, from which a run with ``uic`` may go on.
+    """The state of a running motor, from which a run with ``uic`` can continue.
 
     Attributes:
         displacements_m: modal displacements r, in the order of the modes.
@@ -118,7 +118,7 @@ class Motion:
 
 
 class Assembly(SubCircuit):
-    """A subcircuit that consists of parts from libraries; the names of the parts begin with its own."""
+    """A subcircuit that consists of parts from libraries; the names of the parts begin with its name."""
 
     def __init__(self, name: str, *pins: str, **defaults: str) -> None:
         super().__init__(name, *pins, **defaults)
@@ -126,7 +126,7 @@ class Assembly(SubCircuit):
 
     @property
     def parts(self) -> str:
-        """The text of the subcircuits that it consists of."""
+        """The text of the subcircuits of the parts."""
         return definitions(*self._libraries, prefix=self.name)
 
     def _put(
@@ -145,19 +145,19 @@ class Assembly(SubCircuit):
 
 
 class MotorSubCircuit(Assembly):
-    """``.subckt piezomotor a b com shaft`` of one motor; a thermal one has the pins temperature and heat besides.
+    """``.subckt piezomotor a b com shaft`` of one motor; a thermal one also has the pins temperature and heat.
 
     Args:
         motor: the motor.
-        contact: law of the contact; ``None`` for a free tip, which leaves the rotor on its bearing alone.
+        contact: law of the contact; ``None`` for a free tip, without a force on the rotor.
         sliders: number of sliders of the brush.
         discretisation: adaptation to a run's time step, if any.
-        start: motion with which a run with ``uic`` starts; by default preloaded rest. The plates and the cells of a
-            brush are not among it: their voltages are for ``.ic``.
-        thermal: drift with the pin ``temperature`` (1 V = 1 K), and a pin ``heat`` (1 V = 1 W). Both pins may be left
-            open, then nothing drifts.
+        start: motion with which a run with ``uic`` starts; by default preloaded rest. It does not
+            include the plates and the cells of a brush: ``.ic`` sets their voltages.
+        thermal: drift with the pin ``temperature`` (1 V = 1 K), and a pin ``heat`` (1 V = 1 W). With open pins
+            nothing drifts.
         approach: whether there is, as the last pin, ``approach`` (1 V = 1 um), by which the tip, or the far end of the
-            mount's springs, is moved towards the rotor: the preload changes.
+            mount's springs, moves towards the rotor, which changes the preload.
         name: name of the subcircuit; by default ``piezomotor``, or ``piezomotor_thermal``.
     """
 
@@ -221,7 +221,7 @@ class MotorSubCircuit(Assembly):
             self.R("open_temperature", "temperature", self.gnd, 1e9)
         if law:
             sway = contact_law.static_sway(motor.contact, _softened(motor, discretisation)) / preload
-            if sway:  # the rotor's crown is above the resting tip
+            if sway:  # the crown of the rotor is above the tip at rest
                 self.V("sway", "x", CROWN, f"DC {{{_digits(1e6 * sway)!r}*preload}}")
             moved = {"x": CROWN} if sway else {}
             moved |= self._add_mount(motor.mount, preload, discretisation, start, approach=approach)
@@ -237,7 +237,7 @@ class MotorSubCircuit(Assembly):
         self._add_dry_bearing(motor.rotor, start)
 
     def _add_stem(self, compliance: float, y: str) -> dict[str, str]:
-        """Put in the compliance in series with the contact, in m/N: the end of the stem stays behind its foot."""
+        """Add the compliance in series with the contact, in m/N, which the contact force compresses."""
         if not compliance:
             return {}
         self.VCVS("stem", "stem_y", y, "normal", self.gnd, voltage_gain=_digits(-1e6 * compliance))
@@ -259,7 +259,7 @@ class MotorSubCircuit(Assembly):
         *,
         approach: bool,
     ) -> dict[str, str]:
-        """Put in carrier and approach, and return the nodes that the contact is connected to in place of its pins."""
+        """Add carrier and approach, and return the nodes to which the contact is connected instead of its pins."""
         if approach:
             self.R("open_approach", "approach", self.gnd, 1e9)
         if mount is None:
@@ -279,7 +279,7 @@ class MotorSubCircuit(Assembly):
 
 
 def _expressions(law: Library, values: Mapping[str, float], flexibility: float) -> dict[str, str]:
-    """Return what is written for a law's parameters that depend on the X line; ``flexibility`` of the stator in m/N."""
+    """Return a law's parameters that depend on the X line, as expressions; ``flexibility`` of the stator in m/N."""
     outer = {inner: name for name, inner in _OF_CONTACT.items()}
     written = {name: f"{{{outer.get(name, name)}}}" for name in _settable_names(law)}
     written["deflection"] = f"{{{_digits(1e6 * flexibility)!r}*preload}}"
@@ -289,7 +289,7 @@ def _expressions(law: Library, values: Mapping[str, float], flexibility: float) 
 
 
 def _settable_names(law: Library) -> list[str]:
-    """Return the parameters of a law that the X line of a motor sets, as the law calls them."""
+    """Return the parameters of a law that the X line of a motor sets, by their names in the law."""
     return [parameter.name for parameter in law.parameters if parameter.name not in _DERIVED]
 
 
@@ -311,12 +311,12 @@ def _settable_rotor(rotor: Library, values: Mapping[str, float]) -> list[Library
 
 
 def _digits(value: float) -> float:
-    """Round to ten digits: the last ones of an eigenvalue depend on the machine, and a deck must not."""
+    """Round to ten digits, because the last digits of an eigenvalue depend on the computer."""
     return float(f"{value:.10g}")
 
 
 def contact_nodes(motor: Motor) -> dict[str, str]:
-    """Return the nodes inside a motor where the contact sees the tip, by x (from the crown), y, vx and vy."""
+    """Return the nodes of the tip at the contact: x (from the crown), y, vx and vy."""
     nodes = {name: name for name in ("x", "y", "vx", "vy")}
     if contact_law.static_sway(motor.contact, motor.modes):
         nodes["x"] = CROWN
@@ -324,7 +324,7 @@ def contact_nodes(motor: Motor) -> dict[str, str]:
 
 
 def _softened(motor: Motor, discretisation: Discretisation | None) -> tuple[Mode, ...]:
-    """Return the modes with the stiffness that is written for them."""
+    """Return the modes with the stiffness in the netlist."""
     if discretisation is None:
         return motor.modes
     return tuple(mode.model_copy(update={"stiffness_n_per_m": discretisation.mode(mode)[1]}) for mode in motor.modes)
@@ -351,12 +351,13 @@ def add_motor(
     name: str = "",
     settings: Mapping[str, float | str] | None = None,
 ) -> None:
-    """Put a motor into a PySpice circuit. All copies of one motor share one definition.
+    """Add a motor to a PySpice circuit. All copies of one motor share one definition.
 
     Args:
         circuit: the circuit to add to.
         motor: the motor.
-        nodes: the four nodes for the pins a, b, com, shaft; those for temperature, heat and approach besides, if there.
+        nodes: the four nodes for the pins a, b, com, shaft; those for temperature, heat and approach if it has
+            these pins.
         instance: name of the instance (``X`` + this).
         contact: as in :class:`MotorSubCircuit`.
         sliders: as in :class:`MotorSubCircuit`.
@@ -364,7 +365,7 @@ def add_motor(
         start: as in :class:`MotorSubCircuit`.
         thermal: as in :class:`MotorSubCircuit`.
         approach: as in :class:`MotorSubCircuit`.
-        name: as in :class:`MotorSubCircuit`; a second, different motor in one circuit needs its own.
+        name: as in :class:`MotorSubCircuit`; a second, different motor in one circuit needs another name.
         settings: parameters of the X line, such as ``{"preload": 8}``; a text such as ``"{preload}"`` is an expression.
 
     Raises:
@@ -409,7 +410,7 @@ def motor_library(
         thermal: drift with temperature; the subcircuit then has the pins ``temperature`` and ``heat``.
 
     Raises:
-        ParameterError: for a law, a number of sliders or a name that is not possible.
+        ParameterError: for an invalid law, number of sliders or name.
     """
     check_law(contact, free=False)
     circuit = MotorSubCircuit(
@@ -486,7 +487,7 @@ def _mount_line(motor: Motor) -> str:
 
 
 def _mode_start(start: Motion | None, index: int, bending: float) -> dict[str, float]:
-    """Return what a mode starts with, beside its displacement under the preload, which is minus the bending (m)."""
+    """Return the start of a mode, relative to its displacement under the preload, which is minus the bending (m)."""
     if start is None:
         return {}
     return {"start": 1e6 * (start.displacements_m[index] + bending), "velocity": start.velocities_m_s[index]}
@@ -499,13 +500,13 @@ def _mode_drift(thermal: Thermal | None) -> dict[str, float]:
 
 
 def dielectric_resistance(motor: Motor, group: str) -> float:
-    """Return the resistance in Ω that stands for the dielectric loss of group ``"a"`` or ``"b"`` in the netlist."""
+    """Return the resistance in Ω of the dielectric loss of group ``"a"`` or ``"b"`` in the netlist."""
     capacitance: float = getattr(motor.piezo, f"capacitance_{group}_f")
     return _loss_tangent(motor) / (2.0 * pi * motor.piezo.loss_reference_hz * capacitance)
 
 
 def _loss_tangent(motor: Motor) -> float:
-    """Return the loss tangent to write, at the reference frequency."""
+    """Return the loss tangent in the netlist, at the reference frequency."""
     highest = max(mode.frequency_hz for mode in motor.modes)
     return max(motor.piezo.loss_tangent, _SMALLEST_LOSS * motor.piezo.loss_reference_hz / highest)
 
@@ -517,7 +518,7 @@ def instantiate(
     nodes: Sequence[str | int],
     **values: float | str,
 ) -> None:
-    """Put an instance of a library's subcircuit into a netlist and check its values by the library's header.
+    """Add an instance of a library's subcircuit to a netlist and check its parameters against the header.
 
     Args:
         parent: circuit or subcircuit to add to.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A contact law of the user's own: a file with one subcircuit that has the pins of the built-in laws.
+"""The user's own contact law: a file with one subcircuit that has the pins of the built-in laws.
 
-``docs/tutorial_contact_law.md`` shows how to write one; :mod:`.own_file` says what is taken from it.
+``docs/tutorial_contact_law.md`` shows how to write one; :mod:`.own_file` reads it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pyspice_runner.netlist.own_file import OwnFile, Rules, Statement, read_byte
 
 ENDING = ".lib"
 PINS = ("x", "y", "vx", "vy", "fx", "fy", "shaft", "normal", "friction", "slider", "state")
-#: parameters that the motor sets in every law: they place the contact at its preload
+#: parameters that the motor sets in every law, to start the contact at its preload
 REQUIRED = ("normal_stiffness", "mu", "radius", "preload", "deflection")
 NAME = f"{PREFIX}{LAW}"  # of the subcircuit in a netlist; the file may use another name
 _MOST_BYTES = 1 << 18
@@ -43,9 +43,9 @@ class _Law(OwnFile):
     """Reads the text of one law."""
 
     def library(self) -> Library:
-        """Return the law as a library whose subcircuit is called :data:`NAME`."""
+        """Return the law as a library with the subcircuit :data:`NAME`."""
         (begin, first), *body, (end, last) = self._subcircuit()
-        # of a copy of a built-in law: its start comes by .ic here
+        # of a copy of a built-in law: here .ic sets its start
         body = [(line, re.sub(r"\s+ic=\{start\}$", "", text)) for line, text in body]
         words = words_of(first)
         name, pins = words[1].lower(), [word.lower() for word in words[2:] if "=" not in word]
@@ -69,7 +69,7 @@ class _Law(OwnFile):
         return self._library(NAME, words[1], PINS, parameters, "\n".join(lines), needs)
 
     def _subcircuit(self) -> list[Statement]:
-        """Return the lines from ``.subckt`` to ``.ends``; there is nothing else in the file."""
+        """Return the lines from ``.subckt`` to ``.ends``, the only ones in the file."""
         lines = self._statements
         begins = [index for index, (_, line) in enumerate(lines) if re.match(r"\.subckt\s+\S", line, re.I)]
         ends = [index for index, (_, line) in enumerate(lines) if re.match(r"\.ends\b", line, re.I)]

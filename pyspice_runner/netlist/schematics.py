@@ -2,7 +2,7 @@
 """The example schematics of ``examples/``: the motor between two sources, for KiCad and for LTspice.
 
 ``python -m pyspice_runner.netlist.schematics FOLDER`` writes them. A test compares them with the ones in ``examples/``,
-takes the circuit out of either drawing, and runs it. ``make kicad`` does the same with KiCad 9; LTspice is not tested.
+extracts the circuit from each drawing, and runs it. ``make kicad`` does the same with KiCad 9; LTspice is not tested.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from pyspice_runner.netlist.motor import SUBCIRCUIT, motor_library
 from pyspice_runner.netlist.symbols import MOTOR_PINS, TESTED, UNTESTED, kicad_symbol, ltspice_symbol
 
 MOTOR = "andersen2002"
-NAME = "motor"  # of all files, which find each other by it
-VOLTAGE, PHASES = 50.0, {"V1": 0.0, "V2": 90.0}  # V and degrees; KiCad wants names that end in a number
+NAME = "motor"  # name of all files, by which they refer to each other
+VOLTAGE, PHASES = 50.0, {"V1": 0.0, "V2": 90.0}  # V and degrees; the names in KiCad must end in a number
 STEP, STOP = "100n", "5m"
 _ROOT = uuid.uuid5(uuid.NAMESPACE_URL, "pyspice-runner/examples/kicad")
 _FONT = "(effects (font (size 1.27 1.27))"
@@ -60,7 +60,7 @@ def write_examples(folder: Path) -> list[Path]:
 
 
 def ltspice_schematic(motor: Motor) -> str:
-    """Return the LTspice schematic, which names ``motor.asy`` beside it."""
+    """Return the LTspice schematic, which refers to ``motor.asy`` in the same folder."""
     wires = [
         (160, 208, 160, 128), (160, 128, 384, 128),  # a
         (256, 208, 256, 160), (256, 160, 384, 160),  # b
@@ -86,11 +86,11 @@ def ltspice_schematic(motor: Motor) -> str:
 
 
 def kicad_schematic(motor: Motor, symbol: str) -> str:
-    """Return the KiCad schematic (format of KiCad 7, which later ones read).
+    """Return the KiCad schematic (format of KiCad 7, which later versions read).
 
     Args:
         motor: the motor.
-        symbol: the text of its symbol library, of which the schematic keeps a copy, as KiCad does.
+        symbol: the text of its symbol library, of which the schematic contains a copy.
     """
     copy = "\n".join(symbol.splitlines()[1:-1]).replace(f'"{SUBCIRCUIT}"', f'"{NAME}:{SUBCIRCUIT}"', 1)
     frequency = motor.modes[-1].frequency_hz
@@ -170,7 +170,7 @@ def _placed(library: str, reference: str, value: str, place: Point, fields: dict
 
 
 def _id(what: str) -> uuid.UUID:
-    """Return an identifier that stays the same from one writing to the next."""
+    """Return an identifier that is the same whenever the file is written."""
     return uuid.uuid5(_ROOT, what)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What drives the pins of a motor, and the one bench on which every source, load and contact meets the motor."""
+"""Sources at the pins of a motor, and the bench that combines them with motor, load and contact."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from pyspice_runner.netlist.motor import Discretisation, Motion, add_motor
 from pyspice_runner.netlist.trackers import Disturbance, Tracker, add_disturbance, tracked_source
 
 GROUPS = ("a", "b")
-Excitation = Drive | Driver | Tracker  # what the caller of an analysis may give
+Excitation = Drive | Driver | Tracker  # the drives that an analysis accepts
 Pins = tuple[str, str]  # nodes of groups A and B
-FREE, PAPER_LAW = Load(), Law()  # a shaft on its bearing alone; the law of the paper
+FREE, PAPER_LAW = Load(), Law()  # a free shaft; the law of the paper
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Bench:
     Attributes:
         circuit: the circuit.
         options: ngspice's options for it.
-        start: initial voltages in V by node, beside those that its devices state (``ic=``).
+        start: initial voltages in V by node, in addition to those of its devices (``ic=``).
     """
 
     circuit: Circuit
@@ -54,14 +54,14 @@ class Bench:
 
 
 class Source(Protocol):
-    """What drives the pins of a motor: ideal voltages, a driver circuit, a tracker.
+    """A source at the pins of a motor: ideal voltages, a driver circuit, a tracker.
 
-    A source adds itself to a circuit between ground and the nodes ``a`` and ``b``, and says what a run with it needs.
+    A source adds itself to a circuit between ground and the nodes ``a`` and ``b``, and states what a run with it needs.
     """
 
     @property
     def label(self) -> str:
-        """What a caption says of the source."""
+        """The source as in the caption of a figure."""
 
     @property
     def frequencies(self) -> tuple[float, ...]:
@@ -69,7 +69,7 @@ class Source(Protocol):
 
     @property
     def period(self) -> float:
-        """Time in s after which the voltages repeat, over whole multiples of which means are taken."""
+        """Period of the voltages in s; means are over whole periods."""
 
     @property
     def uniform(self) -> bool:
@@ -77,7 +77,7 @@ class Source(Protocol):
 
     @property
     def continues(self) -> bool:
-        """Whether a run may go on from the motion of the motor alone, because the source itself stores nothing."""
+        """Whether a run can continue from the motion of the motor alone, because the source has no state."""
 
     @property
     def rise_time(self) -> float:
@@ -105,17 +105,17 @@ class Source(Protocol):
         """Add the source between ground and the nodes of groups A and B; it has been on for ``begun`` seconds."""
 
     def initial_voltages(self) -> tuple[float, float]:
-        """Return the voltages of the pins in V just after t = 0, to which the plates start charged."""
+        """Return the voltages of the pins in V just after t = 0, with which the plates start."""
 
     def current(self, group: str) -> tuple[str, float]:
-        """Return the vector of the current of a group, and the factor that makes it the current into the pin in A."""
+        """Return the vector of the current of a group, and the factor from it to the current into the pin in A."""
 
     @property
     def vectors(self) -> tuple[str, ...]:
-        """Vectors that a run records beside those of the motor."""
+        """Vectors that a run records in addition to those of the motor."""
 
     def measured_period(self, samples: Mapping[str, Any]) -> float:
-        """Return the period in s at the end of a run, for a source that changes it; else :attr:`period`."""
+        """Return the period in s at the end of a run, if the source changes it, otherwise :attr:`period`."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the source with every setting, JSON-ready."""
@@ -138,22 +138,22 @@ class DriveSource:
 
     @property
     def label(self) -> str:
-        """That of the drive."""
+        """The same as of the drive."""
         return self.drive.label
 
     @property
     def frequencies(self) -> tuple[float, ...]:
-        """Those of its tones."""
+        """The frequencies of the tones in Hz."""
         return self.drive.frequencies
 
     @property
     def period(self) -> float:
-        """That of the drive."""
+        """The same as of the drive."""
         return self.drive.period
 
     @property
     def rise_time(self) -> float:
-        """The soft start of the drive."""
+        """The soft start of the drive in s."""
         return self.drive.soft_start
 
     def measured_period(self, samples: Mapping[str, Any]) -> float:  # noqa: ARG002
@@ -161,7 +161,7 @@ class DriveSource:
         return self.period
 
     def check(self, motor: Motor) -> None:
-        """Raise a ParameterError for a frequency far from the modes, or a voltage that no stator withstands."""
+        """Raise a ParameterError for a frequency far from the modes, or a voltage above what a stator withstands."""
         check_together(motor, self.drive)
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
@@ -186,7 +186,7 @@ class DriveSource:
 
 
 def source_of(excitation: Excitation, motor: Motor, law: Law | None) -> Source:
-    """Return what drives the pins of a motor, for every kind of drive that an analysis takes."""
+    """Return the source for a drive, driver or tracker."""
     if isinstance(excitation, Drive):
         return DriveSource(excitation)
     if isinstance(excitation, Tracker):
@@ -195,7 +195,7 @@ def source_of(excitation: Excitation, motor: Motor, law: Law | None) -> Source:
 
 
 def updated(excitation: Excitation, changes: Mapping[str, Any]) -> Excitation:
-    """Return an excitation with some values changed, by their names; those of a driver's parts by PART.PARAMETER.
+    """Return an excitation with changed values, by their names; those of a driver's parts by PART.PARAMETER.
 
     Raises:
         ParameterError: for a name that does not exist or a value out of range.
@@ -230,18 +230,18 @@ def motor_bench(
     begun: float = 0.0,
     title: str = "",
 ) -> Bench:
-    """Put a motor, instance ``Xmotor`` on the nodes a, b, 0, shaft, between what drives it and what it works against.
+    """Return the bench of a motor with source and load; the motor is ``Xmotor`` on the nodes a, b, 0, shaft.
 
     Args:
         motor: the motor.
-        source: what drives the pins.
+        source: source at the pins.
         load: on the shaft; a source ``Vshaft`` holds its speed, a source ``Iload`` draws the torque.
         law: law of the contact; ``None`` for a free tip.
         discretisation: adaptation to a uniform step, if any.
         thermal: drift of the motor; its losses then heat it through ``Xcooling`` on the nodes heat and temperature.
-        disturbance: what happens to the motor during the run.
-        start: motion to go on from; by default preloaded rest, with the plates at the first voltages of the source.
-        begun: time in s since the source came on.
+        disturbance: change of load, preload or temperature during the run.
+        start: initial motion; by default preloaded rest, with the plates at the first voltages of the source.
+        begun: time in s since the source was switched on.
         title: title line of the deck.
 
     Raises:
@@ -281,21 +281,21 @@ def dynamometer_bench(
     begun: float = 0.0,
     title: str = "",
 ) -> Bench:
-    """Put a motor on a dynamometer, and unless it need only settle, on meters of power, losses and states.
+    """Return the bench of a motor with dynamometer and, if asked for, meters of power, losses and states.
 
     The integrals are the nodes ``xbrake.v_*``, and with meters ``xcontactmeter.v_*``, ``xmeter_a.v_*``,
     ``xmeter_b.v_*``, ``xheat_*.v_heat``.
 
     Args:
         motor: the motor; instance ``Xmotor``.
-        source: what drives the pins.
-        speed: at which the brake holds the shaft, rad/s; ``None`` leaves it free but for the load.
-        load_torque: torque in N·m that the brake draws besides.
+        source: source at the pins.
+        speed: speed at which the brake holds the shaft, rad/s; ``None``: the brake draws only the load torque.
+        load_torque: torque in N·m that the brake draws in addition.
         law: law of the contact.
-        meters: whether there is more than the brake; the meters take two fifths of the run time.
+        meters: whether to add the meters, which take two fifths of the run time.
         discretisation: adaptation to a uniform step, if any; the meters take their time constants from it.
-        start: motion to go on from; by default preloaded rest, with the plates at the first voltages of the source.
-        begun: time in s since the source came on.
+        start: initial motion; by default preloaded rest, with the plates at the first voltages of the source.
+        begun: time in s since the source was switched on.
         title: title line of the deck.
 
     Raises:

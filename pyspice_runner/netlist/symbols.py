@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Schematic symbols for a library: LTspice ``.asy`` and KiCad ``.kicad_sym``.
 
-``make kicad`` opens, checks and exports the example with KiCad 9. LTspice is not tested: a test reads its files by a
-parser of the format, and the files say so.
+``make kicad`` opens, checks and exports the example with KiCad 9. LTspice itself is not tested: a test reads its
+files with a parser of the format, and the files state this.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ TESTED = "Tested with KiCad 9"
 
 @dataclass(frozen=True)
 class SymbolPin:
-    """A pin of a symbol: its name in the subcircuit, and on which side of the box it stands."""
+    """A pin of a symbol: its name in the subcircuit, and its side of the box."""
 
     name: str
     side: Literal["left", "right"]
@@ -42,8 +42,8 @@ def ltspice_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: st
     Args:
         name: name of the subcircuit.
         pins: its pins.
-        library: file name of the library, which stands beside the schematic.
-        title: what it is, one line.
+        library: file name of the library, which is in the folder of the schematic.
+        title: title of the symbol, one line.
     """
     rows = _rows(pins)
     bottom = 32 * max(rows) + 32
@@ -67,13 +67,13 @@ def ltspice_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: st
 
 
 def kicad_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: str) -> str:
-    """Return a KiCad symbol library (format of KiCad 7, which later ones read) with its simulation fields.
+    """Return a KiCad symbol library (format of KiCad 7, which later versions read) with its simulation fields.
 
     Args:
         name: name of the subcircuit.
         pins: its pins.
-        library: file name of the SPICE library, which stands beside the schematic.
-        title: what it is, one line.
+        library: file name of the SPICE library, which is in the folder of the schematic.
+        title: title of the symbol, one line.
     """
     rows = _rows(pins)
     bottom = -2.54 * (max(rows) + 1)
@@ -122,10 +122,10 @@ def _rows(pins: Sequence[SymbolPin]) -> list[int]:
 
 
 def library_name(file: Path) -> str:
-    """Return the name of the library beside a symbol's file.
+    """Return the name of the library in the folder of a symbol's file.
 
     Raises:
-        ParameterError: for a name that would end the text that it stands in.
+        ParameterError: for a name with characters that end a text of the format.
     """
     if not file.stem.isprintable() or set(file.stem) & set('"\\'):
         raise ParameterError(
@@ -136,6 +136,6 @@ def library_name(file: Path) -> str:
 
 
 def _line(text: str) -> str:
-    """Return a text as both formats take it: one line of ASCII without quotes and backslashes."""
+    """Return a text that both formats accept: one line of ASCII without quotes and backslashes."""
     kept = "".join(character if " " <= character <= "~" and character not in '"\\' else "_" for character in text)
     return kept[:150].rstrip(". ")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Resonance trackers as PySpice circuits: sense, detect, filter, oscillate, in front of a motor that is disturbed.
+"""Resonance trackers as PySpice circuits: sensing, detector, filter and oscillator, in front of a motor.
 
     oscillator --> two phases --> sense --> motor
          ^                          |
@@ -36,14 +36,14 @@ TrackerKind = Literal["none", "pll", "observe-current", "observe-power"]
 DisturbanceKind = Literal["start", "target", "load", "preload", "temperature"]
 
 RAIL = 5.0  # V, range of the control voltage
-# Digital events shorten steps, so that the error control of ngspice is left out as for uniform steps; trackers hold
-# voltages of some volts and frequencies of some ten thousand.
+# Digital events shorten the steps; ngspice's error control is switched off, as with uniform steps. The nodes have some
+# volts, and frequencies of some ten thousand hertz.
 TRACKER_OPTIONS = {"reltol": "1e-5", "vntol": "1e-7", "abstol": "1e-8", "trtol": "1e9", "method": "trap"}
-STEP_TIME = 0.2e-3  # s, over which a load or a preload steps: faster than any loop, slow for the modes
+STEP_TIME = 0.2e-3  # s, rise time of a step of load or preload: short for the loop, long for the modes
 
 
 class Tracker(Stated):
-    """A two-phase drive whose frequency a tracker sets; with ``none`` it stays where it is.
+    """A two-phase drive whose frequency a tracker sets; with ``none`` the frequency is constant.
 
     Raises:
         ParameterError: by the constructor, for an invalid value.
@@ -91,7 +91,7 @@ class Tracker(Stated):
 
     @property
     def wanted_deg(self) -> float:
-        """Phase at which the motional current is wanted; an observer climbs to resonance."""
+        """Target phase of the motional current in degrees; that of an observer is 0, resonance."""
         return self.target_deg if self.kind == "pll" else 0.0
 
     def phasors(self) -> dict[str, complex]:
@@ -101,17 +101,17 @@ class Tracker(Stated):
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What happens to a motor that is tracked.
+    """A disturbance of a tracked motor.
 
     Attributes:
-        kind: ``"start"``: nothing but the start; ``"target"``, ``"load"``, ``"preload"`` or ``"temperature"``.
-        begin_s: when it begins.
-        load_torque_n_m: torque that a load draws from then on.
+        kind: ``"start"``: only the start; ``"target"``, ``"load"``, ``"preload"`` or ``"temperature"``.
+        begin_s: time in s at which it begins.
+        load_torque_n_m: load torque after the step.
         preload_change: relative change of the static normal force.
         drift: relative drift of all resonance frequencies.
-        drift_time_s: time that the drift takes.
-        thermal: what drifts besides; by default nothing but the frequencies.
-        target_step_deg: step of the phase that a phase-locked loop is to hold.
+        drift_time_s: duration of the drift.
+        thermal: coefficients of the drift; by default only the frequencies drift.
+        target_step_deg: step of the target phase of a phase-locked loop.
     """
 
     kind: DisturbanceKind
@@ -146,7 +146,7 @@ class Disturbance:
 
     @property
     def end_s(self) -> float:
-        """When it has ended."""
+        """Time in s at which it has ended."""
         return self.begin_s + {"start": 0.0, "target": 0.0, "temperature": self.drift_time_s}.get(self.kind, STEP_TIME)
 
 
@@ -157,12 +157,12 @@ def mode_force(motor: Motor, tracker: Tracker, mode: int) -> float:
 
 
 def tracked_lag(motor: Motor, tracker: Tracker, mode: int, *, contact: bool) -> StatorLag:
-    """Return resonance and lag of the mode that a tracker is to follow."""
+    """Return resonance and lag of the mode to track."""
     return stator_lag(motor, mode, mode_force(motor, tracker, mode), contact=contact)
 
 
 def tracker_filter(tracker: Tracker, lag: StatorLag) -> LoopFilter:
-    """Return the filter that is proposed for a tracker's bandwidth."""
+    """Return the proposed filter for the bandwidth of a tracker."""
     return propose_filter(
         lag, tracker.bandwidth_hz, gain_hz_per_v=tracker.gain_hz_per_v, current_a=tracker.pump_current_a,
         target_deg=tracker.target_deg, ripple_ratio=tracker.ripple_ratio,
@@ -170,7 +170,7 @@ def tracker_filter(tracker: Tracker, lag: StatorLag) -> LoopFilter:
 
 
 def weights(motor: Motor, mode: int) -> dict[str, float]:
-    """Return the weights by which the groups' voltages and currents single out one mode, for ``tracker_sense``.
+    """Return the weights of the groups' voltages and currents for one mode, for ``tracker_sense``.
 
     The motional currents are Σ θ v of all modes; the least-squares inverse of the couplings gives one mode's velocity.
     """
@@ -188,19 +188,19 @@ def weights(motor: Motor, mode: int) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class TrackedSource:
-    """An oscillator whose frequency a tracker sets, straight at the pins or in front of a driver circuit.
+    """An oscillator whose frequency a tracker sets, directly at the pins or in front of a driver circuit.
 
     Nodes: ``sine``, ``cosine``, ``tuned`` (Hz) of the oscillator, ``control`` and ``tuning`` before it; ``motional``,
-    ``force``, ``ahead``, ``power`` what is sensed at the pins; ``target`` (degrees).
+    ``force``, ``ahead``, ``power`` of the sensing circuit at the pins; ``target`` (degrees).
 
     Attributes:
         tracker: the tracker, its drive and its oscillator.
-        mode: index of the mode to follow, from 0.
+        mode: index of the mode to track, from 0.
         loop_filter: filter of a phase-locked loop.
-        driver: what amplifies the oscillator; ``None`` for ideal sources. Its voltages and phase are then those of the
-            drive, and its frequency is the oscillator's.
-        disturbance: what happens to the target.
-        inject: source between ``control`` and ``tuning``, which otherwise are the same.
+        driver: driver behind the oscillator; ``None`` for ideal sources. It sets voltages and phase, the oscillator the
+            frequency.
+        disturbance: change of the target phase.
+        inject: source between ``control`` and ``tuning``, by default 0 V.
     """
 
     tracker: Tracker
@@ -213,7 +213,7 @@ class TrackedSource:
     continues = False
     rise_time = 0.0
     vectors = ("v(tuned)",)
-    fewest_points = 50  # the phase detector sees an edge at the end of a step: 7 degrees
+    fewest_points = 50  # the phase detector responds to an edge at the end of a step: 7 degrees
 
     @property
     def label(self) -> str:
@@ -223,7 +223,7 @@ class TrackedSource:
 
     @property
     def frequencies(self) -> tuple[float, ...]:
-        """The highest that the oscillator reaches."""
+        """The highest frequency of the oscillator in Hz."""
         return (self.tracker.frequency * (1.0 + self.tracker.span),)
 
     @property
@@ -311,7 +311,7 @@ class TrackedSource:
 
 
 def tracked_source(tracker: Tracker, motor: Motor, law: Law | None) -> TrackedSource:
-    """Return a tracker of the last mode, with the filter that is proposed for its bandwidth."""
+    """Return a tracker of the last mode, with the proposed filter for its bandwidth."""
     mode = len(motor.modes) - 1
     return TrackedSource(
         tracker, mode, tracker_filter(tracker, tracked_lag(motor, tracker, mode, contact=law is not None))
@@ -321,9 +321,10 @@ def tracked_source(tracker: Tracker, motor: Motor, law: Law | None) -> TrackedSo
 def averaged_bench(
     tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter, *, closed: bool, target: str = "DC 0", title: str = ""
 ) -> Circuit:
-    """Return the averaged loop: cut open at the oscillator's input and driven there by ``AC 1``, or closed.
+    """Return the averaged loop: opened at the oscillator's input and driven there by ``AC 1``, or closed.
 
-    Cut open, the voltage at ``control`` is minus the loop gain. Closed, ``phase`` follows ``target``, both in rad.
+    The voltage at ``control`` of the open loop is minus the loop gain. In the closed loop ``phase`` follows ``target``,
+    both in rad.
     """
     circuit = Circuit(title or "averaged loop")
     circuit.raw_spice += "\n".join(read_library(f"tracker_{part}").subcircuit for part in ("average", "filter")) + "\n"
@@ -341,7 +342,7 @@ def add_average(
     suffix: str = "",
     source: str | None = None,
 ) -> None:
-    """Add an averaged loop to a circuit: closed, or cut open and driven by a source at the oscillator's input."""
+    """Add an averaged loop to a circuit: closed, or open and driven by a source at the oscillator's input."""
     control = f"control{suffix}"
     if source:
         circuit.V(f"tuning{suffix}", f"tuning{suffix}", circuit.gnd, source)
@@ -352,7 +353,7 @@ def add_average(
         current=tracker.pump_current_a, polarity=tracker.polarity,
     )  # fmt: skip
     instantiate(circuit, f"filter{suffix}", "tracker_filter", (control,), start=0.0, **_filter_values(loop_filter))
-    circuit.R(f"leak{suffix}", control, circuit.gnd, 1e15)  # a way for the direct current of the operating point
+    circuit.R(f"leak{suffix}", control, circuit.gnd, 1e15)  # a DC path for the operating point
 
 
 def _filter_values(loop_filter: LoopFilter) -> dict[str, float]:
@@ -386,7 +387,7 @@ def _add_tracker(
             circuit, "filter", "tracker_filter", ("control",), start=tracker.start_v, **_filter_values(loop_filter)
         )
         return
-    # about 1 V at resonance, free: the motional current as the sense circuit weighs it, or the power
+    # about 1 V at the free resonance: the weighted motional current, or the power
     own, weight = motor.modes[mode], weights(motor, mode)
     force = mode_force(motor, tracker, mode)
     velocity = force / own.damping_n_s_per_m
@@ -404,7 +405,7 @@ def _add_tracker(
 
 
 def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) -> tuple[str, ...]:
-    """Add the sources that disturb a motor, and return the nodes of its further pins."""
+    """Add the sources of a disturbance, and return the nodes of the motor's additional pins."""
 
     def ramp(value: float) -> str:
         return f"PWL(0 0 {disturbance.begin_s:.9g} 0 {disturbance.end_s:.9g} {value:.10g})"
@@ -412,7 +413,7 @@ def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) ->
     if disturbance.kind == "load":
         circuit.I("load", "shaft", circuit.gnd, ramp(disturbance.load_torque_n_m))
     if disturbance.kind == "preload":
-        if motor.mount:  # the far end of the springs moves
+        if motor.mount:  # the fixed end of the springs moves
             moved = motor.contact.preload_n * disturbance.preload_change / motor.mount.stiffness_n_per_m
         else:
             factor = 1.0 + disturbance.preload_change
