@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the contact law changes for the motor, and what it costs: the table of ``docs/contact.md``."""
+"""Effect of the contact law on results and run time: the table of ``docs/contact.md``."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def curve(name: str, law: str, sliders: int) -> dict[str, float]:
 
 
 def seconds(name: str, law: str, sliders: int) -> float:
-    """Return ngspice's wall time for 1 ms of the free-running motor, the best of some runs."""
+    """Return ngspice's wall time for 1 ms of the free-running motor, the shortest of several runs."""
     drive, _ = DRIVES[name]
     runs = (pr.simulate(MOTOR, drive, duration=DURATION, contact=law, sliders=sliders) for _ in range(REPEATS))
     return min(run.solver_seconds for run in runs) / (1e3 * DURATION)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Equivalent circuits: fit_spectrum beside scikit-rf's vector fitting and impedance.py's circuit fit, at equal order.
+"""Equivalent circuits: fit_spectrum, scikit-rf's vector fitting and impedance.py's circuit fit, at equal order.
 
-Error is the root mean square of |Y/Y_measured − 1|. Vector fitting is given N pole pairs and the real pole of the
-clamped capacitance in S (the domain that its manual recommends), and N pairs with constant and proportional term in Y;
-the better of the two counts. Its residues are complex: more freedom than N arms of R, L, C > 0 have, and no circuit of
-such. impedance.py needs initial values: first neutral ones (the scale of the data, arms spread evenly over the band),
-then ones that a user sets by hand at every resonance. It works in units in which the data are of order one.
+Error is the root mean square of |Y/Y_measured − 1|. Vector fitting has N pole pairs and the real pole of the clamped
+capacitance in S (the domain recommended by its manual), or N pairs with constant and proportional term in Y; the better
+result is used. Its residues are complex: it has more degrees of freedom than N arms of R, L, C > 0, and does not give a
+circuit of such arms. impedance.py needs initial values: first neutral ones (the scale of the data, arms evenly over the
+band), then ones at every resonance, as set by a user. Its units are such that the data are of order one.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ except ImportError:
     CustomCircuit = None
 
 REPEATS = 5
-STEPS, SECONDS = 300, 10  # after either impedance.py is taken not to converge
+STEPS, SECONDS = 300, 10  # limits after which impedance.py counts as not converged
 MEASURED = Path(__file__).resolve().parents[2] / "shared" / "measured"
-WORTH = 1.1  # an error of so many times the best counts as converged
+WORTH = 1.1  # errors up to this multiple of the best count as converged
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one tool made of it."""
+    """The result of one tool."""
 
     error: float
     seconds: float
@@ -80,7 +80,7 @@ def measured(name: str, path: str, arms: int) -> Case:
 
 
 def cases() -> list[Case]:
-    """Return the synthetic spectra, and the measured ones where they are at hand."""
+    """Return the synthetic spectra, and the measured ones if they are available."""
     found = [synthetic(arms) for arms in (1, 2, 3, 5)]
     if MEASURED.is_dir():
         found += [
@@ -98,14 +98,14 @@ def error_of(case: Case, y: np.ndarray) -> float:
 
 
 def is_passive(case: Case, admittance: Callable[[np.ndarray], np.ndarray]) -> bool:
-    """Tell whether the conductance is nowhere negative, from a hundredth to a hundred times the band."""
+    """Return whether the conductance is never negative, from a hundredth to a hundred times the band."""
     wide = np.geomspace(0.01 * case.frequency_hz[0], 100.0 * case.frequency_hz[-1], 20_001)
     y = admittance(np.concatenate([wide, np.linspace(*case.frequency_hz[[0, -1]], 20_001)]))
     return bool(np.all(y.real >= -1e-12 * np.abs(y)))
 
 
 def timed(work: Callable[[], object]) -> tuple[object, float]:
-    """Return the result and the median wall time of some runs."""
+    """Return the result and the median wall time of several runs."""
     seconds = []
     while len(seconds) < REPEATS and sum(seconds) < 2.0:
         began = time.perf_counter()
@@ -116,7 +116,7 @@ def timed(work: Callable[[], object]) -> tuple[object, float]:
 
 @contextmanager
 def limit(seconds: int) -> Iterator[None]:
-    """Raise TimeoutError in what takes longer."""
+    """Raise TimeoutError if the block takes longer."""
 
     def stop(*_: object) -> None:
         raise TimeoutError
@@ -181,7 +181,7 @@ def circuit_fit(case: Case, by_hand: pr.SpectrumFit | None) -> Outcome:
     try:
         with limit(SECONDS):
             fitted, seconds = timed(lambda: circuit.fit(frequency, z, weight_by_modulus=True, maxfev=STEPS))
-    except (RuntimeError, ValueError, TimeoutError):  # the first two are what it raises
+    except (RuntimeError, ValueError, TimeoutError):  # impedance.py raises the first two
         return Outcome(inf, inf, True)
     assert isinstance(fitted, CustomCircuit)
     # element values are bounded by zero: passive by construction
@@ -189,7 +189,7 @@ def circuit_fit(case: Case, by_hand: pr.SpectrumFit | None) -> Outcome:
 
 
 def neutral(case: Case) -> list[float]:
-    """Return initial values that know the scale of the data and nothing else."""
+    """Return initial values from the scale of the data only."""
     omega = 2 * pi * sqrt(case.frequency_hz[0] * case.frequency_hz[-1])
     z = 1.0 / float(np.median(np.abs(case.admittance_s)))
     values = [0.01 * z, 0.001 * z / omega, 0.01 * z, 1.0 / (omega * z)]
@@ -200,7 +200,7 @@ def neutral(case: Case) -> list[float]:
 
 
 def near(circuit: pr.EquivalentCircuit) -> list[float]:
-    """Return initial values as read off the curve: frequencies right, everything else 20 % off."""
+    """Return initial values as read from the curve: exact frequencies, all other values 20 % off."""
     omega = 2 * pi * circuit.loss_reference_hz
     clamped = 0.8 * circuit.clamped_capacitance_f
     values = [
@@ -231,7 +231,7 @@ def main() -> None:
     worse, active, slower = [], [], []
     for case in cases():
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # both others warn of overflows on the way
+            warnings.simplefilter("ignore")  # both others warn of overflows during the fit
             mine, fit = ours(case)
             others = [vector_fit(case)]
             if CustomCircuit is not None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Long runs: the memory of the process over the number of steps, by what is recorded, up to 10 million steps."""
+"""Long runs: the memory of the process over the number of steps, for several ways to record, up to 10 million steps."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ print(json.dumps({"points": run.points, "idle_bytes": before, "peak_bytes": peak
 
 
 def main() -> None:
-    """Measure, each run in a process of its own, print a line for each and keep all as JSON."""
+    """Measure each run in a separate process, print a line for each and write all as JSON."""
     found = []
     for what, steps, settings in RUNS:
         command = [sys.executable, "-c", SCRIPT, str(steps), json.dumps(settings)]

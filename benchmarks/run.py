@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run every benchmark of this folder, or those named: ``python benchmarks/run.py speed_torque``."""
+"""Run every benchmark of this folder, or the named ones: ``python benchmarks/run.py speed_torque``."""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A speed–torque curve of 21 points in four quadrants, against spin-ups of the same model with scipy's best solver.
+"""A speed–torque curve of 21 points in four quadrants, compared with spin-ups of the same model by scipy's best solver.
 
-Without this package one writes the motor as ordinary differential equations and lets the rotor spin up against each
-load until its speed stays. The equations are those of ``docs/physics.md``; the slider is held inside its limits by a
-pull with the time constant that the circuit has. The right-hand side is written twice: with numpy, as one would, and in
-plain numbers, which is faster for so few. Solver and tolerance are the fastest that bring the operating point to
-within 1 % of the stall torque, and to within 0.1 %, which is what ours is; the spin-up ends when a block of the decay
-time changes the speed by less than half of that. A few of the loads are timed, spread over the curve, and scaled.
+Without this package a user writes the motor as ordinary differential equations and lets the rotor spin up against each
+load until its speed is constant. The equations are those of ``docs/physics.md``; the slider is held inside its limits
+with the time constant of the circuit. The right-hand side exists twice: with numpy, and with plain numbers, which is
+faster for few variables. Solver and tolerance are the fastest with an error of the operating point below 1 % of the
+stall torque, and below 0.1 %, the error of this package. The spin-up ends when the speed changes by less than half of
+that in a block of one decay time. The time is measured at some loads over the curve, and scaled.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ import pyspice_runner as pr
 MOTOR = pr.load_motor("andersen2002-unintended-mode")
 DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0)
 SPEEDS = np.linspace(-10.0, 30.0, 21)  # braking, stall, motoring, overrunning
-BLOCK = 62 / DRIVE.frequency  # s: the decay time of the slowest mode, as of ours
+BLOCK = 62 / DRIVE.frequency  # s: the decay time of the slowest mode, as in the package
 LONGEST = 40  # blocks
 SOLVERS = ("LSODA", "RK23", "RK45", "DOP853", "BDF", "Radau")
 TARGETS = (0.01, 0.001)  # of the stall torque
-EVERY = 4  # of how many loads one is timed
+EVERY = 4  # one of this number of loads is timed
 PULL = 7e-8  # s
 
 Rates = Callable[[float, Any, float], Any]
@@ -139,7 +139,7 @@ def spin_up(rates: Rates, solver: str, load: float, rtol: float, settled: float,
 
 
 def fastest_solver(load: float) -> str:
-    """Return the fastest solver over the first block of a spin-up, at a tolerance that serves all; print all."""
+    """Return the fastest solver over the first block of a spin-up, at a sufficient tolerance; print all."""
     rates, words, took = numpy_rates(), [], {}
     with np.errstate(over="ignore"):  # in the implicit solvers' difference quotients
         for solver in SOLVERS:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Steady states: what a curve costs by number of points, and what random motors give against settling.
+"""Steady states: cost of a curve over the number of points, and random motors compared with settling.
 
 .venv/bin/python -m benchmarks.steady_state cost 1 3 10 30 100
 .venv/bin/python -m benchmarks.steady_state random 200
@@ -26,7 +26,7 @@ SEED = 16
 
 
 def cpu_seconds() -> float:
-    """Return the CPU time in s of this process and of the children that have ended."""
+    """Return the CPU time in s of this process and of its ended children."""
     used = os.times()
     return used.user + used.system + used.children_user + used.children_system
 
@@ -35,7 +35,7 @@ def cost(counts: list[int]) -> None:
     """Print wall time, CPU time and memory over the number of points; settling is timed on three of them."""
     motor = pr.load_motor("andersen2002-unintended-mode")
     drive = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0)
-    pr.steady_state(motor, drive, speed=0.0)  # loads everything
+    pr.steady_state(motor, drive, speed=0.0)  # imports all modules
     began, used = time.perf_counter(), cpu_seconds()
     pr.speed_torque(motor, drive, speeds=[-5.0, 10.0, 25.0], mode="settle")
     print(
@@ -53,7 +53,7 @@ def cost(counts: list[int]) -> None:
 
 
 def random(count: int) -> None:
-    """Print by method how many of some random points were solved, and how they compare with settling."""
+    """Print by method how many random points were solved, and their deviation from settling."""
     methods: Counter[str] = Counter()
     verdicts: Counter[str] = Counter()
     index = -1
@@ -79,7 +79,7 @@ def random(count: int) -> None:
 
 
 def verdict(motor: pr.Motor, drive: Any, state: SteadyState, point: dict[str, Any]) -> str:
-    """Return how a steady state compares with what settling gives."""
+    """Return the deviation of a steady state from the result of settling."""
     if not state.stable:
         return "unstable"
     if state.audit.findings:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sweeps: what a second worker brings on 200 points, and how a worker's memory grows over 1,000."""
+"""Sweeps: speed of two workers on 200 points, and memory of a worker over 1,000 points."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ import pyspice_runner as pr
 POINTS = 200
 DURATION = 2e-3  # s
 MANY, FEW = 1000, 10
-SHORT = 1e-4  # s, of the many
+SHORT = 1e-4  # s, of the 1,000 points
 
 MOTOR = pr.load_motor("andersen2002")
 DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
 
 
 def seconds(workers: int) -> float:
-    """Return the wall time of the sweep, start of the workers included."""
+    """Return the wall time of the sweep, including the start of the workers."""
     voltages = np.linspace(20.0, 60.0, POINTS)
     with tempfile.TemporaryDirectory() as store:
         began = time.perf_counter()
@@ -34,7 +34,7 @@ def seconds(workers: int) -> float:
 
 
 def worker_memory(counts: Sequence[int]) -> list[int]:
-    """Return the resident bytes of one worker after so many points."""
+    """Return the resident memory of one worker in bytes after a number of points."""
     with ProcessPoolExecutor(1, get_context("spawn")) as pool, tempfile.TemporaryDirectory() as store:
         memory, done = [], 0
         for count in counts:

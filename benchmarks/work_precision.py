@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work and precision: error of a motor run over its wall time, beside scipy's solvers and a compiled integrator.
+"""Work and precision: error of a motor run over its wall time, with scipy's solvers and a compiled integrator.
 
-Every solver sees the same law. scipy's get scalar arithmetic and no dense output; what they step on is compared. All
-times are medians of runs taken in turn, within one process. The result goes to ``work_precision.json``, from which
-``figures/work_precision.py`` draws.
+Every solver has the same law. scipy's solvers use scalar arithmetic and no dense output; the comparison is at their
+steps. All times are medians of interleaved runs within one process. ``figures/work_precision.py`` plots the result,
+``work_precision.json``.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ sys.path.insert(0, str(ROOT))
 from tests.reference.integrator import Tone, integrate  # noqa: E402
 
 TARGET = Path(__file__).resolve().parent / "work_precision.json"
-FIRST_VERSION = "3f030b5"  # the last commit before the contact laws were made leaner
+FIRST_VERSION = "3f030b5"  # the last commit before the contact laws were simplified
 DURATION = 5e-3  # s
 ROUNDS = 3
-SLOW = 2.5  # s; what takes longer runs once
+SLOW = 2.5  # s; longer tasks run once
 PULL = 5e-8  # s
 OURS = (20, 24, 32, 48, 64, 128)  # points a period of the fastest motion
 COMPILED = (2e-6, 1e-6, 5e-7, 2.5e-7, 1.25e-7)  # s
@@ -58,7 +58,7 @@ CASES = {
 
 
 def tones(drive: pr.TwoPhaseDrive) -> tuple[list[Tone], list[Tone]]:
-    """The drive in the integrator's words."""
+    """The drive in the form of the integrator."""
     first, second = (
         [Tone(t.amplitude, t.frequency, t.phase) for t in group] for group in (drive.tones_a, drive.tones_b)
     )
@@ -66,10 +66,10 @@ def tones(drive: pr.TwoPhaseDrive) -> tuple[list[Tone], list[Tone]]:
 
 
 def right_hand_side(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> tuple[Callable[..., list[float]], list[float]]:
-    """The equations of motion for scipy: scalars, no array is made; and the start.
+    """The equations of motion for scipy, in scalars without arrays, and the initial state.
 
-    Stick and slip are one right-hand side: beyond its limit the slider is pulled back in 50 ns. (Without the pull, as a
-    right-hand side that jumps, LSODA does not come to an end.)
+    Stick and slip are one right-hand side: beyond its limit the slider returns with a time constant of 50 ns. (With a
+    discontinuous right-hand side LSODA does not end.)
     """
     (m1, m2), law, rotor = motor.modes, motor.contact, motor.rotor
     k1, k2, c1, c2 = m1.stiffness_n_per_m, m2.stiffness_n_per_m, m1.damping_n_s_per_m, m2.damping_n_s_per_m
@@ -113,7 +113,7 @@ def right_hand_side(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> tuple[Callable[
 
 
 class Case:
-    """One motor run, its converged reference, and how far from it a tip is."""
+    """One motor run, its converged reference, and the error of the tip's path."""
 
     def __init__(self, motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
         self.motor, self.drive = motor, drive
@@ -123,7 +123,7 @@ class Case:
         self.motion = float(np.var(exact.tip_x_m) + np.var(exact.tip_y_m))
 
     def error(self, t: Any, x: Any, y: Any) -> float:
-        """RMS distance of the tip, relative to the RMS of its motion, over time and not over points."""
+        """RMS distance of the tip, relative to the RMS of its motion, weighted by time."""
         away = (x - self.x(t)) ** 2 + (y - self.y(t)) ** 2
         return sqrt(float(np.trapezoid(away, t) / (t[-1] - t[0])) / self.motion)
 
@@ -153,7 +153,7 @@ class Case:
 
 
 def measured(tasks: dict[tuple[str, str], Callable[[], float]]) -> list[dict[str, Any]]:
-    """Error and median wall time of every task; the tasks take turns, so that all see the same machine."""
+    """Error and median wall time of every task; the tasks are interleaved, so that all have the same load."""
     seconds: dict[tuple[str, str], list[float]] = {key: [] for key in tasks}
     errors: dict[tuple[str, str], float] = {}
     for _ in range(ROUNDS):
@@ -185,7 +185,7 @@ def work_precision(case: Case) -> list[dict[str, Any]]:
 
 
 def point_cost() -> dict[str, Any]:
-    """Cost of a point by the contact law as it is and as it was first, the two in turn."""
+    """Cost of a point with the present and with the first contact law, interleaved."""
     shown = ["git", "-C", str(ROOT), "show", f"{FIRST_VERSION}:behavioral/piezomotor_contact.lib"]
     answer = subprocess.run(shown, capture_output=True, text=True, check=False)
     pattern = re.compile(r"^\.subckt piezomotor_contact .*?^\.ends piezomotor_contact$", re.M | re.S)
@@ -214,7 +214,7 @@ def _whole(pattern: re.Pattern[str], text: str) -> str:
 
 
 def python_share() -> dict[str, float]:
-    """What Python and the files take of a run of 10^5 points: all that is not ngspice."""
+    """Time of Python and files in a run of 10^5 points, without ngspice."""
     motor, drive = CASES["sliding"]
     step = shortest_period(motor, DriveSource(drive), PAPER_LAW) / 128
     shares = []
@@ -227,7 +227,7 @@ def python_share() -> dict[str, float]:
 
 
 def import_times() -> dict[str, float]:
-    """Seconds that an interpreter takes for imports, its own start taken off."""
+    """Time of an interpreter for imports in s, without its own start."""
     scripts = {
         "bare": "pass",
         "pyspice_runner": "import pyspice_runner",
@@ -245,7 +245,7 @@ def import_times() -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure, print a line for each and keep all as JSON."""
+    """Measure, print a line for each and write all as JSON."""
     document: dict[str, Any] = {"point_us": point_cost(), "python": python_share(), "import_seconds": import_times()}
     print(json.dumps(document), flush=True)
     document["cases"] = {}

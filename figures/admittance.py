@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Admittance of the motor with both groups in phase (A+B) and against each other (A−B), free and preloaded."""
+"""Admittance of the motor with both groups in phase (A+B) and in antiphase (A−B), free and preloaded."""
 
 from __future__ import annotations
 

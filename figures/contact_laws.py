@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The motor by each contact law: speed–torque curves by eq. (1) and eq. (2), and where the power goes."""
+"""The motor with each contact law: speed–torque curves with eq. (1) and eq. (2), and the distribution of the power."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Inside the contact of tip and rotor: pressure, traction and displacements, as the tangential force grows.
+"""Pressure, traction and displacements in the contact of tip and rotor over the tangential force.
 
-The closed forms of Hertz, Cattaneo and Mindlin: a ring slips, from the edge inwards, while the middle still sticks.
+The closed forms of Hertz, Cattaneo and Mindlin: a ring slips, from the edge inwards, while the centre sticks.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, canvas, m
 import pyspice_runner as pr
 from pyspice_runner.model.traction import HertzPatch, virgin_force
 
-TIP, ROTOR = (370e9, 0.22), (206e9, 0.30)  # Young's modulus (Pa) and Poisson's ratio, as andersen2002 assumes them
+TIP, ROTOR = (370e9, 0.22), (206e9, 0.30)  # Young's modulus (Pa) and Poisson's ratio, as assumed in andersen2002
 TIP_RADIUS = 5e-3  # m
 SHARES = {0.25: BLUE, 0.5: GREEN, 0.75: ORANGE, 0.9: PURPLE, 1.0: VERMILION}
 

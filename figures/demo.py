@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run the paper's motor in ngspice, draw it and say what the motor did (`make demo`)."""
+"""Run the paper's motor in ngspice, plot the results and print a summary (`make demo`)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PARTS = {
 
 
 def draw(folder: Path) -> list[str]:
-    """Draw the figures, progress on stderr; return the story."""
+    """Plot the figures, with the progress on stderr, and return the summary."""
     progress = Console(stderr=True)
     story = []
     began = time.perf_counter()
@@ -35,7 +35,7 @@ def draw(folder: Path) -> list[str]:
 
 
 def _near(path: Path) -> Path:
-    """Return a path the short way, where it lies below the working directory."""
+    """Return a path relative to the working directory, if it is below it."""
     here = Path.cwd()
     return path.resolve().relative_to(here) if path.resolve().is_relative_to(here) else path
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drivers in front of the motor: what the groups get, and where the power of the supply goes."""
+"""Drivers of the motor: voltages and currents of the groups, and the distribution of the supply power."""
 
 from __future__ import annotations
 

@@ -3,9 +3,9 @@
 
 (a, b) eq. (1) between the resonances; (c, d) eq. (2) off resonance; (e) eq. (1) at f₁; (f) eq. (1) at the contact
 resonance, the first mode's frequency with the tip pressed on the rotor. Voltages, and the frequencies of (a-d), are
-chosen here so that each panel shows what the paper finds. 40 and 80 kHz of (c, d) keep away from the resonances, 13.5
-and 51.7 kHz free, 17.9 and 55.5 kHz pressed, and from twice the contact resonance: near 35.8 kHz a strong drive makes
-the tip hop at half the frequency. The rotor is held, so that the tangential spring follows the tip while it sticks.
+chosen so that each panel shows the result of the paper. The 40 and 80 kHz of (c, d) are away from the resonances, 13.5
+and 51.7 kHz free, 17.9 and 55.5 kHz under preload, and from twice the contact resonance: near 35.8 kHz a strong drive
+makes the tip hop at half the frequency. The rotor is held, so that the tangential spring follows the tip in stick.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def draw(folder: Path) -> list[str]:
 
 
 def _path(run: Waveforms) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return x and y in µm, y from the place of rest, and the state, over the last two periods."""
+    """Return x and y in µm, y from the position at rest, and the state, over the last two periods."""
     part = recent(run, 2.02)
     return 1e6 * run.tip_x_m[part], 1e6 * (run.tip_y_m[part] - run.tip_y_m[0]), run.contact_state[part]
 
@@ -88,7 +88,7 @@ def _draw_paths(axes: Axes, free: Waveforms, held: Waveforms) -> None:
 
 
 def _draw_inset(axes: Axes, held: Waveforms) -> None:
-    """Enlarge the path in contact, which is lost on the scale of the free one."""
+    """Enlarge the path in contact, which is not visible on the scale of the free one."""
     inset = axes.inset_axes((0.64, 0.2, 0.35, 0.34))
     state_path(inset, *_path(held), width=1.4)
     inset.margins(0.12)

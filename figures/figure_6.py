@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Figure 6 of the paper: speed–torque curves of the experiment at 44.5 and 46 kHz, and the paths of the tip.
 
-The rotor is turned by a mode near 45 kHz that nobody meant the motor to have; φ = π drives it and, off resonance, the
-second bending mode, and leaves the first at rest. At 44.5 kHz the tip hits the rotor hard and swings along it little:
-high torque, low speed. At 46 kHz it is the other way round. What is identified and what is free about the third mode is
-told in ``pyspice_runner/model/sets/andersen2002-unintended-mode.toml``.
+A mode near 45 kHz, which was not intended, turns the rotor. φ = π drives it and, off resonance, the second bending
+mode, but not the first. At 44.5 kHz the impacts on the rotor are strong and the motion along it is small: high torque,
+low speed. At 46 kHz the impacts are weak and the motion is large. ``andersen2002-unintended-mode.toml`` states which
+values of the third mode are identified and which are free.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def draw(folder: Path) -> list[str]:
 
 
 def no_load_speed(curve: xarray.Dataset) -> float:
-    """Return the speed at which nothing is left for a load, rad/s."""
+    """Return the speed at which the load torque is zero, rad/s."""
     return float(np.interp(0.0, -curve["load_torque_n_m"], curve["speed_rad_s"]))
 
 

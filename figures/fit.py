@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A noisy spectrum of the stator, the circuit fitted to it, and the motor's own values within the fit's intervals."""
+"""A noisy spectrum of the stator, the fitted circuit, and the true values within the intervals of the fit."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Stall torque and no-load speed over the drive's frequency, swept up and down, near the contact resonance.
 
-A tip that lifts off feels the contact for part of the period only, and rings lower the harder it hits: the resonance
-leans over, and over some range of frequencies the tip either hammers or stays down, as it came. Each point goes on from
-where the one before it ended (``follow``), at each speed of the shaft by itself.
+A tip that lifts off is in contact for part of the period only, so that its resonance frequency falls with the
+amplitude. In a range of frequencies the tip either hammers or stays in contact, which depends on the direction of the
+sweep. Each point continues from the end of the previous one (``follow``), separately for each speed of the shaft.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def draw(folder: Path) -> list[str]:
 
 
 def _no_load(swept: xarray.Dataset) -> np.ndarray:
-    """Return the speed at which nothing is left for a load, over frequency; NaN beyond the speeds that were held."""
+    """Return the speed at which the load torque is zero, over frequency; NaN outside the calculated speeds."""
     torques = swept["load_torque_n_m"].values
     return np.array([np.interp(0.0, -row, SPEEDS, left=np.nan, right=np.nan) for row in torques])
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A tip moved back and forth along a rotor that stands: loops by the contact laws, and what a cycle costs."""
+"""A tip that moves back and forth along a rotor at rest: loops of the contact laws, and the energy lost in a cycle."""
 
 from __future__ import annotations
 

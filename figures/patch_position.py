@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Resonance frequencies and coupling over the position of the patches (after the companion paper).
 
-Group A is centred at the position, group B at its mirror image; beam and tip stay as they are.
+Group A is centred at the position, group B at its mirror image; beam and tip are unchanged.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pyspice_runner.model.beam import resonator_modes
 
 LENGTHS = {3e-3: BLUE, 4.5e-3: ORANGE, 6e-3: VERMILION, 7.5e-3: GREEN}
 POSITIONS = 31
-GAP = 0.2e-3  # what is left to the support and to the middle, m
+GAP = 0.2e-3  # distance to the support and to the middle, m
 
 
 def draw(folder: Path) -> list[str]:
@@ -55,7 +55,7 @@ def draw(folder: Path) -> list[str]:
 
 
 def _modes(structure: Any, centre: float, length: float) -> tuple[Any, ...]:
-    """Return the modes with both groups' patches this long, A centred here and B at the mirror image."""
+    """Return the modes for a length of the patches and a position of group A; B is at the mirror image."""
     middles = {"A": centre, "B": structure.beam.length_m - centre}
     patches = [
         patch.model_copy(

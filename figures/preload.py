@@ -53,7 +53,7 @@ def draw(folder: Path) -> list[str]:
 
 
 def _speed(torque: np.ndarray, load: float) -> float:
-    """Return the speed at which a falling curve has a torque; NaN where the motor cannot hold it."""
+    """Return the speed at which a falling curve has a torque; NaN where the motor does not reach it."""
     return float(np.interp(load, torque[::-1], SPEEDS[::-1], left=np.nan, right=np.nan))
 
 

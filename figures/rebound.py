@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A sphere thrown obliquely at a half-space: rebound by the three contact laws, the exact one, and the measured one.
+"""Oblique impact of a sphere on a half-space: rebound with three contact laws, exact solution, and measurements.
 
 The exact solution is that of Maw, Barber and Fawcett's problem by a row of a thousand elements
 (tests/reference/row.py); the measurements are those of Kharaz, Gorham and Salman.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Speed–torque curves at several voltages, with efficiency and what the driver has to deliver.
+"""Speed–torque curves at several voltages, with efficiency and the power of the driver.
 
-In (a) a curve goes through three quadrants: below zero speed the shaft is turned against the motor, beyond the no-load
-speed it is driven faster than the motor would go.
+In (a) a curve covers three quadrants: below zero speed the shaft is turned against the motor, above the no-load speed
+it is driven faster than the motor.
 """
 
 from __future__ import annotations

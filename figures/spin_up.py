@@ -2,8 +2,8 @@
 """Spin-up of the rotor: its speed, and the contact's forces and state in the last periods.
 
 Eq. (2), the common tone near the contact resonance (17.9 kHz), so that the tip hits the rotor, the opposed tone at
-three times its frequency, near the second mode under preload (55.5 kHz), so that the tip swings along the rotor. The
-phase lets it press hardest while it moves forward.
+three times its frequency, near the second mode under preload (55.5 kHz), so that the tip moves along the rotor. With
+this phase the normal force is greatest during the forward motion.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all figures share: colours, sizes, the caption with the parameters, and the command line."""
+"""Common parts of all figures: colours, sizes, the caption with the parameters, and the command line."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from pyspice_runner.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, 
 __all__ = ["BLACK", "BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "STATES", "VERMILION"]
 
 HERE = Path(__file__).resolve().parent
-WIDTH = 7.5  # inches: a page's text width
+WIDTH = 7.5  # inches: text width of a page
 CAPTION_COLUMNS = 128
 
 TOUCH_DOWN = {"marker": "o", "ls": "", "ms": 4.5, "mfc": "white", "mec": BLACK, "mew": 0.9}
@@ -62,7 +62,7 @@ def canvas(rows: int, columns: int, height: float, **options: Any) -> tuple[Figu
 
 
 def state_path(axes: Axes, x: np.ndarray, y: np.ndarray, state: np.ndarray, width: float = 1.8) -> None:
-    """Draw a path in the colours of the contact's state, with a ring wherever the tip touches down."""
+    """Draw a path in the colours of the contact's state, with a ring where contact begins."""
     coloured_path(axes, x, y, state, linewidths=width, zorder=3)
     number = np.rint(state).astype(int)
     landed = np.flatnonzero((number[:-1] == 0) & (number[1:] > 0)) + 1
@@ -70,7 +70,7 @@ def state_path(axes: Axes, x: np.ndarray, y: np.ndarray, state: np.ndarray, widt
 
 
 def state_handles() -> list[Line2D]:
-    """Return what a legend needs to explain :func:`state_path`."""
+    """Return the entries of the legend for :func:`state_path`."""
     lines = [Line2D([], [], color=state.colour, lw=2.2, label=state.name) for state in STATES]
     return [*lines, Line2D([], [], **TOUCH_DOWN, label="touch-down (impact)")]
 
@@ -88,7 +88,7 @@ def motor_words(motor: pr.Motor) -> str:
 
 
 def drive_words(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> str:
-    """Return a drive as a caption states it."""
+    """Return the text of a drive in a caption."""
     phase = f"φ = {drive.phase_deg:g}°".replace("-", "−").replace(" ", "\N{NO-BREAK SPACE}")
     if isinstance(drive, pr.TwoPhaseDrive):
         return f"eq.\N{NO-BREAK SPACE}(1), {drive.voltage:g} V, {drive.frequency / 1e3:.4g} kHz, {phase}"
@@ -102,7 +102,7 @@ def write(figure: Figure, path: Path, title: str, caption: str, legend: Sequence
     """Put title, legend and caption around a figure's axes and write it.
 
     Raises:
-        pyspice_runner.ParameterError: if the place cannot be written.
+        pyspice_runner.ParameterError: if the file cannot be written.
     """
     height = figure.get_figheight()
     lines = textwrap.wrap(caption, CAPTION_COLUMNS)
@@ -131,12 +131,12 @@ def _writing(path: Path) -> Iterator[None]:
 
 
 def draft() -> bool:
-    """Whether the picture is only a draft (``--draft``): with few points, quickly done; the tests draw these."""
+    """Whether the picture is a draft (``--draft``) with few points, as in the tests."""
     return "--draft" in sys.argv
 
 
 def main(work: Callable[[Path], list[str]], what: str | None) -> None:
-    """Run a script: ``--output DIR`` says where pictures go; what was found goes to the terminal."""
+    """Run a script: ``--output DIR`` is the folder of the pictures; results are printed."""
     parser = argparse.ArgumentParser(description=(what or "").partition("\n")[0])
     parser.add_argument("--output", type=Path, default=HERE, metavar="DIR", help="where pictures go (%(default)s)")
     parser.add_argument("--draft", action="store_true", help="only a draft, with fewer points where they cost time")

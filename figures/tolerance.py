@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What tolerances do to the motor: a cloud of speed–torque curves with its 5–95 % band, and which parameter counts.
+"""Effect of tolerances: speed–torque curves with their 5–95 % band, and the sensitivity to each parameter.
 
-Friction, preload, the frequency of the second mode and the coupling of group A lie anywhere within their tolerances,
-all at once (a Sobol sequence); the shaft is held at each speed. The drive is that of the spin-up: it does not know.
+Friction, preload, the frequency of the second mode and the coupling of group A vary together within
+their tolerances (a Sobol sequence); the shaft is held at each speed. The drive is that of the spin-up and does not
+follow the resonance.
 """
 
 from __future__ import annotations

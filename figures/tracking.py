@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Resonance trackers: they start beside the resonance, and then it drifts."""
+"""Resonance trackers: they start off resonance, and then the resonance drifts."""
 
 from __future__ import annotations
 

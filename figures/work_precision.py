@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Error of a run over its wall time, beside scipy's solvers and a compiled integrator, as ``make bench`` measured it.
+"""Error of a run over its wall time, with scipy's solvers and a compiled integrator, as measured by ``make bench``.
 
-Times are not measured for the picture: it draws ``benchmarks/work_precision.json``.
+The script measures no times: it plots ``benchmarks/work_precision.json``.
 """
 
 from __future__ import annotations
