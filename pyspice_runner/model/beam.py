@@ -66,7 +66,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
 from scipy.linalg import eigh
-from scipy.optimize import brentq
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.parameters import Beam, Damping, Mode, Patch, Tip
@@ -323,6 +322,8 @@ def _amplitude(coefficients: Array, k: Array, length: float) -> float:
     grid = np.linspace(0.0, length, 16 * len(k) + 1)
     slopes = np.cos(np.outer(grid, k)) @ (k * coefficients)
     turns = np.flatnonzero(slopes[:-1] * slopes[1:] <= 0.0)
+    from scipy.optimize import brentq  # takes long to load
+
     extrema = np.array([brentq(slope, grid[i], grid[i + 1], xtol=1e-12 * length) for i in turns])
     largest = np.max(np.abs(np.sin(np.outer(extrema, k)) @ coefficients))
     return float(np.copysign(largest, slopes[0]))

@@ -19,7 +19,6 @@ from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq, minimize_scalar
 
 _WINDOW = 2.0  # bandwidths on each side of a resonance in which its extrema are looked for
 _GRID = 401  # points over that window: 100 a bandwidth
@@ -161,6 +160,8 @@ def _peak(function: Callable[[NDArray[np.float64]], NDArray[np.float64]], centre
         return None
     index = int(peaks[np.argmin(np.abs(grid[peaks] - centre))])
     middle = float(grid[index])
+    from scipy.optimize import minimize_scalar  # takes long to load
+
     offset = minimize_scalar(
         lambda x: -float(function(np.array([middle + x]))[0]),
         bounds=(float(grid[index - 1]) - middle, float(grid[index + 1]) - middle),
@@ -180,4 +181,6 @@ def _crossing(
     if not len(rising):
         return None
     index = int(rising[np.argmin(np.abs(grid[rising] - centre))])
+    from scipy.optimize import brentq  # takes long to load
+
     return float(brentq(lambda f: float(function(np.array([f]))[0]), float(grid[index]), float(grid[index + 1])))

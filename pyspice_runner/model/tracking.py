@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from math import atan, pi, sqrt, tan
 
 import numpy as np
-from scipy.optimize import brentq
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
@@ -103,6 +102,8 @@ def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True)
     if not own.tip_x:  # it does not rub, and its loss does not depend on how far it moves
         omega, loss = state(highest)
         return StatorLag(omega / (2.0 * pi), own.mass_kg * omega**2 / loss, force_n / loss)
+    from scipy.optimize import brentq  # takes long to load
+
     amplitude = brentq(lambda r: state(r)[1] * r - force_n, 1e-9 * highest, highest, xtol=1e-9 * highest)
     omega, loss = state(amplitude)
     return StatorLag(omega / (2.0 * pi), own.mass_kg * omega**2 / loss, amplitude)

@@ -17,6 +17,7 @@ from pyspice_runner.netlist.sources import PAPER_LAW, DriveSource
 from pyspice_runner.run.steps import shortest_period
 from pyspice_runner.run.waveforms import Waveforms
 from tests.reference.integrator import ReferenceRun, Tone, integrate
+from tests.selection import mostly
 
 # one worker keeps all of these tests, which share reference runs
 pytestmark = pytest.mark.xdist_group("reference")
@@ -154,7 +155,7 @@ def trajectory_error(name: str, run: Waveforms) -> float:
     return rms(away) / rms(motion)
 
 
-@pytest.mark.parametrize("name", POINTS)
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, POINTS, ["two tones, hammering", "sprung, opens"]))
 def test_the_reference_motion_is_not_chaotic_there(name: str) -> None:
     # a start 1 pm away stays within 1 nm, so that trajectories and not only statistics can be compared
     assert np.abs(reference(name).tip_y_m - reference(name, 1e-12).tip_y_m).max() < 1e-9
@@ -219,7 +220,14 @@ def test_exact_resonance_makes_the_error_many_times_smaller() -> None:
         assert exact < plain / 20  # measured 76 times, at the second resonance
 
 
-@pytest.mark.parametrize("name", ["stick only", "mostly slip", "strong drive", "half stick, half slip", "60 kHz"])
+@pytest.mark.parametrize(
+    "name",
+    mostly(
+        pytest.mark.soak,
+        ["stick only", "mostly slip", "strong drive", "half stick, half slip", "60 kHz"],
+        ["mostly slip", "strong drive"],
+    ),
+)
 def test_halving_the_step_shows_second_order(name: str) -> None:
     errors = [trajectory_error(name, ours(name, points)) for points in (32, 64, 128)]
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))

@@ -60,7 +60,9 @@ def test_the_phase_locked_loop_locks_from_three_per_cent(offset: float) -> None:
     assert abs(found.residual_detuning_hz) < 20.0
 
 
-@pytest.mark.parametrize(("kind", "offset"), [("observe-current", -0.03), ("observe-power", 0.03)])
+@pytest.mark.parametrize(
+    ("kind", "offset"), [pytest.param("observe-current", -0.03, marks=pytest.mark.soak), ("observe-power", 0.03)]
+)
 def test_observers_lock_from_three_per_cent(kind: str, offset: float) -> None:
     chosen = tracker(kind, contact=False, offset=offset, **FAST)
     found = pr.track(motor(), chosen, contact=None, duration=19e-3, step=COARSE)
@@ -83,10 +85,15 @@ def test_an_untracked_drive_that_is_off_stays_off() -> None:
     ("kind", "values", "what"),
     [
         ("pll", {"frequency": 1.1 * 51.7e3}, "a range that excludes the resonance"),
-        ("pll", {"frequency": 0.9 * 51.7e3}, "a range that excludes the resonance"),
+        pytest.param("pll", {"frequency": 0.9 * 51.7e3}, "a range that excludes the resonance", marks=pytest.mark.soak),
         ("pll", {"polarity": -1, "offset": 0.01}, "a sign error"),
         ("pll", {"polarity": -1}, "a sign error, from resonance"),
-        ("observe-current", {"frequency": 1.1 * 51.7e3}, "a range that excludes the resonance"),
+        pytest.param(
+            "observe-current",
+            {"frequency": 1.1 * 51.7e3},
+            "a range that excludes the resonance",
+            marks=pytest.mark.soak,
+        ),
         ("observe-current", {"polarity": -1}, "a sign error, from resonance"),
         ("observe-power", {"polarity": -1, "offset": -0.01}, "a sign error"),
     ],
@@ -107,8 +114,8 @@ def test_a_tracker_that_cannot_lock_is_reported_as_not_locked(kind: str, values:
         # half of the stall torque that the next test measures
         ("load", {"load_torque": 0.18e-3, "duration": 9e-3}),
         ("preload", {"preload_change": 0.3, "duration": 6e-3}),
-        ("preload", {"preload_change": -0.3, "duration": 6e-3}),
-        ("temperature", {"drift": -0.02, "drift_time": 10e-3, "contact": None}),
+        pytest.param("preload", {"preload_change": -0.3, "duration": 6e-3}, marks=pytest.mark.soak),
+        pytest.param("temperature", {"drift": -0.02, "drift_time": 10e-3, "contact": None}, marks=pytest.mark.soak),
     ],
 )
 def test_the_phase_locked_loop_keeps_lock(disturb: Any, values: dict[str, Any]) -> None:
@@ -176,7 +183,10 @@ def proposed(chosen: pr.Tracker) -> LoopFilter:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(("bandwidth", "ratio"), [(250.0, 4.0), (500.0, 2.0), (1000.0, 1.0)])
+@pytest.mark.parametrize(
+    ("bandwidth", "ratio"),
+    [*(pytest.param(*case, marks=pytest.mark.soak) for case in ((250.0, 4.0), (500.0, 2.0))), (1000.0, 1.0)],
+)
 def test_the_phase_margin_moves_with_the_bandwidth_as_predicted(bandwidth: float, ratio: float) -> None:
     """The pole against ripple stays at 1 kHz. At resonance the margin is 90° less what that pole takes."""
     chosen = free(bandwidth, ratio)
@@ -213,7 +223,7 @@ def features(time: np.ndarray, response: np.ndarray) -> tuple[float, float]:
     return when(0.9) - when(0.1), float(response.max()) - 1.0
 
 
-@pytest.mark.parametrize("bandwidth", [500.0, 1000.0, 2000.0])
+@pytest.mark.parametrize("bandwidth", [pytest.param(500.0, marks=pytest.mark.soak), 1000.0, 2000.0])
 def test_the_averaged_loop_steps_like_the_full_transient(bandwidth: float) -> None:
     """From −10° to 10°, where the stator's phase is linear to 3 %, with a phase margin of 45° to see an overshoot."""
     chosen = free(bandwidth, 1.0, target_deg=-10.0)

@@ -257,8 +257,13 @@ def test_drivers_power_up_in_corners_of_their_ranges(kind: str, network: str) ->
     ("kind", "network", "prefixes"),
     [
         ("linear", "inductor", ("amplifier.", "inductor.", "frequency", "voltage", "phase_deg", "supply_rise_s")),
-        ("half-bridge", "inductor", ("bridge.", "inductor.", "frequency", "voltage", "phase_deg", "supply_rise_s")),
-        ("half-bridge", "llcc", ("llcc.",)),
+        pytest.param(
+            "half-bridge",
+            "inductor",
+            ("bridge.", "inductor.", "frequency", "voltage", "phase_deg", "supply_rise_s"),
+            marks=pytest.mark.soak,
+        ),
+        pytest.param("half-bridge", "llcc", ("llcc.",), marks=pytest.mark.soak),
         ("full-bridge", "inductor", ("transformer.ratio",)),
     ],
 )

@@ -108,7 +108,7 @@ _SCALARS = 19
 _U, _OMEGA, _Z, _ZDOT, _T, _Q = range(6)  # after the modes
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _voltage(tones, t):
     value = 0.0
     for i in range(tones.shape[0]):
@@ -116,7 +116,7 @@ def _voltage(tones, t):
     return value
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _contact(z, modes, p):
     """δ, δ', v_rel, e_x, e_y"""
     n = modes.shape[1]
@@ -137,13 +137,13 @@ def _contact(z, modes, p):
     return delta, ey * vy - ex * vx, vx * ey + vy * ex - p[_R] * z[2 * n + 1], ex, ey
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _sliding(w, p):
     """Friction at the slip velocity w over that at the limit of stick (Stribeck)."""
     return 1.0 - p[_DROP] * (1.0 - np.exp(-((w / p[_VS]) ** 2)))
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _rates(z, ua, ub, state, modes, p, dz):
     n = modes.shape[1]
     delta, ddelta, vrel, ex, ey = _contact(z, modes, p)
@@ -198,7 +198,7 @@ def _rates(z, ua, ub, state, modes, p, dz):
     dz[q + 7] = p[_RESIST] * rise * rise
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _advance(z, t, h, state, tones_a, tones_b, modes, p, work, end):
     """One step of the classical Runge–Kutta method, from z to end."""
     size = z.shape[0]
@@ -219,7 +219,7 @@ def _advance(z, t, h, state, tones_a, tones_b, modes, p, work, end):
         end[i] = z[i] + h * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) / 6.0
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _gauge(z, kind, state, modes, p):
     """What is positive until the event of this kind happens, and its rate (0 where it is not asked for)."""
     delta, ddelta, vrel, _, _ = _contact(z, modes, p)
@@ -235,7 +235,7 @@ def _gauge(z, kind, state, modes, p):
     return u, vrel  # _FOLD; its sign is the caller's
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _bisect(low, high, sign, by_rate, kind, z, t, state, tones_a, tones_b, modes, p, work, end):
     """The length of step at which sign · gauge (or its rate) turns from ≥ 0 to < 0: the side beyond."""
     while high - low > _BISECTION_S:
@@ -251,7 +251,7 @@ def _bisect(low, high, sign, by_rate, kind, z, t, state, tones_a, tones_b, modes
     return high
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _first(kind, z, end, t, h, state, tones_a, tones_b, modes, p, work, scratch):
     """When, in the step from z to end, an event of this kind happens first; 2h if it does not."""
     never = 2.0 * h
@@ -286,7 +286,7 @@ def _first(kind, z, end, t, h, state, tones_a, tones_b, modes, p, work, scratch)
     return never
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _next_state(z, kind, state, modes, p):
     """The state after an event, with u put where that state has it."""
     n = modes.shape[1]
@@ -313,7 +313,7 @@ def _next_state(z, kind, state, modes, p):
     return STICK
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _next_event(z, end, t, h, state, tones_a, tones_b, modes, p, work, scratch):
     """The first event in the step from z to end, and when; −1 if there is none."""
     kind, when = -1, 2.0 * h
@@ -329,7 +329,7 @@ def _next_event(z, end, t, h, state, tones_a, tones_b, modes, p, work, scratch):
     return kind, when
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _one_step(z, begin, stop, state, tones_a, tones_b, modes, p, start, spent, work, end, scratch):
     """From begin to stop, through all events: the state there, the number of changes, how it ended."""
     length, done, changes = stop - begin, 0.0, 0
@@ -360,7 +360,7 @@ def _one_step(z, begin, stop, state, tones_a, tones_b, modes, p, start, spent, w
     return state, changes, _DONE if done >= length else _CHATTER
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _run(z, state, tones_a, tones_b, modes, p, output_step, substeps, duration, start, samples, states, spent):
     """Integrates to the end; fills the samples, the states there and the time spent in each from start on.
 

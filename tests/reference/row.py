@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 ELEMENTS = 1000
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _drag(depth, displacement, reach, elements):
     """Friction force and the share of slipping elements for given histories of penetration and displacement."""
     count = depth.shape[0]
@@ -63,7 +63,7 @@ def drag(depth: Array, displacement: Array, elements: int = ELEMENTS) -> tuple[A
     return np.asarray(force), np.asarray(slipping)
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _throw(psi, ratio, steps, elements):
     """The rebound ψ₂ and the duration, for a sphere in units of m = v_n = δ_max = 1, so that K_N = 5/4.
 
@@ -109,7 +109,7 @@ def throw(psi: float, ratio: float, steps: int = 4000, elements: int = ELEMENTS)
 # --- a motor ---
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _voltage(tones, t):
     value = 0.0
     for i in range(tones.shape[0]):
@@ -117,7 +117,7 @@ def _voltage(tones, t):
     return value
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _slide(u, gap, depth, scale, moved):
     """Move all elements; their limits are scale · (depth − gap). Returns the sum of their displacements."""
     total = 0.0
@@ -128,7 +128,7 @@ def _slide(u, gap, depth, scale, moved):
     return total
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _motor(modes, p, tones_a, tones_b, step, stride, elements, reach, samples):
     """Leapfrog: displacements, sliders and forces at whole steps, velocities between them."""
     mass, damping, stiffness, theta_a, theta_b, tip_x, tip_y, bent = modes

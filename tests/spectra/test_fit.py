@@ -113,7 +113,7 @@ def test_leads_that_are_held_at_zero() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("arms", [1, 3])
+@pytest.mark.parametrize("arms", [1, pytest.param(3, marks=pytest.mark.soak)])
 def test_95_percent_intervals_cover_in_90_to_99_percent_of_trials(arms: int) -> None:
     """200 seeded trials with 1 % noise; the count itself scatters by 1.5 % around 95 %."""
     circuit = resonator(
