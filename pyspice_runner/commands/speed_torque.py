@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from math import isfinite
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -117,6 +118,10 @@ def speed_torque(
     return status
 
 
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f} %" if isfinite(share) else "–"
+
+
 def _table(curve: xarray.Dataset) -> Table:
     further = [str(name) for name in curve["torque_n_m"].dims[:-1]]
     titles = ("rad/s", "mN·m", "F_N / N", "electrical / W", "shaft / W", "efficiency", "stick", "slip", "settled")
@@ -127,7 +132,7 @@ def _table(curve: xarray.Dataset) -> Table:
         table.add_row(
             *(f"{point[name]:g}" for name in further),
             *(f"{value:.4g}" for value in (*values, point["shaft_power_w"])),
-            *(f"{100.0 * point[name]:.1f} %" for name in ("efficiency", "stick", "slip")),
+            *(_percent(point[name]) for name in ("efficiency", "stick", "slip")),
             "yes" if point["settled"] else "no",
         )
     return table

@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from tests.selection import mostly
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("mount")]
 
 SPRINGS = {"stiffness_n_per_m": 2e4, "mass_kg": 0.05, "damping_n_s_per_m": 50.0}
+LONG = "opens, contact resonance"  # takes twenty seconds
 POINTS = {  # set, voltage, frequency, phase, preload, speed of the rotor in rad/s
     "slip": ("andersen2002", 50.0, 51.7e3, 90.0, 5.0, 0.0),
     "slip, driven shaft": ("andersen2002", 100.0, 53e3, 90.0, 5.0, 3.0),
     "hard pressed": ("andersen2002", 100.0, 55e3, 60.0, 20.0, 0.0),
-    "opens, contact resonance": ("andersen2002", 30.0, 17.9e3, 90.0, 3.0, 0.0),
+    LONG: ("andersen2002", 30.0, 17.9e3, 90.0, 3.0, 0.0),
     "opens, 10 kHz": ("andersen2002", 150.0, 10e3, 45.0, 2.0, 0.0),
     "unintended mode, 44.5 kHz": ("andersen2002-unintended-mode", 100.0, 44.5e3, 180.0, 5.0, 0.0),
     "unintended mode, 46 kHz": ("andersen2002-unintended-mode", 100.0, 46e3, 180.0, 5.0, 0.0),
@@ -24,7 +26,7 @@ POINTS = {  # set, voltage, frequency, phase, preload, speed of the rotor in rad
 }
 
 
-@pytest.mark.parametrize("name", POINTS)
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, POINTS, [name for name in POINTS if name != LONG]))
 def test_the_mean_normal_force_on_soft_springs_is_the_preload(name: str) -> None:
     source, voltage, frequency, phase, preload, speed = POINTS[name]
     motor = pr.load_motor(source).updated({"mount": SPRINGS, "contact.preload_n": preload})

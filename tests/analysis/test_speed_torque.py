@@ -268,7 +268,13 @@ def test_any_executor_gives_the_same_to_the_last_bit(mode: Any) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mount", [None, {"stiffness_n_per_m": 2e4, "mass_kg": 0.05, "damping_n_s_per_m": 50.0}])
+@pytest.mark.parametrize(
+    "mount",
+    [
+        None,
+        pytest.param({"stiffness_n_per_m": 2e4, "mass_kg": 0.05, "damping_n_s_per_m": 50.0}, marks=pytest.mark.soak),
+    ],
+)
 def test_steady_states_are_where_the_points_settle(mount: Any) -> None:
     motor = MOTOR.updated(
         {"mount": None} if mount is None else {f"mount.{name}": value for name, value in mount.items()}

@@ -130,6 +130,7 @@ def test_omitted_modes() -> None:
     says(f"add some {100 * charge / clamped_capacitances(s.beam, s.patches)[0]:.0f} % to the capacitance")
 
 
+@pytest.mark.soak
 def test_convergence_of_the_series() -> None:
     """The error falls as 1/shapes, so the limit is twice the finer minus the coarser; 480 and 960 give the digits."""
     s = structure()

@@ -256,7 +256,12 @@ def test_drivers_power_up_in_corners_of_their_ranges(kind: str, network: str) ->
 @pytest.mark.parametrize(
     ("kind", "network", "prefixes"),
     [
-        ("linear", "inductor", ("amplifier.", "inductor.", "frequency", "voltage", "phase_deg", "supply_rise_s")),
+        pytest.param(
+            "linear",
+            "inductor",
+            ("amplifier.", "inductor.", "frequency", "voltage", "phase_deg", "supply_rise_s"),
+            marks=pytest.mark.soak,
+        ),
         pytest.param(
             "half-bridge",
             "inductor",

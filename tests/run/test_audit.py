@@ -288,7 +288,7 @@ def test_a_driver_whose_powers_do_not_balance_is_withheld_or_marked(monkeypatch:
     driver = pr.Driver(kind="linear", voltage=50.0, frequency=51.7e3)
     settings: dict[str, Any] = {"duration": 2e-4, "proposals": False}
     assert pr.drive_report(MOTOR, driver, **settings).to_dict()["audit"]["passed"]
-    falsify(monkeypatch, drive_module, "_supplies", lambda rails: [(1.1 * u, i, name) for u, i, name in rails])
+    falsify(monkeypatch, drive_module, "_supplies", lambda rails: [(1.1 * u, *rest) for u, *rest in rails])
     with pytest.raises(pr.SimulationError, match=r"The powers miss .* The report is not returned"):
         pr.drive_report(MOTOR, driver, **settings)
     told = pr.drive_report(MOTOR, driver, **settings, audit=False).to_dict()["audit"]

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The page on the accuracy of the averaged motor: a part of it, measured again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from runpy import run_path
+
+import pytest
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+SCRIPT = run_path(str(DOCS / "averaged_accuracy.py"))
+ALLOWED = SCRIPT["ALLOWED"]
+LINES = (DOCS / "averaged_accuracy.md").read_text(encoding="utf-8").splitlines()
+
+
+@pytest.mark.parametrize("case", [3, pytest.param(6, marks=pytest.mark.soak), 11])
+def test_a_row_of_the_page_is_what_is_measured(case: int) -> None:
+    for row in SCRIPT["rows"]((case,)):
+        start = f"| {row.name} | {row.drive.label} | {row.speed:g} |"
+        (line,) = (line for line in LINES if line.startswith(start))
+        full, averaged, error, _, _, verdict = (cell.strip() for cell in line.removeprefix(start).split("|")[:6])
+        assert verdict == row.verdict
+        if row.sticks:
+            assert error == "–"
+            continue
+        # four digits are printed
+        assert float(full) == pytest.approx(1e3 * row.full, rel=2e-3)
+        assert float(averaged) == pytest.approx(1e3 * row.averaged, rel=2e-3)
+        assert float(error) == pytest.approx(100.0 * row.error, abs=0.1)
+        if row.verdict == "yes":
+            assert abs(row.error) <= ALLOWED
+
+
+def test_no_point_that_passes_the_check_is_off_by_more_than_it_may() -> None:
+    rows = [line.split("|") for line in LINES if line.startswith("| ") and "| yes |" in line]
+    assert len(rows) > 10
+    assert max(abs(float(cells[6])) for cells in rows) <= 100.0 * ALLOWED
