@@ -154,9 +154,11 @@ class Sweep(DatasetResult):
     def doubts(self) -> tuple[str, ...]:
         """Says how many points are not settled, and how many are not accurate."""
         names = {words: name for name, words in DOUBTS.items()}
+        counts = {words: int(points.sum()) for words, points in self.doubtful.items()}
+        total = np.prod(list(self.dataset.sizes.values()), dtype=int)
         return tuple(
-            f"{int(points.sum())} of {points.size} points are {words}; see '{names[words]}'."
-            for words, points in self.doubtful.items()
+            f"{count} of {total} points {'is' if count == 1 else 'are'} {words}; see '{names[words]}'."
+            for words, count in counts.items()
         )
 
     @property

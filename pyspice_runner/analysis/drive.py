@@ -175,7 +175,12 @@ class DriveReport(Result):
     @property
     def cautions(self) -> tuple[str, ...]:
         """Findings of the audit, and what has not settled."""
-        moving = [name for name, share in self.to_come.items() if share is None or share > SETTLED]
+        names = {
+            "motor_power_w": "power of the motor",
+            "mean_torque_n_m": "mean torque",
+            "mean_rotor_speed_rad_s": "mean rotor speed",
+        }
+        moving = [names[name] for name, share in self.to_come.items() if share is None or share > SETTLED]
         told = [f"Not settled at the end of the run: {', '.join(moving)}. Run it longer."] if moving else []
         if not self.driver["supplied"] and self.driver["kind"] != "ideal":
             told.append("The driver has no supply pins: powers and efficiencies count from its output.")

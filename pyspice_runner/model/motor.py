@@ -139,7 +139,7 @@ class Motor(Shown, Parameters):
         capacitances = (engineering(value, "F") for value in (self.piezo.capacitance_a_f, self.piezo.capacitance_b_f))
         return {
             "name": self.name,
-            "modes": ", ".join(modes),
+            "modes": modes,
             "preload": engineering(self.contact.preload_n, "N"),
             "mount": "fixed distance" if self.mount is None else f"{self.mount.stiffness_n_per_m:.4g} N/m",
             "friction": f"{self.contact.friction:g}",
