@@ -47,7 +47,7 @@ kicad: setup ## open, check and run the KiCad example in KiCad 9, unpacked into 
 
 ngspice46: setup ## run decks and engine in ngspice 46, unpacked into .tools beside the system's
 	@sh scripts/backports.sh ngspice
-	PATH="$$PWD/.tools/ngspice/bin:$$PATH" $(PY) -m pytest -n $(JOBS) tests/engine tests/analysis/test_controlled.py tests/netlist/test_library.py tests/netlist/test_decks.py tests/netlist/test_parameters.py tests/docs/test_convergence_page.py tests/tools/ngspice46.py
+	PATH="$$PWD/.tools/ngspice/bin:$$PATH" $(PY) -m pytest -n $(JOBS) tests/engine tests/analysis/test_steady.py tests/analysis/test_controlled.py tests/netlist/test_library.py tests/netlist/test_decks.py tests/netlist/test_parameters.py tests/docs/test_convergence_page.py tests/tools/ngspice46.py
 
 lint: setup ## check style, format and types of the sources
 	$(PY) -m ruff check .
