@@ -167,7 +167,7 @@ def test_progress_shows_on_a_terminal_and_nowhere_else(tmp_path: Path) -> None:
     )  # fmt: skip
     os.close(terminal)
     shown = b""
-    with contextlib.suppress(OSError):  # a terminal that nobody writes to any more
+    with contextlib.suppress(OSError):  # a terminal whose writer has ended
         while piece := os.read(screen, 4096):
             shown += piece
     os.close(screen)

@@ -436,7 +436,7 @@ def test_a_missing_folder_for_temporary_files_is_reported(folder: Path) -> None:
     locked = ["unshare", *user, "--mount", "sh", "-c", f'{mounts}; cd "$PWD"; exec "$@"', "sh"]
     words = [*locked, sys.executable, "-m", "pyspice_runner", *SIMULATE]
     if subprocess.run([*locked, "true"], capture_output=True, check=False).returncode != 0:
-        # no mounts here; nobody writes to /proc, then
+        # without mounts, /proc serves as a folder that is not writable
         start = "import sys, tempfile; tempfile._candidate_tempdir_list = lambda: ['/proc']\n"
         words = [sys.executable, "-c", f"{start}from pyspice_runner.cli import run; sys.exit(run({SIMULATE!r}))"]
     status, output, said = command(*words, cwd=folder, shell=True)
@@ -488,7 +488,7 @@ def whole(path: Path) -> bool:
 
 
 def test_ctrl_c_between_two_files_keeps_the_first_and_prints_the_result(folder: Path) -> None:
-    os.mkfifo("run.png")  # which nobody reads, so that the command waits there
+    os.mkfifo("run.png")  # no process reads it, so that the command waits there
     with begun(*SIMULATE, "--json", "--output", "run.csv", "--plot", "run.png", cwd=folder) as process:
         wait_for(lambda: (folder / "run.csv").exists(), process)
         process.send_signal(signal.SIGINT)

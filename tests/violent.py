@@ -25,7 +25,8 @@ import numpy as np
 import pyspice_runner as pr
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.model.drive import check_together
-from tests.reference.integrator import ReferenceRun, Tone, integrate
+from tests.random_runs import tones
+from tests.reference.integrator import ReferenceRun, integrate
 
 RESULT = Path(__file__).with_suffix(".json")
 COUNT, SEED = 60, 1
@@ -153,14 +154,9 @@ def _drawn(rng: np.random.Generator) -> Case:
 def _reference(subject: Case, *, step: float = SUBSTEP, perturbation: float = 0.0) -> ReferenceRun:
     """Integrate a case; the reference holds for stators that their preload does not bend sideways."""
     assert abs(sum(mode.tip_x * mode.tip_y / mode.stiffness_n_per_m for mode in subject.motor.modes)) < 1e-15
-    tones_a, tones_b = (
-        [Tone(tone.amplitude, tone.frequency, tone.phase) for tone in tones]
-        for tones in (subject.drive.tones_a, subject.drive.tones_b)
-    )
     return integrate(
         subject.motor.to_dict(),
-        tones_a,
-        tones_b,
+        *tones(subject.drive),
         duration=subject.duration,
         output_step=subject.drive.period / SAMPLES,
         step=step,

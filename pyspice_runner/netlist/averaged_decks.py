@@ -21,8 +21,9 @@ MOTOR = "bimodal40"
 LIBRARY = f"{SUBCIRCUIT}.lib"
 _FASTER = 100.0  # by which the heat capacity is divided, so that one second warms as much as 100 s do
 _FROM_REST = "* the iteration begins with a rotor at rest: a load torque alone would turn it fast\n.nodeset v(shaft)=0"
+_RADIANS = f".param radians={{phase*{pi / 180.0!r}}}"
 _AMPLITUDES = f"""* complex amplitudes: group A is the reference, group B is ahead by the phase
-.param radians={{phase*{pi / 180.0!r}}}
+{_RADIANS}
 Va_re a_re 0 DC {{voltage}} AC 1
 Va_im a_im 0 DC 0
 Vb_re b_re 0 DC {{voltage*cos(radians)}} AC {{cos(radians)}}
@@ -263,7 +264,7 @@ Vmost most 0 DC {{voltage}}
 Dleast 0 sum limit
 .model limit d(n=0.01)
 Bset set 0 V=min(max(({{proportional}})*V(error)+V(sum),0),({{voltage}}))
-.param radians={{phase*{pi / 180.0!r}}}
+{_RADIANS}
 {_SET}
 {_motor()}
 {_options("method", "trtol", "reltol", "vntol", "abstol")}
@@ -298,7 +299,7 @@ Vtarget target 0 PWL(0 0 1m {{angle}} {{returned}} {{angle}} {{returned+1m}} 0)
 Bcommand command 0 V=min(max(({{gain}})*(V(target)-V(position))-({{damping}})*V(shaft),-1),1)
 * the amplitude rises to the dead band within a fifth of the command's range: a jump there would not converge
 Bset set 0 V=(({{dead}})+({{voltage-dead}})*abs(V(command)))*tanh(abs(V(command))/0.2)
-.param radians={{phase*{pi / 180.0!r}}}
+{_RADIANS}
 {_SET.replace("({sin(radians)})", "({sin(radians)})*tanh(V(command)/0.2)")}
 {_motor()}
 {_options("method", "trtol", "reltol", "vntol", "abstol")}

@@ -304,7 +304,7 @@ def _trend(trend: Trend, name: str, title: str, ax: Axes) -> None:
         label = f"mode {key[1]}" if key[1] else None
         ax.plot(trend.at, values, color=CYCLE[number % 4], marker=_MARKS[number % 4], label=label)
     ax.axhline(0.0, **_AXIS)
-    if np.ptp(ax.get_ylim()) < 0.01:  # nothing but rounding errors
+    if np.ptp(ax.get_ylim()) < 0.01:  # only rounding errors
         ax.set_ylim(-0.1, 0.1)
     ax.grid(True, alpha=0.3)
     ax.set(xlabel=plain(trend.label), ylabel=str(LABELS["deviation"]), title=title)

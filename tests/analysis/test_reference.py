@@ -92,7 +92,7 @@ POINTS = {
             "rotor.inertia_kg_m2": 2e-8,
         },
     ),
-    # on mounts, from soft springs to what is as good as rigid
+    # on mounts, from soft springs to almost rigid ones
     "sprung, mostly slip": Point(two_phase(100.0, 51.7e3, 90.0), 5.0, mount=springs(1e4, 0.05, 50.0)),
     "sprung, opens": Point(two_phase(60.0, 17.9e3, 90.0), 3.0, mount=springs(2e4, 0.05, 50.0)),
     "sprung, opens far": Point(two_phase(150.0, 10e3, 45.0), 5.0, mount=springs(2e4, 0.2, 100.0)),

@@ -540,7 +540,7 @@ def test_a_vanished_temporary_folder_is_reported(monkeypatch: pytest.MonkeyPatch
 
 def test_a_missing_temporary_folder_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", None)
-    monkeypatch.setattr(tempfile, "_candidate_tempdir_list", lambda: ["/proc"])  # nobody writes there
+    monkeypatch.setattr(tempfile, "_candidate_tempdir_list", lambda: ["/proc"])  # which is not writable
     with pytest.raises(SimulationError, match=r"Cannot write the netlist: No usable temporary directory found"):
         run_deck(GOOD, vectors=[])
 

@@ -411,7 +411,7 @@ def nothing_runs() -> Iterator[None]:
                 yield address, error
 
     def unreachable(*_: object, **__: object) -> Any:
-        raise OSError("nobody answers")
+        raise OSError("no scheduler at this address")
 
     with (
         mock.patch("pyspice_runner.engine.pyspice.run_deck", refuse),

@@ -162,7 +162,7 @@ def unit_of(text: str) -> tuple[str, float] | None:
     if not match or match[1] not in _PREFIX:
         return None
     dimension = {"hz": "Hz", "ohm": "Ohm", "s": "S", "f": "F", "h": "H"}[match[2].lower()]
-    prefix = "M" if unit == "mhz" else match[1]  # all in small letters: nobody means millihertz
+    prefix = "M" if unit == "mhz" else match[1]  # a header in small letters means megahertz
     return dimension, _PREFIX[prefix]
 
 
