@@ -8,14 +8,39 @@ A branch adds the admittance :math:`sC_k/(1 + s\tau_k)`, :math:`\tau_k = R_k C_k
 .. math::
     \sum_k \tfrac{1}{2} C_k \operatorname{sech}(\ln\omega\tau_k) \approx \frac{\pi}{2h} C_k = C \tan\delta,
 
-with a relative ripple of :math:`4 e^{-\pi^2/h}` (Poisson's sum): 5 % with one branch for each decade, 0.08 % with two. By
-the relation of Kramers and Kronig the capacitance falls by :math:`\frac{2}{\pi} \tan\delta` for each factor e in
-frequency, as that of a real ceramic does.
+with a relative ripple of :math:`4 e^{-\pi^2/h}` (Poisson's sum): 5 % with one branch for each decade, 0.08 % with
+two. By the relation of Kramers and Kronig the capacitance falls by :math:`\frac{2}{\pi} \tan\delta` for each factor e
+in frequency, as that of a real ceramic does.
+
+:func:`lossy_capacitance` is the same for a whole capacitance and a band up to its ends. It is a constant-phase element
+(Cole and Cole, J. Chem. Phys. 9, 341, 1941): :math:`C(\omega) = C\,(\omega/\omega_0)^{-m}`, :math:`m = 2\delta/\pi`.
+An infinite ladder with the time constants :math:`\tau_k = r^k/\omega_0` and the capacitances :math:`C_k = c\,r^{mk}`
+has this phase, but for the ripple; its sum over k, taken as an integral, gives
+:math:`c = (2/\pi)\,C \sin\delta \ln r`. In the band, the branches that are faster act as a capacitance with a
+resistance, those that are slower as a resistance with a capacitance. One branch for each of these two tails has the
+same first two terms of the series in :math:`\omega`; they are geometric series. All elements are positive, so that the
+ladder is passive at all frequencies.
 """
 
 from __future__ import annotations
 
-from math import log, pi
+from math import atan, ceil, exp, expm1, log, pi, sin, sqrt
+from typing import NamedTuple
+
+from pyspice_runner.errors import ParameterError
+
+LOW_HZ, HIGH_HZ = 1e3, 1e7  # band of a motor: from the frequency of an LCR meter to the edges of a switching driver
+LARGEST_LOSS_TANGENT = 0.5
+# The loss tangent is within 5 % if the ladder extends beyond the band by this factor, with at most this ratio between
+# two time constants. A test shows it for bands of one to six decades and loss tangents up to 0.5.
+MARGIN, _WIDEST_RATIO = 2.5, 9.2
+
+
+class Branch(NamedTuple):
+    """A resistance in series with a capacitance."""
+
+    resistance_ohm: float
+    capacitance_f: float
 
 
 def loss_ladder(
@@ -36,3 +61,56 @@ def loss_ladder(
     share = 2.0 * spacing / pi * loss_tangent * capacitance_f
     corners = (low_hz * (high_hz / low_hz) ** (k / (branches - 1)) for k in range(branches))
     return [(1.0 / (2.0 * pi * corner * share), share) for corner in corners]
+
+
+def lossy_capacitance(
+    capacitance_f: float,
+    loss_tangent: float,
+    *,
+    low_hz: float = LOW_HZ,
+    high_hz: float = HIGH_HZ,
+    branches: int | None = None,
+) -> tuple[Branch, ...]:
+    """Return the branches, in parallel, of a capacitance with a constant loss tangent; the fastest first.
+
+    Args:
+        capacitance_f: capacitance in F at the centre of the band, the geometric mean of its ends.
+        loss_tangent: loss tangent, 0 to 0.5. A loss tangent of 0 gives one branch without resistance.
+        low_hz: lower end of the band in Hz.
+        high_hz: upper end of the band in Hz.
+        branches: number of branches, at least 2; by default the fewest that keep the loss tangent within 5 % over the
+            band: 6 for 1 kHz to 10 MHz.
+
+    Raises:
+        ParameterError: for a value out of range.
+    """
+    if not capacitance_f > 0.0:
+        raise ParameterError(f"capacitance_f = {capacitance_f:g} F is not valid: it must be above 0.")
+    if not 0.0 <= loss_tangent <= LARGEST_LOSS_TANGENT:
+        raise ParameterError(
+            f"loss_tangent = {loss_tangent:g} is out of range: it must be from 0 to {LARGEST_LOSS_TANGENT:g}."
+        )
+    if not 0.0 < low_hz < high_hz:
+        raise ParameterError(
+            f"low_hz = {low_hz:g} Hz and high_hz = {high_hz:g} Hz are no band: it must be 0 < low_hz < high_hz."
+        )
+    if branches is not None and branches < 2:
+        raise ParameterError(f"branches = {branches} is out of range: a ladder has at least 2 branches.")
+    if loss_tangent == 0.0:
+        return (Branch(0.0, capacitance_f),)
+    span = log(MARGIN**2 * high_hz / low_hz)
+    count = branches or max(2, 1 + ceil(span / log(_WIDEST_RATIO)))
+    angle = atan(loss_tangent)
+    ratio = span / (count - 1)  # ln r
+    growth = 2.0 * angle / pi * ratio  # m ln r
+    centre = 0.5 / (pi * sqrt(low_hz * high_hz))  # tau at the centre of the band
+    scale = 2.0 / pi * capacitance_f * sin(angle) * ratio
+    times = [centre * exp(ratio * (number - 0.5 * (count - 1))) for number in range(count)]
+    capacitances = [scale * exp(growth * (number - 0.5 * (count - 1))) for number in range(count)]
+    # the faster branches: sum of C, and of C tau; the slower ones: sum of C / tau, and of C / tau^2
+    times[0] *= expm1(-growth) / expm1(-growth - ratio)
+    capacitances[0] /= -expm1(-growth)
+    conductance = -capacitances[-1] / times[-1] / expm1(growth - ratio)
+    times[-1] *= expm1(growth - 2.0 * ratio) / expm1(growth - ratio)
+    capacitances[-1] = conductance * times[-1]
+    return tuple(Branch(time / capacitance, capacitance) for time, capacitance in zip(times, capacitances, strict=True))
