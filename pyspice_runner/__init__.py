@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.speed_torque import speed_torque
     from pyspice_runner.analysis.steady import steady_state
     from pyspice_runner.analysis.track import track
+    from pyspice_runner.analysis.working_points import working_points
     from pyspice_runner.errors import ParameterError, SimulationError, SpectrumError
     from pyspice_runner.model.drive import TwoPhaseDrive, TwoToneDrive, default_drive
     from pyspice_runner.model.load import available_motors, load_motor
@@ -72,6 +73,7 @@ _HOMES = {
     "steady_state": "analysis.steady",
     "sweep": "study.sweep",
     "track": "analysis.track",
+    "working_points": "analysis.working_points",
 }
 
 __all__ = [
@@ -103,6 +105,7 @@ __all__ = [
     "steady_state",
     "sweep",
     "track",
+    "working_points",
 ]
 
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Datasets as results: ``dataset.piezomotor`` has ``to_dict``, ``save``, ``plot`` and the display of a notebook.
 
-``speed_torque`` and ``sweep`` return an :class:`xarray.Dataset`. This module registers the accessor ``piezomotor``.
-It is there as soon as either has run; for a dataset read from a file, ``import pyspice_runner.datasets`` first.
+``speed_torque``, ``working_points`` and ``sweep`` return an :class:`xarray.Dataset`. This module registers the accessor
+``piezomotor``. It is there as soon as one of them has run; for a dataset read from a file,
+``import pyspice_runner.datasets`` first.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ class DatasetResult(Result):
     def _attributes(self) -> dict[str, Any]:
         """Return the attributes of the dataset, those that hold JSON decoded."""
         attributes = {str(name): value for name, value in self.dataset.attrs.items()}
-        coded = {name for name in ("motor", "drive", "run", "audit") if name in attributes}
+        coded = {name for name in ("motor", "drive", "run", "audit", "best", "limits", "method") if name in attributes}
         return {name: json.loads(value) if name in coded else value for name, value in attributes.items()}
 
 
@@ -122,6 +123,61 @@ class Curves(DatasetResult):
             found["best efficiency"] = _percent(float(data["efficiency"].where(data["shaft_power_w"] > 0.0).max()))
         found["settled"] = f"{int(data['settled'].sum())} of {data['settled'].size} points"
         return found
+
+
+class WorkingPoints(DatasetResult):
+    """The result of ``working_points``: steady states over parameters, and the best of them."""
+
+    @property
+    def best(self) -> dict[str, Any] | None:
+        """Coordinates and quantities of the best point; ``None`` where no point is within the limits."""
+        found: dict[str, Any] | None = json.loads(self.dataset.attrs["best"])
+        return found
+
+    @property
+    def axes(self) -> list[str]:
+        """Names of the axes."""
+        return [str(name) for name in self.dataset["stable"].dims]
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Says how many points have no steady state or an unstable one, and whether none is within the limits."""
+        lost = int((~self.dataset["converged"]).sum())
+        unstable = int((self.dataset["converged"] & ~self.dataset["stable"]).sum())
+        total = self.dataset["stable"].size
+        found = [f"{count} of {total} points {words}." for count, words in
+                 ((lost, "have no steady state that was found"), (unstable, "are not stable")) if count]  # fmt: skip
+        return (*found, *(() if self.best else ("No point is stable and within the limits.",)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return axes, quantities, the best point and provenance, JSON-ready; ``None`` for what is not defined."""
+        data = self.dataset
+        return {
+            "dimensions": {name: data.sizes[name] for name in self.axes},
+            **{str(name): values.values.tolist() for name, values in data.coords.items()},
+            **{str(name): _finite(values.values.tolist()) for name, values in data.data_vars.items()},
+            **self._attributes(),
+        }
+
+    def summary(self) -> dict[str, str]:
+        """Return the axes and the best point."""
+        data = self.dataset
+        found = {"map": str(data.attrs["title"])}
+        for name in self.axes:
+            values = data[name].values
+            found[name] = f"{values.min():.6g} to {values.max():.6g} {data[name].attrs['units']}, {values.size} values"
+        found["stable"] = f"{int(data['stable'].sum())} of {data['stable'].size} points"
+        best = self.best
+        if best is None:
+            return found | {"best point": "none within the limits"}
+        for name in self.axes:
+            found[f"best {name}"] = f"{best[name]:.6g} {data[name].attrs['units']}"
+        for words, name in (("torque", "torque_n_m"), ("speed", "speed_rad_s"), ("shaft power", "shaft_power_w"),
+                            ("current", "current_a")):  # fmt: skip
+            if name in best:
+                found[words] = engineering(best[name], data[name].attrs["units"] if name in data else "")
+        efficiency = best["efficiency"]
+        return found | {"efficiency": "–" if efficiency is None else _percent(efficiency)}
 
 
 class Sweep(DatasetResult):
@@ -196,7 +252,9 @@ class Sweep(DatasetResult):
 
 @xarray.register_dataset_accessor("piezomotor")  # type: ignore[untyped-decorator, no-untyped-call]
 def as_result(dataset: xarray.Dataset) -> DatasetResult:
-    """Return a dataset of ``speed_torque`` or ``sweep`` as a result."""
+    """Return a dataset of ``speed_torque``, ``working_points`` or ``sweep`` as a result."""
+    if "objective" in dataset.attrs:
+        return WorkingPoints(dataset)
     return Curves(dataset) if {SPEED, "torque_n_m", "settled"} <= set(dataset.variables) else Sweep(dataset)
 
 

@@ -267,13 +267,13 @@ def _settings(drive: TwoPhaseDrive, load: Load, courses: Mapping[str, ArrayLike]
             raise ParameterError("courses: voltage and voltage_a or voltage_b exclude each other. Give one or the two.")
         given["voltage_a"] = given["voltage_b"] = given.pop("voltage")
     constant = {
-        "frequency": drive.frequency, "voltage_a": drive.voltage, "voltage_b": drive.voltage,
+        "frequency": drive.frequency, "voltage_a": drive.voltage, "voltage_b": drive.voltage_b,
         "phase_deg": drive.phase_deg, "load_torque": load.torque,
     }  # fmt: skip
     settings: dict[str, Course] = {name: [(0.0, value)] for name, value in constant.items()}
     if drive.soft_start > 0.0:
-        ramp = [(0.0, 0.0), (drive.soft_start, drive.voltage)]
-        settings |= {"voltage_a": ramp, "voltage_b": ramp}
+        for name in ("voltage_a", "voltage_b"):
+            settings[name] = [(0.0, 0.0), (drive.soft_start, constant[name])]
     for name, rows in given.items():
         if name not in SETTINGS:
             raise ParameterError(f"courses: {name!r} is not known: it must be voltage or one of {', '.join(SETTINGS)}.")

@@ -199,7 +199,7 @@ def simulate_controlled(
     )  # fmt: skip
     if isinstance(controller, SharedLibrary):
         controller.begin(drive)
-    present = {"frequency": drive.frequency, "voltage_a": drive.voltage, "voltage_b": drive.voltage,
+    present = {"frequency": drive.frequency, "voltage_a": drive.voltage, "voltage_b": drive.voltage_b,
                "phase_deg": drive.phase_deg}  # fmt: skip
     rows: list[list[float]] = []
     last = {"v(position)": 0.0, "v(sum_re)": 0.0, "v(sum_im)": 0.0, "time": 0.0}

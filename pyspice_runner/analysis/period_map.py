@@ -32,6 +32,11 @@ _LEAD = 4.5  # steps; the first uniform step begins after less than two, and ngs
 _CONTACT = ("normal", "friction", "state", "slider", "xcontact.delta")
 
 
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @dataclass(frozen=True)
 class Trace:
     """A copy over one period: uniform points from its beginning to its end, both included.
@@ -127,7 +132,7 @@ class PeriodMap:
             return []
         self.evaluations += len(copies)
         self.simulated_s += len(copies) * duration
-        workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        workers = cores()
         decks = ceil(len(copies) / COPIES_PER_DECK)
         decks = max(ceil(decks / workers) * workers if decks > 1 else 1, min(workers, len(copies) // 4))
         parts = [part.tolist() for part in np.array_split(np.arange(len(copies)), decks)]

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import ceil, pi
+from math import ceil, log, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,8 @@ TOLERANCE = 1e-4  # remaining Newton step, and what it would change of the mean 
 MOST_ITERATIONS = 12
 LEAST_DAMPING = 1.0 / 64.0
 GROWTH, FREE_STEPS = 3.0, 3  # by which the first few steps may grow: they pass from one kind of contact to another
-CHORD = 0.3  # contraction by which an old derivative is still good enough
+CHORD = 0.7  # contraction of steps by which an old derivative may still be good enough
+NEAR = 0.1  # of the size of the motion, how far from the solution its derivative may have been measured
 SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs before Newton's method begins anew
 
 
@@ -45,7 +46,9 @@ class Point:
         trace: the last period.
         at_start: derivative of the state at the beginning of the period with respect to that at the start of the run.
         at_end: the same of the state at the end of the period; both in scaled states.
+        guessed: whether it starts from a guess by solved neighbours; if that fails, from the free stator.
         measured_end: ``at_end`` as it was last measured, without later corrections.
+        measured_at: the state at which it was measured.
         force_slope: derivative of the mean forces with respect to the scaled state.
         method: ``newton``, ``damped``, ``neighbour`` or ``settled``; empty while there is no solution.
         iterations: Newton steps taken.
@@ -59,6 +62,7 @@ class Point:
     at_start: Array | None = None
     at_end: Array | None = None
     measured_end: Array | None = None
+    measured_at: Array | None = None
     force_slope: Array | None = None
     step: Array | None = None
     damping: float = 1.0
@@ -66,6 +70,7 @@ class Point:
     stale: bool = False
     done: bool = False
     failed: bool = False
+    guessed: bool = False
     method: str = ""
     iterations: int = 0
     residual: float = float("inf")
@@ -79,11 +84,20 @@ class Point:
     def newton_step(self) -> Array:
         """Return the step of the scaled state that closes the gap.
 
-        Least squares, because a slider that slips before the period begins has no influence on it.
+        Least squares, because a slider that slips before the period begins has no influence on it. Where the contact
+        sticks, the step is the shortest one.
         """
         assert self.at_start is not None
         assert self.at_end is not None
-        return np.asarray(np.linalg.lstsq(self.at_end - self.at_start, -self.gap, rcond=1e-10)[0])
+        left, sizes, right = np.linalg.svd(self.at_end - self.at_start)
+        kept = (sizes > 1e-10 * sizes[0]) & (np.arange(len(sizes)) < len(sizes) - self.sticks)
+        return np.asarray(right.T @ np.where(kept, -(left.T @ self.gap) / np.where(kept, sizes, 1.0), 0.0))
+
+    @property
+    def sticks(self) -> bool:
+        """Whether the contact sticks for the whole period: then a held shaft can have any torque, and keeps it."""
+        held = self.plant.law is not None and self.plant.law.name == "spring-slider" and self.plant.load.speed == 0.0
+        return held and self.trace is not None and bool(np.all(np.abs(self.trace.contact_state - 1.0) < 0.5))
 
     def remaining(self, step: Array) -> float:
         """Return the size of a Newton step: of the state, and of what it changes of the mean forces."""
@@ -103,6 +117,12 @@ class Point:
         at = time[0] + (begun - time[0]) % period
         state = np.array([np.interp(at, time, values) for values in self.trace.states])
         return replace(self, state=state, begun=begun, trace=None, step=None)
+
+    def guess(self, other: Point) -> None:
+        """Begin at the state and with the derivative of another point."""
+        self.restart(other.state)
+        self.at_start, self.at_end, self.force_slope = other.at_start, other.at_end, other.force_slope
+        self.guessed = True
 
     def restart(self, state: Array) -> None:
         """Begin anew from a state."""
@@ -133,7 +153,14 @@ class Point:
         self.state, self.step = trial, step
         self.damping = min(1.0, 2.0 * self.damping)
         self.judge()
+        if not (self.stale or self.done):  # as many more steps would cost more than a new derivative
+            self.stale = log(self.residual / TOLERANCE) > self.plant.order * log(before / after)
         return True
+
+    @property
+    def far(self) -> bool:
+        """Whether the derivative was measured too far from the state to tell the multipliers."""
+        return self.measured_at is None or float(np.abs((self.state - self.measured_at) / self.scale).max()) > NEAR
 
     def _update(self, step: Array, gap: Array) -> None:
         """Correct the derivative by what the last step, from a state with another gap, has shown (Broyden 1965)."""
@@ -151,13 +178,13 @@ class Point:
         starts = np.array([(trace.states[:, 0] - base.states[:, 0]) / self.scale for trace in near]).T
         ends = np.array([(trace.states[:, -1] - base.states[:, -1]) / self.scale for trace in near]).T
         self.at_start, self.at_end = starts / PERTURBATION, ends / PERTURBATION
-        self.measured_end = self.at_end
+        self.measured_end, self.measured_at = self.at_end, self.state
         self.force_slope = np.array([trace.forces - base.forces for trace in near]).T / PERTURBATION
         self.stale = False
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
-        """Floquet multipliers, the largest first.
+        """Floquet multipliers, the largest first, without the 1 of a contact that sticks and keeps its mean torque.
 
         They are those of the derivative as it was last measured. The corrections of :meth:`_update` serve Newton's step
         along one direction and would mix the modes.
@@ -167,7 +194,16 @@ class Point:
         # a slider that slips at the beginning of the period depends on nothing of the start: its multiplier is 0
         monodromy = self.measured_end @ np.linalg.pinv(self.at_start, rcond=1e-8)
         values = np.linalg.eigvals(monodromy).astype(complex)
+        if self.sticks:
+            values = np.delete(values, np.argmin(np.abs(values - 1.0)))
         return np.asarray(values[np.argsort(-np.abs(values))])
+
+
+def between(points: Sequence[Point]) -> Point:
+    """Return a point in the middle of solved ones, with the mean of their derivatives, as a guess for another."""
+    names = ("state", "at_start", "at_end", "force_slope")
+    means = {name: np.mean([getattr(point, name) for point in points], axis=0) for name in names}
+    return replace(points[0], **means, measured_end=None, measured_at=None, guessed=True)
 
 
 def start_point(plant: Plant) -> Point:
@@ -232,7 +268,7 @@ class Shooting:
         for _ in range(2 * MOST_ITERATIONS):
             active = [point for point in active if not (point.done or point.failed)]
             if not active:
-                return
+                break
             self._advance(active)
         for point in active:
             point.failed = not point.done
@@ -268,9 +304,11 @@ class Shooting:
             elif not point.done and point.stale:
                 renewed.append(point)
             point.failed = point.failed or (point.iterations >= MOST_ITERATIONS and not point.done)
-        renewed = [point for point in renewed if not point.failed]
-        self._differentiate(renewed, self.map.traces([copy for point in renewed for copy in _perturbed(point)]))
-        for point in renewed:
+        self._renew([point for point in renewed if not point.failed])
+
+    def _renew(self, points: Sequence[Point]) -> None:
+        self._differentiate(points, self.map.traces([copy for point in points for copy in _perturbed(point)]))
+        for point in points:
             if not point.failed:
                 point.step = point.newton_step()
 
@@ -281,10 +319,21 @@ class Shooting:
             place += point.plant.order
 
     def search(self) -> None:
-        """Solve all points: from the free stator, from a solved neighbour, and after the motion has run for a while."""
+        """Solve all points: from the free stator, from a solved neighbour, and after the motion has run for a while.
+
+        The derivatives of the solved points are then measured again where they were measured too far away.
+        """
+        self._search()
+        self._renew([point for point in self.points if point.done and point.far])
+
+    def _search(self) -> None:
         self.solve()
         for point in self.points:
-            point.method = ("damped" if point.damped else "newton") if point.done else ""
+            point.method = ("neighbour" if point.guessed else _newton(point)) if point.done else ""
+        lost = [point for point in self.points if point.failed and point.guessed]
+        for point in lost:
+            point.restart(start_point(point.plant).state)
+        self._retry(lost, "newton")
         lost = [point for point in self.points if point.failed]
         near = [(point, _neighbour(point, self.points)) for point in lost]
         for point, other in near:
@@ -315,6 +364,10 @@ class Shooting:
         for point, end in zip(points, ends, strict=True):
             if end is not None:
                 point.state = end
+
+
+def _newton(point: Point) -> str:
+    return "damped" if point.damped else "newton"
 
 
 def _neighbour(point: Point, points: Sequence[Point]) -> Point | None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from math import ceil
 from typing import Any
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.analysis.dynamometer import UNITS
-from pyspice_runner.analysis.period_map import PeriodMap
+from pyspice_runner.analysis.period_map import PeriodMap, cores
 from pyspice_runner.analysis.period_means import average, current, extrapolated, means, quantities, speed, tip
 from pyspice_runner.analysis.shooting import Point, Shooting, start_point
 from pyspice_runner.engine.ngspice import ngspice_version
@@ -43,6 +44,8 @@ Array = NDArray[np.float64]
 OFFSETS = 2  # copies of each point, whose steps lie between each other's
 MOST_REFINEMENTS = 2  # halvings of the step beyond the default
 ACCURACY = 2e-3  # of the friction torque under the preload, μ F₀ R
+ROUGH = 5e-3  # accuracy from which on the coarse step may do, in a contact that does not open
+FROM_SPREAD = 4.0  # bound of the error of the mean of two copies over their distance, where the contact stays closed
 LONGEST_PERIOD = 1000  # periods of the fastest motion in one of the drive; beyond, settling is cheaper
 
 
@@ -67,6 +70,7 @@ class SteadyState(Result):
         audit: outcome of the physical audit.
         waveforms: one period at the finest step, with the deck that runs it; ``None`` without a solution.
         provenance: settings, numbers of runs and hashes, JSON-ready.
+        solution: the solved point at the coarse step; ``None`` without a solution.
     """
 
     motor: Motor = field(repr=False)
@@ -83,6 +87,7 @@ class SteadyState(Result):
     audit: Audit = field(default=Audit(done=False))
     waveforms: Waveforms | None = field(default=None, repr=False)
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
+    solution: Point | None = field(default=None, repr=False)
 
     def __getattr__(self, name: str) -> float:
         found = self.__dict__.get("quantities", {})
@@ -206,7 +211,13 @@ def steady_state(
     return steady_states([setup], accuracy=accuracy, waveforms=True)[0]
 
 
-def steady_states(setups: Sequence[Setup], *, accuracy: float = ACCURACY, waveforms: bool = False) -> list[SteadyState]:
+def steady_states(
+    setups: Sequence[Setup],
+    *,
+    accuracy: float = ACCURACY,
+    waveforms: bool = False,
+    starts: Sequence[Point | None] | None = None,
+) -> list[SteadyState]:
     """Find the steady states of many operating points together; see :func:`steady_state`.
 
     Points whose drives have the same period share runs of ngspice.
@@ -215,6 +226,7 @@ def steady_states(setups: Sequence[Setup], *, accuracy: float = ACCURACY, wavefo
         setups: motor, drive, load, law and solver of each point.
         accuracy: as in :func:`steady_state`.
         waveforms: whether each result has the waveforms of one period.
+        starts: guesses to start from; ``None`` for the response of the free stator.
 
     Raises:
         ParameterError: for a drive that has no steady state to be found.
@@ -227,9 +239,15 @@ def steady_states(setups: Sequence[Setup], *, accuracy: float = ACCURACY, wavefo
         drive = _drive(setup)
         law = setup.law.to_dict().values() if setup.law else ()
         groups.setdefault((drive.period, *law), []).append(place)
+    starts = starts or [None] * len(setups)
+
+    def solved(places: list[int]) -> list[SteadyState]:
+        return _solve([setups[place] for place in places], accuracy, waveforms, [starts[place] for place in places])
+
     found: dict[int, SteadyState] = {}
-    for places in groups.values():
-        found |= zip(places, _solve([setups[place] for place in places], accuracy, waveforms), strict=True)
+    with ThreadPoolExecutor(cores()) as pool:
+        for places, states in zip(groups.values(), pool.map(solved, groups.values()), strict=True):
+            found |= zip(places, states, strict=True)
     return [found[place] for place in range(len(setups))]
 
 
@@ -266,7 +284,9 @@ def _drive(setup: Setup) -> Drive:
     return drive
 
 
-def _solve(setups: Sequence[Setup], accuracy: float, waveforms: bool) -> list[SteadyState]:
+def _solve(
+    setups: Sequence[Setup], accuracy: float, waveforms: bool, starts: Sequence[Point | None]
+) -> list[SteadyState]:
     """Solve points whose drives have the same period, under the same law."""
     period = _drive(setups[0]).period
     finest = min(setup.step for setup in setups)
@@ -281,15 +301,37 @@ def _solve(setups: Sequence[Setup], accuracy: float, waveforms: bool) -> list[St
         drive = same.setdefault(id(setup.source), _drive(setup))
         plants.append(Plant(setup.motor, drive, setup.load, setup.law))
     points = [start_point(plant) for plant in plants]
+    for point, start in zip(points, starts, strict=True):
+        if start is not None:
+            point.guess(start)
     Shooting(points, maps[0]).search()
-    answers: dict[int, tuple[dict[str, float], float, Point, PeriodMap]] = {}
+    answers = _answers(points, maps, steps, accuracy)
+    return [
+        _state(setup, point, answers.get(place) if point.done else None, maps, len(points), waveforms)
+        for place, (setup, point) in enumerate(zip(setups, points, strict=True))
+    ]
+
+
+Answer = tuple[dict[str, float], float, Point, PeriodMap]  # means, error of the torque in N·m, last point and map
+
+
+def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accuracy: float) -> dict[int, Answer]:
+    """Correct solved points at finer steps until their error is allowed, and extrapolate; add the finer maps.
+
+    Points that are not solved at every step lose their mark of being solved.
+    """
+    answers: dict[int, Answer] = {}
     pending = [place for place, point in enumerate(points) if point.done]
     level = _between(points, maps[0], own=True)
+    if accuracy >= ROUGH:
+        enough = {place: _rough(level[place], maps[0], accuracy) for place in pending}
+        answers = {place: answer for place, answer in enough.items() if answer is not None}
+        pending = [place for place in pending if place not in answers]
     for refinement in range(MOST_REFINEMENTS + 1):
         if not pending:
             break
         before = level
-        maps.append(PeriodMap(period, steps * 2**refinement, timeout))
+        maps.append(PeriodMap(maps[0].period, steps * 2**refinement, maps[0].timeout))
         level = [[] for _ in points]
         for place, several in zip(
             pending, _between([points[place] for place in pending], maps[-1], own=False), strict=True
@@ -304,17 +346,32 @@ def _solve(setups: Sequence[Setup], accuracy: float, waveforms: bool) -> list[St
             rough, _ = _averaged(before[place], maps[-2])
             ratio = maps[-1].steps / maps[-2].steps
             limit = extrapolated(fine, rough, ratio) if ratio > 1.0 else fine
-            radius = plants[place].motor.rotor.radius_m
-            error = radius * (abs(limit["friction"] - fine["friction"]) + 0.5 * spread)
-            answers[place] = limit, error, level[place][0], maps[-1]
-            contact = plants[place].motor.contact
-            if error > accuracy * contact.friction * contact.preload_n * radius and plants[place].law:
+            error = abs(limit["friction"] - fine["friction"]) + 0.5 * spread
+            answers[place] = _answer(limit, error, level[place][0], maps[-1])
+            if error > accuracy * _friction(points[place]) and points[place].plant.law:
                 still.append(place)
         pending = still
-    return [
-        _state(setup, point, answers.get(place) if point.done else None, maps, len(points), waveforms)
-        for place, (setup, point) in enumerate(zip(setups, points, strict=True))
-    ]
+    return answers
+
+
+def _friction(point: Point) -> float:
+    """Return the friction force under the preload, N."""
+    return point.plant.motor.contact.friction * point.plant.motor.contact.preload_n
+
+
+def _answer(found: dict[str, float], error: float, point: Point, period_map: PeriodMap) -> Answer:
+    return found, point.plant.motor.rotor.radius_m * error, point, period_map
+
+
+def _rough(points: Sequence[Point], period_map: PeriodMap, accuracy: float) -> Answer | None:
+    """Return the answer of the coarse step alone, if the contact stays closed and the error is allowed."""
+    if not all(point.done for point in points):
+        return None
+    found, spread = _averaged(points, period_map)
+    error = FROM_SPREAD * spread
+    if found["touching"] < 1.0 or error > accuracy * _friction(points[0]):
+        return None
+    return _answer(found, error, points[0], period_map)
 
 
 def _between(points: Sequence[Point], period_map: PeriodMap, *, own: bool) -> list[list[Point]]:
@@ -358,7 +415,7 @@ def _averaged(points: Sequence[Point], period_map: PeriodMap) -> tuple[dict[str,
 def _state(
     setup: Setup,
     point: Point,
-    answer: tuple[dict[str, float], float, Point, PeriodMap] | None,
+    answer: Answer | None,
     maps: Sequence[PeriodMap],
     points: int,
     waveforms: bool,
@@ -390,7 +447,7 @@ def _state(
     waves = _waveforms(setup, last, period_map, provenance) if waveforms else None
     return SteadyState(
         setup.motor, drive, found["speed"], result, error, last.multipliers, True, last.residual, point.iterations,
-        point.method, period_map.step, audit, waves, provenance,
+        point.method, period_map.step, audit, waves, provenance, point,
     )  # fmt: skip
 
 

@@ -183,7 +183,7 @@ def two_phase(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> dict[str, float]:
     """
     if not isinstance(drive, pr.TwoPhaseDrive):
         raise pr.ParameterError("A driver makes two phases of one tone. Add --drive two-phase.")
-    return {"voltage": drive.voltage, "frequency": drive.frequency, "phase_deg": drive.phase_deg}
+    return {name: getattr(drive, name) for name in ("voltage", "frequency", "phase_deg", "ratio_b")}
 
 
 def changes_of(changes: list[str] | None, part: list[str] | None) -> tuple[list[str], list[str]]:

@@ -32,7 +32,7 @@ _KINDS: dict[DriveKind, type[pr.TwoPhaseDrive] | type[pr.TwoToneDrive]] = {
 }
 _VOLTAGE = 50.0  # V, for a kind of drive that the motor does not recommend
 
-_TWO_PHASE = ("voltage", "frequency")
+_TWO_PHASE = ("voltage", "frequency", "ratio_b")
 _TWO_TONE = ("voltage_1", "frequency_1", "voltage_2", "frequency_2")
 
 
@@ -43,9 +43,10 @@ class DriveOptions:
     drive: Annotated[
         DriveKind | None, _option(help="two-phase: eq. (1); two-tone: eq. (2). Default: the motor's recommended drive.")
     ] = None
-    voltage: Annotated[float | None, _option(help="Two-phase: amplitude of both groups, V.")] = None
+    voltage: Annotated[float | None, _option(help="Two-phase: amplitude of group A, V.")] = None
     frequency: Annotated[float | None, _option(help="Two-phase: frequency, Hz.")] = None
     phase: Annotated[float | None, _option(help="Phase, degrees.")] = None
+    ratio_b: Annotated[float | None, _option(help="Two-phase: amplitude of group B over that of A.")] = None
     voltage_1: Annotated[float | None, _option("--voltage-1", help="Two-tone: amplitude of the common tone, V.")] = None
     frequency_1: Annotated[float | None, _option("--frequency-1", help="Two-tone: common tone, Hz.")] = None
     voltage_2: Annotated[float | None, _option("--voltage-2", help="Two-tone: amplitude of the opposed tone, V.")] = (

@@ -81,16 +81,23 @@ class Drive(Stated):
 
 
 class TwoPhaseDrive(Drive):
-    """Eq. (1): U_A = U sin(2πft), U_B = U sin(2πft + φ)."""
+    """Eq. (1): U_A = U sin(2πft), U_B = ρ U sin(2πft + φ); the paper has ρ = 1."""
 
-    voltage: float = quantity("amplitude U of both groups", "V", ge=0.0, le=1e4)
+    voltage: float = quantity("amplitude U of group A, and of group B at ρ = 1", "V", ge=0.0, le=1e4)
     frequency: float = quantity("frequency f", "Hz", ge=1.0, le=1e8)
     phase_deg: float = quantity("phase φ of group B ahead of group A", "°", default=90.0, ge=-360.0, le=360.0)
+    ratio_b: float = quantity("amplitude of group B over that of group A, ρ", "1", default=1.0, ge=0.01, le=100.0)
 
     @property
     def label(self) -> str:
         """Amplitude, frequency and phase."""
-        return f"{self.voltage:g} V at {self.frequency / 1e3:g} kHz, {self.phase_deg:g}° apart"
+        ratio = f", B {self.ratio_b:g} times A" if self.ratio_b != 1.0 else ""
+        return f"{self.voltage:g} V at {self.frequency / 1e3:g} kHz, {self.phase_deg:g}° apart{ratio}"
+
+    @property
+    def voltage_b(self) -> float:
+        """Amplitude of group B in V."""
+        return self.ratio_b * self.voltage
 
     @property
     def tones_a(self) -> tuple[Tone, ...]:
@@ -100,7 +107,7 @@ class TwoPhaseDrive(Drive):
     @property
     def tones_b(self) -> tuple[Tone, ...]:
         """The sine of group B."""
-        return (Tone(self.voltage, self.frequency, radians(self.phase_deg)),)
+        return (Tone(self.voltage_b, self.frequency, radians(self.phase_deg)),)
 
 
 class TwoToneDrive(Drive):

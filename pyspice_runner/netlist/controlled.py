@@ -74,7 +74,7 @@ class CommandedSource:
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add the commands, the oscillator and the two sources ``Va`` and ``Vb``."""
         drive = self.drive
-        values = {"frequency": drive.frequency, "a": drive.voltage, "b": drive.voltage, "phase": drive.phase_deg}
+        values = {"frequency": drive.frequency, "a": drive.voltage, "b": drive.voltage_b, "phase": drive.phase_deg}
         for name, value in values.items():
             circuit.V(f"set_{name}", f"set_{name}", circuit.gnd, f"DC {float(value)!r}")
         shift = f"{pi / 180.0!r}*V(set_phase)"
@@ -128,7 +128,7 @@ def controlled_bench(
     if step is None:
         settings = {
             "frequency": [(0.0, drive.frequency)], "voltage_a": [(0.0, drive.voltage)],
-            "voltage_b": [(0.0, drive.voltage)], "phase_deg": [(0.0, drive.phase_deg)],
+            "voltage_b": [(0.0, drive.voltage_b)], "phase_deg": [(0.0, drive.phase_deg)],
             "load_torque": [(0.0, load.torque)],
         }  # fmt: skip
         bench = averaged_bench(motor, settings, load=load, thermal=thermal, title=title)

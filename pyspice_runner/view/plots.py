@@ -22,7 +22,7 @@ from pyspice_runner.analysis.hysteresis import Hysteresis
 from pyspice_runner.analysis.impact import Impact
 from pyspice_runner.analysis.steady import SteadyState
 from pyspice_runner.analysis.track import Tracking
-from pyspice_runner.datasets import DOUBTS, Curves, Sweep
+from pyspice_runner.datasets import DOUBTS, Curves, Sweep, WorkingPoints
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.motor import Motor
@@ -596,6 +596,63 @@ def _limit_efficiency(ax: Axes) -> None:
         ax.set_ylim(max(low, -100.0), min(high, 100.0))
         note = "values beyond ±100 % not shown"
         ax.text(0.99, 0.02, note, transform=ax.transAxes, ha="right", fontsize="small")
+
+
+@sheet.register
+def _(result: WorkingPoints) -> Sheet:
+    labels = {
+        "torque": ("torque_n_m", LABELS["torque_n_m"]),
+        "speed": ("speed_rad_s", LABELS["speed_rad_s"]),
+        "efficiency": ("efficiency", LABELS["efficiency"]),
+        "power": ("shaft_power_w", LABELS["shaft_power_w"]),
+        "current": ("current_a", LABELS["current_rms_a"]),
+    }
+    panels: dict[str, Panel] = {}
+    for name, (quantity, label) in labels.items():
+        if quantity in result.dataset and float(result.dataset[quantity].std()) > 0.0:
+            draw_panel = _contours if len(result.axes) == 2 else _mapped
+            panels[name] = partial(draw_panel, result, quantity, label)
+    if len(result.axes) > 2 or not panels:
+        raise ParameterError("A map is drawn over one or two axes. Choose values of the others, by dataset.isel.")
+    return Sheet(panels, 2, (5.4, 4.0), result.dataset.attrs["title"])
+
+
+def _contours(result: WorkingPoints, quantity: str, label: Label, ax: Axes) -> None:
+    """Draw contours over two axes; marks show points that are unstable or not converged, and the best one."""
+    data = result.dataset
+    across, along = result.axes
+    x, y = data[along].values, data[across].values
+    values = np.ma.masked_invalid(label.scale * data[quantity].transpose(across, along).values)
+    if min(values.shape) > 1 and values.count() > 3:
+        filled = ax.contourf(x, y, values, levels=12, cmap="viridis")
+        ax.get_figure().colorbar(filled, ax=ax)  # type: ignore[union-attr]
+    converged = data["converged"].transpose(across, along).values
+    unstable = converged & ~data["stable"].transpose(across, along).values
+    for marked, mark, words in ((unstable, "x", "not stable"), (~converged, "s", "not converged")):
+        rows, columns = np.nonzero(marked)
+        if rows.size:
+            ax.plot(x[columns], y[rows], mark, color=VERMILION, mfc="none", ms=5, ls="", label=words)
+    if result.best:
+        ax.plot(result.best[along], result.best[across], "*", color="white", mec="black", ms=12, ls="", label="best")
+    ax.set(xlabel=f"{along} in {data[along].attrs['units']}", ylabel=f"{across} in {data[across].attrs['units']}")
+    ax.set_title(str(label))
+    ax.legend(fontsize="small")
+
+
+def _mapped(result: WorkingPoints, quantity: str, label: Label, ax: Axes) -> None:
+    """Draw a quantity over one axis, with a mark at the points that are not stable, and at the best one."""
+    data = result.dataset
+    (along,) = result.axes
+    x, values = data[along].values, label.scale * data[quantity].values
+    ax.plot(x, values, ".-", color=BLUE)
+    unstable = ~data["stable"].values
+    if unstable.any():
+        ax.plot(x[unstable], values[unstable], "x", color=VERMILION, label="not stable")
+    if result.best:
+        ax.plot(result.best[along], label.scale * result.best[quantity], "*", color="black", ms=10, label="best")
+    _dress(ax, f"{along} in {data[along].attrs['units']}", label, "")
+    if result.best or unstable.any():
+        ax.legend(fontsize="small")
 
 
 @sheet.register

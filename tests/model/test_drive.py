@@ -137,7 +137,7 @@ def test_a_drive_without_a_kind_has_no_tones() -> None:
 
 
 GOOD: dict[type[Drive], dict[str, Any]] = {
-    TwoPhaseDrive: {"voltage": 1.0, "frequency": 1e3, "phase_deg": 90.0, "soft_start": 0.0},
+    TwoPhaseDrive: {"voltage": 1.0, "frequency": 1e3, "phase_deg": 90.0, "ratio_b": 1.0, "soft_start": 0.0},
     TwoToneDrive: {
         "voltage_1": 1.0, "frequency_1": 1e3, "voltage_2": 1.0, "frequency_2": 2e3, "phase_deg": 0.0, "soft_start": 0.0,
     },
@@ -147,6 +147,7 @@ LIMITS = {
     "frequency": ("Hz", "≥ 1 and ≤ 1e+08 Hz"),
     "phase_deg": ("°", "≥ -360 and ≤ 360 °"),
     "soft_start": ("s", "≥ 0 and ≤ 100 s"),
+    "ratio_b": ("", "≥ 0.01 and ≤ 100"),
 }
 
 
@@ -157,7 +158,7 @@ def test_wrong_value_is_rejected_with_its_range(kind: type[Drive], wrong: Any) -
         unit, allowed = LIMITS[name.rstrip("_12")]
         with pytest.raises(ParameterError) as caught:
             kind(**{**GOOD[kind], name: wrong})
-        shown = f"{wrong:g} {unit}" if isinstance(wrong, float) else repr(wrong)
+        shown = f"{wrong:g} {unit}".strip() if isinstance(wrong, float) else repr(wrong)
         assert str(caught.value) == f"{kind.__name__}: {name} = {shown} is not valid: it must be a number {allowed}."
         assert reads_well(str(caught.value))
 
@@ -173,7 +174,7 @@ def test_wrong_value_is_rejected_with_its_range(kind: type[Drive], wrong: Any) -
         ({"volume": 11}, "TwoPhaseDrive: there is no 'volume'. Did you mean 'voltage'?"),
         (
             {"x": 1},
-            "TwoPhaseDrive: there is no 'x'. Known are soft_start, voltage, frequency, phase_deg.",
+            "TwoPhaseDrive: there is no 'x'. Known are soft_start, voltage, frequency, phase_deg, ratio_b.",
         ),
     ],
 )

@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Maps of steady states over parameters of drive and motor, and the best working point within limits.
+
+A map is solved from coarse to fine: the points of a coarse grid first, from the response of the free stator; then the
+points between them, from the mean of their solved neighbours.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import prod
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+from pydantic import SkipValidation
+
+from pyspice_runner.analysis.dynamometer import UNITS
+from pyspice_runner.analysis.shooting import Point, between
+from pyspice_runner.analysis.speed_torque import axis
+from pyspice_runner.analysis.steady import SteadyState, steady_states
+from pyspice_runner.engine.ngspice import ngspice_version
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.model.drive import Drive, Load
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import as_number, checked, quoted
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, Law
+from pyspice_runner.netlist.sources import DriveSource, unit_in, updated
+from pyspice_runner.run.settings import Solver
+from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.waveforms import Array
+
+if TYPE_CHECKING:
+    import xarray
+
+Objective = Literal["torque", "speed", "efficiency", "power"]
+Progress = Callable[[int, int], None]
+
+OBJECTIVES: dict[Objective, str] = {
+    "torque": "torque_n_m", "speed": "speed_rad_s", "efficiency": "efficiency", "power": "shaft_power_w",
+}  # fmt: skip
+ACCURACY = 1e-2  # of the friction torque under the preload; finer than what tells points of a map apart
+MOST_POINTS = 10_000
+_COARSEST = 4  # steps between the points that are solved first
+
+OUTCOME = {
+    "speed_rad_s": ("rad/s", "mean speed of the rotor"),
+    **UNITS,
+    "current_a": ("A", "RMS current of the group that draws more"),
+    "voltage_v": ("V", "greatest voltage at a group"),
+    "torque_error_n_m": ("N·m", "estimated error of the torque by the time step"),
+    "largest_multiplier": ("1", "largest Floquet multiplier; a disturbance decays where it is below 1"),
+    "converged": ("1", "whether a steady state was found"),
+    "stable": ("1", "whether the steady state is stable"),
+    "allowed": ("1", "whether the point is stable, passed the audit, and is within all limits"),
+}
+_FLAGS = ("converged", "stable", "allowed")
+
+
+@checked
+def working_points(
+    motor: Motor,
+    drive: Drive,
+    *,
+    over: Mapping[str, SkipValidation[Sequence[float] | Array]],
+    objective: Objective = "torque",
+    limits: Mapping[str, float] | None = None,
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    contact: ContactLaw = "spring-slider",
+    sliders: int = SLIDERS,
+    step: float | None = None,
+    accuracy: float = ACCURACY,
+    timeout: float | None = None,
+    progress: Progress | None = None,
+) -> xarray.Dataset:
+    """Map the steady states of a motor over parameters of drive and motor, and choose the best one within limits.
+
+    Args:
+        motor: the motor.
+        drive: the voltages of both groups.
+        over: dotted path → values, as in :func:`speed_torque`: ``drive.frequency``, ``drive.phase_deg``,
+            ``drive.ratio_b``, ``drive.voltage``, ``contact.preload_n``; also ``speed`` and ``load_torque``.
+        objective: what is to be greatest: ``"torque"``, ``"speed"``, ``"efficiency"`` or ``"power"`` at the shaft.
+        limits: name of a quantity → greatest absolute value allowed, such as ``{"current_a": 0.1}``: ``voltage_v``,
+            ``current_a`` or a quantity of :func:`speed_torque`.
+        speed: at which the shaft is held, rad/s. Without speed and load torque it is held still for the torque, free
+            for the speed, and held at half of the free rotor's speed under the given drive for efficiency and power.
+        load_torque: torque in N·m that a load draws from the free shaft.
+        contact: law of the contact, as in :func:`simulate`.
+        sliders: number of sliders of the brush.
+        step: longest time step in s; by default that of :func:`simulate`.
+        accuracy: error of the torque, relative to the friction torque under the preload, above which the step is
+            halved, twice at most.
+        timeout: wall time in s after which a run of ngspice is ended.
+        progress: called with the number of points that are finished and of all.
+
+    Returns:
+        The quantities over the axes; attribute ``best`` has the best point as JSON, also as
+        ``dataset.piezomotor.best``. Quantities of a point without a steady state are NaN.
+
+    Raises:
+        ParameterError: for an invalid value.
+        SimulationError: if ngspice fails, or no rotor speed is found for the default of ``speed``.
+    """
+    if objective not in get_args(Objective):
+        raise ParameterError(
+            f"objective = {quoted(objective)} is not valid: it must be one of {', '.join(get_args(Objective))}."
+        )
+    bounds = _limits(limits or {})
+    axes = {path: axis(path, values) for path, values in over.items()}
+    count = prod(len(values) for values in axes.values())
+    if not axes or count > MOST_POINTS:
+        raise ParameterError(f"over has {count if axes else 0} points: it must have 1 to {MOST_POINTS}.")
+    base = _Base(motor, drive, Law(contact, sliders), Solver(step, None, True, timeout, False), accuracy)
+    if speed is None and not load_torque and not {"speed", "load_torque"} & axes.keys():
+        speed = _usual_speed(base, objective)
+    shape = tuple(len(values) for values in axes.values())
+    setups = {
+        index: base.setup({path: float(values[at]) for (path, values), at in zip(axes.items(), index, strict=True)},
+                          speed, load_torque)
+        for index in product(*map(range, shape))
+    }  # fmt: skip
+    states = _solved(setups, accuracy, progress or (lambda *_: None))
+    return _dataset(base, axes, states, objective, bounds, {"speed": speed, "load_torque": load_torque})
+
+
+@dataclass(frozen=True)
+class _Base:
+    """What the points of a map have in common."""
+
+    motor: Motor
+    drive: Drive
+    law: Law
+    solver: Solver
+    accuracy: float
+
+    def setup(self, changes: Mapping[str, float], speed: float | None, load_torque: float) -> Setup:
+        """Return the setup of one point."""
+        on_drive = {path[6:]: value for path, value in changes.items() if path.startswith("drive.")}
+        on_shaft = {path: value for path, value in changes.items() if path in ("speed", "load_torque")}
+        on_motor = {path: value for path, value in changes.items() if path not in on_shaft and path[:6] != "drive."}
+        drive = updated(self.drive, on_drive) if on_drive else self.drive
+        motor = self.motor.updated(on_motor) if on_motor else self.motor
+        assert isinstance(drive, Drive)
+        load = Load(on_shaft.get("speed", speed), on_shaft.get("load_torque", load_torque))
+        return Setup(motor, DriveSource(drive), load, self.law, self.solver)
+
+
+def _limits(limits: Mapping[str, float]) -> dict[str, float]:
+    known = [name for name in OUTCOME if name not in _FLAGS]
+    for name, value in limits.items():
+        if name not in known:
+            raise ParameterError(f"limits: {quoted(name)} is not known: it must be one of {', '.join(known)}.")
+        number = as_number(value)
+        if number is None or not number > 0.0:
+            raise ParameterError(f"limits: {name} = {quoted(value)} is not valid: it must be a number > 0.")
+    return {name: float(value) for name, value in limits.items()}
+
+
+def _usual_speed(base: _Base, objective: Objective) -> float | None:
+    """Return the speed at which the shaft is held if neither speed nor load is given; ``None`` leaves it free."""
+    if objective in ("torque", "speed"):
+        return 0.0 if objective == "torque" else None
+    (free,) = steady_states([base.setup({}, None, 0.0)], accuracy=base.accuracy)
+    if not free.converged:
+        raise SimulationError("The free rotor has no steady state under the given drive. Give speed or load_torque.")
+    return 0.5 * free.speed_rad_s
+
+
+Index = tuple[int, ...]
+
+
+def _solved(setups: Mapping[Index, Setup], accuracy: float, progress: Progress) -> dict[Index, SteadyState]:
+    """Solve the points of a coarse grid, and then again and again those halfway between the solved ones."""
+    found: dict[Index, SteadyState] = {}
+    stride = _COARSEST
+    progress(0, len(setups))
+    while stride:
+        new = [index for index in setups if index not in found and not any(at % stride for at in index)]
+        starts = [_start(index, stride, found) for index in new]
+        states = steady_states([setups[index] for index in new], accuracy=accuracy, starts=starts)
+        found |= zip(new, states, strict=True)
+        progress(len(found), len(setups))
+        stride //= 2
+    return found
+
+
+def _start(index: Index, stride: int, found: Mapping[Index, SteadyState]) -> Point | None:
+    """Return the mean of the neighbours that are stable, if there are any."""
+    steps = [(-stride, stride) if at % (2 * stride) else (0,) for at in index]
+    near = [found.get(tuple(at + step for at, step in zip(index, each, strict=True))) for each in product(*steps)]
+    points = [other.solution for other in near if other is not None and other.stable and other.solution]
+    return between(points) if points else None
+
+
+def _dataset(
+    base: _Base,
+    axes: Mapping[str, Array],
+    states: Mapping[Index, SteadyState],
+    objective: Objective,
+    limits: Mapping[str, float],
+    shaft: Mapping[str, float | None],
+) -> xarray.Dataset:
+    from pyspice_runner.datasets import labelled
+
+    shape = tuple(len(values) for values in axes.values())
+    rows = {index: _row(state, limits) for index, state in states.items()}
+    variables = {}
+    for name, (unit, meaning) in OUTCOME.items():
+        if name in axes:
+            continue
+        values = np.empty(shape, dtype=bool if name in _FLAGS else float)
+        for index, row in rows.items():
+            values[index] = row[name]
+        variables[name] = (tuple(axes), values, {"units": unit, "long_name": meaning})
+    names = {"speed": "rad/s", "load_torque": "N·m"}
+    coordinates = {
+        path: (path, values, {"units": names.get(path) or unit_in(path, base.motor, base.drive)})
+        for path, values in axes.items()
+    }
+    allowed = {index: row[OBJECTIVES[objective]] for index, row in rows.items() if row["allowed"]}
+    allowed = {index: value for index, value in allowed.items() if np.isfinite(value)}
+    best: dict[str, Any] | None = None
+    if allowed:
+        index = max(allowed, key=lambda one: allowed[one])
+        at = {path: float(values[place]) for (path, values), place in zip(axes.items(), index, strict=True)}
+        best = {**at, **{name: _plain(value) for name, value in rows[index].items() if name not in at}}
+    hashes = "".join(states[index].provenance["deck_sha256"] for index in sorted(states))
+    held = "" if shaft["speed"] is None else f", shaft at {shaft['speed']:.4g} rad/s"
+    return labelled(
+        variables, coordinates,
+        {
+            "title": f"{base.motor.name}: {objective} over {' and '.join(axes)}{held}",
+            "parameter_set": base.motor.name,
+            "objective": objective,
+            "best": json.dumps(best),
+            "limits": json.dumps(dict(limits)),
+            "motor": json.dumps(base.motor.to_dict()),
+            "drive": json.dumps(DriveSource(base.drive).to_dict()),
+            "run": json.dumps({**base.law.to_dict(), **shaft, "accuracy": base.accuracy}),
+            "method": json.dumps([states[index].method for index in sorted(states)]),
+            "ngspice_version": ngspice_version(),
+            "deck_sha256": hashlib.sha256(hashes.encode()).hexdigest(),
+        },
+    )  # fmt: skip
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON has it: ``None`` for what is not defined."""
+    return bool(value) if isinstance(value, bool | np.bool_) else float(value) if np.isfinite(value) else None
+
+
+def _row(state: SteadyState, limits: Mapping[str, float]) -> dict[str, Any]:
+    """Return the quantities of a point."""
+    tones = (state.drive.tones_a, state.drive.tones_b)
+    row: dict[str, Any] = {
+        "speed_rad_s": state.speed_rad_s,
+        **state.quantities,
+        "current_a": max(state.current_a_rms_a, state.current_b_rms_a),
+        "voltage_v": max(sum(abs(tone.amplitude) for tone in group) for group in tones),
+        "torque_error_n_m": state.torque_error_n_m,
+        "largest_multiplier": float(np.abs(state.floquet_multipliers).max(initial=0.0)) if state.converged else np.nan,
+        "converged": state.converged,
+        "stable": state.stable,
+    }
+    within = all(abs(row[name]) <= limit for name, limit in limits.items())
+    return {**row, "allowed": bool(state.stable and not state.audit.findings and within)}

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Maps of steady states, and the best working point within limits."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import pytest
+import xarray
+
+import pyspice_runner as pr
+from pyspice_runner.cli import run
+
+pytestmark = pytest.mark.xdist_group("maps")  # they are shared
+
+MOTOR = pr.load_motor("andersen2002-unintended-mode")
+DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0)
+FREQUENCIES, VOLTAGES = (45.2e3, 46e3, 46.8e3), (70.0, 100.0)
+
+
+@cache
+def mapped() -> xarray.Dataset:
+    over = {"drive.frequency": FREQUENCIES, "drive.voltage": VOLTAGES}
+    return pr.working_points(MOTOR, DRIVE, over=over, limits={"voltage_v": 80.0})
+
+
+def test_a_point_of_a_map_is_the_steady_state_there() -> None:
+    data = mapped()
+    assert bool(data["converged"].all())
+    assert data["torque_n_m"].dims == ("drive.frequency", "drive.voltage")
+    state = pr.steady_state(MOTOR, DRIVE.model_copy(update={"frequency": 46.8e3}), speed=0.0)
+    friction_torque = MOTOR.contact.friction * MOTOR.contact.preload_n * MOTOR.rotor.radius_m
+    # 1 %: the accuracy of a map
+    at = data.sel({"drive.frequency": 46.8e3, "drive.voltage": 100.0})
+    assert float(at["torque_n_m"]) == pytest.approx(state.torque_n_m, abs=1e-2 * friction_torque)
+    assert float(at["current_a"]) == pytest.approx(max(state.current_a_rms_a, state.current_b_rms_a), rel=1e-2)
+
+
+def test_the_best_point_is_the_greatest_within_the_limits() -> None:
+    data, best = mapped(), mapped().piezomotor.best
+    allowed = data["torque_n_m"].where(data["allowed"])
+    assert best["torque_n_m"] == float(allowed.max())
+    assert best["drive.voltage"] == 70.0
+    assert not bool(data["allowed"].sel({"drive.voltage": 100.0}).any())
+    none = pr.working_points(MOTOR, DRIVE, over={"drive.voltage": [100.0]}, limits={"voltage_v": 80.0})
+    assert none.piezomotor.best is None
+    assert none.piezomotor.cautions == ("No point is stable and within the limits.",)
+
+
+def test_the_amplitude_of_group_b_is_an_axis() -> None:
+    data = pr.working_points(MOTOR, DRIVE, over={"drive.ratio_b": [0.5]}, speed=6.0)
+    assert float(data["voltage_v"][0]) == 100.0
+    assert float(data["current_b_rms_a"][0]) < 0.7 * float(data["current_a_rms_a"][0])
+
+
+def test_wrong_requests_say_what_is_allowed() -> None:
+    with pytest.raises(pr.ParameterError, match="objective = 'force' is not valid"):
+        pr.working_points(MOTOR, DRIVE, over={"drive.voltage": [1.0]}, objective="force")  # type: ignore[arg-type]
+    with pytest.raises(pr.ParameterError, match="limits: 'volts' is not known: it must be one of"):
+        pr.working_points(MOTOR, DRIVE, over={"drive.voltage": [1.0]}, limits={"volts": 1.0})
+    with pytest.raises(pr.ParameterError, match=r"limits: current_a = -1 is not valid: it must be a number > 0"):
+        pr.working_points(MOTOR, DRIVE, over={"drive.voltage": [1.0]}, limits={"current_a": -1.0})
+    with pytest.raises(pr.ParameterError, match="over has 0 points"):
+        pr.working_points(MOTOR, DRIVE, over={})
+
+
+def test_the_command_prints_the_best_point_and_draws_the_map(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["map", MOTOR.name, "--over", "drive.frequency=44500,46000", "--over", "contact.preload_n=4,5"]
+    words += ["--objective", "power", "--speed", "5", "--limit", "current_a=1"]
+    files = ["--output", str(tmp_path / "map.nc"), "--plot", str(tmp_path / "map.png")]
+    assert run([*words, "--json", *files]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["best"]["shaft_power_w"] == max(max(row) for row in document["shaft_power_w"])
+    assert document["best"]["drive.frequency"] in (44500.0, 46000.0)
+    assert (tmp_path / "map.png").stat().st_size > 10_000
+    with xarray.open_dataset(tmp_path / "map.nc") as data:
+        assert data["torque_n_m"].shape == (2, 2)
+    assert run([*words[:2], "--over", "drive.voltage=50", "--limit", "current"]) == 2
+    assert "is not NAME=VALUE" in capsys.readouterr().err
