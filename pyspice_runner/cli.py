@@ -24,6 +24,7 @@ from pyspice_runner.commands.compare import compare
 from pyspice_runner.commands.drive import drive
 from pyspice_runner.commands.fit import fit
 from pyspice_runner.commands.impact import impact
+from pyspice_runner.commands.live import live
 from pyspice_runner.commands.map import map_points
 from pyspice_runner.commands.motors import export, motors, show
 from pyspice_runner.commands.report import report
@@ -56,6 +57,7 @@ for command in (
     compare,
     export,
     report,
+    live,
 ):
     app.command()(command)
 app.command(name="map")(map_points)

@@ -1,0 +1,376 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The decks that the live page runs: complete circuits whose ``.param`` lines the page fills in.
+
+Three kinds of deck answer a setting. ``averaged`` gives speed, torque and powers by the averaged motor, ``cycles`` the
+waveforms of the full motor, which starts from the amplitudes of the averaged one, and ``admittance`` the small-signal
+two-port. Each deck runs as it is written, with the values of the motor's parameter set, by ``ngspice -b``. A page
+changes the numbers on the ``.param`` lines and the lines between the marks :data:`DRIVER` and :data:`END`; it contains
+no physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from math import pi, sqrt
+from typing import get_args
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.drive import TwoPhaseDrive, default_drive
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.parameters import Mount
+from pyspice_runner.netlist.averaged import OPTIONS as AVERAGED_OPTIONS
+from pyspice_runner.netlist.averaged import AveragedSubCircuit
+from pyspice_runner.netlist.benches import AC_OPTIONS, transient_options
+from pyspice_runner.netlist.contact import BuiltInLaw
+from pyspice_runner.netlist.motor import Assembly, Discretisation, MotorSubCircuit
+from pyspice_runner.netlist.sources import DriveSource, motor_bench
+
+PHASES, HARMONICS = 32, 2  # of the averaged motor; the speed differs by less than 1 % from that of 64 and 3
+POINTS, DRIVER_POINTS = 80, 160  # steps in the shortest period; a driver's deck has no modes adapted to the step
+# the slider where the voltage of group A, a sine, is zero and rises: a quarter of a period before its peak
+SLIDER_AT_START = f"xmotor.xcontact.slider{3 * PHASES // 4}"
+DRIVER, END = "* driver: lines between source_a, source_b and the pins a, b", "* end of the driver"
+_RADIANS = pi / 180.0
+_MOUNT = Mount(stiffness_n_per_m=2e4, mass_kg=0.05, damping_n_s_per_m=50.0)  # of bimodal40, for a motor without one
+_STARTS = ("slider", "carrier", "carrier_velocity", "damping", "speed")
+
+LOAD = "Iload shaft 0 DC {torque}\nVheld held 0 DC {held}\nGheld shaft 0 shaft held {grip}"
+
+Values = dict[str, tuple[float | str, str]]  # name → number or expression, and its unit and meaning
+
+
+def laws(motor: Motor) -> list[str]:
+    """Return the built-in contact laws that a motor can have."""
+    found = []
+    for law in get_args(BuiltInLaw):
+        try:
+            MotorSubCircuit(motor, contact=law)
+        except ParameterError:
+            continue
+        found.append(law)
+    return found
+
+
+def fastest(motor: Motor) -> float:
+    """Return the highest frequency in Hz of the modes, free and under preload."""
+    resonances = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
+    return max(*(mode.frequency_hz for mode in motor.modes), *map(float, resonances))
+
+
+def mounts(motor: Motor) -> dict[str, Motor]:
+    """Return the motor with its stator held and on springs; a motor without springs gets those of ``bimodal40``."""
+    sprung = motor if motor.mount else motor.updated({f"mount.{k}": v for k, v in _MOUNT.model_dump().items()})
+    return {"held": motor.updated({"mount": None}), "sprung": sprung}
+
+
+def live_decks(motor: Motor) -> dict[str, str]:
+    """Return name → text of every deck of a motor.
+
+    The names are ``averaged MOUNT``, ``curve MOUNT``, ``response MOUNT``, ``cycles MOUNT LAW``, ``driver MOUNT LAW``
+    and ``admittance``, with a mount from :func:`mounts` and a law from :func:`laws`.
+    """
+    decks = {"admittance": _admittance(motor)}
+    for mount, moved in mounts(motor).items():
+        decks[f"averaged {mount}"] = _averaged(moved, "run")
+        decks[f"curve {mount}"] = _averaged(moved, "curve")
+        decks[f"response {mount}"] = _averaged(moved, "response")
+        for law in laws(motor):
+            decks[f"cycles {mount} {law}"] = _cycles(moved, law, driver=False)
+            decks[f"driver {mount} {law}"] = _cycles(moved, law, driver=True)
+    return decks
+
+
+# --- parts of a deck ---
+
+
+def _deck(title: str, what: Iterable[str], values: Values, body: Iterable[str]) -> str:
+    head = [f".title {title}", *(f"* {line}" for line in what), "* Run: ngspice -b THIS_FILE", "*"]
+    lines = [f".param {name}={value} ; {meaning}" for name, (value, meaning) in values.items()]
+    return "\n".join([*head, *lines, *body, ".end"]) + "\n"
+
+
+def _number(value: float) -> str:
+    return f"{value:.10g}"
+
+
+def _options(options: Mapping[str, str]) -> str:
+    return ".options " + " ".join(f"{name}={value}" for name, value in options.items())
+
+
+def _settings(motor: Motor) -> Values:
+    """Return the parameters of every deck; a drive of two tones has its first tone here."""
+    drive = default_drive(motor)
+    tone = drive.tones_a[0]
+    values: Values = {
+        "voltage": (_number(tone.amplitude), "V, amplitude of both groups"),
+        "frequency": (_number(tone.frequency), "Hz"),
+        "phase": (
+            _number(drive.phase_deg if isinstance(drive, TwoPhaseDrive) else 0.0),
+            "degrees, group B ahead of group A",
+        ),
+        "preload": (_number(motor.contact.preload_n), "N"),
+        "friction": (_number(motor.contact.friction), "1, coefficient of friction"),
+        "torque": ("0", "N.m, load"),
+        "grip": ("0", "N.m.s, of a brake that holds the shaft at a speed; 0 leaves it free"),
+        "held": ("0", "rad/s, speed of the brake"),
+        "inertia": (_number(motor.rotor.inertia_kg_m2), "kg.m2, of the rotor"),
+    }
+    if motor.mount:
+        values["mount_stiffness"] = (_number(motor.mount.stiffness_n_per_m), "N/m, springs that carry the stator")
+    return values
+
+
+def _opened(circuit: Assembly, motor: Motor) -> Assembly:
+    """Return a motor's subcircuit with the stiffness of its mount as a parameter of the X line."""
+    if motor.mount:
+        circuit.parameters["mount_stiffness"] = _number(motor.mount.stiffness_n_per_m)
+        circuit["Xmount"].parameters["stiffness"] = "{mount_stiffness}"
+    return circuit
+
+
+def _startable(circuit: Assembly, motor: Motor) -> Assembly:
+    """Return a motor's subcircuit with parameters of the X line for the motion with which a run starts."""
+    preload = motor.contact.preload_n
+    for index in range(1, len(motor.modes) + 1):
+        mode = circuit[f"Xmode{index}"].parameters
+        bending = 1e6 * mode["tip_y"] / mode["stiffness"]  # um per N; a mode starts relative to it
+        mode["start"] = f"{{start_{index}+{_number(bending)}*preload}}"
+        mode["velocity"] = f"{{velocity_{index}}}"
+        circuit.parameters[f"start_{index}"] = _number(-bending * preload)
+        circuit.parameters[f"velocity_{index}"] = "0"
+    circuit["Xrotor"].parameters["start"] = "{speed}"
+    circuit.parameters["speed"] = "0"
+    if circuit["Xcontact"].subcircuit_name.endswith(("contact", "stribeck")):
+        circuit["Xcontact"].parameters["start"] = "{slider}"
+        circuit.parameters["slider"] = "0"
+    if motor.mount:
+        circuit["Xmount"].parameters |= {"start": "{carrier}", "velocity": "{carrier_velocity}", "damping": "{damping}"}
+        starts = {"carrier": "0", "carrier_velocity": "0", "damping": _number(_quick_damping(motor))}
+        circuit.parameters.update(starts)
+    return circuit
+
+
+def _quick_damping(motor: Motor) -> float:
+    """Return a damping of the carrier in N·s/m with which it settles on the contact within some periods.
+
+    0.7 of the critical damping of its mass on the contact's stiffness, 3/2 F₀/δ₀. It changes no mean value.
+    """
+    assert motor.mount is not None
+    stiffness = 1.5 * motor.contact.preload_n / contact_law.static_penetration(motor.contact)
+    return max(motor.mount.damping_n_s_per_m, 1.4 * sqrt(stiffness * motor.mount.mass_kg))
+
+
+def _text(circuit: Assembly) -> str:
+    return f"{circuit.parts}\n{str(circuit).strip()}"
+
+
+def _instance(circuit: Assembly, nodes: str, names: Iterable[str]) -> str:
+    passed = [f"{name}={{{name}}}" for name in names if name in circuit.parameters]
+    return f"Xmotor {nodes} {circuit.name} {' '.join(passed)}"
+
+
+# --- averaged motor ---
+
+
+def _averaged(motor: Motor, kind: str) -> str:
+    """Return a deck of the averaged motor: a spin-up, the curve over speed, or the response over frequency."""
+    circuit = _opened(AveragedSubCircuit(motor, phases=PHASES, harmonics=HARMONICS), motor)
+    values = _settings(motor)
+    what = {"run": "spin-up of the averaged motor to its steady state", "curve": "torque over speed, averaged motor",
+            "response": "speed and currents over frequency, averaged motor"}[kind]  # fmt: skip
+    drive = "DC {frequency}"
+    load, analysis, extra = LOAD, ".tran {stop/2000} {stop} 0 {stop/20} uic", Values()
+    sources = [
+        f".param radians={{phase*{_RADIANS!r}}}",
+        "Va_re a_re 0 DC {voltage}",
+        "Va_im a_im 0 DC 0",
+        "Vb_re b_re 0 DC {voltage*cos(radians)}",
+        "Vb_im b_im 0 DC {voltage*sin(radians)}",
+    ]
+    start = [
+        ".ic v(a_re)={voltage} v(b_re)={voltage*cos(radians)} v(b_im)={voltage*sin(radians)}",
+    ]
+    if kind == "run":
+        extra = {"stop": ("0.05", "s, end of the run")}
+    elif kind == "curve":
+        extra = {"slowest": ("-5", "rad/s, first speed"), "fastest": ("50", "rad/s, last speed"),
+                 "stop": ("0.1", "s, end of the ramp")}  # fmt: skip
+        load = "Vshaft shaft 0 PWL(0 {slowest} {0.2*stop} {slowest} {stop} {fastest})"
+        analysis = ".tran {stop/1000} {stop} 0 {stop/60} uic"
+        start[0] += " v(shaft)={slowest}"
+    else:
+        low, high = _range(motor)
+        extra = {"lowest": (_number(low), "Hz, last frequency"), "highest": (_number(high), "Hz, first frequency"),
+                 "stop": ("0.3", "s, end of the ramp")}  # fmt: skip
+        drive = "PWL(0 {highest} {0.1*stop} {highest} {stop} {lowest})"
+        analysis = ".tran {stop/1000} {stop} 0 {stop/120} uic"
+    vectors = [
+        *(f"v({node})" for node in ("a_re", "a_im", "b_re", "b_im", "f", "shaft", "heat")),
+        *(f"i(v{node})" for node in ("a_re", "a_im", "b_re", "b_im")),
+        *(["i(vshaft)"] if kind == "curve" else []),
+        *(f"v(xmotor.{node})" for node in ("normal", "friction", "open", "slip", "check")),
+    ]
+    if kind == "run":
+        numbers = range(1, len(motor.modes) + 1)
+        vectors += [f"v(xmotor.xbending{index}.r)" for index in numbers]
+        vectors += [
+            f"v(xmotor.xmode{index}_{order}.{node}_{part})"
+            for index in numbers for order in range(1, HARMONICS + 1) for node in "rv" for part in ("re", "im")
+        ]  # fmt: skip
+        vectors += [f"v({SLIDER_AT_START})", *(f"v(xmotor.{axis}_{part}1)" for axis in "xy" for part in ("re", "im"))]
+        vectors += ["v(xmotor.xmount.elastic)"] if motor.mount else []
+    passed = ("preload", "friction", "inertia", "mount_stiffness")
+    return _deck(
+        f"{motor.name}: {what}",
+        ["Complex amplitudes instead of waveforms; v(shaft) is the speed in rad/s."],
+        values | extra,
+        [
+            *sources, f"Vfrequency f 0 {drive}", load, _text(circuit),
+            _instance(circuit, "a_re a_im b_re b_im f shaft 0 heat", passed),
+            _options(AVERAGED_OPTIONS), *start, f".save {' '.join(vectors)}",
+            *(_averaged_measures() if kind == "run" else []), analysis,
+        ],
+    )  # fmt: skip
+
+
+def _averaged_measures() -> list[str]:
+    found = {"speed_rad_s": "v(shaft)", "friction_n": "v(xmotor.friction)", "heat_w": "v(heat)"}
+    return [f".measure tran {name} FIND {vector} AT={{stop}}" for name, vector in found.items()]
+
+
+def _range(motor: Motor) -> tuple[float, float]:
+    frequency = default_drive(motor).frequencies[-1]
+    return 0.97 * frequency, 1.04 * frequency
+
+
+# --- full motor ---
+
+
+def live_step(motor: Motor, *, driver: bool = False) -> float:
+    """Return the time step in s of the decks with waveforms."""
+    return float(f"{1.0 / (fastest(motor) * (DRIVER_POINTS if driver else POINTS)):.4g}")
+
+
+def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
+    """Return the deck of the full motor, two sources and a load torque; with ``driver`` a user's lines between them."""
+    step = live_step(motor, driver=driver)
+    discretisation = Discretisation(step, exact_resonance=not driver)
+    circuit = _startable(_opened(MotorSubCircuit(motor, contact=law, discretisation=discretisation), motor), motor)
+    values = _settings(motor) | {
+        "voltage_2": ("0", "V, amplitude of a second tone, which drives the groups against each other"),
+        "frequency_2": (values_frequency(motor), "Hz, of the second tone"),
+        "phase_2": ("0", "degrees, of the second tone"),
+        "stop": (_number(60.0 / default_drive(motor).frequencies[-1]), "s, end of the run"),
+        "window": (_number(20.0 / default_drive(motor).frequencies[-1]), "s, at the end of the run, for the means"),
+        "step": (_number(step), "s, time step; the modes are written for it" if not driver else "s, time step"),
+    }
+    inner = [name for name in circuit.parameters if name.startswith(("start_", "velocity_")) or name in _STARTS]
+    values |= {name: (circuit.parameters[name], _meaning(name)) for name in inner}
+    pins = ("source_a", "source_b") if driver else ("a", "b")
+    body = [f".param radians={{phase*{_RADIANS!r}}}", f".param radians_2={{phase_2*{_RADIANS!r}}}"]
+    for group, pin, sign, phase in (("a", pins[0], "", "0"), ("b", pins[1], "-", "{phase}")):
+        body += [
+            f"V{group} {pin} tone_{group} SIN(0 {{voltage}} {{frequency}} 0 0 {phase})",
+            f"V{group}2 tone_{group} 0 SIN(0 {{{sign}voltage_2}} {{frequency_2}} 0 0 {{phase_2}})",
+        ]
+    if driver:
+        body += [DRIVER, "Rwire_a source_a a 1m", "Rwire_b source_b b 1m", END]
+    body += [LOAD, _text(circuit)]
+    nodes = "pin_a pin_b 0 shaft" if driver else "a b 0 shaft"
+    if driver:
+        body += ["Vpin_a a pin_a 0", "Vpin_b b pin_b 0"]
+    passed = ("preload", "friction", "inertia", "mount_stiffness", *inner)
+    body.append(_instance(circuit, nodes, passed))
+    options = dict(transient_options(motor, law))
+    if driver:
+        options = {"method": "trap", "reltol": "1e-4", "abstol": "1e-9", "vntol": "1e-6"}
+    start = [] if driver else _plates(motor)
+    vectors = live_vectors(motor, driver=driver)
+    body += [_options(options), *start, f".save {' '.join(vectors)}", *_cycle_measures()]
+    return _deck(
+        f"{motor.name}: {law}, cycle by cycle",
+        [
+            "The full motor. x, y, slider in um, forces in N, state 0 separated 1 stick 2 slip, v(shaft) in rad/s.",
+            "The inertia may be smaller than that of the rotor, so that the mean speed settles within the run.",
+        ],
+        values,
+        [*body, ".tran {step} {stop} 0 {step} uic"],
+    )
+
+
+def values_frequency(motor: Motor) -> str:
+    """Return the frequency of a second tone as the deck states it: that of the drive's, or its octave."""
+    drive = default_drive(motor)
+    return _number(drive.frequencies[-1] if len(drive.frequencies) > 1 else 2.0 * drive.frequencies[0])
+
+
+def _meaning(name: str) -> str:
+    return {
+        "slider": "um, displacement of the contact's slider at the start",
+        "carrier": "um, displacement of the carrier at the start",
+        "carrier_velocity": "m/s, of the carrier at the start",
+        "damping": "N.s/m, of the carrier; more than the motor's, so that it settles within the run",
+        "speed": "rad/s, of the rotor at the start",
+    }.get(name, f"{'um, displacement' if 'start' in name else 'm/s, velocity'} of mode {name[-1]} at the start")
+
+
+def _plates(motor: Motor) -> list[str]:
+    """Return the initial voltages of the plates: those of the sources at t = 0."""
+    drive = TwoPhaseDrive(voltage=1.0, frequency=motor.modes[-1].frequency_hz, phase_deg=45.0)
+    start = {"a": "{voltage_2*sin(radians_2)}", "b": "{voltage*sin(radians)-voltage_2*sin(radians_2)}"}
+    nodes = motor_bench(motor, DriveSource(drive)).start
+    found = dict.fromkeys(nodes, start["b"])
+    found |= {node.replace("xgroup_b", "xgroup_a"): start["a"] for node in nodes}
+    return [".ic " + " ".join(f"v({node})={value}" for node, value in found.items())]
+
+
+def live_vectors(motor: Motor, *, driver: bool) -> list[str]:
+    """Return the vectors of the decks with waveforms."""
+    names = ["v(a)", "v(b)", *(("i(vpin_a)", "i(vpin_b)") if driver else ("i(va)", "i(vb)")), "v(shaft)"]
+    names += [f"v(xmotor.{node})" for node in ("x", "y", "normal", "friction", "slider", "state")]
+    for index in range(1, len(motor.modes) + 1):
+        names += [f"v(xmotor.xmode{index}.elastic)", f"i(v.xmotor.xmode{index}.vvelocity)"]
+    names += ["v(xmotor.xmount.elastic)", "i(v.xmotor.xmount.vvelocity)"] if motor.mount else []
+    return names
+
+
+def _cycle_measures() -> list[str]:
+    over = "FROM={stop-window} TO={stop}"
+    found = {
+        "speed_rad_s": "AVG v(shaft)", "friction_n": "AVG v(xmotor.friction)", "normal_n": "AVG v(xmotor.normal)",
+        "current_a_rms_a": "RMS i(va)", "current_b_rms_a": "RMS i(vb)",
+    }  # fmt: skip
+    return [f".measure tran {name} {how} {over}" for name, how in found.items()]
+
+
+# --- small signals ---
+
+
+def _admittance(motor: Motor) -> str:
+    """Return the deck of the electrical two-port: free, and pressed against a rotor at rest."""
+    lowest = min(mode.frequency_hz for mode in motor.modes)
+    values: Values = {
+        "preload": (_number(motor.contact.preload_n), "N"),
+        "friction": (_number(motor.contact.friction), "1, coefficient of friction"),
+        "lowest": (_number(0.7 * lowest), "Hz, first frequency"),
+        "highest": (_number(1.2 * fastest(motor)), "Hz, last frequency"),
+        "points": ("2000", "number of frequencies"),
+    }
+    pressed = MotorSubCircuit(motor)
+    free = MotorSubCircuit(motor, contact=None, name=f"{pressed.name}_free")
+    body = [_text(pressed), _text(free)]
+    vectors = []
+    for state, circuit in (("free", free), ("pressed", pressed)):
+        for driven in "ab":
+            copy = f"{state}_{driven}"
+            body += [f"V{group}_{copy} {group}_{copy} 0 DC 0 AC {int(group == driven)}" for group in "ab"]
+            vectors += [f"i(v{group}_{copy})" for group in "ab"]
+            passed = "preload={preload} friction={friction}" if state == "pressed" else ""
+            body.append(f"X{copy} a_{copy} b_{copy} 0 shaft_{copy} {circuit.name} {passed}")
+    return _deck(
+        f"{motor.name}: admittance, free and preloaded",
+        ["Currents of the sources are minus the admittances in S: free or pressed, with group a or b driven."],
+        values,
+        [*body, _options(AC_OPTIONS), f".save {' '.join(vectors)}", ".ac lin {points} {lowest} {highest}"],
+    )

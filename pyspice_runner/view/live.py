@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A page with a motor to play with: ngspice as WebAssembly runs the motor's decks in the browser, without a network.
+
+``live_page/`` has the page's template, its scripts and the engine, which ``scripts/live_engine.py`` rebuilds. The decks
+are those of :mod:`pyspice_runner.netlist.live`; the scripts fill in their numbers and show the results.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import json
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.files import save_by_ending
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.beam import solve_resonator
+from pyspice_runner.model.drive import TwoToneDrive, default_drive
+from pyspice_runner.model.load import available_motors, load_motor
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.thermal import Thermal
+from pyspice_runner.netlist import live
+from pyspice_runner.netlist.motor import Discretisation
+
+ASSETS = Path(__file__).parent / "live_page"
+SCRIPTS = ("solve.js", "driver.js", "spectrum.js", "charts.js", "page.js")
+SHAPE_POINTS = 41  # of the beam, to draw it
+GRIP = 1e3  # N·m·s, of the brake that holds the shaft: at 10 mN·m the speed is 10 µrad/s off
+DRIVER_EXAMPLE = """* a series inductor in each line
+La source_a a_in 2m
+Ra a_in a 20
+Lb source_b b_in 2m
+Rb b_in b 20
+"""
+
+
+def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
+    """Return the page as HTML.
+
+    Args:
+        motor: the motor that the page shows first.
+        others: further motors to choose from; by default the bundled ones.
+
+    Raises:
+        ParameterError: if Jinja2 is not installed.
+    """
+    try:
+        from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    except ImportError:
+        raise ParameterError("The page needs jinja2. Install it: `pip install 'pyspice-runner[report]'`.") from None
+    if others is None:
+        others = [load_motor(name) for name in available_motors()]
+    motors = [motor, *(other for other in others if other.name != motor.name)]
+    environment = Environment(
+        loader=FileSystemLoader(ASSETS),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    script = "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    style = (ASSETS / "live.css").read_text(encoding="utf-8")
+    worker = "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in ("ngspice.js", "worker.js"))
+    assert "</script" not in script + worker
+    return environment.get_template("live.html.j2").render(
+        policy=content_policy(script, style),
+        style=style,
+        script=script,
+        worker=worker,
+        data=_packed(json.dumps(page_data(motors)).encode()),
+        wasm=base64.b64encode((ASSETS / "ngspice.wasm.gz").read_bytes()).decode("ascii"),
+        engine=engine_facts(),
+        licence=(ASSETS / "LICENSE").read_text(encoding="utf-8"),
+        version=version("pyspice-runner"),
+        thermal_resistance=f"{Thermal().thermal_resistance_k_per_w:g}",
+    )
+
+
+def engine_facts() -> dict[str, Any]:
+    """Return versions, licences and hashes of the engine."""
+    facts: dict[str, Any] = json.loads((ASSETS / "engine.json").read_text(encoding="utf-8"))
+    return facts
+
+
+def content_policy(script: str, style: str) -> str:
+    """Return the content security policy: this script, this style, a worker from memory, and no network."""
+    hashes = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii") for text in (script, style)]
+    return (
+        f"default-src 'none'; script-src 'sha256-{hashes[0]}' 'wasm-unsafe-eval'; style-src 'sha256-{hashes[1]}'; "
+        "worker-src blob:; img-src data:; connect-src 'none'; form-action 'none'; base-uri 'none'"
+    )
+
+
+def page_data(motors: Sequence[Motor]) -> dict[str, Any]:
+    """Return what the scripts need: the motors with their decks, the presets, and the marks of a driver's lines."""
+    return {
+        "motors": [_motor(motor) for motor in motors],
+        "presets": [preset for motor in motors for preset in _presets(motor)],
+        "marks": [live.DRIVER, live.END],
+        "driverExample": DRIVER_EXAMPLE,
+    }
+
+
+def _packed(data: bytes) -> str:
+    return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode("ascii")
+
+
+def _motor(motor: Motor) -> dict[str, Any]:
+    """Return a motor for the page: decks, settings with their ranges, and what the pictures need."""
+    step, sprung = live.live_step(motor), live.mounts(motor)["sprung"].mount
+    assert sprung is not None
+    # the stiffness in the netlist, by which a displacement follows from the force of a mode's spring
+    modes = [
+        {"name": mode.name, "stiffness": Discretisation(step).mode(mode)[1], "frequency": mode.frequency_hz}
+        for mode in motor.modes
+    ]
+    defaults, limits, sliders = _settings(motor, sprung.stiffness_n_per_m)
+    return {
+        "name": motor.name,
+        "label": f"{motor.name}: {', '.join(f'{mode.frequency_hz / 1e3:.4g}' for mode in motor.modes)} kHz",
+        "description": "; ".join(
+            f"{mode.name} {mode.frequency_hz / 1e3:.4g} kHz, Q {mode.quality_factor:.3g}" for mode in motor.modes
+        ),
+        "decks": live.live_decks(motor),
+        "laws": live.laws(motor),
+        "modes": modes,
+        "radius": motor.rotor.radius_m,
+        "inertia": motor.rotor.inertia_kg_m2,
+        "bearing": motor.rotor.bearing_damping_n_m_s,
+        "grip": GRIP,
+        "step": step,
+        "driverStep": live.live_step(motor, driver=True),
+        "driverPoints": live.DRIVER_POINTS,
+        "vectors": len(live.live_vectors(motor, driver=False)) + 1,
+        "harmonics": live.HARMONICS,
+        "slider": live.SLIDER_AT_START,
+        "carrierTime": 1.0 / sprung.frequency_hz,
+        "thermalResistance": Thermal().thermal_resistance_k_per_w,
+        "defaults": defaults,
+        "limits": limits,
+        "sliders": sliders,
+        "beam": _beam(motor),
+    }
+
+
+def _settings(motor: Motor, stiffness: float) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+    """Return defaults, limits and (least, greatest, increment) of the sliders of all settings, in SI units."""
+    drive = default_drive(motor)
+    two = isinstance(drive, TwoToneDrive)
+    voltage, frequency = drive.tones_a[0].amplitude, drive.tones_a[0].frequency
+    second = drive.tones_a[-1].amplitude, drive.tones_a[-1].frequency if two else 2.0 * frequency
+    preload, friction = motor.contact.preload_n, motor.contact.friction
+    torque = friction * preload * motor.rotor.radius_m
+    slow, fast = min(mode.frequency_hz for mode in motor.modes), max(mode.frequency_hz for mode in motor.modes)
+    defaults = {
+        "voltage": voltage, "frequency": frequency, "phase": 90.0 if two else drive.phase_deg,
+        "voltage_2": second[0], "frequency_2": second[1],
+        "phase_2": drive.phase_deg if two else 0.0, "preload": preload, "friction": friction, "torque": 0.0,
+        "speed": 0.0, "stiffness": stiffness, "kind": "two-tone" if two else "two-phase", "shaft": "free",
+        "mount": "sprung" if motor.mount else "held", "law": "spring-slider",
+    }  # fmt: skip
+    limits = {
+        "voltage": (0.0, 8 * voltage), "frequency": (0.3 * slow, 1.5 * fast), "phase": (-360.0, 360.0),
+        "voltage_2": (0.0, 8 * voltage), "frequency_2": (0.3 * slow, 3 * fast), "phase_2": (-360.0, 360.0),
+        "preload": (0.02 * preload, 20 * preload), "friction": (0.01, 1.5), "torque": (-4 * torque, 4 * torque),
+        "speed": (-1000.0, 1000.0), "stiffness": (0.01 * stiffness, 100 * stiffness),
+    }  # fmt: skip
+    sliders = {
+        "voltage": (0.0, 2.5 * voltage, _round(voltage / 100)),
+        "frequency": (_round(0.93 * frequency, 3), _round(1.07 * frequency, 3), 10.0),
+        "phase": (-180.0, 180.0, 1.0), "voltage_2": (0.0, 2.5 * voltage, _round(voltage / 100)),
+        "frequency_2": (_round(0.3 * slow, 3), _round(2.2 * fast, 3), 50.0), "phase_2": (-180.0, 180.0, 1.0),
+        "preload": (_round(0.1 * preload), _round(4 * preload), _round(preload / 100)), "friction": (0.05, 0.8, 0.01),
+        "torque": (-_round(torque), _round(torque), _round(torque / 200)), "speed": (-100.0, 100.0, 0.1),
+        "stiffness": (_round(0.1 * stiffness), _round(10 * stiffness), _round(0.05 * stiffness)),
+    }  # fmt: skip
+    return defaults, limits, sliders
+
+
+def _round(value: float, digits: int = 1) -> float:
+    return float(f"{value:.{digits}g}")
+
+
+def _presets(motor: Motor) -> list[dict[str, Any]]:
+    """Return the presets of a motor: name, motor, and the settings that differ from its defaults."""
+    torque = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    found: list[tuple[str, dict[str, Any]]] = [
+        ("recommended drive", {}),
+        ("stall: the shaft is held", {"shaft": "held", "speed": 0.0}),
+        ("over-run: the load drives the shaft", {"torque": _round(-0.3 * torque, 2)}),
+    ]
+    if motor.name == "andersen2002":
+        resonance = contact_law.resonance_under_preload(motor.contact, motor.modes[0])
+        found += [
+            ("the paper's figure 5: ellipse", {"voltage": 50.0, "frequency": 51.7e3, "phase": 90.0}),
+            ("the paper's eq. (2): figure eight", {
+                "kind": "two-tone", "voltage": 50.0, "frequency": 25e3, "voltage_2": 50.0, "frequency_2": 50e3}),
+            ("first resonance: the tip hammers", {"voltage": 30.0, "frequency": _round(resonance, 4), "phase": 0.0}),
+        ]  # fmt: skip
+    if motor.name == "andersen2002-unintended-mode":
+        found.append(("the paper's figure 6: 46 kHz", {"frequency": 46e3}))
+    return [{"name": f"{motor.name}: {name}", "motor": motor.name, "values": values} for name, values in found]
+
+
+def _beam(motor: Motor) -> dict[str, Any] | None:
+    """Return shapes of the modes and places of the parts along the beam, as shares of its length."""
+    structure = motor.structure
+    if structure is None:
+        return None
+    length = structure.beam.length_m
+    resonator = solve_resonator(structure.beam, structure.patches, structure.tip, count=len(motor.modes))
+    shapes = resonator.deflection(np.linspace(0.0, length, SHAPE_POINTS)).T
+    return {
+        "foot": structure.tip.position_m / length,
+        "shapes": np.round(shapes, 5).tolist(),
+        "patches": [
+            {"group": patch.group, "start": patch.start_m / length, "end": patch.end_m / length}
+            for patch in structure.patches
+        ],
+    }
+
+
+def save_live_page(motor: Motor, path: str | Path) -> Path:
+    """Write the page into a file that ends in .html, and return its path.
+
+    Raises:
+        ParameterError: if Jinja2 is not installed, for another ending, or if the file cannot be written.
+    """
+    text = live_page(motor)
+    return save_by_ending(path, {".html": lambda place: place.write_text(text, encoding="utf-8", newline="\n")})

@@ -1,0 +1,638 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The page: settings, controls, links, undo, and what is shown.
+
+const DATA = { motors: [], marks: [] };
+const $ = (id) => document.getElementById(id);
+const root = document.documentElement;
+
+// key, label, unit, factor from the shown to the stored value, digits
+const CONTROLS = [
+  ["voltage", "Voltage, amplitude", "V", 1],
+  ["frequency", "Frequency", "kHz", 1e3],
+  ["phase", "Phase of B ahead of A", "°", 1],
+  ["voltage_2", "Second tone, amplitude", "V", 1],
+  ["frequency_2", "Second tone, frequency", "kHz", 1e3],
+  ["phase_2", "Second tone, phase", "°", 1],
+  ["preload", "Preload", "N", 1],
+  ["friction", "Coefficient of friction", "", 1],
+  ["torque", "Load torque", "mN·m", 1e-3],
+  ["speed", "Shaft held at", "rad/s", 1],
+  ["stiffness", "Mount springs", "kN/m", 1e3],
+];
+const CHOICES = {
+  kind: { "two-phase": "one tone, two phases", "two-tone": "two tones" },
+  shaft: { free: "free, with a load torque", held: "held at a speed" },
+  mount: { held: "held at a distance", sprung: "on springs" },
+  law: { "spring-slider": "spring-slider", brush: "brush", coulomb: "Coulomb" },
+};
+const TEXT = { driver: 6000 };
+const SECTIONS = ["numbers", "path", "motor", "forces", "electrical", "torque", "response", "impedance", "driver", "deck"];
+const IDLE_MS = 350, SLOW_SECONDS = 8, MOST_UNDO = 200;
+
+const page = {
+  slot: "A", slots: { A: null, B: null }, results: { A: {}, B: {} }, undone: [], measured: null, serial: 0,
+  main: null, side: null, playing: true, position: 0, angle: 0, seconds: [],
+};
+
+// --- settings ---
+
+const motorOf = (s) => DATA.motors.find((motor) => motor.name === s.motor) ?? DATA.motors[0];
+const current = () => page.slots[page.slot];
+
+function defaults(motor) {
+  return { motor: motor.name, ...motor.defaults, driver: "" };
+}
+
+/** Return settings from text values: every one checked, those that are not valid replaced by the default. */
+function settingsFrom(read) {
+  const motor = DATA.motors.find((one) => one.name === read("motor")) ?? DATA.motors[0];
+  const s = defaults(motor);
+  for (const [key] of CONTROLS) {
+    const text = read(key), value = Number(text);
+    if (text !== null && text !== "" && Number.isFinite(value)) s[key] = clamp(value, ...motor.limits[key]);
+  }
+  for (const [key, choices] of Object.entries(CHOICES)) {
+    const word = read(key);
+    if (word !== null && Object.hasOwn(choices, word) && (key !== "law" || motor.laws.includes(word))) s[key] = word;
+  }
+  s.driver = (read("driver") ?? "").slice(0, TEXT.driver);
+  return s;
+}
+
+function link() {
+  const words = new URLSearchParams();
+  for (const [slot, s] of Object.entries(page.slots))
+    if (s) for (const [key, value] of Object.entries(s)) if (key === "motor" || value !== defaults(motorOf(s))[key]) words.set(`${slot}.${key}`, value);
+  words.set("slot", page.slot);
+  if (page.embedded) words.set("show", page.embedded.join(" "));
+  return `#${words}`;
+}
+
+function fromLink() {
+  const words = new URLSearchParams(location.hash.slice(1));
+  for (const slot of ["A", "B"]) {
+    const given = [...words.keys()].some((key) => key.startsWith(`${slot}.`));
+    page.slots[slot] = given || slot === "A" ? settingsFrom((key) => words.get(`${slot}.${key}`)) : null;
+  }
+  page.slot = words.get("slot") === "B" && page.slots.B ? "B" : "A";
+  const show = (words.get("show") ?? "").split(" ").filter((name) => SECTIONS.includes(name));
+  if (show.length) embed(show);
+}
+
+/** Show only some sections, for a figure in another page. */
+function embed(show) {
+  page.embedded = show;
+  document.body.classList.add("embedded");
+  for (const name of SECTIONS) $(name).hidden = !show.includes(name);
+  if (show.includes("driver")) $("driver").open = true;
+}
+
+function change(values, { keep = true } = {}) {
+  if (keep) {
+    page.undone.push(JSON.stringify({ slots: page.slots, slot: page.slot }));
+    if (page.undone.length > MOST_UNDO) page.undone.shift();
+  }
+  Object.assign(current(), values);
+  refresh();
+}
+
+function undo() {
+  const before = page.undone.pop();
+  if (!before) return;
+  Object.assign(page, JSON.parse(before));
+  refresh();
+}
+
+function refresh() {
+  showControls();
+  history.replaceState(null, "", link());
+  compute();
+}
+
+// --- runs ---
+
+function say(text, { failed = false } = {}) {
+  $("status").textContent = text;
+  $("status").classList.toggle("failed", failed);
+}
+
+function busy(on) {
+  root.dataset.busy = on ? "true" : "false";
+  $("stop").disabled = !on;
+  if (!on) $("progress").hidden = true;
+}
+
+function progress(share) {
+  $("progress").hidden = false;
+  $("progress").value = share;
+}
+
+async function compute() {
+  const serial = (page.serial += 1);
+  const slot = page.slot, s = { ...current() }, motor = motorOf(s);
+  page.main.drop();
+  page.side.drop();
+  clearTimeout(page.idle);
+  const began = performance.now();
+  const still = () => serial === page.serial;
+  const result = (page.results[slot] = { settings: s });
+  const faults = driverFaults(s.driver);
+  showFaults(faults);
+  if (faults.length) {
+    busy(false);
+    return say(`Line ${faults[0].line + 1} of the driver: ${faults[0].message}`, { failed: true });
+  }
+  busy(true);
+  try {
+    if (s.kind === "two-phase") {
+      try {
+        result.quick = await averaged(page.main, motor, s);
+      } catch (error) {
+        if (error instanceof Dropped) throw error;
+      }
+      if (!still()) return;
+      if (result.quick && s.law === "spring-slider" && !s.driver.trim()) {
+        show(slot, result, result.quick, began);
+      }
+    }
+    await cycles(page.main, motor, s, result.quick, (found) => still() && (result.full = found) && show(slot, result, found, began), progress);
+    if (!still()) return;
+    busy(false);
+    page.idle = setTimeout(() => further(slot, motor, s, result, still), IDLE_MS);
+  } catch (error) {
+    if (!still() || error instanceof Dropped) return;
+    busy(false);
+    if (root.dataset.state === "loading") root.dataset.state = "failed";
+    const words = error.log ?? [];
+    if (s.driver.trim()) {
+      const line = lineOf(s.driver, words);
+      showFaults([{ line, message: error.message }], words);
+    }
+    say(`ngspice: ${error.message}`, { failed: true });
+  }
+}
+
+/** Curves that need several operating points, when the page has nothing else to do. */
+async function further(slot, motor, s, result, still) {
+  const jobs = [["admittance", () => admittance(page.side, motor, s)]];
+  if (result.quick && s.law === "spring-slider" && !s.driver.trim()) {
+    jobs.unshift(["curve", () => speedTorque(page.side, motor, s, result.quick)]);
+    jobs.push(["response", () => response(page.side, motor, s, result.quick, [0.97 * s.frequency, 1.04 * s.frequency])]);
+  }
+  root.dataset.further = "running";
+  for (const [name, job] of jobs) {
+    try {
+      const found = await job();
+      if (!still()) return;
+      result[name] = found;
+      draw();
+    } catch (error) {
+      if (!still() || error instanceof Dropped) return;
+      result[`${name}Failed`] = error.message;
+    }
+  }
+  root.dataset.further = "done";
+}
+
+function stop() {
+  page.serial += 1;
+  page.main.drop();
+  page.side.drop();
+  busy(false);
+  say("Stopped. Change a setting to run again.");
+}
+
+// --- numbers ---
+
+const PREFIXES = [[1e9, "G"], [1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"], [1e-12, "p"]];
+
+function si(value, unit) {
+  if (!Number.isFinite(value)) return "–";
+  if (Math.abs(value) < 1e-12) return `0 ${unit}`;
+  const [size, prefix] = PREFIXES.find(([bound]) => Math.abs(value) >= bound * 0.9995) ?? [1e-12, "p"];
+  return `${Number((value / size).toPrecision(4))} ${prefix}${unit}`;
+}
+
+const percent = (share) => `${(100 * share).toFixed(1)} %`;
+
+function rows(motor, found, heat) {
+  const shaft = found.torque * found.speed, input = found.power_a + found.power_b;
+  return [
+    ["speed", `${Number(found.speed.toPrecision(4))} rad/s`],
+    ["torque of the motor", si(found.torque, "N·m")],
+    ["normal force, mean", si(found.normal, "N")],
+    ["current of A, RMS", si(found.current_a, "A")],
+    ["current of B, RMS", si(found.current_b, "A")],
+    ["electrical power", si(input, "W")],
+    ["power to the rotor", si(shaft, "W")],
+    ["efficiency", shaft > 0 && input > 0 ? percent(shaft / input) : "–"],
+    ["losses, stator and contact", si(input - shaft, "W")],
+    ["heat of the stator", Number.isFinite(heat) ? `${si(heat, "W")}, +${(heat * motor.thermalResistance).toFixed(0)} K` : "–"],
+    ["contact open · slip · stick", [found.open, found.slip, Math.max(0, 1 - found.open - found.slip)].map(percent).join(" · ")],
+  ];
+}
+
+function show(slot, result, found, began) {
+  result.found = found;
+  root.dataset.speed = String(found.speed);
+  root.dataset.model = found.model;
+  root.dataset.state = "ready";
+  const seconds = (performance.now() - began) / 1000;
+  if (found.model === "averaged" || !result.quick || !result.timed) {
+    result.timed = true;
+    page.seconds.push(seconds);
+    root.dataset.latency = seconds.toFixed(3);
+  }
+  if (found.model === "cycles" && found.blocks === 1) root.dataset.picture = seconds.toFixed(3);
+  root.dataset.settled = String(found.settled ?? false);
+  const how = found.model === "averaged" ? "averaged motor" : found.settled ? "cycle by cycle, settled" : "cycle by cycle, not settled yet";
+  say(`${slot}: ${Number(found.speed.toPrecision(4))} rad/s, ${si(found.torque, "N·m")} (${how})`);
+  draw();
+}
+
+function showNumbers() {
+  const body = $("values");
+  body.replaceChildren();
+  const slots = ["A", "B"].filter((slot) => page.slots[slot]);
+  $("column-b").hidden = !page.slots.B;
+  const columns = slots.map((slot) => {
+    const { found, quick, settings } = page.results[slot] ?? {};
+    const heat = settings?.driver.trim() || settings?.law !== "spring-slider" ? NaN : quick?.heat;
+    return found ? rows(motorOf(page.slots[slot]), found, heat) : null;
+  });
+  const names = columns.find(Boolean)?.map(([name]) => name) ?? [];
+  names.forEach((name, row) => {
+    const line = document.createElement("tr");
+    const head = document.createElement("th");
+    head.scope = "row";
+    head.textContent = name;
+    line.append(head);
+    for (const column of columns) {
+      const cell = document.createElement("td");
+      cell.textContent = column ? column[row][1] : "–";
+      line.append(cell);
+    }
+    body.append(line);
+  });
+}
+
+// --- pictures ---
+
+const dashed = (slot) => (slot === page.slot ? "" : "6 4");
+const slotsShown = () => ["A", "B"].filter((slot) => page.slots[slot] && page.results[slot]?.found);
+
+function draw() {
+  if (page.drawing) return;
+  page.drawing = requestAnimationFrame(() => {
+    page.drawing = 0;
+    showNumbers();
+    drawForces();
+    drawElectrical();
+    drawTorque();
+    drawResponse();
+    drawImpedance();
+    showDeck();
+    animate();
+  });
+}
+
+const isShown = (name) => !$(name).hidden;
+
+function drawForces() {
+  if (!isShown("forces")) return;
+  const lines = [], slider = [];
+  for (const slot of slotsShown()) {
+    const waves = page.results[slot].full?.waves;
+    if (!waves) continue;
+    const time = waves.time.map((t) => 1e6 * t), mark = page.slots.B ? ` ${slot}` : "";
+    lines.push({ x: time, y: waves.normal, name: `normal${mark}`, colour: COLOURS[0], dash: dashed(slot) });
+    lines.push({ x: time, y: waves.friction, name: `friction${mark}`, colour: COLOURS[1], dash: dashed(slot) });
+    slider.push({ x: time, y: waves.slider, name: `slider${mark}`, colour: COLOURS[2], dash: dashed(slot) });
+  }
+  const waves = page.results[page.slot]?.full?.waves;
+  const label = waves
+    ? `Forces over one period: normal ${si(Math.min(...waves.normal), "N")} to ${si(Math.max(...waves.normal), "N")}, friction ${si(Math.min(...waves.friction), "N")} to ${si(Math.max(...waves.friction), "N")}.`
+    : "Forces over one period.";
+  chart($("forces-chart"), { lines, xLabel: "time in µs", yLabel: "force in N", label });
+  chart($("slider-chart"), { lines: slider, xLabel: "time in µs", yLabel: "slider in µm", label: "Displacement of the contact's slider over one period." });
+}
+
+function drawElectrical() {
+  if (!isShown("electrical")) return;
+  const current = [], voltage = [], groups = [];
+  for (const slot of slotsShown()) {
+    const full = page.results[slot].full;
+    if (!full) continue;
+    const { waves } = full, time = waves.time.map((t) => 1e6 * t), mark = page.slots.B ? ` ${slot}` : "";
+    for (const [group, colour] of [["a", COLOURS[0]], ["b", COLOURS[1]]]) {
+      voltage.push({ x: time, y: waves[`voltage_${group}`], name: `U ${group.toUpperCase()}${mark}`, colour, dash: dashed(slot) });
+      current.push({ x: time, y: waves[`current_${group}`].map((i) => 1e3 * i), name: `I ${group.toUpperCase()}${mark}`, colour, dash: dashed(slot) });
+    }
+    if (slot === page.slot) {
+      groups.push({ name: "current A", values: full.harmonics_a.map((i) => 1e3 * i) });
+      groups.push({ name: "current B", values: full.harmonics_b.map((i) => 1e3 * i) });
+    }
+  }
+  chart($("voltage-chart"), { lines: voltage, xLabel: "time in µs", yLabel: "voltage in V", label: "Voltages of both groups over one period." });
+  chart($("current-chart"), { lines: current, xLabel: "time in µs", yLabel: "current in mA", label: "Currents of both groups over one period." });
+  if (groups.length)
+    bars($("harmonics-chart"), groups, `Harmonics of the currents in mA: ${groups.map((g) => `${g.name} ${g.values.map((v) => v.toPrecision(3)).join(", ")}`).join("; ")}.`);
+}
+
+function drawTorque() {
+  if (!isShown("torque")) return;
+  const lines = [], points = [];
+  for (const slot of slotsShown()) {
+    const { curve, found } = page.results[slot];
+    if (curve) lines.push({ x: curve.speed, y: curve.torque.map((t) => 1e3 * t), name: `torque ${slot}`, colour: slot === "A" ? COLOURS[0] : COLOURS[2], dash: dashed(slot) });
+    points.push({ x: found.speed, y: 1e3 * found.torque, name: slot, colour: COLOURS[1] });
+  }
+  if (!lines.length && points.length) points.push({ x: 0, y: 0, name: "", colour: "transparent" });
+  const found = page.results[page.slot]?.found;
+  const label = found ? `Torque over speed. The motor runs at ${si(found.speed, "rad/s")} with ${si(found.torque, "N·m")}.` : "Torque over speed.";
+  chart($("torque-chart"), { lines, points, xLabel: "speed in rad/s", yLabel: "torque in mN·m", label });
+}
+
+function drawResponse() {
+  if (!isShown("response")) return;
+  const lines = [], points = [];
+  for (const slot of slotsShown()) {
+    const { response: over, found, settings } = page.results[slot];
+    if (over) lines.push({ x: over.frequency.map((f) => f / 1e3), y: over.speed, name: `speed ${slot}`, colour: slot === "A" ? COLOURS[0] : COLOURS[2], dash: dashed(slot) });
+    points.push({ x: settings.frequency / 1e3, y: found.speed, name: slot, colour: COLOURS[1] });
+  }
+  const over = page.results[page.slot]?.response;
+  let label = "Speed over frequency.";
+  if (over) {
+    const signs = over.speed.map(Math.sign);
+    const turn = signs.findIndex((sign, i) => i > 0 && sign !== signs[i - 1] && Math.abs(over.speed[i]) > 1e-3);
+    const best = over.speed.reduce((most, speed, i) => (Math.abs(speed) > Math.abs(over.speed[most]) ? i : most), 0);
+    label = `Speed over frequency: greatest ${si(over.speed[best], "rad/s")} at ${si(over.frequency[best], "Hz")}${turn > 0 ? `; it reverses near ${si(over.frequency[turn], "Hz")}` : ""}.`;
+  }
+  chart($("response-chart"), { lines, points, xLabel: "frequency in kHz", yLabel: "speed in rad/s", label });
+  $("response-note").textContent = label;
+}
+
+function drawImpedance() {
+  if (!isShown("impedance")) return;
+  const lines = [];
+  const kilo = (values) => values.map((f) => f / 1e3);
+  const { admittance: cold, response: running } = page.results[page.slot] ?? {};
+  if (cold) {
+    lines.push({ x: kilo(cold.frequency), y: cold.free, name: "free tip", colour: COLOURS[0] });
+    lines.push({ x: kilo(cold.frequency), y: cold.pressed, name: "preloaded, at rest", colour: COLOURS[2], dash: "6 3" });
+  }
+  if (running) lines.push({ x: kilo(running.frequency), y: running.impedance, name: "running", colour: COLOURS[1] });
+  if (page.measured) {
+    const { frequency, impedance } = page.measured;
+    const [low, high] = cold ? extent(cold.frequency) : extent(frequency);
+    const inside = frequency.map((f, i) => i).filter((i) => frequency[i] >= low && frequency[i] <= high);
+    lines.push({ x: inside.map((i) => frequency[i] / 1e3), y: inside.map((i) => impedance[i]), name: "measured", colour: COLOURS[3], dash: "2 3" });
+  }
+  chart($("impedance-chart"), { lines, log: true, xLabel: "frequency in kHz", yLabel: "|Z| of A in Ω", label: "Impedance of group A over frequency, B shorted: free, preloaded, running, and measured if a file was dropped." });
+}
+
+function showDeck() {
+  const full = page.results[page.slot]?.full;
+  if (isShown("deck") && full) $("deck-text").textContent = full.deck;
+}
+
+function animate() {
+  const full = page.results[page.slot]?.full;
+  if (!full) return;
+  const motor = motorOf(current()), other = page.results[page.slot === "A" ? "B" : "A"]?.full;
+  if (isShown("path")) {
+    drawPath($("path-canvas"), full.waves, page.slots.B ? other?.waves : null, page.position);
+    $("path-canvas").setAttribute("aria-label", `Path of the tip: ${tripSize(full.waves)}; contact open ${percent(full.open)}, slip ${percent(full.slip)} of the time.`);
+  }
+  if (isShown("motor")) drawMotor($("motor-canvas"), motor, full.waves, page.position, page.angle);
+}
+
+function tripSize(waves) {
+  const [x0, x1] = extent(waves.x), [y0, y1] = extent(waves.y);
+  return `${(x1 - x0).toPrecision(3)} µm along, ${(y1 - y0).toPrecision(3)} µm towards the rotor`;
+}
+
+function tick(now) {
+  const past = Math.min(0.1, (now - (page.before ?? now)) / 1000);
+  page.before = now;
+  if (page.playing && !document.hidden) {
+    page.position = (page.position + past / SLOW_SECONDS) % 1;
+    const found = page.results[page.slot]?.found;
+    page.angle += found ? (past * Math.sign(found.speed) * Math.sqrt(Math.abs(found.speed))) / 8 : 0;
+    $("position").value = page.position;
+    animate();
+  }
+  requestAnimationFrame(tick);
+}
+
+// --- controls ---
+
+function makeControls() {
+  for (const motor of DATA.motors) $("motor-choice").append(new Option(motor.label, motor.name));
+  $("motor-choice").onchange = (event) => change(defaults(DATA.motors.find((motor) => motor.name === event.target.value)));
+  for (const [key, choices] of Object.entries(CHOICES)) {
+    for (const [value, name] of Object.entries(choices)) $(`${key}-choice`).append(new Option(name, value));
+    $(`${key}-choice`).onchange = (event) => change({ [key]: event.target.value });
+  }
+  for (const [key, label, unit, scale] of CONTROLS) {
+    const box = $(`${key}-control`);
+    const name = document.createElement("label");
+    name.htmlFor = `${key}-number`;
+    name.textContent = unit ? `${label}, ${unit}` : label;
+    const slide = document.createElement("input"), number = document.createElement("input");
+    slide.type = "range";
+    number.type = "number";
+    slide.id = `${key}-slider`;
+    number.id = `${key}-number`;
+    slide.setAttribute("aria-label", name.textContent);
+    box.append(name, slide, number);
+    let first = true;
+    slide.oninput = () => {
+      change({ [key]: Number(slide.value) * scale }, { keep: first });
+      first = false;
+    };
+    slide.onchange = () => (first = true);
+    number.onchange = () => {
+      const [low, high] = motorOf(current()).limits[key], value = Number(number.value) * scale;
+      if (number.value === "" || !Number.isFinite(value)) return showControls();
+      const kept = clamp(value, low, high);
+      change({ [key]: kept });
+      if (kept !== value) say(`${label} = ${number.value} is not valid: it must be ${low / scale} to ${high / scale}. ${kept / scale} is used.`, { failed: true });
+    };
+  }
+  $("preset-choice").onchange = (event) => {
+    const preset = DATA.presets[Number(event.target.value)];
+    if (!preset) return;
+    const motor = DATA.motors.find((one) => one.name === preset.motor) ?? motorOf(current());
+    change({ ...defaults(motor), ...preset.values });
+    event.target.value = "";
+  };
+  $("preset-choice").append(new Option("choose …", ""), ...DATA.presets.map((preset, number) => new Option(preset.name, number)));
+  $("stop").onclick = stop;
+  $("undo").onclick = undo;
+  $("play").onclick = () => play(!page.playing);
+  $("position").oninput = (event) => {
+    play(false);
+    page.position = Number(event.target.value);
+    animate();
+  };
+  $("slot-a").onclick = () => select("A");
+  $("slot-b").onclick = () => select("B");
+  $("compare").onclick = () => {
+    if (page.slots.B) {
+      page.slots.B = null;
+      page.results.B = {};
+      page.slot = "A";
+    } else {
+      page.slots.B = { ...current() };
+      page.results.B = { ...page.results.A };
+      page.slot = "B";
+    }
+    refresh();
+  };
+  $("link").onclick = () => copy(location.href, "The link is copied.");
+  $("print").onclick = () => print();
+  $("driver-run").onclick = () => change({ driver: $("driver-text").value.slice(0, TEXT.driver) });
+  $("driver-none").onclick = () => change({ driver: "" });
+  $("driver-example").onclick = () => ($("driver-text").value = DATA.driverExample);
+  $("deck-copy").onclick = () => copy($("deck-text").textContent, "The deck is copied.");
+  $("deck-save").onclick = () => save("motor.cir", $("deck-text").textContent);
+  $("file").onchange = (event) => take(event.target.files[0]);
+  document.addEventListener("dragover", (event) => event.preventDefault());
+  document.addEventListener("drop", (event) => {
+    event.preventDefault();
+    take(event.dataTransfer?.files[0]);
+  });
+  document.addEventListener("keydown", (event) => {
+    const typing = /^(TEXTAREA|SELECT)$/.test(event.target.tagName) || event.target.type === "number";
+    if (event.key === "Escape") stop();
+    else if ((event.ctrlKey || event.metaKey) && event.key === "z" && !typing) {
+      event.preventDefault();
+      undo();
+    } else if (!typing && !event.ctrlKey && !event.metaKey && !event.altKey && event.key === "p") play(!page.playing);
+    else if (!typing && !event.ctrlKey && !event.metaKey && event.key === "a" && page.slots.B) select(page.slot === "A" ? "B" : "A");
+  });
+  addEventListener("hashchange", () => {
+    fromLink();
+    refresh();
+  });
+  addEventListener("resize", draw);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+}
+
+function select(slot) {
+  if (!page.slots[slot] || slot === page.slot) return;
+  page.slot = slot;
+  refresh();
+}
+
+function play(on) {
+  page.playing = on;
+  $("play").textContent = on ? "Pause" : "Play";
+}
+
+function showControls() {
+  const s = current(), motor = motorOf(s);
+  $("motor-choice").value = motor.name;
+  for (const key of Object.keys(CHOICES)) $(`${key}-choice`).value = s[key];
+  for (const option of $("law-choice").options) option.disabled = !motor.laws.includes(option.value);
+  for (const [key, , , scale] of CONTROLS) {
+    const slide = $(`${key}-slider`), number = $(`${key}-number`), [low, high, step] = motor.sliders[key];
+    slide.min = Math.min(low, s[key]) / scale;
+    slide.max = Math.max(high, s[key]) / scale;
+    slide.step = step / scale;
+    number.step = step / scale;
+    number.min = motor.limits[key][0] / scale;
+    number.max = motor.limits[key][1] / scale;
+    const shown = String(Number((s[key] / scale).toPrecision(8)));
+    if (document.activeElement !== slide) slide.value = shown;
+    number.value = shown;
+  }
+  const two = s.kind === "two-tone";
+  $("phase-control").hidden = two;
+  for (const key of ["voltage_2", "frequency_2", "phase_2"]) $(`${key}-control`).hidden = !two;
+  $("torque-control").hidden = s.shaft === "held";
+  $("speed-control").hidden = s.shaft !== "held";
+  $("stiffness-control").hidden = s.mount !== "sprung";
+  if (document.activeElement !== $("driver-text")) $("driver-text").value = s.driver;
+  $("undo").disabled = page.undone.length === 0;
+  $("compare").textContent = page.slots.B ? "Remove B" : "Compare";
+  for (const slot of ["A", "B"]) $(`slot-${slot.toLowerCase()}`).setAttribute("aria-pressed", String(slot === page.slot));
+  $("slot-b").hidden = !page.slots.B;
+  $("slot-a").hidden = !page.slots.B;
+  $("motor-note").textContent = motor.description;
+}
+
+function showFaults(faults, words = []) {
+  const list = $("driver-faults");
+  list.replaceChildren();
+  for (const { line, message } of faults) {
+    const entry = document.createElement("li");
+    entry.textContent = line >= 0 ? `Line ${line + 1}: ${message}` : message;
+    list.append(entry);
+  }
+  $("driver-log").textContent = words.slice(0, 40).join("\n");
+  const lines = $("driver-lines"), count = $("driver-text").value.split("\n").length;
+  lines.textContent = Array.from({ length: count }, (_, number) => (faults.some((fault) => fault.line === number) ? `${number + 1} ✗` : String(number + 1))).join("\n");
+}
+
+async function copy(text, done) {
+  try {
+    await navigator.clipboard.writeText(text);
+    say(done);
+  } catch {
+    say("The browser does not allow copying here; select the text, or copy the address.", { failed: true });
+  }
+}
+
+function save(name, text) {
+  const anchor = document.createElement("a");
+  anchor.href = URL.createObjectURL(new Blob([text], { type: "text/plain" }));
+  anchor.download = name;
+  anchor.click();
+  setTimeout(() => URL.revokeObjectURL(anchor.href), 1000);
+}
+
+async function take(file) {
+  if (!file) return;
+  try {
+    if (file.size > LARGEST_FILE) throw new Error("The file is larger than 20 MB.");
+    page.measured = readSpectrum(file.name, await file.text());
+    $("file-note").textContent = `${file.name}: ${page.measured.frequency.length} points, ${si(page.measured.frequency[0], "Hz")} to ${si(last(page.measured.frequency), "Hz")}. The file stays in this page.`;
+  } catch (error) {
+    page.measured = null;
+    $("file-note").textContent = `${file.name}: ${error.message}`;
+  }
+  draw();
+}
+
+// --- start ---
+
+async function unpacked(id) {
+  const text = $(id).textContent.trim();
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  $(id).remove();
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
+}
+
+async function begin() {
+  try {
+    Object.assign(DATA, JSON.parse(new TextDecoder().decode(await unpacked("data"))));
+    fromLink();
+    makeControls();
+    play(!matchMedia("(prefers-reduced-motion: reduce)").matches);
+    showControls();
+    const module = await WebAssembly.compile(await unpacked("wasm"));
+    const source = URL.createObjectURL(new Blob([$("worker").textContent], { type: "text/javascript" }));
+    page.main = new Engine(module, source);
+    page.side = new Engine(module, source);
+    requestAnimationFrame(tick);
+    refresh();
+  } catch (error) {
+    root.dataset.state = "failed";
+    say(`The engine did not start: ${error.message}`, { failed: true });
+  }
+}
+
+setTimeout(begin, 0); // after the first paint
