@@ -292,7 +292,7 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
         f"{motor.name}: {law}, cycle by cycle",
         [
             "The full motor. x, y, slider in um, forces in N, state 0 separated 1 stick 2 slip, v(shaft) in rad/s.",
-            "The inertia may be smaller than that of the rotor, so that the mean speed settles within the run.",
+            "The run starts from a motion near the steady state; from rest, with a smaller inertia.",
         ],
         values,
         [*body, ".tran {step} {stop} 0 {step} uic"],

@@ -134,6 +134,7 @@ def _motor(motor: Motor) -> dict[str, Any]:
         "radius": motor.rotor.radius_m,
         "inertia": motor.rotor.inertia_kg_m2,
         "bearing": motor.rotor.bearing_damping_n_m_s,
+        "dryBearing": motor.rotor.bearing_friction_n_m,
         "grip": GRIP,
         "step": step,
         "driverStep": live.live_step(motor, driver=True),

@@ -5,17 +5,20 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import re
 import shutil
+import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.view.live import ASSETS, engine_facts
+from pyspice_runner.view.live import ASSETS, engine_facts, live_page, page_data
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("live")]
 
@@ -51,7 +54,7 @@ def opened(browser: Browser, file: Path, link: str = "", **settings: Any) -> tup
     page.on("dialog", lambda dialog: (wrong.append(dialog.message), dialog.dismiss()))
     page.context.set_offline(True)
     page.goto(file.as_uri() + link)
-    page.wait_for_selector("html:not([data-state=loading])", state="attached", timeout=60_000)
+    page.wait_for_selector("html:not([data-state=loading]), #status.failed", state="attached", timeout=60_000)
     return page, wrong
 
 
@@ -120,3 +123,212 @@ def test_the_speed_is_that_of_the_steady_state(desktop: tuple[Page, list[str]]) 
     assert found["settled"] == "true"
     # the mean speed of both is settled to 0.2 %, the step is 1/80 here and 1/128 there
     assert float(found["speed"]) == pytest.approx(steady.speed_rad_s, rel=0.01)
+
+
+# --- settings ---
+
+
+def test_every_control_reaches_the_deck(desktop: tuple[Page, list[str]]) -> None:
+    page, wrong = desktop
+    page.select_option("#preset-choice", label="andersen2002: recommended drive")
+    values = {"voltage": 80.0, "frequency": 53.9, "phase": 85.0, "preload": 4.5, "friction": 0.28, "torque": 0.3}
+    for name, value in values.items():
+        typed(page, name, value)()
+    page.select_option("#mount-choice", "sprung")
+    answered(page, typed(page, "stiffness", 30.0))
+    stated = dict(re.findall(r"^\.param (\w+)=(\S+)", page.inner_text("#deck-text"), re.M))
+    wanted = {
+        "voltage": 80.0, "frequency": 53.9e3, "phase": 85.0, "preload": 4.5, "friction": 0.28, "torque": 3e-4,
+        "mount_stiffness": 3e4, "grip": 0.0, "voltage_2": 0.0,
+    }  # fmt: skip
+    assert {name: float(stated[name]) for name in wanted} == pytest.approx(wanted)
+
+    page.select_option("#shaft-choice", "held")
+    typed(page, "speed", 1.5)()
+    page.select_option("#law-choice", "coulomb")
+    page.select_option("#kind-choice", "two-tone")
+    typed(page, "voltage_2", 20.0)()
+    typed(page, "phase_2", 30.0)()
+    answered(page, typed(page, "frequency_2", 107.8))
+    stated = dict(re.findall(r"^\.param (\w+)=(\S+)", page.inner_text("#deck-text"), re.M))
+    assert "piezomotor_coulomb" in page.inner_text("#deck-text")
+    wanted = {"grip": 1e3, "held": 1.5, "voltage_2": 20.0, "frequency_2": 107.8e3, "phase_2": 30.0, "phase": 0.0}
+    assert {name: float(stated[name]) for name in wanted} == pytest.approx(wanted)
+    assert float(data(page)["speed"]) == pytest.approx(1.5, abs=1e-3)
+    assert wrong == []
+
+
+def test_a_value_out_of_range_is_named_and_limited(desktop: tuple[Page, list[str]]) -> None:
+    page, _ = desktop
+    answered(page, lambda: page.select_option("#preset-choice", label="bimodal40: recommended drive"))
+    typed(page, "friction", 7.0)()
+    assert "Coefficient of friction = 7 is not valid: it must be 0.01 to 1.5." in page.inner_text("#status")
+    assert page.input_value("#friction-number") == "1.5"
+    page.keyboard.press("Control+z")
+    page.click("h1")
+    page.keyboard.press("Control+z")
+    assert page.input_value("#friction-number") == "0.3"
+
+
+def test_two_settings_stand_side_by_side_and_a_link_restores_them(
+    desktop: tuple[Page, list[str]], browser: Browser, page_file: Path
+) -> None:
+    page, wrong = desktop
+    answered(page, lambda: page.select_option("#preset-choice", label="bimodal40: recommended drive"))
+    answered(page, lambda: page.click("#compare"))
+    slow = answered(page, typed(page, "voltage", 90.0))
+    cells = page.eval_on_selector_all("#values tr:first-child td", "all => all.map(one => parseFloat(one.textContent))")
+    assert cells[0] > 1.3 * cells[1] > 0.0
+    assert float(slow["speed"]) == pytest.approx(cells[1], rel=1e-3)
+    assert len(page.query_selector_all("#forces-chart .line[stroke-dasharray='6 4']")) > 0
+
+    link = page.evaluate("location.hash")
+    again, faults = opened(browser, page_file, link, viewport=PHONE, color_scheme="dark", reduced_motion="reduce")
+    assert again.input_value("#voltage-number") == "90"
+    assert again.get_attribute("#slot-b", "aria-pressed") == "true"
+    # its first answer may be that of the averaged motor
+    assert float(data(again)["speed"]) == pytest.approx(float(slow["speed"]), rel=0.03)
+    # readable on a phone in the dark: nothing is wider than the screen
+    assert again.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    assert again.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(20, 24, 29)"
+    assert again.inner_text("#play") == "Play"
+    assert faults == wrong == []
+    again.close()
+    page.click("#compare")
+
+
+def test_escape_stops_a_run_and_the_next_change_runs_again(desktop: tuple[Page, list[str]]) -> None:
+    page, _ = desktop
+    page.select_option("#preset-choice", label="andersen2002: the paper's eq. (2): figure eight")
+    page.wait_for_selector("html[data-busy=true]", state="attached")
+    page.keyboard.press("Escape")
+    page.wait_for_selector("html[data-busy=false]", state="attached")
+    assert page.inner_text("#status").startswith("Stopped.")
+    found = answered(page, lambda: page.select_option("#preset-choice", label="bimodal40: stall: the shaft is held"))
+    assert found["settled"] == "true"
+    assert abs(float(found["speed"])) < 1e-3
+
+
+def test_every_view_is_drawn_and_says_its_values(desktop: tuple[Page, list[str]]) -> None:
+    page, wrong = desktop
+    answered(page, lambda: page.select_option("#preset-choice", label="bimodal40: recommended drive"))
+    page.wait_for_selector("html[data-further=done]", state="attached", timeout=60_000)
+    for name in ("forces", "slider", "voltage", "current", "torque", "response", "impedance"):
+        assert len(page.query_selector_all(f"#{name}-chart path.line")) > 0, name
+        assert len(page.get_attribute(f"#{name}-chart", "aria-label") or "") > 20
+    assert len(page.query_selector_all("#harmonics-chart rect")) > 10
+    assert len(page.query_selector_all("#impedance-chart path.line")) == 3  # free, preloaded, running
+    assert "µm along" in (page.get_attribute("#path-canvas", "aria-label") or "")
+    for name in ("path", "motor"):  # a picture, not an empty canvas
+        marked = f"""(() => {{ const c = document.getElementById('{name}-canvas');
+            return c.getContext('2d').getImageData(0, 0, c.width, c.height).data.filter(v => v > 0).length }})()"""
+        assert page.evaluate(marked) > 2000
+    assert page.get_attribute("#status", "aria-live") == "polite"
+    page.emulate_media(media="print")
+    assert not page.locator("#compare").is_visible()
+    assert page.locator("#forces-chart").is_visible()
+    page.emulate_media(media="screen")
+    assert wrong == []
+
+
+def test_the_deck_gives_the_same_numbers_in_ngspice(desktop: tuple[Page, list[str]], tmp_path: Path) -> None:
+    page, _ = desktop
+    with page.expect_download() as waiting:
+        page.click("#deck-save")
+    waiting.value.save_as(tmp_path / "motor.cir")
+    done = subprocess.run(
+        ["ngspice", "-b", "motor.cir"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
+    )
+    measured = dict(re.findall(r"^(\w+)\s*=\s*(\S+)", done.stdout, re.M))
+    found = page.evaluate("page.results[page.slot].full")
+    for name, key in (("speed_rad_s", "speed"), ("current_a_rms_a", "current_a"), ("normal_n", "normal")):
+        assert float(measured[name]) == pytest.approx(found[key], rel=2e-3), name
+
+
+# --- what a user brings along ---
+
+
+def test_ngspice_runs_a_driver_and_its_messages_stand_at_their_lines(desktop: tuple[Page, list[str]]) -> None:
+    page, _ = desktop
+    page.evaluate("document.getElementById('driver').open = true")
+    page.click("#driver-example")
+    found = answered(page, lambda: page.click("#driver-run"))
+    assert float(found["speed"]) > 10.0
+    assert "La source_a a_in 2m" in page.inner_text("#deck-text")
+
+    page.fill("#driver-text", "Ra source_a a 10\nRb source_b b 10\nD1 a 0 nosuch")
+    answered(page, lambda: page.click("#driver-run"))
+    assert page.inner_text("#driver-faults").startswith("Line 3: ngspice:")
+    assert "can't find model 'nosuch'" in page.inner_text("#driver-faults")
+    assert "3 ✗" in page.inner_text("#driver-lines")
+    answered(page, lambda: page.click("#driver-none"))
+
+
+HOSTILE_LINES = [
+    ".control", ".include /etc/passwd", ".lib x y", "*# shell ls", "+ .control", "a1 %v(a) model",
+    "Ra a 0 1 ; .control", "Ra a 0 `ls`", "Ra a 0 1\\", ".PARAM voltage=1", "Va a 0 1", "V1 a 0 PWL file=x",
+    ".exec x", "Ré a 0 1", "R" + "a" * 400 + " a 0 1", ".subckt x a", ".ends",
+]  # fmt: skip
+
+
+def test_no_control_language_reaches_ngspice(desktop: tuple[Page, list[str]]) -> None:
+    page, _ = desktop
+    for line in HOSTILE_LINES:
+        faults = page.evaluate("line => driverFaults(line)", line)
+        kept = page.evaluate("line => withDriver(DATA.motors[0].decks['driver held spring-slider'], line)", line)
+        assert faults or "shell" not in kept, line
+    assert page.evaluate("driverFaults('* a comment\\nRa source_a a {2*5}\\n+ ic=0\\n.model d d\\n')") == []
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "points"),
+    [
+        ("z.csv", "frequency_hz,|Z| (ohm)\n39000,5000\n40000,900\n41000,7000\n", 3),
+        ("rx.csv", "f_khz;R;X\n39;10;-4000\n40;12;-3000\n", 2),
+        ("one.s1p", "! a comment\n# kHz S RI R 50\n39 0.9 -0.1\n40 0.8 -0.2\n41 0.7 0.3\n", 3),
+        ("two.s2p", "# Hz S MA R 50\n39000 1 0 1 0 1 0 1 0\n", None),
+        ("empty.csv", "", None),
+        ("<img src=x onerror=alert(1)>.csv", "</script><script>alert(1)</script>", None),
+    ],
+)
+def test_a_spectrum_is_drawn_or_refused_with_a_reason(
+    desktop: tuple[Page, list[str]], name: str, text: str, points: int | None
+) -> None:
+    page, wrong = desktop
+    page.evaluate(
+        """([name, text]) => { const held = new DataTransfer(); held.items.add(new File([text], name));
+            document.dispatchEvent(new DragEvent('drop', {dataTransfer: held, bubbles: true})) }""",
+        [name, text],
+    )
+    page.wait_for_selector(f"#file-note:has-text('{name.split('.')[-2][-3:]}')")
+    note = page.inner_text("#file-note")
+    assert note.startswith(f"{name}: ")
+    if points:
+        assert f"{points} points" in note
+        page.wait_for_selector("#impedance-chart text:has-text('measured')")
+    else:
+        assert "points, " not in note
+    assert wrong == []
+
+
+def test_no_text_from_outside_runs_in_the_page(
+    browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A motor's name cannot have such characters; the page is safe even if it had."""
+    words = "</script><script>alert(1)</script><img src=x onerror=alert(1)>"
+    shown = page_data([pr.load_motor("andersen2002")])
+    shown["motors"][0] |= {"name": words, "label": words, "description": words}
+    monkeypatch.setattr("pyspice_runner.view.live.page_data", lambda _: shown)
+    file = tmp_path / "live.html"
+    file.write_text(live_page(pr.load_motor("andersen2002"), []), encoding="utf-8")
+    link = "#" + "&".join(
+        f"A.{key}={quote(words + chr(10) + '.control')}"
+        for key in ("motor", "voltage", "law", "kind", "driver", "nosuch")
+    )
+    page, wrong = opened(browser, file, link, reduced_motion="reduce")
+    assert "Line 1 of the driver: A line must be a circuit element" in page.inner_text("#status")
+    assert page.inner_text("#motor-choice option") == page.inner_text("#motor-note") == words
+    assert page.input_value("#voltage-number") == "50"
+    assert page.evaluate("document.querySelectorAll('img, iframe').length") == 0
+    assert wrong == []
+    page.close()

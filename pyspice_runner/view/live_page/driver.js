@@ -51,13 +51,14 @@ function withDriver(deck, text) {
 }
 
 /** Return the line of the user's text that a message of ngspice is about, or -1. */
-function lineOf(text, log) {
-  const lines = text.split("\n").map((line) => line.trim().toLowerCase().replace(/\s+/g, " "));
+function lineOf(text, log, deck) {
+  const lines = text.split("\n");
+  const kept = lines.map((line, number) => [line.trim(), number]).filter(([line]) => line && !line.startsWith("*"));
   const words = log.join("\n").toLowerCase().replace(/[^\S\n]+/g, " ");
-  const whole = lines.findIndex((line) => line.length > 3 && !line.startsWith("*") && words.includes(line));
-  if (whole >= 0) return whole;
-  return lines.findIndex((line) => {
-    const name = line.split(" ")[0];
-    return name.length > 1 && !/^[*.+]/.test(name) && new RegExp(`(^|[^\\w])${name.replace(/[^\w]/g, "\\$&")}([^\\w]|$)`, "m").test(words);
-  });
+  const first = deck.slice(0, deck.indexOf(DATA.marks[0])).split("\n").length + 1;
+  for (const [, number] of words.matchAll(/\bline (?:no\. |number )?(\d+)/g)) if (kept[number - first]) return kept[number - first][1];
+  const whole = kept.find(([line]) => words.includes(line.toLowerCase().replace(/\s+/g, " ")));
+  if (whole) return whole[1];
+  const node = /check node (\S+)/.exec(words)?.[1];
+  return kept.find(([line]) => node && line.toLowerCase().split(/\s+/).slice(1).includes(node))?.[1] ?? -1;
 }

@@ -27,7 +27,7 @@ const CHOICES = {
 };
 const TEXT = { driver: 6000 };
 const SECTIONS = ["numbers", "path", "motor", "forces", "electrical", "torque", "response", "impedance", "driver", "deck"];
-const IDLE_MS = 350, SLOW_SECONDS = 8, MOST_UNDO = 200;
+const FRAME_MS = 30, IDLE_MS = 350, SLOW_SECONDS = 8, MOST_UNDO = 200;
 
 const page = {
   slot: "A", slots: { A: null, B: null }, results: { A: {}, B: {} }, undone: [], measured: null, serial: 0,
@@ -165,8 +165,8 @@ async function compute() {
     if (root.dataset.state === "loading") root.dataset.state = "failed";
     const words = error.log ?? [];
     if (s.driver.trim()) {
-      const line = lineOf(s.driver, words);
-      showFaults([{ line, message: error.message }], words);
+      const line = lineOf(s.driver, words, motor.decks[`driver ${s.mount} ${s.law}`]);
+      showFaults([{ line, message: `ngspice: ${error.message}` }], words);
     }
     say(`ngspice: ${error.message}`, { failed: true });
   }
@@ -414,6 +414,8 @@ function tripSize(waves) {
 }
 
 function tick(now) {
+  requestAnimationFrame(tick);
+  if (now - (page.before ?? 0) < FRAME_MS) return;
   const past = Math.min(0.1, (now - (page.before ?? now)) / 1000);
   page.before = now;
   if (page.playing && !document.hidden) {
@@ -423,7 +425,6 @@ function tick(now) {
     $("position").value = page.position;
     animate();
   }
-  requestAnimationFrame(tick);
 }
 
 // --- controls ---
@@ -454,11 +455,11 @@ function makeControls() {
     };
     slide.onchange = () => (first = true);
     number.onchange = () => {
-      const [low, high] = motorOf(current()).limits[key], value = Number(number.value) * scale;
+      const [low, high] = motorOf(current()).limits[key], given = number.value, value = Number(given) * scale;
       if (number.value === "" || !Number.isFinite(value)) return showControls();
       const kept = clamp(value, low, high);
       change({ [key]: kept });
-      if (kept !== value) say(`${label} = ${number.value} is not valid: it must be ${low / scale} to ${high / scale}. ${kept / scale} is used.`, { failed: true });
+      if (kept !== value) say(`${label} = ${given} is not valid: it must be ${low / scale} to ${high / scale}. ${kept / scale} is used.`, { failed: true });
     };
   }
   $("preset-choice").onchange = (event) => {

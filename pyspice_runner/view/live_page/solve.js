@@ -112,23 +112,30 @@ function period(s) {
   return 1 / s.frequency;
 }
 
-/** Slope of torque over speed to begin with: all of the friction torque over the speed of the tip. */
-const firstSlope = (motor, s, tipVelocity) => (s.friction * s.preload * motor.radius ** 2) / Math.max(tipVelocity, 0.01);
+/** Slope of torque over speed to begin with: half of the friction torque over the speed of the tip. */
+const firstSlope = (motor, s, tipVelocity) => (0.5 * s.friction * s.preload * motor.radius ** 2) / Math.max(tipVelocity, 0.01);
 
 /** An inertia with which the speed takes some periods to settle; never more than the rotor's. */
-const quickInertia = (motor, s, slope, periods) => Math.min(motor.inertia, (slope * periods) / s.frequency);
+const quickInertia = (motor, s, slope) => Math.min(motor.inertia, (slope * LIGHT) / s.frequency);
 
 // --- reductions ---
 
 const last = (values) => values[values.length - 1];
 
-/** Mean of a product of vectors over the time from `start` to the end. */
+/** Mean of a function of the point's number over the time from `start` to the end. */
 function mean(time, start, f) {
   let first = 0;
   while (time[first] < start) first += 1;
   let sum = 0;
+  if (first > 0) sum += 0.5 * (f(first) + between(time, start, first, f)) * (time[first] - start);
   for (let i = first + 1; i < time.length; i += 1) sum += 0.5 * (f(i) + f(i - 1)) * (time[i] - time[i - 1]);
-  return sum / (last(time) - time[first]);
+  return sum / (last(time) - start);
+}
+
+/** Value of a function at a time that lies before the point `next`. */
+function between(time, at, next, f) {
+  const share = (time[next] - at) / (time[next] - time[next - 1]);
+  return share * f(next - 1) + (1 - share) * f(next);
 }
 
 /** Fourier amplitudes of a vector over whole periods at the end: harmonic → [real, imaginary], of exp(j w t). */
@@ -191,14 +198,14 @@ async function averaged(engine, motor, s) {
 const BLOCK = 40, WINDOW = 20; // periods of the drive in a run, and of them those at the end for the means
 const DRIVER_BLOCK = 100, COLD_BLOCK = 120; // with a driver, whose own state starts anew; from rest
 const MOST_BLOCKS = 16;
-const LIGHT = 10, HEAVY = 200; // periods in which the speed settles, from rest and near the steady state
-const SETTLED = 0.002;
+const LIGHT = 20; // periods in which the speed of a light rotor settles, for a run from rest
+const SETTLED = 0.0015; // change of the speed that is left, over the speed
 
 /**
  * Run the full motor block after block; tell every block.
  *
- * The inertia is so large that the speed hardly moves within a block: a small one would swing with the friction force and
- * change the mean. After each block the speed is set where torque and load balance, by the secant rule.
+ * After each run the speed is set where torque and load balance, by the secant rule, so that the rotor with its inertia
+ * needs not spin up. A run from rest has a light rotor.
  */
 async function cycles(engine, motor, s, quick, tell, progress) {
   const values = parameters(motor, s);
@@ -216,30 +223,36 @@ async function cycles(engine, motor, s, quick, tell, progress) {
   for (let block = 0; block < MOST_BLOCKS; block += 1) {
     const cold = !quick && block === 0;
     const stop = whole(cold ? COLD_BLOCK : own ? DRIVER_BLOCK : BLOCK);
-    const inertia = quickInertia(motor, s, slope, cold ? LIGHT : HEAVY);
+    const inertia = cold ? quickInertia(motor, s, slope) : motor.inertia;
     const ready = filled(deck, { ...values, ...start, inertia, stop, window, step });
     const bytes = stop / step > 8000 ? (stop / step) * 8 * motor.vectors : 0;
     const v = await engine.run(ready, { bytes, progress });
     result = { ...reduced(motor, s, v, window, ready, own), blocks: block + 1, settled: false };
     if (cold) tipVelocity = Math.max(0.01, tipSpeed(v, window));
-    const net = s.shaft === "held" ? 0 : result.torque - s.torque - motor.bearing * result.speed;
+    const net = s.shaft === "held" ? 0 : (inertia * result.gain) / window;
     if (before && Math.abs(result.speed - before.speed) > 1e-9) {
       const secant = -(net - before.net) / (result.speed - before.speed);
       const first = firstSlope(motor, s, tipVelocity);
-      if (secant > 0) slope = clamp(secant, 0.2 * first, 5 * first);
+      if (secant > 0) slope = clamp(secant, 0.03 * first, 8 * first);
     } else slope = firstSlope(motor, s, tipVelocity);
     const correction = net / slope;
     const scale = Math.max(Math.abs(result.speed), (0.05 * tipVelocity) / motor.radius);
-    const steady = before && Math.abs(result.torque - before.torque) < 0.02 * s.friction * s.preload * motor.radius;
+    const steady = before && Math.abs(result.measured - before.measured) < 0.02 * s.friction * s.preload * motor.radius;
     result.settled = Boolean(steady) && Math.abs(correction) < SETTLED * scale;
+    // the torque of the load and the bearing; the rest accelerates the rotor, and is zero at a steady speed
+    if (s.shaft !== "held") result.torque = balance(motor, s, result.speed) + (result.settled ? 0 : net);
     tell(result);
     if (result.settled) break;
-    before = { speed: result.speed, torque: result.torque, net };
+    before = { speed: result.speed, measured: result.measured, net };
     start = continued(motor, s, v);
-    if (s.shaft !== "held") start.speed = result.speed + clamp(correction, -0.3 * tipVelocity / motor.radius, 0.3 * tipVelocity / motor.radius);
+    const most = (0.3 * tipVelocity) / motor.radius;
+    if (s.shaft !== "held") start.speed += clamp(correction, -most, most);
   }
   return result;
 }
+
+/** Torque that load and bearing take at a speed. */
+const balance = (motor, s, speed) => s.torque + motor.bearing * speed + motor.dryBearing * Math.sign(speed);
 
 /** Amplitude of the tip's velocity along the rotor. */
 function tipSpeed(v, window) {
@@ -265,6 +278,7 @@ function continued(motor, s, v) {
 function reduced(motor, s, v, window, deck, own) {
   const time = v.time, from = last(time) - window;
   const over = (f) => mean(time, from, f);
+  const at = (moment, f) => between(time, moment, time.findIndex((t) => t >= moment), f);
   const [ia, ib] = own ? ["i(vpin_a)", "i(vpin_b)"] : ["i(va)", "i(vb)"];
   const sign = own ? 1 : -1;
   const rms = (name) => Math.sqrt(over((i) => v[name][i] ** 2));
@@ -276,8 +290,8 @@ function reduced(motor, s, v, window, deck, own) {
   const base = 1 / period(s);
   const many = Math.max(1, Math.round(window * base));
   return {
-    model: "cycles", speed, torque, normal: over((i) => v["v(xmotor.normal)"][i]), current_a: rms(ia), current_b: rms(ib),
-    power_a, power_b,
+    model: "cycles", speed, torque, measured: torque, normal: over((i) => v["v(xmotor.normal)"][i]), current_a: rms(ia), current_b: rms(ib),
+    power_a, power_b, gain: last(shaft) - at(from, (i) => shaft[i]),
     open: over((i) => (state[i] < 0.5 ? 1 : 0)), slip: over((i) => clamp(state[i] - 1, 0, 1)),
     harmonics_a: spectrum(time, v[ia], base, many), harmonics_b: spectrum(time, v[ib], base, many),
     harmonics_u: spectrum(time, v["v(a)"], base, many), base, waves: tail(motor, v, base, ia, ib, sign), deck,
@@ -317,7 +331,7 @@ async function speedTorque(engine, motor, s, quick) {
 }
 
 async function response(engine, motor, s, quick, [lowest, highest]) {
-  const values = { ...parameters(motor, s), inertia: quickInertia(motor, s, firstSlope(motor, s, quick.tipVelocity), 10), lowest, highest };
+  const values = { ...parameters(motor, s), inertia: quickInertia(motor, s, firstSlope(motor, s, quick.tipVelocity)), lowest, highest };
   const v = await engine.run(filled(motor.decks[`response ${s.mount}`], values));
   const first = v.time.findIndex((time) => time > 0.1 * last(v.time));
   const part = (name) => Array.from(v[name].subarray(first));

@@ -7,7 +7,7 @@ const START_FILES = {
   "/spinit": "* no start file\n",
   "/proc/meminfo": "MemTotal: 2097152 kB\nMemFree: 2097152 kB\nMemAvailable: 2097152 kB\n",
 };
-const USUAL = /^\s*$|can't find the initialization file|\/proc\/%d\/statm|^Note: (can't find|No compatibility|.*\.meas)|SPARSE/i;
+const USUAL = /^\s*$|can't find the initialization file|\/proc\/%d\/statm|SPARSE|^(Note: (no resource|can't find|No compatibility)|\tor no active|Total |DRAM |Maximum ngspice|Current ngspice|Shared ngspice|Text \(code|Stack =|Library pages|Doing analysis|Operating point sim|\s*now using tran|binary raw|No\. of Data)/;
 
 onmessage = async ({ data }) => {
   if (data.module) {
