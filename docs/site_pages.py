@@ -22,6 +22,7 @@ import pyspice_runner as pr
 from pyspice_runner.cli import app
 from pyspice_runner.netlist.library import Library, library_names, read_library
 from pyspice_runner.result import Result
+from pyspice_runner.view.live import live_page
 
 ROOT = Path(__file__).resolve().parents[1]
 FURTHER = (
@@ -39,6 +40,8 @@ FURTHER = (
     "pyspice_runner.model.traction.HertzPatch",
 )
 _OUTSIDE = re.compile(r"\]\(\.\./([^)#]+)(#[^)]*)?\)")
+PLAYGROUND = "playground.html"  # the live page, of which other pages show parts
+_LIVE = re.compile(r"^<!-- live: (.+) -->$", re.M)
 _SHOWN = {"behavioral/CONVENTIONS.md": "CONVENTIONS.md", "behavioral/": "netlists.md", "README.md": "index.md"}
 
 
@@ -54,6 +57,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     }
     for name, text in pages.items():
         files.append(File.generated(config, name, content=text))
+    files.append(File.generated(config, PLAYGROUND, content=live_page(pr.load_motor("bimodal40"))))
     for picture in sorted((ROOT / "figures").glob("*.png")):
         files.append(File.generated(config, f"figures/{picture.name}", abs_src_path=str(picture)))
     texts = [file.content_string for file in files if file.is_documentation_page()]
@@ -66,6 +70,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Let links out of docs/ lead to where the site has what they mean; read GitHub's fences of formulas."""
+    markdown = _LIVE.sub(lambda match: _live_figure(match[1]), markdown)
     markdown = re.sub(r"^```math\n(.+?)\n```$", r"$$\n\1\n$$", markdown, flags=re.S | re.M)
     return _OUTSIDE.sub(lambda match: f"]({_place(match[1])}{match[2] or ''})", markdown)
 
@@ -78,6 +83,15 @@ def on_page_content(html: str, **_: Any) -> str:
         lambda match: _formula(match[3], block=match[2] == "["),
         html,
         flags=re.S,
+    )
+
+
+def _live_figure(words: str) -> str:
+    """Return a part of the live page as a figure; ``words`` are those after the # of its address."""
+    address = f"{PLAYGROUND}#{words.replace(' ', '+').replace('&', '&amp;')}"
+    return (
+        f'<iframe class="live" loading="lazy" title="A motor to play with" src="{address}"></iframe>\n'
+        f'<a href="{address.partition("&amp;show=")[0]}">Open it with all settings and views</a>'
     )
 
 

@@ -17,6 +17,7 @@ from threading import Thread
 
 import pytest
 import typer
+from playwright.sync_api import sync_playwright
 
 import pyspice_runner as pr
 from pyspice_runner.cli import app
@@ -102,6 +103,23 @@ def test_formulas_are_mathml(site: Path) -> None:
     assert page.count('display="block"') == len(fences) > 3
 
 
+FIGURES = ["physics", *(pytest.param(name, marks=pytest.mark.soak) for name in ("contact", "tracking", "drive"))]
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_the_live_figure_of_a_page_runs_offline(site: Path, name: str) -> None:
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=browser(), args=["--no-sandbox"])
+        page = running.new_page(offline=True)
+        page.goto((site / f"{name}.html").as_uri())
+        assert "Try it." in page.inner_text("article")
+        page.locator("iframe.live").scroll_into_view_if_needed()
+        figure = page.frame_locator("iframe.live").locator("html[data-state=ready]")
+        figure.wait_for(state="attached", timeout=60_000)
+        assert float(figure.get_attribute("data-speed") or "0") > 10.0
+        running.close()
+
+
 def browser() -> str | None:
     return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
@@ -125,7 +143,7 @@ MEASURE = """<pre></pre><script>
 
 
 def test_no_page_is_wider_than_a_phone_and_no_command_is_cut(site: Path) -> None:
-    pages = sorted(page.name for page in site.glob("*.html"))
+    pages = sorted(page.name for page in site.glob("*.html") if page.name != "playground.html")  # see test_live.py
     (site / "measure.htm").write_text(MEASURE % json.dumps(pages), encoding="utf-8")
     handler = partial(QuietHandler, directory=str(site))
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:

@@ -64,7 +64,7 @@ function link() {
   for (const [slot, s] of Object.entries(page.slots))
     if (s) for (const [key, value] of Object.entries(s)) if (key === "motor" || value !== defaults(motorOf(s))[key]) words.set(`${slot}.${key}`, value);
   words.set("slot", page.slot);
-  if (page.embedded) words.set("show", page.embedded.join(" "));
+  for (const [name, list] of [["show", page.embedded], ["only", page.only]]) if (list) words.set(name, list.join(" "));
   return `#${words}`;
 }
 
@@ -75,16 +75,19 @@ function fromLink() {
     page.slots[slot] = given || slot === "A" ? settingsFrom((key) => words.get(`${slot}.${key}`)) : null;
   }
   page.slot = words.get("slot") === "B" && page.slots.B ? "B" : "A";
-  const show = (words.get("show") ?? "").split(" ").filter((name) => SECTIONS.includes(name));
-  if (show.length) embed(show);
+  const list = (name, known) => (words.get(name) ?? "").split(" ").filter((word) => known.includes(word));
+  const show = list("show", SECTIONS), only = list("only", [...CONTROLS.map(([key]) => key), ...Object.keys(CHOICES), "motor", "preset"]);
+  if (show.length) embed(show, only);
 }
 
-/** Show only some sections, for a figure in another page. */
-function embed(show) {
+/** Show only some sections and controls, for a figure in another page. */
+function embed(show, only) {
   page.embedded = show;
+  page.only = only;
   document.body.classList.add("embedded");
   for (const name of SECTIONS) $(name).hidden = !show.includes(name);
-  if (show.includes("driver")) $("driver").open = true;
+  for (const box of document.querySelectorAll(".controls > *")) box.classList.toggle("left-out", !only.includes(box.id.replace("-control", "")));
+  $("driver").open = show.includes("driver");
 }
 
 function change(values, { keep = true } = {}) {
@@ -105,7 +108,11 @@ function undo() {
 
 function refresh() {
   showControls();
-  history.replaceState(null, "", link());
+  try {
+    history.replaceState(null, "", link());
+  } catch {
+    // a page inside another one may have no address of its own
+  }
   compute();
 }
 
