@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.averaged import simulate_averaged
     from pyspice_runner.analysis.drive import drive_report
     from pyspice_runner.analysis.simulate import simulate
+    from pyspice_runner.analysis.small_signals import small_signals
     from pyspice_runner.analysis.speed_torque import speed_torque
     from pyspice_runner.analysis.steady import steady_state
     from pyspice_runner.analysis.track import track
@@ -69,6 +70,7 @@ _HOMES = {
     "report": "view.report",
     "simulate": "analysis.simulate",
     "simulate_averaged": "analysis.averaged",
+    "small_signals": "analysis.small_signals",
     "speed_torque": "analysis.speed_torque",
     "steady_state": "analysis.steady",
     "sweep": "study.sweep",
@@ -101,6 +103,7 @@ __all__ = [
     "report",
     "simulate",
     "simulate_averaged",
+    "small_signals",
     "speed_torque",
     "steady_state",
     "sweep",

@@ -29,6 +29,7 @@ from pyspice_runner.commands.map import map_points
 from pyspice_runner.commands.motors import export, motors, show
 from pyspice_runner.commands.report import report
 from pyspice_runner.commands.simulate import simulate
+from pyspice_runner.commands.small_signals import small_signals
 from pyspice_runner.commands.speed_torque import speed_torque
 from pyspice_runner.commands.steady import steady
 from pyspice_runner.commands.sweep import sweep
@@ -49,6 +50,7 @@ for command in (
     admittance,
     speed_torque,
     steady,
+    small_signals,
     sweep,
     drive,
     track,

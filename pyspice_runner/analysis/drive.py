@@ -10,7 +10,7 @@ from cmath import phase
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from math import degrees, isfinite
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE, Array
 from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering
+
+_PROPOSED: tuple[State, ...] = ("free", "preloaded", "running")  # a report's proposals
 
 
 @dataclass(frozen=True)
@@ -284,7 +286,7 @@ def drive_report(
     solver = Solver(step, timeout=timeout, audit=audit)
     setup = Setup(motor, driver, Load(speed, load_torque), law_of(contact, sliders), solver)
     check_duration(setup, duration)
-    states: Sequence[State] = get_args(State) if proposals else [match] if match else []
+    states: Sequence[State] = _PROPOSED if proposals else [match] if match else []
     matching: dict[str, Matching] = {state: proposal(setup, driver, duration, state) for state in states}
     if match is not None:
         driver = matching[match].applied(driver)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.analysis.small_signals import SmallSignals
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.model.tracking import LoopFilter, StatorLag
 from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS
@@ -52,18 +53,36 @@ class LoopDesign:
         }
 
 
-def loop_design(tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter) -> LoopDesign:
+def loop_design(
+    tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter, signals: SmallSignals | None = None
+) -> LoopDesign:
     """Return the loop gain of a phase-locked loop.
+
+    Args:
+        tracker: the tracker.
+        lag: of the stator.
+        loop_filter: the filter.
+        signals: small signals of the running motor, whose transfer function from the frequency to the phase of the
+            motional current of group A then takes the place of the lag.
 
     Raises:
         SimulationError: if ngspice fails, or the loop gain does not cross 1 near the bandwidth.
     """
+    if signals is not None:
+        frequency = signals.modulation_hz
+        stator = -signals.transfer("motional_phase_a", "frequency") / (2.0 * pi)
+        impedance = np.array([loop_filter.impedance(2j * pi * at) for at in frequency.tolist()])
+        return _crossing(tracker, loop_filter, frequency,
+                         tracker.pump_current_a * tracker.gain_hz_per_v * impedance * stator)  # fmt: skip
     bench = Bench(averaged_bench(tracker, lag, loop_filter, closed=False), AC_OPTIONS)
     vectors = ac(
         bench, ["v(control)"], variation="dec", number_of_points=POINTS_PER_DECADE,
         start_frequency=tracker.bandwidth_hz / 10**_DECADES, stop_frequency=tracker.bandwidth_hz * 10**_DECADES,
     ).phasors()  # fmt: skip
-    frequency, gain = vectors["frequency"].real, -vectors["v(control)"]
+    return _crossing(tracker, loop_filter, vectors["frequency"].real, -vectors["v(control)"])
+
+
+def _crossing(tracker: Tracker, loop_filter: LoopFilter, frequency: Array, gain: NDArray[np.complex128]) -> LoopDesign:
     level = np.log(np.abs(gain))
     below = np.flatnonzero((level[:-1] > 0.0) & (level[1:] <= 0.0))
     if below.size != 1:

@@ -9,9 +9,11 @@ from math import degrees, isfinite, pi, radians, sqrt
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pyspice_runner.analysis.small_signals import small_signals
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import Load
+from pyspice_runner.model.drive import Load, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
@@ -22,10 +24,11 @@ from pyspice_runner.run.steps import MOST_POINTS
 from pyspice_runner.run.window import Window
 from pyspice_runner.spectra.admittance import admittance
 
-State = Literal["free", "preloaded", "running"]
+State = Literal["free", "preloaded", "running", "hot"]
 
 WINDING_QUALITY = 100.0  # of a proposed inductor: assumed, that of a ferrite core at some ten kHz
 FILTER_QUALITY = 2.0  # of a proposed LLCC filter: reactance of its series pair over the motor's resistance
+BESIDE = 1e-3  # of the driver's frequency, to either side of which the hot admittance is taken
 _SMALLEST_VOLTAGE = 0.1  # V, the least that a driver takes
 
 
@@ -60,7 +63,7 @@ class MatchedGroup:
 
 @dataclass(frozen=True)
 class Matching:
-    """A proposal for one state of the motor: free, preloaded (sticking, small signal) or running (as simulated)."""
+    """A proposal for one state: free, preloaded (sticking, small signal), running (as simulated), hot (incremental)."""
 
     state: State
     frequency_hz: float
@@ -133,12 +136,13 @@ def propose_matching(
     """Propose what is to stand between a driver and each group, so that the driver sees a resistance.
 
     The groups are taken at the driver's voltages, phase and frequency. Free and preloaded are the small-signal two-port
-    of the stator; running is what the groups draw in a transient, from ideal sources.
+    of the stator; running is what the groups draw in a transient, from ideal sources; hot is the two-port that a small
+    additional voltage sees of the motor in its steady state (:func:`small_signals`).
 
     Args:
         motor: the motor.
         driver: frequency, voltages and phase that the groups are to have.
-        state: ``"free"``, ``"preloaded"`` or ``"running"``.
+        state: ``"free"``, ``"preloaded"``, ``"running"`` or ``"hot"``.
         contact: law of the contact, for ``"running"``; ``None`` for a free tip.
         sliders: number of sliders of the brush.
         duration: simulated time in s, for ``"running"``.
@@ -187,18 +191,34 @@ def proposal(setup: Setup, driver: Driver, duration: float, state: State) -> Mat
         currents = {group: complex(window.harmonics(samples[f"i(vpin_{group})"])[0]) for group in GROUPS}
         voltages = {group: complex(window.harmonics(samples[f"v({group})"])[0]) for group in GROUPS}
     else:
-        frequency = driver.frequency
-        matrix = admittance(
-            setup.motor, start=frequency * (1 - 1e-6), stop=frequency * (1 + 1e-6), points=3, state=state,
-            timeout=setup.solver.timeout,
-        ).matrix_s[1]  # fmt: skip
-        amperes = matrix @ np.array([voltages["a"], voltages["b"]])
+        amperes = _two_port(setup, driver, state) @ np.array([voltages["a"], voltages["b"]])
         currents = dict(zip(GROUPS, amperes.tolist(), strict=True))
     return Matching(
         state,
         driver.frequency,
         *(_matched(voltages[group], currents[group], voltages["a"], driver.frequency) for group in GROUPS),
     )
+
+
+def _two_port(setup: Setup, driver: Driver, state: Literal["free", "preloaded", "hot"]) -> NDArray[np.complex128]:
+    """Return the small-signal admittance matrix of the groups at the driver's frequency."""
+    frequency = driver.frequency
+    if state != "hot":
+        spectrum = admittance(
+            setup.motor, start=frequency * (1 - 1e-6), stop=frequency * (1 + 1e-6), points=3, state=state,
+            timeout=setup.solver.timeout,
+        )  # fmt: skip
+        return np.asarray(spectrum.matrix_s[1])
+    if setup.law is None:
+        raise ParameterError("A free tip has no hot admittance: its two-port does not change. Take state = 'free'.")
+    drive = TwoPhaseDrive(
+        voltage=driver.voltage, frequency=frequency, phase_deg=driver.phase_deg, ratio_b=driver.ratio_b
+    )
+    signals = small_signals(
+        setup.motor, drive, frequencies=[BESIDE * frequency], speed=setup.load.speed, load_torque=setup.load.torque,
+        contact=setup.law.name, sliders=setup.law.sliders, timeout=setup.solver.timeout,
+    )  # fmt: skip
+    return np.asarray(signals.hot_admittance_s.mean(axis=0))
 
 
 def _matched(voltage: complex, current: complex, reference: complex, frequency: float) -> MatchedGroup:

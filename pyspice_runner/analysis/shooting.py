@@ -392,5 +392,6 @@ def _rest(plant: Plant) -> Array:
 
 
 def _perturbed(point: Point) -> list[Copy]:
+    """Return copies of a point, each with one state changed by :data:`PERTURBATION` of its scale."""
     states = point.state + PERTURBATION * np.diag(point.scale)
     return [Copy(point.plant, state, point.begun) for state in states]

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Column, Table
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pyspice_runner.analysis.drive import DriveReport
+    from pyspice_runner.analysis.matching import State
 
 DRIVERS = (
     "ideal, linear, half-bridge, full-bridge, or FILE:NAME of your own subcircuit; with +inductor or +llcc a matching "
@@ -59,14 +60,16 @@ class MatchKind(StrEnum):
     free = "free"
     preloaded = "preloaded"
     running = "running"
+    hot = "hot"
 
 
 MatchOption = Annotated[MatchKind, typer.Option(help="State of the motor for which the network is matched.")]
-MATCH_STATES: dict[MatchKind, Literal["free", "preloaded", "running"] | None] = {
+MATCH_STATES: dict[MatchKind, State | None] = {
     MatchKind.none: None,
     MatchKind.free: "free",
     MatchKind.preloaded: "preloaded",
     MatchKind.running: "running",
+    MatchKind.hot: "hot",
 }
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -39,6 +39,7 @@ from pyspice_runner.commands.drive import (
 )
 
 if TYPE_CHECKING:
+    from pyspice_runner.analysis.matching import State
     from pyspice_runner.analysis.track import Tracking
 
 
@@ -188,7 +189,7 @@ def _refuse_idle(context: typer.Context, tracker: TrackerName, disturb: DisturbN
 def _matched(
     motor: pr.Motor,
     driver: pr.Driver,
-    state: Literal["free", "preloaded", "running"],
+    state: State,
     contact: str,
     timeout: float | None,
 ) -> pr.Driver:

@@ -11,6 +11,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,16 +124,26 @@ class Plant:
         values["w"] = float(state[-1]) if self.load.speed is None else self.load.speed
         return values
 
-    def start_nodes(self, state: Array, begun: float) -> dict[str, float]:
+    def start_nodes(self, state: Array, begun: float, probes: Sequence[Probe] = ()) -> dict[str, float]:
         """Return the initial voltages by node inside the motor: of plates and of a contact without start parameter."""
         nodes = {}
-        for group, tones in (("a", self.drive.tones_a), ("b", self.drive.tones_b)):
-            plates = (phasor_at(tone, self.plate_gain(group, tone), begun)[0] for tone in tones)
+        for group in "ab":
+            plates = (phasor_at(tone, self.plate_gain(group, tone), begun)[0] for tone in self.tones(group, probes))
             nodes[f"xgroup_{group}.plate"] = float(sum(plates))
         if self.law and self.law.name != "spring-slider":
             values = state[2 * self.modes : 2 * self.modes + self.sliders]
             nodes |= {node: float(u) / _MICRO for node, u in zip(self.contact_states, values, strict=True)}
         return nodes
+
+    def tones(self, group: str, probes: Sequence[Probe] = ()) -> tuple[Tone, ...]:
+        """Return the sines at the pin of a group, with those of the probes."""
+        own: tuple[Tone, ...] = getattr(self.drive, f"tones_{group}")
+        return (*own, *(probe.tone for probe in probes if probe.place == group))
+
+    def clamped_admittance(self, group: str, frequency: float) -> complex:
+        """Return the admittance in S of a clamped group."""
+        capacitance: float = getattr(self.motor.piezo, f"capacitance_{group}_f")
+        return 2j * pi * frequency * capacitance * self.plate_gain(group, Tone(1.0, frequency, 0.0))
 
     def plate_gain(self, group: str, tone: Tone) -> complex:
         """Return the voltage of the clamped capacitance over that of the pin."""
@@ -165,6 +176,19 @@ def phasor_at(tone: Tone, gain: complex, time: float | Array) -> tuple[float | A
 
 
 @dataclass(frozen=True)
+class Probe:
+    """A small sine in addition to the drive or the load.
+
+    Attributes:
+        place: ``"a"`` or ``"b"``, in series with the source of that group, V; ``"shaft"``, a torque on the rotor, N·m.
+        tone: the sine.
+    """
+
+    place: str
+    tone: Tone
+
+
+@dataclass(frozen=True)
 class Copy:
     """One copy of a plant.
 
@@ -172,11 +196,13 @@ class Copy:
         plant: motor, drive, load and law.
         state: at the start.
         begun: time in s since the drive's phase was that of t = 0.
+        probes: small sines in addition to drive and load.
     """
 
     plant: Plant
     state: Array
     begun: float = 0.0
+    probes: tuple[Probe, ...] = ()
 
 
 def copy_name(number: int) -> str:
@@ -200,7 +226,7 @@ def copies_bench(
     first = copies[0].plant
     texts = {} if texts is None else texts
     lines: list[str] = []
-    sources: dict[tuple[int, float], int] = {}
+    sources: dict[tuple[Any, ...], int] = {}
     written: set[int] = set()
     start: dict[str, float] = {}
     for number, copy in enumerate(copies):
@@ -212,20 +238,27 @@ def copies_bench(
                 name = f"motor{len(texts)}"
                 texts[motor] = name, plant.motor_text(discretisation, name)
             lines.append(texts[motor][1])
-        key = (id(plant.drive), copy.begun)
+        at_pins = tuple(probe for probe in copy.probes if probe.place != "shaft")
+        key = (id(plant.drive), copy.begun, at_pins)
         if key not in sources:
             sources[key] = len(sources)
-            lines += _drive_lines(plant.drive, copy.begun, sources[key])
+            lines += _drive_lines(plant, at_pins, copy.begun, sources[key])
         shaft = f"{instance}_shaft"
         if plant.load.speed is not None:
             lines.append(f"V{shaft} {shaft} 0 DC {float(plant.load.speed)!r}")
         elif plant.load.torque:
             lines.append(f"I{shaft} {shaft} 0 DC {float(plant.load.torque)!r}")
+        for place, probe in enumerate(copy.probes):
+            if probe.place == "shaft":
+                lines.append(f"I{shaft}_{place} 0 {shaft} {_sine(probe.tone, copy.begun)}")
         start_values = plant.start_values(copy.state, discretisation)
         values = " ".join(f"{name}={value:.17g}" for name, value in start_values.items())
         pins = f"a{sources[key]} b{sources[key]} 0 {shaft}"
         lines.append(f"{instance} {pins} {texts[motor][0]} {values}")
-        start |= {f"{instance}.{node}": value for node, value in plant.start_nodes(copy.state, copy.begun).items()}
+        start |= {
+            f"{instance}.{node}": value
+            for node, value in plant.start_nodes(copy.state, copy.begun, copy.probes).items()
+        }
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name}")
     circuit.raw_spice += "\n".join(lines) + "\n"
     options = dict(transient_options(first.motor, first.law.name if first.law else None))
@@ -235,17 +268,19 @@ def copies_bench(
     return Bench(circuit, options, start)
 
 
-def _drive_lines(drive: Drive, begun: float, number: int) -> list[str]:
+def _drive_lines(plant: Plant, probes: Sequence[Probe], begun: float, number: int) -> list[str]:
     lines = []
-    for group, tones in (("a", drive.tones_a), ("b", drive.tones_b)):
+    for group in "ab":
+        tones = plant.tones(group, probes)
         nodes = [f"{group}{number}", *(f"{group}{number}_{index}" for index in range(1, len(tones))), "0"]
         for index, tone in enumerate(tones):
-            degrees = 180.0 / pi * tone.phase + 360.0 * ((tone.frequency * begun) % 1.0)
-            lines.append(
-                f"V{group}{number}_{index} {nodes[index]} {nodes[index + 1]} "
-                f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {degrees!r})"
-            )
+            lines.append(f"V{group}{number}_{index} {nodes[index]} {nodes[index + 1]} {_sine(tone, begun)}")
     return lines
+
+
+def _sine(tone: Tone, begun: float) -> str:
+    degrees = 180.0 / pi * tone.phase + 360.0 * ((tone.frequency * begun) % 1.0)
+    return f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {degrees!r})"
 
 
 def _with(text: str, instance: str, **values: str) -> str:

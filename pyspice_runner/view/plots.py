@@ -20,6 +20,7 @@ from pyspice_runner.analysis.controlled import ControlledRun
 from pyspice_runner.analysis.drive import DriveReport
 from pyspice_runner.analysis.hysteresis import Hysteresis
 from pyspice_runner.analysis.impact import Impact
+from pyspice_runner.analysis.small_signals import INPUTS, OUTPUTS, SmallSignals, unit
 from pyspice_runner.analysis.steady import SteadyState
 from pyspice_runner.analysis.track import Tracking
 from pyspice_runner.datasets import DOUBTS, Curves, Sweep, WorkingPoints
@@ -70,6 +71,41 @@ def _(result: SteadyState) -> Sheet:
     if result.waveforms is None:
         raise ParameterError("This steady state has no waveforms to plot.")
     return sheet(result.waveforms)
+
+
+@sheet.register
+def _(result: SmallSignals) -> Sheet:
+    panels: dict[str, Panel] = {
+        of: partial(_transfers, result, of) for of in INPUTS if any(name == of for _, name in result.transfers)
+    }
+    panels["admittance"] = partial(_hot_and_cold, result)
+    return Sheet(panels, 2, (5.4, 3.6), f"{result.state.motor.name}: small signals, {result.state.drive.label}")
+
+
+def _transfers(result: SmallSignals, of: str, ax: Axes) -> None:
+    """Draw the magnitudes of the transfer functions from one input, each relative to its first value."""
+    for number, output in enumerate(name for name in OUTPUTS if not name.startswith("motional")):
+        values = np.abs(result.transfer(output, of))
+        if values[0] > 0.0:
+            name = f"{output}, {values[0]:.3g} {unit(output, of)}"
+            look: dict[str, Any] = {"color": CYCLE[number % 4], "linestyle": _DASHES[number // 4], "marker": "."}
+            ax.loglog(result.modulation_hz, values / values[0], label=name, **look)
+    _dress(ax, "modulation frequency in Hz", "magnitude over that at the lowest", f"From {of}")
+    ax.legend(fontsize="x-small")
+
+
+def _hot_and_cold(result: SmallSignals, ax: Axes) -> None:
+    """Draw the admittance that a small voltage sees of each group, of the running motor and of the free stator."""
+    frequency, size = LABELS["frequency_hz"], LABELS["magnitude_s"]
+    for place, (group, colour) in enumerate(GROUPS.items()):
+        for matrix, dash, words in (
+            (result.hot_admittance_s, "-", "running"),
+            (result.cold_admittance_s, "--", "at rest, free"),
+        ):
+            values = size.scale * np.abs(matrix[:, place, place])
+            ax.plot(frequency.scale * result.probe_hz, values, dash, color=colour, label=f"{group.upper()}, {words}")
+    _dress(ax, frequency, size, "Admittance for a small voltage")
+    ax.legend(fontsize="x-small")
 
 
 def _speed_over_time(run: Waveforms, ax: Axes) -> None:

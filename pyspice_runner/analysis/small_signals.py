@@ -1,0 +1,428 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Small signals about a running motor: periodic small-signal analysis from the map over one drive period.
+
+A small input e^{jωt} times a periodic function makes every quantity deviate by e^{jωt} times a periodic function. The
+deviation x of the state therefore satisfies x(t + T) = e^{jωT} x(t). Over one period it is the sum of what the
+deviation at the start of the run makes of it, which is the derivative of the map, and of what the input adds. The
+latter is found in the same way, with copies that have a small sine in addition to the drive; no transient is needed.
+R. Telichevesky, K. Kundert, J. White, "Efficient AC and noise analysis of two-tone RF circuits", DAC 1996. As in the
+steady state, the mean over copies whose steps lie between each other's removes most of the effect of late events.
+"""
+
+from __future__ import annotations
+
+from cmath import rect
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import pi, radians
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import SkipValidation
+
+from pyspice_runner.analysis.period_map import PeriodMap, Trace
+from pyspice_runner.analysis.period_means import current, speed
+from pyspice_runner.analysis.shooting import Point, Shooting
+from pyspice_runner.analysis.speed_torque import axis
+from pyspice_runner.analysis.steady import OFFSETS, SteadyState, steady_state
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.model.drive import Drive, Tone, TwoPhaseDrive
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw
+from pyspice_runner.netlist.copies import Copy, Plant, Probe
+from pyspice_runner.result import Result
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+INPUTS = {"amplitude": "V", "phase": "rad", "frequency": "Hz", "load_torque": "N·m"}
+OUTPUTS = {
+    "speed": "rad/s", "torque": "N·m", "current_amplitude_a": "A", "current_amplitude_b": "A", "current_phase_a": "rad",
+    "current_phase_b": "rad", "motional_phase_a": "rad", "motional_phase_b": "rad",
+}  # fmt: skip
+# Both are large enough that a change of contact moves over whole steps, and are taken with both signs, so that the
+# curvature drops out. On a motor that slips, the transfer functions are then within 2 % of those of finite modulation.
+SWING = 3e-3  # of the scale of a state
+PROBE = 0.1  # of the drive's amplitude, and of the friction torque; within one period it moves the state by some 1e-3
+FINER = 2  # steps in one of the steady state
+HIGHEST = 0.45  # of the drive's frequency
+_SIGNALS = ("speed", "friction", "current_a", "current_b", "motional_a", "motional_b")
+
+
+@dataclass(frozen=True, repr=False)
+class SmallSignals(Result):
+    """Transfer functions of a running motor, and the admittance that its groups have for a small additional voltage.
+
+    The phases of currents are those against the voltage of the same group; phases of motional currents, which the
+    clamped capacitance does not take, likewise.
+
+    Attributes:
+        state: the steady state.
+        modulation_hz: frequencies of the modulation, Hz.
+        transfers: (output, input) → complex transfer function, in SI units; a load torque is an input of a free shaft
+            only. Inputs are ``amplitude`` (of group A; that of B in proportion), ``phase`` (of group B), ``frequency``
+            and ``load_torque``.
+        probe_hz: frequencies of an additional small voltage, the drive's less and plus those of the modulation.
+        hot_admittance_s: admittance matrix of the running motor for it, shape (frequencies, 2, 2).
+        cold_admittance_s: that of the stator at rest and free, beside it.
+        image_admittance_s: current at twice the drive's frequency less that of the voltage, over the conjugate voltage.
+    """
+
+    state: SteadyState
+    modulation_hz: Array
+    transfers: dict[tuple[str, str], Complex]
+    probe_hz: Array
+    hot_admittance_s: Complex
+    cold_admittance_s: Complex
+    image_admittance_s: Complex = field(repr=False)
+
+    def transfer(self, output: str, of: str) -> Complex:
+        """Return the transfer function from an input to an output, over :attr:`modulation_hz`.
+
+        Raises:
+            ParameterError: for a name that is not known, or the load torque of a held shaft.
+        """
+        if (output, of) not in self.transfers:
+            raise ParameterError(
+                f"There is no transfer from {of} to {output}: inputs are {', '.join(INPUTS)} (the last of a free "
+                f"shaft), outputs are {', '.join(OUTPUTS)}."
+            )
+        return self.transfers[output, of]
+
+    def columns(self) -> Mapping[str, Array]:
+        """Return real and imaginary part of each transfer function over the modulation frequency."""
+        found = {"modulation_frequency_hz": self.modulation_hz}
+        for (output, of), values in self.transfers.items():
+            found |= {f"{output}_per_{of}_re": values.real, f"{output}_per_{of}_im": values.imag}
+        return found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return frequencies, transfer functions, admittances and the steady state, JSON-ready."""
+        return {
+            "modulation_frequency_hz": self.modulation_hz.tolist(),
+            "transfers": {f"{output}_per_{of}": _pairs(values) for (output, of), values in self.transfers.items()},
+            "units": {f"{output}_per_{of}": unit(output, of) for output, of in self.transfers},
+            "probe_frequency_hz": self.probe_hz.tolist(),
+            "hot_admittance_s": _pairs(self.hot_admittance_s),
+            "cold_admittance_s": _pairs(self.cold_admittance_s),
+            "steady_state": self.state.to_dict(),
+        }
+
+    def summary(self) -> dict[str, str]:
+        """Return the transfer functions at the lowest frequency, and the admittances next to the drive's."""
+        found = {"modulation": f"{self.modulation_hz[0]:.4g} to {self.modulation_hz[-1]:.4g} Hz"}
+        for (output, of), values in self.transfers.items():
+            found[f"{output} per {of}"] = f"{abs(values[0]):.4g} {unit(output, of)}"
+        near = int(np.argmin(np.abs(self.probe_hz - self.state.drive.frequencies[0])))
+        for words, matrix in (("hot", self.hot_admittance_s), ("cold", self.cold_admittance_s)):
+            for place, group in enumerate("AB"):
+                value = 1e3 * complex(matrix[near, place, place])
+                found[f"{words} admittance of {group}"] = f"{value.real:.4g} {value.imag:+.4g}j mS"
+        return found
+
+
+def unit(output: str, of: str) -> str:
+    """Return the unit of a transfer function."""
+    below = INPUTS[of]
+    return f"{OUTPUTS[output]}/({below})" if "·" in below else f"{OUTPUTS[output]}/{below}"
+
+
+def _pairs(values: Complex) -> Any:
+    """Return complex numbers as nested lists of real and imaginary part."""
+    return np.stack([values.real, values.imag], axis=-1).tolist()
+
+
+@checked
+def small_signals(
+    motor: Motor,
+    drive: Drive,
+    *,
+    frequencies: SkipValidation[Sequence[float] | Array],
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    contact: ContactLaw = "spring-slider",
+    sliders: int = SLIDERS,
+    step: float | None = None,
+    timeout: float | None = None,
+) -> SmallSignals:
+    """Return the transfer functions of a running motor from modulations of its drive and load, and its hot admittance.
+
+    Args:
+        motor: the motor.
+        drive: the voltages of both groups, with one frequency.
+        frequencies: of the modulation, Hz; below 0.45 times the drive's.
+        speed: at which the shaft is held, rad/s; ``None`` leaves it free.
+        load_torque: torque in N·m that a load draws from the free shaft.
+        contact: law of the contact, as in :func:`simulate`.
+        sliders: number of sliders of the brush.
+        step: longest time step in s; by default that of :func:`simulate`.
+        timeout: wall time in s after which a run of ngspice is ended.
+
+    Raises:
+        ParameterError: for an invalid value.
+        SimulationError: if there is no stable steady state, or ngspice fails.
+    """
+    if not isinstance(drive, TwoPhaseDrive):
+        raise ParameterError("Small signals are those about a drive with one frequency: give a TwoPhaseDrive.")
+    modulation = np.unique(axis("frequencies", frequencies))
+    highest = HIGHEST * drive.frequency
+    if modulation[0] <= 0.0 or modulation[-1] > highest:
+        worst = modulation[0] if modulation[0] <= 0.0 else modulation[-1]
+        raise ParameterError(f"frequencies has {worst:g} Hz: the modulation must be > 0 and ≤ {highest:.4g} Hz.")
+    if not drive.voltage:
+        raise ParameterError("drive.voltage = 0 V is not valid here: there is no running motor. Give a voltage > 0 V.")
+    state = steady_state(
+        motor, drive, speed=speed, load_torque=load_torque, contact=contact, sliders=sliders, step=step,
+        timeout=timeout,
+    )  # fmt: skip
+    if not state.stable or state.solution is None:
+        raise SimulationError("There is no stable steady state about which small signals would be defined.")
+    every = [
+        _Linear.about(state.solution.moved(number / OFFSETS * state.step_s), state.step_s, timeout).responses(
+            modulation
+        )
+        for number in range(OFFSETS)
+    ]
+    transfers, hot, image = (_mean([one[place] for one in every]) for place in range(3))
+    probed = np.array(sorted(hot))
+    return SmallSignals(
+        state, modulation, transfers, probed, np.array([hot[at] for at in probed.tolist()]),
+        np.array([_cold(state.solution.plant, at) for at in probed.tolist()]),
+        np.array([image[at] for at in probed.tolist()]),
+    )  # fmt: skip
+
+
+def _mean(several: Sequence[Mapping[Any, Complex]]) -> dict[Any, Complex]:
+    return {name: np.mean([one[name] for one in several], axis=0) for name in several[0]}
+
+
+Matrices = dict[float, Complex]  # by frequency
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """A solved point with the derivatives of its signals with respect to the state at the start of the run.
+
+    Attributes:
+        point: the point, solved on the map.
+        period_map: the map.
+        base: signals of the undisturbed period, shape (signals, points).
+        slopes: their derivatives with respect to the scaled states, shape (states, signals, points).
+        at_start: derivative of the scaled state at the beginning of the period with respect to that of the run's start.
+        at_end: the same at the end of the period.
+    """
+
+    point: Point
+    period_map: PeriodMap
+    base: Array
+    slopes: Array
+    at_start: Array
+    at_end: Array
+
+    @classmethod
+    def about(cls, point: Point, step: float, timeout: float | None) -> _Linear:
+        """Solve a point at a time step, and measure the derivatives there."""
+        period = point.plant.drive.period
+        period_map = PeriodMap(period, FINER * round(period / step), timeout)
+        shooting = Shooting([point], period_map)
+        shooting.solve()
+        if not point.done or point.trace is None:
+            raise SimulationError("The steady state is not found at the step of the result. Give another step.")
+        states = [point.state + sign * SWING * row for sign in (1.0, -1.0) for row in np.diag(point.scale)]
+        traces = _found(period_map.traces([Copy(point.plant, state, point.begun) for state in states]))
+        pairs = list(zip(traces[: len(traces) // 2], traces[len(traces) // 2 :], strict=True))
+        slopes = [_signals(point.plant, up) - _signals(point.plant, down) for up, down in pairs]
+        at_start, at_end = (
+            np.array([(up.states[:, at] - down.states[:, at]) / point.scale for up, down in pairs]).T for at in (0, -1)
+        )
+        size = 2.0 * SWING
+        base = _signals(point.plant, point.trace)
+        return cls(point, period_map, base, np.array(slopes) / size, at_start / size, at_end / size)
+
+    def responses(self, modulation: Array) -> tuple[dict[tuple[str, str], Complex], Matrices, Matrices]:
+        """Return the transfer functions, the hot admittance and its image."""
+        plant = self.point.plant
+        drive = plant.drive
+        assert isinstance(drive, TwoPhaseDrive)
+        frequency = drive.frequency
+        probes = [
+            (place, shift * frequency + at)
+            for at in modulation.tolist()
+            for place, shift in (("a", 1), ("a", -1), ("b", 1), ("b", -1), *((("shaft", 0),) if plant.turns else ()))
+        ]
+        responses = dict(zip(probes, self._responses(probes, modulation.repeat(4 + plant.turns)), strict=True))
+        carriers = self._carriers()
+        transfers: dict[tuple[str, str], list[complex]] = {}
+        hot = {}
+        image = {}
+        for at in modulation.tolist():
+            up = {group: responses[group, frequency + at] for group in "ab"}
+            down = {group: responses[group, at - frequency] for group in "ab"}
+            for of, response in self._modulated(drive, at, up, down, responses.get(("shaft", at))).items():
+                for output, value in _outputs(response, carriers, of, at, plant).items():
+                    transfers.setdefault((output, of), []).append(value)
+            hot[frequency + at] = np.array([[up[into].at(f"current_{of}", 1) for into in "ab"] for of in "ab"])
+            below = np.array([[down[into].at(f"current_{of}", -1) for into in "ab"] for of in "ab"])
+            hot[frequency - at] = below.conj()
+            image[frequency + at] = np.array(
+                [[up[into].at(f"current_{of}", -1) for into in "ab"] for of in "ab"]
+            ).conj()
+            image[frequency - at] = np.array([[down[into].at(f"current_{of}", 1) for into in "ab"] for of in "ab"])
+        return {pair: np.array(values) for pair, values in transfers.items()}, hot, image
+
+    def _responses(self, probes: Sequence[tuple[str, float]], modulation: Array) -> list[_Response]:
+        """Return the response to e^{jωt} at each place, where ω may be negative, from copies with cosine and sine."""
+        plant, point = self.point.plant, self.point
+        assert isinstance(plant.drive, TwoPhaseDrive)
+        contact, radius = plant.motor.contact, plant.motor.rotor.radius_m
+        sizes = {
+            "a": PROBE * max(plant.drive.voltage, plant.drive.voltage_b),
+            "b": PROBE * max(plant.drive.voltage, plant.drive.voltage_b),
+            "shaft": PROBE * contact.friction * contact.preload_n * radius,
+        }
+        copies = []
+        for place, frequency in probes:
+            for phase in (0.5 * pi, 0.0):
+                turned = phase if frequency >= 0.0 or phase else pi  # sin(−|ω|t) = sin(|ω|t + π)
+                for sign in (1.0, -1.0):
+                    probe = Probe(place, Tone(sign * sizes[place], abs(frequency), turned))
+                    copies.append(Copy(point.plant, point.state, point.begun, (probe,)))
+        traces = _found(self.period_map.traces(copies))
+        assert point.trace is not None
+        found = []
+        for number, ((place, frequency), at) in enumerate(zip(probes, modulation.tolist(), strict=True)):
+            cosine, minus_cosine, sine, minus_sine = traces[4 * number : 4 * number + 4]
+            start, end = (
+                (cosine.states[:, where] - minus_cosine.states[:, where])
+                + 1j * (sine.states[:, where] - minus_sine.states[:, where])
+                for where in (0, -1)
+            )
+            added = _signals(plant, cosine) - _signals(plant, minus_cosine)
+            added = added + 1j * (_signals(plant, sine) - _signals(plant, minus_sine))
+            turn = np.exp(2j * pi * at * self.period_map.period)
+            missing = (turn * start - end) / point.scale
+            deviation = np.linalg.lstsq(self.at_end - turn * self.at_start, missing, rcond=1e-10)[0]
+            signals = added + np.tensordot(deviation, self.slopes, axes=1)
+            signals = np.asarray(signals / (2.0 * sizes[place]), dtype=complex)
+            if place in "ab":  # the clamped capacitance takes its current from the source alone
+                wave = np.exp(2j * pi * frequency * point.trace.time)
+                signals[_SIGNALS.index(f"current_{place}")] += plant.clamped_admittance(place, frequency) * wave
+            found.append(_Response(signals, point.trace.time, at, plant.drive.frequency))
+        return found
+
+    def _carriers(self) -> dict[str, complex]:
+        """Return the phasors of currents and motional currents: the real part of phasor · e^{jΩt} is the current."""
+        assert self.point.trace is not None
+        time, frequency = self.point.trace.time, self.point.plant.drive.frequencies[0]
+        wave = np.exp(-2j * pi * frequency * time[1:])
+        return {
+            name: complex(2.0 * np.mean(signal[1:] * wave))
+            for name, signal in zip(_SIGNALS, self.base, strict=True)
+            if name not in ("speed", "friction")
+        }
+
+    @staticmethod
+    def _modulated(
+        drive: TwoPhaseDrive, at: float, up: Mapping[str, _Response], down: Mapping[str, _Response],
+        shaft: _Response | None,
+    ) -> dict[str, _Response]:  # fmt: skip
+        """Return the responses to modulations e^{jωt}, made of side bands.
+
+        With u = Im(U e^{jΩt}), modulating U by a factor 1 + m e^{jωt} adds m e^{jωt}(U e^{jΩt} − U* e^{−jΩt})/2j, and
+        modulating its phase by ψ e^{jωt} adds ψ e^{jωt}(U e^{jΩt} + U* e^{−jΩt})/2.
+        """
+        volts = {
+            "a": complex(drive.voltage),
+            "b": rect(drive.voltage_b, radians(drive.phase_deg)),
+        }
+
+        def turned(group: str) -> _Response:
+            return (up[group] * volts[group] + down[group] * volts[group].conjugate()) * 0.5
+
+        def grown(group: str) -> _Response:
+            return (up[group] * volts[group] - down[group] * volts[group].conjugate()) * (-0.5j / drive.voltage)
+
+        found = {
+            "amplitude": grown("a") + grown("b"),
+            "phase": turned("b"),
+            "frequency": (turned("a") + turned("b")) * (1.0 / (1j * at)),  # phase = 2π ∫ frequency
+        }
+        return found if shaft is None else found | {"load_torque": shaft * -1.0}
+
+
+@dataclass(frozen=True)
+class _Response:
+    """Deviations of the signals for an input of size 1: shape (signals, points); they close but for a turn e^{jωT}."""
+
+    signals: Complex
+    time: Array
+    modulation: float
+    frequency: float
+
+    def at(self, name: str, harmonic: int) -> complex:
+        """Return the component of a signal at the modulation plus a multiple of the drive's frequency."""
+        turning = 2j * pi * (self.modulation + harmonic * self.frequency)
+        return complex(np.mean((self.signals[_SIGNALS.index(name)] * np.exp(-turning * self.time))[1:]))
+
+    def __mul__(self, factor: complex) -> _Response:
+        return _Response(np.asarray(factor * self.signals), self.time, self.modulation, self.frequency)
+
+    def __add__(self, other: _Response) -> _Response:
+        return _Response(self.signals + other.signals, self.time, self.modulation, self.frequency)
+
+    def __sub__(self, other: _Response) -> _Response:
+        return self + other * -1.0
+
+
+def _outputs(
+    response: _Response, carriers: Mapping[str, complex], of: str, at: float, plant: Plant
+) -> dict[str, complex]:
+    """Return the outputs of a response to an input."""
+    found = {
+        "speed": response.at("speed", 0),
+        "torque": plant.motor.rotor.radius_m * response.at("friction", 0),
+    }
+    for kind, words in (("current", "current"), ("motional", "motional")):
+        for group in "ab":
+            name, carrier = f"{kind}_{group}", carriers[f"{kind}_{group}"]
+            above, below = response.at(name, 1), response.at(name, -1)
+            if kind == "current":
+                found[f"current_amplitude_{group}"] = (above * carrier.conjugate() + below * carrier) / abs(carrier)
+            own = {"phase": float(group == "b"), "frequency": 1.0 / (1j * at)}.get(of, 0.0)
+            found[f"{words}_phase_{group}"] = -1j * above / carrier + 1j * below / carrier.conjugate() - own
+    return {name: found[name] for name in OUTPUTS}
+
+
+def _signals(plant: Plant, trace: Trace) -> Array:
+    """Return speed, friction force, currents and motional currents over a period."""
+    couplings = {
+        group: np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in plant.motor.modes]) for group in "ab"
+    }
+    velocity = trace.states[plant.modes : 2 * plant.modes]
+    return np.array(
+        [
+            speed(plant, trace),
+            trace.friction,
+            *(current(plant, group, trace) for group in "ab"),
+            *(couplings[group] @ velocity for group in "ab"),
+        ]
+    )
+
+
+def _cold(plant: Plant, frequency: float) -> Complex:
+    """Return the admittance matrix of the free stator at rest."""
+    omega = 2.0 * pi * frequency
+    matrix = np.diag([plant.clamped_admittance(group, frequency) for group in "ab"])
+    for mode in plant.motor.modes:
+        coupling = np.array([mode.coupling_a_n_per_v, mode.coupling_b_n_per_v])
+        stiffness = mode.stiffness_n_per_m - omega**2 * mode.mass_kg + 1j * omega * mode.damping_n_s_per_m
+        matrix = matrix + np.outer(coupling, coupling) * 1j * omega / stiffness
+    return np.asarray(matrix)
+
+
+def _found(traces: Sequence[Trace | None]) -> list[Trace]:
+    if any(trace is None for trace in traces):
+        raise SimulationError("ngspice does not find the period of a motor with a small additional sine.")
+    return [trace for trace in traces if trace is not None]

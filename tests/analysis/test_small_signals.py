@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Small signals about a running motor, against transients whose drive or load is modulated, and steady states."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from math import pi, radians
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.loop import loop_design
+from pyspice_runner.analysis.matching import propose_matching
+from pyspice_runner.analysis.period_map import PeriodMap
+from pyspice_runner.analysis.small_signals import INPUTS, SmallSignals, small_signals
+from pyspice_runner.cli import run
+from pyspice_runner.model.drive import Tone
+from pyspice_runner.model.tracking import predicted_margin_deg, propose_filter, stator_lag
+from pyspice_runner.netlist.copies import Copy, Probe, copies_bench
+from pyspice_runner.run.kernel import transient
+
+pytestmark = pytest.mark.xdist_group("small signals")  # they are shared
+
+MOTOR = pr.load_motor("andersen2002-unintended-mode")
+DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=150.0)
+LOAD = 5e-3  # N·m
+PERIODS = (10, 60, 300)  # of the drive in one of the modulation: 4600, 767 and 153 Hz
+STRENGTH = {"amplitude": 0.2, "phase": 2e-3, "load_torque": 1e-4}  # 0.2 V, 2 mrad, 0.1 mN·m
+SETTLED = 6e-3  # s: six times the time constant of the rotor
+
+
+@cache
+def signals() -> SmallSignals:
+    return small_signals(MOTOR, DRIVE, frequencies=[DRIVE.frequency / number for number in PERIODS], load_torque=LOAD)
+
+
+def strength(of: str, at: float) -> float:
+    """Return the size of a modulation; that of the frequency swings the phase by 0.01 rad."""
+    return STRENGTH.get(of, 0.01 * at)
+
+
+def side_bands(of: str, at: float) -> tuple[Probe, ...]:
+    """Return the sines that modulate drive or load by a cosine of the frequency ``at``, to first order."""
+    if of == "load_torque":
+        return (Probe("shaft", Tone(-strength(of, at), at, 0.5 * pi)),)
+    probes = []
+    for group, ratio, phase in (("a", 1.0, 0.0), ("b", DRIVE.ratio_b, radians(DRIVE.phase_deg))):
+        if of == "amplitude":  # m cos(ωt) sin(Ωt + φ) = m/2 [sin((Ω+ω)t + φ) + sin((Ω−ω)t + φ)]
+            half = 0.5 * ratio * strength(of, at)
+            bands = ((half, at, phase), (half, -at, phase))
+        elif of == "phase" and group == "a":
+            continue
+        elif of == "phase":  # ψ cos(ωt) cos(Ωt + φ)
+            half = 0.5 * ratio * DRIVE.voltage * strength(of, at)
+            bands = ((half, at, phase + 0.5 * pi), (half, -at, phase + 0.5 * pi))
+        else:  # the phase is (δf/f_m) sin(ωt): ψ sin(ωt) cos(Ωt + φ) = ψ/2 [sin((Ω+ω)t + φ) − sin((Ω−ω)t + φ)]
+            half = 0.5 * ratio * DRIVE.voltage * strength(of, at) / at
+            bands = ((half, at, phase), (-half, -at, phase))
+        probes += [Probe(group, Tone(half, DRIVE.frequency + shift, angle)) for half, shift, angle in bands]
+    return tuple(probes)
+
+
+def modulated(of: str, number: int) -> dict[str, complex]:
+    """Return the transfer functions that a transient with a finite modulation shows."""
+    state = signals().state
+    assert state.solution is not None
+    at = DRIVE.frequency / number
+    # half the step: there the effect of late events is below 0.5 %, which the mean over copies takes out otherwise
+    step = PeriodMap(1.0 / DRIVE.frequency, 2 * round(1.0 / DRIVE.frequency / state.step_s))
+    copy = Copy(state.solution.plant, state.solution.state, 0.0, side_bands(of, at))
+    bench = copies_bench([copy], step.discretisation)
+    begin = np.ceil(SETTLED * at) / at
+    vectors = ["v(xc0_shaft)", "v(xc0.friction)", "i(va0_0)", "i(vb0_0)"]
+    found = transient(
+        bench, vectors, step=step.step, duration=begin + 1.0 / at + 3 * step.step, record_from=0.9 * begin
+    )
+    samples = found.vectors()
+    count = number * step.steps  # whole periods of the modulation
+    time = begin + np.arange(count) / count / at
+    kept = {name: np.interp(time, samples["time"], values) for name, values in samples.items() if name != "time"}
+
+    def component(values: NDArray[np.float64], frequency: float) -> complex:
+        return complex(2.0 * np.mean(values * np.exp(-2j * pi * frequency * time)))
+
+    size = strength(of, at)
+    result = {
+        "speed": component(kept["v(xc0_shaft)"], at) / size,
+        "torque": MOTOR.rotor.radius_m * component(kept["v(xc0.friction)"], at) / size,
+    }
+    for group in "ab":  # the envelope is I + above e^{jωt} + below e^{-jωt}
+        current = -kept[f"i(v{group}0_0)"]
+        carrier, above, below = (component(current, DRIVE.frequency + shift) / size for shift in (0.0, at, -at))
+        carrier *= size
+        lower = (below * carrier.conjugate()).conjugate()
+        result[f"current_amplitude_{group}"] = (above * carrier.conjugate() + lower) / abs(carrier)
+        result[f"current_phase_{group}"] = -1j * (above / carrier - (below / carrier).conjugate())
+    return result
+
+
+def compare(of: str, number: int) -> None:
+    place = int(np.argmin(np.abs(signals().modulation_hz - DRIVE.frequency / number)))
+    for output, value in modulated(of, number).items():
+        ours = complex(signals().transfer(output, of)[place])
+        if output.startswith("current_phase"):  # the transient shows it against the drive without modulation
+            ours += {"phase": float(output[-1] == "b"), "frequency": number / (1j * DRIVE.frequency)}.get(of, 0.0)
+        assert abs(ours - value) < 0.02 * abs(value), (of, number, output, ours, value)  # required
+
+
+def test_a_modulated_transient_shows_the_transfer_functions() -> None:
+    compare("load_torque", PERIODS[0])
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("of", INPUTS)
+@pytest.mark.parametrize("number", PERIODS)
+def test_modulated_transients_show_all_transfer_functions(of: str, number: int) -> None:
+    compare(of, number)
+
+
+def test_slow_modulation_follows_the_steady_states() -> None:
+    slow = small_signals(MOTOR, DRIVE, frequencies=[0.5], load_torque=LOAD)
+    volt = {"voltage": DRIVE.voltage + 1.0}, {"voltage": DRIVE.voltage - 1.0}
+    up, down = (pr.steady_state(MOTOR, DRIVE.model_copy(update=one), load_torque=LOAD) for one in volt)
+    # 1 %: the curvature of the speed over the voltage between the two
+    assert slow.transfer("speed", "amplitude")[0].real == pytest.approx(
+        0.5 * (up.speed_rad_s - down.speed_rad_s), rel=1e-2
+    )
+    # the balance of torques: d load = d torque - (C_R + jωJ) d speed
+    bearing = MOTOR.rotor.bearing_damping_n_m_s
+    torque, speed = (slow.transfer(name, "load_torque")[0] for name in ("torque", "speed"))
+    inertia = 2j * pi * 0.5 * MOTOR.rotor.inertia_kg_m2
+    assert torque - (bearing + inertia) * speed == pytest.approx(1.0, rel=1e-3)
+
+
+def test_the_hot_admittance_of_a_motor_that_sticks_is_that_of_the_preloaded_stator() -> None:
+    weak = DRIVE.model_copy(update={"voltage": 0.5})
+    found = small_signals(MOTOR, weak, frequencies=[2300.0], speed=0.0)
+    assert not any(of == "load_torque" for _, of in found.transfers)  # a held shaft takes any
+    for place, frequency in enumerate(found.probe_hz.tolist()):
+        band: Any = {"start": frequency - 1.0, "stop": frequency + 1.0, "points": 3}
+        preloaded = pr.admittance(MOTOR, state="preloaded", **band).matrix_s[1]
+        # 1 %: the stiffness of the contact changes by as much in the swing
+        assert np.abs(found.hot_admittance_s[place] - preloaded).max() < 1e-2 * np.abs(preloaded).max()
+        free = pr.admittance(MOTOR, state="free", **band).matrix_s[1]
+        assert np.abs(found.cold_admittance_s[place] - free).max() < 1e-4 * np.abs(free).max()
+    running, cold = signals().hot_admittance_s, signals().cold_admittance_s
+    assert np.abs(running - cold).max() > 0.02 * np.abs(cold).max()
+
+
+def test_wrong_requests_say_what_is_allowed() -> None:
+    with pytest.raises(
+        pr.ParameterError, match=r"frequencies has 30000 Hz: the modulation must be > 0 and ≤ 2.07e\+04"
+    ):
+        small_signals(MOTOR, DRIVE, frequencies=[30e3])
+    tones = pr.TwoToneDrive(voltage_1=1.0, frequency_1=2e4, voltage_2=1.0, frequency_2=4e4)
+    with pytest.raises(pr.ParameterError, match="give a TwoPhaseDrive"):
+        small_signals(MOTOR, tones, frequencies=[1.0])
+    with pytest.raises(pr.ParameterError, match="There is no transfer from volume to speed"):
+        signals().transfer("speed", "volume")
+
+
+def test_the_loop_gain_of_a_motor_that_sticks_is_that_of_its_resonance() -> None:
+    paper = pr.load_motor("andersen2002").updated({"mount": None})
+    lag = stator_lag(paper, 1, 0.2 * 2.0 * paper.modes[1].coupling_a_n_per_v)
+    weak = pr.TwoPhaseDrive(voltage=0.2, frequency=lag.resonance_hz, phase_deg=180.0)  # moves the second mode alone
+    found = small_signals(paper, weak, frequencies=np.geomspace(100.0, 2e3, 12), speed=0.0)
+    tracker = pr.Tracker(kind="pll", voltage=0.2, frequency=lag.resonance_hz, bandwidth_hz=500.0)
+    chosen = propose_filter(lag, 500.0, gain_hz_per_v=tracker.gain_hz_per_v, current_a=tracker.pump_current_a)
+    running = loop_design(tracker, lag, chosen, found)
+    # harmonic balance of the slider, which the closed form of the lag has, gives the loaded Q to some per cent
+    assert running.crossover_hz == pytest.approx(500.0, rel=0.05)
+    assert running.phase_margin_deg == pytest.approx(predicted_margin_deg(6.0), abs=2.0)
+
+
+def test_a_network_matched_to_the_hot_admittance_of_a_motor_that_sticks_is_that_for_the_preloaded_one() -> None:
+    driver = pr.Driver(kind="linear", voltage=0.5, frequency=46e3, phase_deg=90.0)
+    hot, cold = (propose_matching(MOTOR, driver, state=state, speed=0.0) for state in ("hot", "preloaded"))
+    for name in ("resistance_ohm", "reactance_ohm"):
+        assert getattr(hot.a, name) == pytest.approx(getattr(cold.a, name), rel=0.02)
+
+
+def test_the_command_prints_transfers_and_admittances(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    words = ["small-signals", MOTOR.name, "--voltage", "100", "--frequency", "46e3", "--speed", "6"]
+    assert run([*words, "--frequencies", "1000", "--json", "--plot", str(tmp_path / "bode.png")]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert np.shape(document["hot_admittance_s"]) == (2, 2, 2, 2)
+    assert np.shape(document["transfers"]["torque_per_amplitude"]) == (1, 2)
+    assert document["units"]["speed_per_phase"] == "rad/s/rad"
+    assert (tmp_path / "bode.png").stat().st_size > 10_000
