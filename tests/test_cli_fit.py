@@ -227,8 +227,9 @@ def test_four_spectra_and_a_mass_make_a_motor_that_runs(
     document = json.loads(capsys.readouterr().out)
     assert [mode["coupling_b_n_per_v_kg05"] > 0.0 for mode in document["modes"]] == [True, False]
     assert [mode["mass_kg"] for mode in document["motor"]["modes"]] == [mode.mass_kg for mode in expected.modes]
-    for name in (motor, "andersen2002"):  # the motor of a fit has no recommended drive
-        assert run(["simulate", name, "--frequency", "54e3", "--voltage", "50", "--duration", "1e-4", "--json"]) == 0
+    for name in (motor, "andersen2002"):  # the motor of a fit has neither a recommended drive nor a mount
+        options = ["--frequency", "54e3", "--voltage", "50", "--duration", "1e-4", "--set", "mount=none"]
+        assert run(["simulate", name, *options, "--json"]) == 0
     of_fit, of_truth = map(json.loads, capsys.readouterr().out.splitlines())
     assert of_fit["mean_rotor_speed_rad_s"] == pytest.approx(of_truth["mean_rotor_speed_rad_s"], rel=1e-3)
 

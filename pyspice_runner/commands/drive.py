@@ -29,6 +29,7 @@ from pyspice_runner.commands.common import (
     write_table,
 )
 from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, law_named
+from pyspice_runner.commands.driving import recommended_phases
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -78,9 +79,13 @@ def drive(
     motor: MotorArgument,
     driver: Annotated[str, typer.Option(help=DRIVERS)] = "linear",
     against: Annotated[str | None, typer.Option(help="A second driver for comparison.")] = None,
-    voltage: Annotated[float, typer.Option(help="Amplitude of both groups, V.")] = 50.0,
-    frequency: Annotated[float | None, typer.Option(help="Frequency, Hz; default: the last mode.")] = None,
-    phase: Annotated[float, typer.Option(help="Phase of group B ahead of group A, degrees.")] = 90.0,
+    voltage: Annotated[
+        float | None, typer.Option(help="Amplitude of both groups, V; default: the motor's recommended drive.")
+    ] = None,
+    frequency: Annotated[float | None, typer.Option(help="Frequency, Hz; default: as above.")] = None,
+    phase: Annotated[
+        float | None, typer.Option(help="Phase of group B ahead of group A, degrees; default: as above.")
+    ] = None,
     match: MatchOption = MatchKind.running,
     part: PartOption = None,
     mosfet: MosfetOption = None,
@@ -106,11 +111,11 @@ def drive(
     check_targets(output, (".json", ".csv", ".cir") if against is None else (".json", ".csv"), plot)
     of_motor, of_parts = changes_of(changes, part)
     loaded = load_changed(motor, of_motor)
-    tone = {"voltage": voltage, "frequency": loaded.modes[-1].frequency_hz if frequency is None else frequency}
+    tone = recommended_phases(loaded, voltage, frequency, phase)
     reports: list[DriveReport] = []
     fault: pr.SimulationError | None = None
     for number, words in enumerate([driver] if against is None else [driver, against]):
-        chosen = driver_of(words, tone | {"phase_deg": phase}, of_parts, mosfet, strict=number == 0)
+        chosen = driver_of(words, tone, of_parts, mosfet, strict=number == 0)
         try:
             with busy(f"ngspice runs the {chosen.name}"):
                 reports.append(

@@ -82,6 +82,25 @@ class DriveOptions:
         return pr.TwoToneDrive(**({"voltage_1": _VOLTAGE, "voltage_2": _VOLTAGE} | given))
 
 
+def recommended_phases(
+    motor: pr.Motor, voltage: float | None, frequency: float | None, phase_deg: float | None
+) -> dict[str, float]:
+    """Return voltage, frequency and phase of two phases: those given, the others from the motor's recommended drive.
+
+    Raises:
+        ParameterError: if a value is missing and the motor recommends two tones.
+    """
+    given = {"voltage": voltage, "frequency": frequency, "phase_deg": phase_deg}
+    missing = [name.removesuffix("_deg") for name, value in given.items() if value is None]
+    recommended = pr.default_drive(motor)
+    if missing and not isinstance(recommended, pr.TwoPhaseDrive):
+        raise pr.ParameterError(
+            f"The recommended drive of {motor.name} has two tones, and this command needs two phases of one tone. Give "
+            f"--{' and --'.join(missing)}."
+        )
+    return {name: getattr(recommended, name) if value is None else value for name, value in given.items()}
+
+
 def with_drive_options(command: Callable[..., Result]) -> Callable[..., Result]:
     """Replace a command's parameter ``drive`` by the options of a drive.
 

@@ -37,6 +37,7 @@ from pyspice_runner.commands.drive import (
     changes_of,
     driver_of,
 )
+from pyspice_runner.commands.driving import recommended_phases
 
 if TYPE_CHECKING:
     from pyspice_runner.analysis.matching import State
@@ -67,9 +68,13 @@ def track(
     motor: MotorArgument,
     tracker: Annotated[TrackerName, typer.Option(help="Tracker that sets the frequency.")] = TrackerName.pll,
     disturb: Annotated[DisturbName, typer.Option(help="Disturbance of the motor.")] = DisturbName.start,
-    voltage: Annotated[float, typer.Option(help="Amplitude of group A, V.")] = 50.0,
-    ratio_b: Annotated[float, typer.Option(help="Amplitude of group B over that of group A.")] = 2.0,
-    phase: Annotated[float, typer.Option(help="Phase of group B ahead of group A, degrees.")] = 90.0,
+    voltage: Annotated[
+        float | None, typer.Option(help="Amplitude of group A, V; default: the motor's recommended drive.")
+    ] = None,
+    ratio_b: Annotated[float, typer.Option(help="Amplitude of group B over that of group A.")] = 1.0,
+    phase: Annotated[
+        float | None, typer.Option(help="Phase of group B ahead of group A, degrees; default: the recommended drive.")
+    ] = None,
     frequency: Annotated[
         float | None,
         typer.Option(help="Centre of the oscillator's range, Hz; default: the resonance of the running motor."),
@@ -117,23 +122,19 @@ def track(
     check_targets(output, (".json", ".csv", ".cir"), plot)
     of_motor, of_parts = changes_of(changes, part) if driver else (changes, part)
     loaded = load_changed(motor, of_motor)
+    tone = recommended_phases(loaded, voltage, frequency, phase) | {"ratio_b": ratio_b}
     values = {
-        "kind": tracker.value, "voltage": voltage, "ratio_b": ratio_b, "phase_deg": phase, "span": span,
+        "kind": tracker.value, **tone, "span": span,
         "offset": (0.03 if disturb is DisturbName.start else 0.0) if offset is None else offset, "target_deg": target,
         "bandwidth_hz": bandwidth, "period_s": period, "step_hz": step_size, "polarity": -1 if reverse else 1,
     }  # fmt: skip
-    chosen = pr.Tracker(frequency=loaded.modes[-1].frequency_hz if frequency is None else frequency, **values)
+    chosen = pr.Tracker(**values)
     if frequency is None:
         from pyspice_runner.analysis.track import running_resonance
 
         resonance = running_resonance(loaded, chosen, contact=contact != NONE)
-        chosen = pr.Tracker(frequency=resonance.resonance_hz, **values)
-    through = driver and driver_of(
-        driver,
-        {"voltage": voltage, "ratio_b": ratio_b, "phase_deg": phase, "frequency": chosen.frequency},
-        of_parts,
-        mosfet,
-    )
+        chosen = pr.Tracker(**(values | {"frequency": resonance.resonance_hz}))
+    through = driver and driver_of(driver, tone | {"frequency": chosen.frequency}, of_parts, mosfet)
     with busy(f"ngspice runs the tracker {tracker.value}"):
         if through and through.network != "none" and (state := MATCH_STATES[match]):
             through = _matched(loaded, through, state, contact, timeout)

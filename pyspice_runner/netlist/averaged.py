@@ -12,6 +12,7 @@ at N phases of the period, and sums over the phases give the mean and the harmon
 from __future__ import annotations
 
 import sys
+from cmath import rect
 from collections.abc import Iterator, Mapping, Sequence
 from math import cos, pi, radians, sin
 
@@ -19,7 +20,7 @@ from PySpice.Spice.Netlist import Circuit, Netlist
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
-from pyspice_runner.model.drive import Load
+from pyspice_runner.model.drive import Load, TwoPhaseDrive, default_drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import add_cooling
@@ -338,7 +339,10 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
         ParameterError: for an invalid name.
     """
     circuit = AveragedSubCircuit(motor, thermal=thermal, name=check_name(name) if name else SUBCIRCUIT)
-    fastest = max(mode.frequency_hz for mode in motor.modes)
+    drive = default_drive(motor)
+    if not isinstance(drive, TwoPhaseDrive):  # two tones have no common amplitude
+        drive = TwoPhaseDrive(voltage=50.0, frequency=max(mode.frequency_hz for mode in motor.modes))
+    b = rect(drive.voltage, radians(drive.phase_deg))
     ranges = {item.name: item for item in read_library(_CONTACT).parameters}
     ranges |= {item.name: item for item in read_library("piezomotor_rotor").parameters}
     ranges["friction"] = ranges["mu"]
@@ -380,10 +384,11 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
         f"* TESTED WITH {read_library(_CONTACT).tested_with}",
         "*",
         "* USE    the first line of a deck is its title, so put these after a title",
-        "*   Va a_re 0 50",
-        "*   Vb b_im 0 50",
-        f"*   Vf frequency 0 {fastest:.6g}",
-        f"*   Xmotor a_re 0 0 b_im frequency shaft 0 heat {circuit.name}",
+        f"*   Va a_re 0 {drive.voltage:g}",
+        f"*   Vb_re b_re 0 {b.real:.6g}",
+        f"*   Vb_im b_im 0 {b.imag:.6g}",
+        f"*   Vf frequency 0 {drive.frequency:.6g}",
+        f"*   Xmotor a_re 0 b_re b_im frequency shaft 0 heat {circuit.name}",
         "*   .options method=gear trtol=50",
         "*   .tran 20u 100m 0 2m uic",
         "*   .measure tran speed_rad_s FIND v(shaft) AT=100m",

@@ -18,7 +18,7 @@ from pathlib import Path
 from PySpice.Spice.Simulation import CircuitSimulation
 
 from pyspice_runner.model.contact import limit_ratio, resonance_under_preload, static_penetration
-from pyspice_runner.model.drive import Load, TwoPhaseDrive, TwoToneDrive
+from pyspice_runner.model.drive import Load, TwoPhaseDrive, TwoToneDrive, default_drive
 from pyspice_runner.model.impact import Throw
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
@@ -41,7 +41,7 @@ from pyspice_runner.netlist.trackers import (
     tracker_filter,
 )
 
-MOTOR = "andersen2002"
+PAPER, WORKING = "andersen2002", "bimodal40"  # the paper's motor, and one that was designed to turn
 _STEP = 100e-9  # s: twice the default slider_time of the contact, 180 points a period at 55 kHz
 _TAIL_PERIODS = 20  # the last periods of a run, over which the deck measures
 _TAIL = f"FROM={{stop-{_TAIL_PERIODS}/frequency}} TO={{stop}}"
@@ -56,8 +56,9 @@ References = dict[str, str | dict[str, str]]  # name of a line → its new text,
 
 def deck_texts() -> dict[str, str]:
     """Return file name → text of every deck."""
-    motor = load_motor(MOTOR)
-    return {f"{name}.cir": write(motor) for name, write in _DECKS.items()} | averaged_deck_texts()
+    paper, working = load_motor(PAPER), load_motor(WORKING)
+    decks = {f"{name}.cir": write(paper) for name, write in _DECKS.items()}
+    return decks | {f"{name}.cir": write(working) for name, write in _WORKING_DECKS.items()} | averaged_deck_texts()
 
 
 def write_decks(folder: Path) -> list[Path]:
@@ -116,10 +117,10 @@ def _two_phases(drive: TwoPhaseDrive) -> Parameters:
     }
 
 
-_TWO_PHASE_SOURCES = {
-    "Va": "a 0 SIN(0 {voltage} {frequency} 0 0 0)",
-    "Vb": "b 0 SIN(0 {voltage} {frequency} 0 0 {phase})",
-}
+def _two_phase_sources(pins: tuple[str, str] = GROUPS) -> dict[str, str]:
+    """Return the lines of the sources at two nodes."""
+    phases = zip(GROUPS, pins, ("0", "{phase}"), strict=True)
+    return {f"V{group}": f"{pin} 0 SIN(0 {{voltage}} {{frequency}} 0 0 {phase})" for group, pin, phase in phases}
 
 
 def _plate_b(voltage: str) -> dict[str, str]:
@@ -137,11 +138,11 @@ def _two_tones(drive: TwoToneDrive) -> Parameters:
     }
 
 
-def _two_tone_sources(pins: tuple[str, str]) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the lines of the sources at two nodes, and the initial conditions of the plates."""
+def _two_tone_sources() -> tuple[dict[str, str], dict[str, str]]:
+    """Return the lines of the sources, and the initial conditions of the plates."""
     sources, start = {}, {}
-    for group, pin, sign in zip(GROUPS, pins, ("", "-"), strict=True):
-        sources[f"V{group}"] = f"{pin} drive_{group}1 SIN(0 {{voltage}} {{frequency}} 0 0 0)"
+    for group, sign in zip(GROUPS, ("", "-"), strict=True):
+        sources[f"V{group}"] = f"{group} drive_{group}1 SIN(0 {{voltage}} {{frequency}} 0 0 0)"
         sources[f"V{group}1"] = f"drive_{group}1 0 SIN(0 {{{sign}voltage_2}} {{frequency_2}} 0 0 {{phase}})"
         start[f"xmotor.xgroup_{group}.plate"] = f"{{{sign}voltage_2*sin({_RADIANS!r}*phase)}}"
     return sources, start
@@ -154,9 +155,9 @@ def _transient(
         motor, DriveSource(drive), load=Load(torque=load_torque), title=f"{motor.name}: {what.split('.')[0]}"
     )
     if isinstance(drive, TwoPhaseDrive):
-        parameters, sources, start = _two_phases(drive), _TWO_PHASE_SOURCES, _plate_b("voltage")
+        parameters, sources, start = _two_phases(drive), _two_phase_sources(), _plate_b("voltage")
     else:
-        parameters, (sources, start) = _two_tones(drive), _two_tone_sources(GROUPS)
+        parameters, (sources, start) = _two_tones(drive), _two_tone_sources()
     parameters["preload"] = (motor.contact.preload_n, "N")
     references: References = {**sources, "Xmotor": _STEPPED}
     if load_torque:
@@ -209,16 +210,16 @@ def _first_resonance(motor: Motor) -> str:
 def _spin_up(motor: Motor) -> str:
     return _transient(
         motor,
-        TwoPhaseDrive(voltage=100.0, frequency=51.7e3, phase_deg=90.0),
+        _recommended(motor),
         "Spin-up. The rotor starts from rest against a load torque.",
         duration=20e-3,
-        load_torque=20e-6,
+        load_torque=5e-3,
     )
 
 
 def _dynamometer(motor: Motor) -> str:
-    drive = TwoToneDrive(voltage_1=100.0, frequency_1=18e3, voltage_2=50.0, frequency_2=54e3, phase_deg=165.0)
-    bench = dynamometer_bench(motor, DriveSource(drive), speed=4.0, title=f"{motor.name}: dynamometer")
+    drive = _recommended(motor)
+    bench = dynamometer_bench(motor, DriveSource(drive), speed=10.0, title=f"{motor.name}: dynamometer")
     integrals = {
         "torque_mean_n_m": ("xbrake.v_friction", motor.rotor.radius_m),
         "load_torque_mean_n_m": ("xbrake.v_taken", 1.0),
@@ -234,28 +235,27 @@ def _dynamometer(motor: Motor) -> str:
         measures[f"{name}_0"] = f"FIND v({node}) AT={{stop-periods/frequency}}"
         measures[f"{name}_1"] = f"FIND v({node}) AT={{stop}}"
         measures[name] = f"PARAM='({name}_1-{name}_0)*{1e-6 * factor:g}*frequency/periods'"
-    sources, start = _two_tone_sources(METERED)
     parameters: Parameters = {
-        **_two_tones(drive),
+        **_two_phases(drive),
         "preload": (motor.contact.preload_n, "N"),
-        "speed": (4.0, "rad/s, at which the brake holds the rotor"),
+        "speed": (10.0, "rad/s, at which the brake holds the rotor"),
         "grip": (1e6, "N.m.s, of the brake; 0 releases the rotor"),
         "torque": (0.0, "N.m, load besides the brake"),
-        "periods": (36, "of frequency at the end of the run, for the means"),
-        **_stop_and_step(162 * drive.period),  # the first 7 ms settle
+        "periods": (80, "of frequency at the end of the run, for the means"),
+        **_stop_and_step(360 * drive.period),  # the first 7 ms settle
     }
     meters = {f"X{meter}": {"lag": "0.5*step"} for meter in ("contactmeter", "meter_a", "meter_b")}
     return _deck(
         bench,
-        """Dynamometer. The brake holds the rotor at a speed: 0 is stall, 8 rad/s about the no-load speed; a negative
+        """Dynamometer. The brake holds the rotor at a speed: 0 is stall, 50 rad/s about the no-load speed; a negative
         speed brakes the motor, a higher one drives it. For a load torque set grip=0 and torque. Prints means over whole
         periods: differences of the integrals of the instruments, divided by the time.""",
         parameters,
         {
-            **sources, **meters, "Vset": "set 0 DC {speed}", "Xmotor": _STEPPED,
+            **_two_phase_sources(METERED), **meters, "Vset": "set 0 DC {speed}", "Xmotor": _STEPPED,
             "Xbrake": {"grip": "grip", "torque": "torque"},
         },
-        measures, analysis=_TRANSIENT.replace("{stop}", "{stop+step}"), start=start,
+        measures, analysis=_TRANSIENT.replace("{stop}", "{stop+step}"), start=_plate_b("voltage"),
     )  # fmt: skip
 
 
@@ -376,7 +376,7 @@ def _thermal_drift(motor: Motor) -> str:
         from the drive. The heat capacity is 1e-5 of the real one, so that 1 ms stands for 100 s. To plot, inside
         ngspice: v(temperature) in K above the surroundings, v(heat) in W, i(va). Without Xcooling the pins are open and
         the temperature stays 0; a voltage source at temperature holds it.""",
-        parameters, {**_TWO_PHASE_SOURCES, "Xcooling": cooling}, measures, start=_plate_b("voltage"),
+        parameters, {**_two_phase_sources(), "Xcooling": cooling}, measures, start=_plate_b("voltage"),
     )  # fmt: skip
 
 
@@ -442,6 +442,12 @@ def _driver(motor: Motor, driver: Driver, what: str) -> str:
 
 def _average(expression: str) -> str:
     return f"AVG par('{expression}') {_TAIL}"
+
+
+def _recommended(motor: Motor) -> TwoPhaseDrive:
+    drive = default_drive(motor)
+    assert isinstance(drive, TwoPhaseDrive)
+    return drive
 
 
 def _chain(kind: str, network: str, values: Mapping[str, float]) -> Driver:
@@ -555,8 +561,6 @@ _DECKS: dict[str, Callable[[Motor], str]] = {
     "ellipse": _ellipse,
     "figure_eight": _figure_eight,
     "first_resonance": _first_resonance,
-    "spin_up": _spin_up,
-    "dynamometer": _dynamometer,
     "impact": lambda _: _impact(),
     "hysteresis": lambda motor: _hysteresis(
         motor, 0.0, "constant normal force", "The paper's law of one spring and one slider has no loss here."
@@ -598,6 +602,10 @@ _DECKS: dict[str, Callable[[Motor], str]] = {
         "Perturb and observe. It starts 1 % above the resonance of the free stator and seeks the greatest current.",
     ),
     "tracking_loop": _tracking_loop,
+}
+_WORKING_DECKS: dict[str, Callable[[Motor], str]] = {
+    "spin_up": _spin_up,
+    "dynamometer": _dynamometer,
 }
 
 

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import cos, pi, sin
+from math import cos, degrees, pi, sin
 
 from PySpice.Spice.Netlist import Netlist, SubCircuit
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.drive import Drive, default_drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount, Rotor
 from pyspice_runner.model.refusal import checked
@@ -417,7 +418,6 @@ def motor_library(
         motor, contact=contact, sliders=sliders, thermal=thermal, name=check_name(name) if name else ""
     )
     name = circuit.name
-    fastest = max(mode.frequency_hz for mode in motor.modes)
     step = coarsest_step(motor)
     pins = [("shaft", "rad/s", "rotor speed; a current fed into the pin is a driving torque")]
     if thermal:
@@ -463,8 +463,7 @@ def motor_library(
         f"* TESTED WITH {law.tested_with}",
         "*",
         "* USE    the first line of a deck is its title; then:",
-        f"*   Va a 0 SIN(0 50 {fastest:.6g})",
-        f"*   Vb b 0 SIN(0 50 {fastest:.6g} 0 0 90)",
+        *(f"*   {line}" for line in source_lines(default_drive(motor))),
         f"*   Xmotor a b 0 shaft {'0 heat ' if thermal else ''}{name}",
         "*   .tran 100n 500u 0 100n uic",
         "*   .measure tran speed_rad_s FIND v(shaft) AT=499u",
@@ -474,6 +473,17 @@ def motor_library(
         str(circuit).strip(),
     ]
     return "\n".join(lines) + "\n"
+
+
+def source_lines(drive: Drive) -> list[str]:
+    """Return ideal sources of a drive at the nodes ``a`` and ``b``: one for each tone, in series."""
+    lines = []
+    for group, tones in (("a", drive.tones_a), ("b", drive.tones_b)):
+        nodes = [group, *(f"{group}{number}" for number in range(2, len(tones) + 1)), "0"]
+        for number, tone in enumerate(tones):
+            source = f"V{group}{number + 1 if number else ''} {nodes[number]} {nodes[number + 1]}"
+            lines.append(f"{source} SIN(0 {tone.amplitude:g} {tone.frequency:.6g} 0 0 {degrees(tone.phase):.6g})")
+    return lines
 
 
 def _mount_line(motor: Motor) -> str:

@@ -10,16 +10,18 @@ from __future__ import annotations
 import json
 import sys
 import uuid
+from math import degrees
 from pathlib import Path
 
+from pyspice_runner.model.drive import Tone, default_drive
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.motor import SUBCIRCUIT, motor_library
 from pyspice_runner.netlist.symbols import MOTOR_PINS, TESTED, UNTESTED, kicad_symbol, ltspice_symbol
 
-MOTOR = "andersen2002"
+MOTOR = "bimodal40"
 NAME = "motor"  # name of all files, by which they refer to each other
-VOLTAGE, PHASES = 50.0, {"V1": 0.0, "V2": 90.0}  # V and degrees; the names in KiCad must end in a number
+SOURCES = ("V1", "V2")  # of groups A and B; the names in KiCad must end in a number
 STEP, STOP = "100n", "5m"
 _ROOT = uuid.uuid5(uuid.NAMESPACE_URL, "pyspice-runner/examples/kicad")
 _FONT = "(effects (font (size 1.27 1.27))"
@@ -59,6 +61,12 @@ def write_examples(folder: Path) -> list[Path]:
     return paths
 
 
+def _tones(motor: Motor) -> list[tuple[str, Tone]]:
+    """Return name and sine of both sources, of the recommended drive."""
+    drive = default_drive(motor)
+    return list(zip(SOURCES, (*drive.tones_a, *drive.tones_b), strict=True))
+
+
 def ltspice_schematic(motor: Motor) -> str:
     """Return the LTspice schematic, which refers to ``motor.asy`` in the same folder."""
     wires = [
@@ -69,15 +77,14 @@ def ltspice_schematic(motor: Motor) -> str:
         (512, 128, 576, 128),  # shaft
     ]  # fmt: skip
     flags = {"0": (160, 304), "a": (224, 128), "b": (304, 160), "shaft": (576, 128)}
-    frequency = motor.modes[-1].frequency_hz
     lines = ["Version 4", "SHEET 1 880 680"]
     lines += [f"WIRE {' '.join(map(str, wire))}" for wire in wires]
     lines += [f"FLAG {x} {y} {name}" for name, (x, y) in flags.items()]
-    for number, (name, phase) in enumerate(PHASES.items()):
+    for number, (name, tone) in enumerate(_tones(motor)):
         lines += [
             f"SYMBOL voltage {160 + 96 * number} 192 R0",
             f"SYMATTR InstName {name}",
-            f"SYMATTR Value SINE(0 {VOLTAGE:g} {frequency:.6g} 0 0 {phase:g})",
+            f"SYMATTR Value SINE(0 {tone.amplitude:g} {tone.frequency:.6g} 0 0 {degrees(tone.phase):.6g})",
         ]
     lines += [f"SYMBOL {NAME} 448 128 R0", "SYMATTR InstName X1"]
     lines += [f"TEXT 160 368 Left 2 !.tran 0 {STOP} 0 {STEP} uic", "TEXT 160 400 Left 2 !.options method=trap"]
@@ -93,7 +100,6 @@ def kicad_schematic(motor: Motor, symbol: str) -> str:
         symbol: the text of its symbol library, of which the schematic contains a copy.
     """
     copy = "\n".join(symbol.splitlines()[1:-1]).replace(f'"{SUBCIRCUIT}"', f'"{NAME}:{SUBCIRCUIT}"', 1)
-    frequency = motor.modes[-1].frequency_hz
     parts = [f'(kicad_sch (version 20230121) (generator pyspice_runner)\n  (uuid {_ROOT})\n  (paper "A4")']
     source = _SOURCE.replace('"VSIN"', f'"{NAME}:VSIN"', 1)
     parts.append(f"  (lib_symbols\n{copy}\n{source}\n  )")
@@ -114,8 +120,8 @@ def kicad_schematic(motor: Motor, symbol: str) -> str:
     pins = " ".join(f"{number}={pin.name}" for number, pin in enumerate(MOTOR_PINS, start=1))
     fields = {"Sim.Device": "SUBCKT", "Sim.Library": f"{NAME}.lib", "Sim.Name": SUBCIRCUIT, "Sim.Pins": pins}
     parts.append(_placed(f"{NAME}:{SUBCIRCUIT}", "X1", SUBCIRCUIT, (127.0, 76.2), fields, len(MOTOR_PINS)))
-    for number, (name, phase) in enumerate(PHASES.items()):
-        waveform = f"dc=0 ampl={VOLTAGE:g} f={frequency:.6g} td=0 theta=0 phase={phase:g}"
+    for number, (name, tone) in enumerate(_tones(motor)):
+        waveform = f"dc=0 ampl={tone.amplitude:g} f={tone.frequency:.6g} td=0 theta=0 phase={degrees(tone.phase):.6g}"
         fields = {"Sim.Device": "V", "Sim.Type": "SIN", "Sim.Params": waveform, "Sim.Pins": "1=+ 2=-"}
         parts.append(_placed(f"{NAME}:VSIN", name, "VSIN", (88.9 + 12.7 * number, 88.9), fields, 2))
     parts.append('  (sheet_instances (path "/" (page "1")))\n)')

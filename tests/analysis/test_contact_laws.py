@@ -23,7 +23,7 @@ from tests.reference.row import Array, run_motor
 
 pytestmark = pytest.mark.xdist_group("impact")
 
-MOTOR = pr.load_motor("andersen2002")
+MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
 DURATION = 1e-3
 DRIVES = {
     "stick": pr.TwoPhaseDrive(voltage=10.0, frequency=51.7e3),
@@ -176,8 +176,9 @@ def test_exported_library_runs_by_the_law_it_was_asked_for(
     (example,) = re.findall(r"^\* USE[^\n]*\n(.*?)^\* END USE$", library, re.M | re.S)
     usage = re.sub(r"^\*   ", "", example, flags=re.M)
     found = measured(f"a motor from one file\n{library}\n{usage}.end\n", tmp_path)
-    drive = pr.TwoPhaseDrive(voltage=50.0, frequency=float(f"{MOTOR.modes[-1].frequency_hz:.6g}"))
-    run = pr.simulate(MOTOR, drive, duration=5e-4, step=1e-7, exact_resonance=False, contact=law, sliders=4)
+    run = pr.simulate(
+        MOTOR, pr.default_drive(MOTOR), duration=5e-4, step=1e-7, exact_resonance=False, contact=law, sliders=4
+    )
     # the same circuit and step, but ngspice's default tolerances
     assert found["speed_rad_s"] == pytest.approx(np.interp(499e-6, run.time_s, run.rotor_speed_rad_s), rel=0.01)
     with pytest.raises(pr.ParameterError, match="contact = None is not valid"):
@@ -185,7 +186,7 @@ def test_exported_library_runs_by_the_law_it_was_asked_for(
 
 
 def test_sweep_goes_by_the_law_it_was_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["sweep", "andersen2002", "--over", "drive.voltage=50", "--frequency", "51.7e3"]
+    words = ["sweep", "andersen2002", "--set", "mount=none", "--over", "drive.voltage=50", "--frequency", "51.7e3"]
     words += ["--duration", "2e-4", "--store", str(tmp_path), "--workers", "1", "--json"]
     assert command([*words, "--contact", "brush", "--sliders", "4"]) == 0
     (speed,) = json.loads(capsys.readouterr().out)["quantities"]["mean_rotor_speed_rad_s"]

@@ -21,7 +21,7 @@ from pyspice_runner.run.waveforms import Waveforms
 
 pytestmark = pytest.mark.xdist_group("figure 5")  # the runs are shared
 
-MOTOR = pr.load_motor("andersen2002")
+MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
 FIRST, SECOND = MOTOR.modes
 F_1 = FIRST.frequency_hz
 CONTACT = MOTOR.contact

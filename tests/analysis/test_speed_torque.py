@@ -30,7 +30,7 @@ from pyspice_runner.run.setup import Setup
 
 pytestmark = pytest.mark.xdist_group("speed and torque")  # the curves are shared
 
-MOTOR = pr.load_motor("andersen2002-unintended-mode")
+MOTOR = pr.load_motor("andersen2002-unintended-mode").updated({"mount": None})
 SPEEDS = (-12.0, 0.0, 6.0, 12.0, 18.0, 24.0, 30.0)  # braking, stall, motoring, overrunning
 
 
@@ -238,7 +238,18 @@ def test_axes_units_and_provenance(tmp_path: Path) -> None:
 
 
 def test_the_command_prints_the_names_that_others_rely_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = [MOTOR.name, "--voltage", "100", "--frequency", "46e3", "--phase", "180", "--speeds=-12,6"]
+    words = [
+        MOTOR.name,
+        "--set",
+        "mount=none",
+        "--voltage",
+        "100",
+        "--frequency",
+        "46e3",
+        "--phase",
+        "180",
+        "--speeds=-12,6",
+    ]
     impatient = ["--mode", "settle", "--patience", "4", "--tolerance", "1e-8"]
     files = ["--output", str(tmp_path / "curve.csv"), "--plot", str(tmp_path / "curve.png")]
     assert run(["speed-torque", *words, *impatient, "--json", *files]) == 0

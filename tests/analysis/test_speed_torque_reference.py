@@ -20,19 +20,19 @@ OUTPUTS = 1000  # a period, so that its means are exact
 # motor, drive, speeds with stall among them, time in s after which the reference has settled to 1e-4
 CURVES = {
     "ellipse": (
-        pr.load_motor("andersen2002"),
+        pr.load_motor("andersen2002").updated({"mount": None}),
         pr.TwoPhaseDrive(voltage=100.0, frequency=51.7e3, phase_deg=90.0),
         (0.0, 1.0),
         8e-3,
     ),
     "hammering": (
-        pr.load_motor("andersen2002"),
+        pr.load_motor("andersen2002").updated({"mount": None}),
         pr.TwoToneDrive(voltage_1=100.0, frequency_1=18e3, voltage_2=50.0, frequency_2=54e3, phase_deg=165.0),
         (0.0, 16.0),
         12e-3,
     ),
     "unintended mode": (
-        pr.load_motor("andersen2002-unintended-mode"),
+        pr.load_motor("andersen2002-unintended-mode").updated({"mount": None}),
         pr.TwoPhaseDrive(voltage=100.0, frequency=44.5e3, phase_deg=180.0),
         (0.0, 12.0),
         8e-3,

@@ -66,7 +66,7 @@ def test_multipliers_of_a_free_linear_stator_are_those_of_its_equation_of_motion
     ("motor", "drive", "speeds"),
     [
         (PAPER, pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3), (-5.0, 3.0)),
-        (MOTOR, DRIVE, (-12.0, 18.0)),
+        (MOTOR.updated({"mount": None}), DRIVE, (-12.0, 18.0)),
         (PAPER, pr.TwoToneDrive(voltage_1=20.0, frequency_1=27e3, voltage_2=50.0, frequency_2=54e3), (2.0,)),
     ],
 )
@@ -125,9 +125,9 @@ def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_t
 
 
 def test_a_disturbance_dies_out_at_the_rate_of_the_largest_multiplier() -> None:
-    state = held(6.0)
-    largest = abs(state.floquet_multipliers[0])
-    bench = Dynamometer(off_beat(Setup(MOTOR, DriveSource(DRIVE))))
+    motor = MOTOR.updated({"mount": None})  # the carrier of the set is slower than the modes, and would be what is left
+    largest = abs(pr.steady_state(motor, DRIVE, speed=6.0).floquet_multipliers[0])
+    bench = Dynamometer(off_beat(Setup(motor, DriveSource(DRIVE))))
     motion = bench.rest(6.0)
     for _ in range(4):  # some decay times: near the steady state
         motion = bench.run(motion, 6.0, 0.0, meters=False).end

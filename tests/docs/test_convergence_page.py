@@ -73,7 +73,7 @@ ROWS = [
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("convergence")
-    assert run(["export", "andersen2002", "--output", str(path / "motor.lib")]) == 0
+    assert run(["export", "andersen2002", "--set", "mount=none", "--output", str(path / "motor.lib")]) == 0
     return path
 
 

@@ -26,7 +26,7 @@ from pyspice_runner.model.parameters import Patch
 from pyspice_runner.netlist.contact import REACH, SLIDERS
 
 PAGE = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs" / "limits.md").read_text(encoding="utf-8"))
-MOTOR = pr.load_motor("andersen2002")
+MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
 CONTACT = MOTOR.contact
 TIP_RADIUS_M = 0.005  # contact.materials.tip_radius_m of the set; a motor keeps what follows from it
 WORKING = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)

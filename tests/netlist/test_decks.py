@@ -100,37 +100,41 @@ def test_admittance_decks_find_resonance_and_conductance(name: str, preloaded: b
     motor = pr.load_motor("andersen2002")
     result = measured(name, tmp_path)
     frequencies = [mode.frequency_hz for mode in motor.modes]
-    if preloaded:  # the lowest is the rotor on the contact's spring
-        frequencies = list(linearised_resonances(motor.contact, motor.modes, motor.rotor)[1:])
+    if preloaded:  # the two lowest are the carrier and the rotor on the contact's springs
+        frequencies = list(linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)[2:])
     for number, (mode, frequency) in enumerate(zip(motor.modes, frequencies, strict=True), start=1):
         assert result[f"conductance_bending_{number}_s at"] == pytest.approx(frequency, abs=10.0)  # step of the sweep
-        coupling = 2 * mode.coupling_a_n_per_v  # both groups
-        reactance_ratio = motor.piezo.loss_tangent * frequency / motor.piezo.loss_reference_hz
-        dielectric = 2 * (2 * np.pi * frequency * motor.piezo.capacitance_a_f) * reactance_ratio
+        if preloaded:  # the carrier's damping takes part; pr.admittance is compared with the closed form elsewhere
+            found = pr.admittance(motor, state="preloaded", start=frequency - 10.0, stop=frequency + 10.0, points=21)
+            expected = found.driven("A+B" if number == 1 else "A-B").real.max()
+        else:
+            coupling = 2 * mode.coupling_a_n_per_v  # both groups
+            reactance_ratio = motor.piezo.loss_tangent * frequency / motor.piezo.loss_reference_hz
+            dielectric = 2 * (2 * np.pi * frequency * motor.piezo.capacitance_a_f) * reactance_ratio
+            expected = coupling**2 / mode.damping_n_s_per_m + dielectric
         # the sweep's step is 10 Hz: 5 Hz off the peak of mode 1, 238 Hz wide, cost (2·5/238)² = 0.18 %
-        assert result[f"conductance_bending_{number}_s"] == pytest.approx(
-            coupling**2 / mode.damping_n_s_per_m + dielectric, rel=2e-3
-        )
+        assert result[f"conductance_bending_{number}_s"] == pytest.approx(expected, rel=2e-3)
 
 
 @pytest.mark.parametrize(
-    ("name", "drive", "duration", "load"),
+    ("name", "motor", "drive", "duration", "load"),
     [
-        ("ellipse", pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0), 3e-3, 0.0),
+        ("ellipse", "andersen2002", pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0), 3e-3, 0.0),
         (
             "figure_eight",
+            "andersen2002",
             pr.TwoToneDrive(voltage_1=50.0, frequency_1=25e3, voltage_2=50.0, frequency_2=50e3),
             3e-3,
             0.0,
         ),
-        ("spin_up", pr.TwoPhaseDrive(voltage=100.0, frequency=51.7e3, phase_deg=90.0), 20e-3, 20e-6),
+        ("spin_up", "bimodal40", pr.default_drive(pr.load_motor("bimodal40")), 20e-3, 5e-3),
     ],
 )
 def test_transient_decks_agree_with_simulate(
-    name: str, drive: pr.TwoPhaseDrive, duration: float, load: float, tmp_path: Path
+    name: str, motor: str, drive: pr.TwoPhaseDrive, duration: float, load: float, tmp_path: Path
 ) -> None:
     result = measured(name, tmp_path)
-    run = pr.simulate(pr.load_motor("andersen2002"), drive, duration=duration, load_torque=load)
+    run = pr.simulate(pr.load_motor(motor), drive, duration=duration, load_torque=load)
     window = run.window()
     # the decks hold the physical modes; without the exact resonance their tip is off by up to 3 % at 100 ns
     assert result["tip_x_peak_to_peak_um"] == pytest.approx(1e6 * np.ptp(run.tip_x_m[window]), rel=0.03)
@@ -177,7 +181,7 @@ CHANGES = {
     "drive_half_bridge": {"voltage_b": "30", "stop": "50u"},
     "drive_linear": {"phase": "60", "stop": "50u"},
     "drive_llcc": {"frequency": "50k", "stop": "50u"},
-    "dynamometer": {"speed": "6", "stop": "0.2m", "periods": "3"},
+    "dynamometer": {"speed": "6", "stop": "0.2m", "periods": "6"},
     "ellipse": {"preload": "8", "stop": "0.4m"},
     "figure_eight": {"voltage_2": "40", "stop": "0.9m"},
     "first_resonance": {"frequency": "14k", "stop": "1.5m"},
@@ -186,7 +190,7 @@ CHANGES = {
     "hysteresis_varying": {"swing": "0.5"},
     "impact": {"velocity": "1.1"},
     "preloaded_admittance": {"preload": "0.1"},
-    "spin_up": {"torque": "200u", "stop": "0.4m"},
+    "spin_up": {"torque": "1m", "stop": "0.6m"},
     "thermal_drift": {"resistance": "50", "stop": "1.5m"},
     "tracker_observer": {"offset": "0.02", "stop": "0.1m"},
     "tracker_pll": {"target": "20", "stop": "0.1m"},
@@ -243,17 +247,17 @@ def test_first_resonance_hammers(tmp_path: Path) -> None:
 
 def test_dynamometer_deck_integrates_what_the_waveforms_of_simulate_hold(tmp_path: Path) -> None:
     result = measured("dynamometer", tmp_path)
-    drive = pr.TwoToneDrive(voltage_1=100.0, frequency_1=18e3, voltage_2=50.0, frequency_2=54e3, phase_deg=165.0)
-    motor = pr.load_motor("andersen2002")
-    run = pr.simulate(motor, drive, duration=162 * drive.period, speed=4.0)
-    # 36 periods against the last 20, still settling, and without the exact resonance: measured 0.1 to 0.4 %
+    motor = pr.load_motor("bimodal40")
+    drive = pr.default_drive(motor)
+    run = pr.simulate(motor, drive, duration=360 * drive.period, speed=10.0)
+    # 80 periods against the last 20, still settling, and without the exact resonance
     means = {
         "torque_mean_n_m": run.mean_torque_n_m,
-        "load_torque_mean_n_m": run.mean_torque_n_m - 4.0 * motor.rotor.bearing_damping_n_m_s,
+        "load_torque_mean_n_m": run.mean_torque_n_m - 10.0 * motor.rotor.bearing_damping_n_m_s,
         "normal_force_mean_n": run.mean(run.normal_force_n),
         "power_a_w": run.mean(run.voltage_a_v * run.current_a_a),
         "power_b_w": run.mean(run.voltage_b_v * run.current_b_a),
-        "shaft_power_w": 4.0 * run.mean_torque_n_m,
+        "shaft_power_w": 10.0 * run.mean_torque_n_m,
     }
     for name, expected in means.items():
         assert result[name] == pytest.approx(expected, rel=0.01), name
@@ -319,7 +323,7 @@ def test_the_averaged_operating_point_is_the_steady_state_of_the_full_model(tmp_
 def test_a_small_signal_is_the_slope_of_the_operating_point(tmp_path: Path) -> None:
     low, high = (
         run_with("averaged_operating_point", {"voltage": voltage}, tmp_path)["speed_rad_s"]
-        for voltage in ("115", "116")
+        for voltage in ("110", "111")
     )
     slow = run_with("averaged_small_signal", {"lowest": "0.01", "highest": "0.1"}, tmp_path)
     # the 64 phases of the contact change from stick to slip one by one, and the slope with them: measured 2 %

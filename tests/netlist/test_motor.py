@@ -61,8 +61,7 @@ def test_library_runs_with_no_other_file_and_agrees_with_simulate(name: str, tmp
     subject = motor() if name == "off the defaults" else pr.load_motor(name)
     library = motor_library(subject)
     found = measured(f"a motor from one file\n{library}\n{usage(library)}.end\n", tmp_path)
-    drive = pr.TwoPhaseDrive(voltage=50.0, frequency=float(f"{subject.modes[-1].frequency_hz:.6g}"), phase_deg=90.0)
-    run = pr.simulate(subject, drive, duration=5e-4, step=STEP, exact_resonance=False)
+    run = pr.simulate(subject, pr.default_drive(subject), duration=5e-4, step=STEP, exact_resonance=False)
     at_499_us = float(np.interp(499e-6, run.time_s, run.rotor_speed_rad_s))
     # the same circuit and step; ngspice's default tolerance of 1e-3 in the example, its own steps near t = 0
     assert found["speed_rad_s"] == pytest.approx(at_499_us, rel=0.01)

@@ -178,7 +178,7 @@ def test_a_tracker_drives_a_motor_through_a_driver(tmp_path: Path, capsys: pytes
     assert run([*words, "--driver", f"{EXAMPLE}:push_pull", "--part", "driver.rout=5", "--output", str(saved)]) == 0
     found = json.loads(capsys.readouterr().out)["driver"]
     assert found["label"].startswith("push_pull, 50 V at 51.7 kHz")
-    assert found["ratio_b"] == 2.0
+    assert found["ratio_b"] == 1.0
     assert found["parts"]["b"]["driver"]["rout"] == 5.0
     assert "\n.subckt driver_own in out com vp vn" in saved.read_text(encoding="utf-8")
     assert run([*words, "--driver", f"{EXAMPLE}:generator"]) == 2

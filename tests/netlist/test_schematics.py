@@ -125,8 +125,8 @@ def test_the_circuit_of_a_drawing_runs_as_simulate_does(tool: str, read: object,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     speed = float(re.search(r"speed_end\s*=\s*(\S+)", done.stdout)[1])  # type: ignore[index]
-    motor = pr.load_motor("andersen2002")
-    drive = pr.TwoPhaseDrive(voltage=50.0, frequency=motor.modes[-1].frequency_hz, phase_deg=90.0)
+    motor = pr.load_motor("bimodal40")
+    drive = pr.default_drive(motor)
     run = pr.simulate(motor, drive, duration=0.5e-3)
     expected = float(np.interp(499e-6, run.time_s, run.rotor_speed_rad_s))
     # The exported motor keeps its own parameters, so that the trapezoidal rule at h = 100 ns lets it ring low by

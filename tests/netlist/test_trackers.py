@@ -29,7 +29,7 @@ from tests.netlist.test_decks import measured
 
 pytestmark = pytest.mark.xdist_group("trackers")
 
-MOTOR = pr.load_motor("andersen2002")
+MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
 
 
 def tracker(**values: Any) -> Tracker:

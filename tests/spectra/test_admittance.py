@@ -17,6 +17,7 @@ PARAMETER_SETS = [
         "modes.0.frequency_hz": 21e3,
         "modes.0.coupling_b_n_per_v": 0.05,
         "modes.1.damping_n_s_per_m": 2.0,
+        "mount": None,
         "piezo.loss_tangent": 0.0,
         "piezo.capacitance_b_f": 5e-9,
         "contact.preload_n": 12.0,
@@ -97,6 +98,7 @@ def test_a_symmetric_motor_is_driven_by_sum_and_difference_each_in_one_mode() ->
 
 
 def test_preload_raises_the_first_resonance_by_the_contact_stiffness(motor: pr.Motor) -> None:
+    motor = motor.updated({"mount": None})
     contact, mode = motor.contact, motor.modes[0]
     penetration = (contact.preload_n / contact.normal_stiffness_n_per_m15) ** (2 / 3)
     stiffness = 3 * contact.preload_n / (2 * penetration)
@@ -111,23 +113,26 @@ def test_the_operating_point_has_the_preload(motor: pr.Motor) -> None:
 
 
 def test_preloaded_admittance_is_the_linearised_closed_form(motor: pr.Motor) -> None:
-    """Modes and rotor coupled by the normal and the tangential stiffness of the sticking contact."""
+    """Modes, rotor and carrier coupled by the normal and the tangential stiffness of the sticking contact."""
     contact, rotor = motor.contact, motor.rotor
+    carrier = [motor.mount] if motor.mount else []
     penetration = (contact.preload_n / contact.normal_stiffness_n_per_m15) ** (2 / 3)
     normal = 1.5 * contact.preload_n / penetration
     compliance = contact.tangential_compliance_tip_m_per_n23 + contact.tangential_compliance_rotor_m_per_n23
     tangential = 1.5 * contact.preload_n ** (1 / 3) / compliance
-    x = np.array([*(mode.tip_x for mode in motor.modes), -1.0])
-    y = np.array([*(mode.tip_y for mode in motor.modes), 0.0])
-    mass = np.diag([*(mode.mass_kg for mode in motor.modes), rotor.inertia_kg_m2 / rotor.radius_m**2])
-    damping = np.diag(
-        [*(mode.damping_n_s_per_m for mode in motor.modes), rotor.bearing_damping_n_m_s / rotor.radius_m**2]
-    )
-    stiffness = np.diag([*(mode.stiffness_n_per_m for mode in motor.modes), 0.0])
+    parts = [*motor.modes, *carrier]
+    x = np.array([*(mode.tip_x for mode in motor.modes), *(0.0 for _ in carrier), -1.0])
+    y = np.array([*(mode.tip_y for mode in motor.modes), *(1.0 for _ in carrier), 0.0])
+    mass = np.diag([*(part.mass_kg for part in parts), rotor.inertia_kg_m2 / rotor.radius_m**2])
+    damping = np.diag([*(part.damping_n_s_per_m for part in parts), rotor.bearing_damping_n_m_s / rotor.radius_m**2])
+    stiffness = np.diag([*(part.stiffness_n_per_m for part in parts), 0.0])
     stiffness = stiffness + normal * np.outer(y, y) + tangential * np.outer(x, x)
     x[-1] = 0.0  # the preload on the curved rotor pushes a tip that is off its crown further away
     stiffness -= contact.preload_n / rotor.radius_m * np.outer(x, x)
-    couplings = np.array([[*(getattr(mode, f"coupling_{g}_n_per_v") for mode in motor.modes), 0.0] for g in ("a", "b")])
+    couplings = np.zeros((2, len(x)))
+    couplings[:, : len(motor.modes)] = [
+        [getattr(mode, f"coupling_{g}_n_per_v") for mode in motor.modes] for g in ("a", "b")
+    ]
     result = pr.admittance(motor, state="preloaded", start=3e3, stop=90e3, points=400)
     free_of_modes = motor.updated({f"modes.{i}.coupling_{g}_n_per_v": 0.0 for i in range(2) for g in "ab"})
     exact = closed_form(free_of_modes, result.frequency_hz)

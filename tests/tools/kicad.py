@@ -52,8 +52,8 @@ def test_the_exported_netlist_runs_as_simulate_does(project: Path) -> None:
     )
     assert done.returncode == 0, done.stdout + done.stderr
     speed = float(re.findall(r"speed_end\s*=\s*(\S+)", done.stdout)[0])
-    motor = pr.load_motor("andersen2002")
-    drive = pr.TwoPhaseDrive(voltage=50.0, frequency=motor.modes[-1].frequency_hz, phase_deg=90.0)
+    motor = pr.load_motor("bimodal40")
+    drive = pr.default_drive(motor)
     run = pr.simulate(motor, drive, duration=0.5e-3)
     # at 100 ns a mode without the exact resonance resonates 9e-5 low: at Q = 59 this changes the motion by 1 %
     assert speed == pytest.approx(float(np.interp(499e-6, run.time_s, run.rotor_speed_rad_s)), rel=0.02)
