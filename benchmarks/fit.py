@@ -57,7 +57,7 @@ class Outcome:
 
 
 def synthetic(arms: int) -> Case:
-    """Arms of Q 30 to 2000 behind leads, with 0.3 % noise."""
+    """Arms of Q 30 to 2000, with 0.3 % noise."""
     frequencies = [20e3, 26e3, 33e3, 41e3, 44e3][:arms]
     qualities = [200.0, 80.0, 2000.0, 400.0, 30.0][:arms]
     circuit = pr.EquivalentCircuit(
@@ -65,7 +65,7 @@ def synthetic(arms: int) -> Case:
             pr.MotionalArm(1.0 / (2 * pi * f * c * q), 1.0 / ((2 * pi * f) ** 2 * c), c)
             for f, q, c in zip(frequencies, qualities, [30e-12, 20e-12, 10e-12, 15e-12, 40e-12], strict=False)
         ),
-        1e-9, 0.01, 27e3, 20.0, 1e-4,
+        1e-9, 0.01, 27e3,
     )  # fmt: skip
     frequency = np.linspace(15e3, 50e3, 401)
     noise = np.random.default_rng(arms).standard_normal((2, len(frequency))) * 0.003 / sqrt(2.0)

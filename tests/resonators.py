@@ -26,13 +26,19 @@ def resonator(
     reference: float = 1e5,
     lead_resistance: float = 0.0,
     lead_inductance: float = 0.0,
+    rising: bool = True,
 ) -> EquivalentCircuit:
-    """A circuit by its arms' series resonances in Hz, quality factors and capacitance ratios C/C₀."""
+    """A circuit by its arms' series resonances in Hz, quality factors and capacitance ratios C/C₀.
+
+    Its loss is a resistance in series with C₀, or with ``rising=False`` the ladder around the reference frequency.
+    """
     arms = []
     for frequency, quality, ratio in zip(frequencies, qualities, ratios, strict=True):
         omega, motional = 2.0 * pi * frequency, ratio * capacitance
         arms.append(MotionalArm(1.0 / (omega * motional * quality), 1.0 / (omega**2 * motional), motional))
-    return EquivalentCircuit(tuple(arms), capacitance, loss_tangent, reference, lead_resistance, lead_inductance)
+    leads = lead_resistance, lead_inductance
+    parts = {"loss_tangent_rising": loss_tangent if rising else 0.0}
+    return EquivalentCircuit(tuple(arms), capacitance, loss_tangent, reference, *leads, **parts)
 
 
 def random_resonator(seed: int, arms: int, *, nearest: float = 3.0) -> tuple[EquivalentCircuit, np.ndarray]:
@@ -61,8 +67,9 @@ def random_resonator(seed: int, arms: int, *, nearest: float = 3.0) -> tuple[Equ
         capacitance=capacitance,
         loss_tangent=float(rng.uniform(0.0, 0.05)),
         reference=sqrt(start * stop),
-        lead_resistance=float(rng.uniform(0.0, 0.2)) * least * with_leads,
-        lead_inductance=float(rng.uniform(0.0, 0.1)) / ((2.0 * pi * stop) ** 2 * capacitance) * with_leads,
+        rising=bool(seed % 4),
+        lead_resistance=min(float(rng.uniform(0.0, 0.2)) * least, 4.0) * with_leads,
+        lead_inductance=min(float(rng.uniform(0.0, 0.1)) / ((2.0 * pi * stop) ** 2 * capacitance), 8e-6) * with_leads,
     )
     return circuit, grid
 

@@ -31,8 +31,12 @@ from pyspice_runner.commands.fit import (
     FitTimeoutOption,
     LeadsOption,
     ModesOption,
+    NoiseOption,
+    NoLeadsOption,
     Port,
     ThroughOption,
+    leads_of,
+    noise_of,
     reader,
 )
 
@@ -61,7 +65,9 @@ def compare(
     modes: ModesOption = None,
     connection: Annotated[Port, typer.Option(help="Connection of the groups, of a motor and of two-ports.")] = Port.a,
     state: Annotated[StateKind, typer.Option(help="Tip of a motor: free, or pressed on the rotor.")] = StateKind.free,
-    leads: LeadsOption = True,
+    leads: LeadsOption = "auto",
+    no_leads: NoLeadsOption = False,
+    noise: NoiseOption = None,
     timeout: FitTimeoutOption = None,
     columns: ColumnsOption = None,
     through: ThroughOption = None,
@@ -93,7 +99,8 @@ def compare(
         against = _reference(reference, changes, read)
     with busy("fitting", "spectrum {} of {}") as progress:
         trend = pr.compare(
-            spectra, against, modes=modes, connection=connection.value, state=state.value, leads=leads,
+            spectra, against, modes=modes, connection=connection.value, state=state.value, leads=leads_of(leads,
+            no_leads), noise=noise_of(noise),
             timeout=timeout, at=grid("--at", at) if at else None, label=label, progress=progress,
         )  # fmt: skip
     outside = [item.outside(tolerances) if tolerances else () for item in trend.comparisons]

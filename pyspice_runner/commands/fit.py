@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from enum import StrEnum
 from functools import partial
@@ -53,7 +54,33 @@ ModesOption = Annotated[int | None, typer.Option(help="Number of motional arms; 
 ConnectionOption = Annotated[Port, typer.Option(help="Connection of the groups, for the spectrum of a two-port.")]
 StartOption = Annotated[float, typer.Option(help="First frequency that counts, Hz.")]
 StopOption = Annotated[float | None, typer.Option(help="Last frequency that counts, Hz.")]
-LeadsOption = Annotated[bool, typer.Option("--leads/--no-leads", help="Fit the leads, or take them as compensated.")]
+LeadsOption = Annotated[
+    str,
+    typer.Option(
+        metavar="auto|none|L,R",
+        help="Find leads where the data demand them, take them as compensated, or state them as 20nH,0.1ohm.",
+    ),
+]
+NoLeadsOption = Annotated[bool, typer.Option("--no-leads", help="The same as --leads none.")]
+NoiseOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KIND=VALUE,…",
+        help="Known error: proportional=0.1%, s11=1e-4 (in 50 Ω) or z=0.1 (Ω). Estimated if not given.",
+    ),
+]
+_FIXTURE = "Fixture"
+OpenOption = Annotated[
+    Path | None, typer.Option("--open", help="Spectrum of the fixture without the device.", rich_help_panel=_FIXTURE)
+]
+ShortOption = Annotated[
+    Path | None, typer.Option("--short", help="Spectrum of the fixture with a short.", rich_help_panel=_FIXTURE)
+]
+LoadOption = Annotated[
+    Path | None,
+    typer.Option("--load", help="Spectrum of the fixture with a resistor of --load-ohm.", rich_help_panel=_FIXTURE),
+]
+LoadOhmOption = Annotated[float, typer.Option("--load-ohm", help="That resistor, Ω.", rich_help_panel=_FIXTURE)]
 FitTimeoutOption = Annotated[
     float | None, typer.Option("--timeout", help="Seconds after which the fit of a spectrum ends with an error.")
 ]
@@ -124,11 +151,55 @@ def reader(
     return partial(pr.read_spectrum, trace=trace, columns=names, through=device)
 
 
+_PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "k": 1e3}
+_LEAD = re.compile(r"(?P<number>[0-9.]+(?:e[-+]?[0-9]+)?) ?(?P<prefix>[pnuµmk]?)(?P<unit>H|ohm|Ω)")
+
+
+def leads_of(text: str, none: bool) -> bool | tuple[float, float]:
+    """Read --leads: True to find them, False for none, or resistance in Ω and inductance in H."""
+    if none or text in ("auto", "none"):
+        return not (none or text == "none")
+    found = {"H": 0.0, "ohm": 0.0}
+    for part in text.split(","):
+        match = _LEAD.fullmatch(part.strip())
+        try:
+            value = float(match["number"]) * _PREFIXES[match["prefix"]] if match else None
+        except ValueError:
+            value = None
+        if match is None or value is None:
+            raise pr.ParameterError(f"--leads {text!r} is not valid: write auto, none, or values as 20nH,0.1ohm.")
+        found["H" if match["unit"] == "H" else "ohm"] = value
+    return found["ohm"], found["H"]
+
+
+def noise_of(text: str | None) -> dict[str, float] | None:
+    """Read --noise: kind → σ."""
+    if text is None:
+        return None
+    found = {}
+    for part in text.split(","):
+        kind, _, value = part.partition("=")
+        try:
+            found[kind.strip()] = float(value.removesuffix("%")) * (0.01 if value.endswith("%") else 1.0)
+        except ValueError:
+            raise pr.ParameterError(
+                f"--noise {text!r} is not valid: write proportional=0.1%, s11=1e-4 or z=0.1, or proportional "
+                f"and one other."
+            ) from None
+    return found
+
+
 def fit(
     file: FileArgument,
     modes: ModesOption = None,
     connection: ConnectionOption = Port.a,
-    leads: LeadsOption = True,
+    leads: LeadsOption = "auto",
+    no_leads: NoLeadsOption = False,
+    noise: NoiseOption = None,
+    opened: OpenOption = None,
+    short: ShortOption = None,
+    load: LoadOption = None,
+    load_ohm: LoadOhmOption = 50.0,
     timeout: FitTimeoutOption = None,
     trace: TraceOption = None,
     columns: ColumnsOption = None,
@@ -164,14 +235,21 @@ def fit(
         return
     if mass or velocity or tips:
         raise pr.ParameterError("--mass-kg, --velocity-per-current and --tip belong to --two-port or --b; add one.")
-    check_targets(output, (*CIRCUIT_ENDINGS, ".json", ".csv"), plot, [file])
+    check_targets(output, (*CIRCUIT_ENDINGS, ".json", ".csv"), plot, [file, opened, short, load])
+    known, error = leads_of(leads, no_leads), noise_of(noise)
     with busy("reading"):
         spectrum = reader(columns, through, trace)(file)
         spectrum = spectrum.driven(connection.value) if spectrum.ports == 2 else spectrum
+        fixture = [pr.read_spectrum(path) if path is not None else None for path in (opened, short, load)]
+        if any(part is not None for part in fixture):
+            from pyspice_runner.spectra.fixture import without_fixture
+
+            parts = dict(zip(("opened", "short", "load"), fixture, strict=True))
+            spectrum = without_fixture(spectrum, **parts, load_ohm=load_ohm)
     if start or stop is not None:
         spectrum = spectrum.between(start, inf if stop is None else stop)
     with busy("fitting", _ARMS_TRIED) as progress:
-        result = pr.fit_spectrum(spectrum, modes, leads=leads, timeout=timeout, progress=progress)
+        result = pr.fit_spectrum(spectrum, modes, leads=known, noise=error, timeout=timeout, progress=progress)
     deliver(result.to_dict(), _table(result), as_json, (output, result.save), (plot, result.plot))
     if not as_json:
         _tell(result)
@@ -206,11 +284,18 @@ def _tell(result: SpectrumFit) -> None:
     loss = "±?" if loss_error is None else f"±{loss_error:.2g}"
     say(
         f"clamped capacitance {engineering(circuit.clamped_capacitance_f, 'F')} {share}, loss tangent "
-        f"{circuit.loss_tangent:.3g} {loss} at {engineering(circuit.loss_reference_hz, 'Hz')}, leads "
-        f"{engineering(circuit.lead_resistance_ohm, 'Ω')} and {engineering(circuit.lead_inductance_h, 'H')}\n"
+        f"{circuit.loss_tangent:.3g} {loss} at {engineering(circuit.loss_reference_hz, 'Hz')}, "
+        + (
+            f"leads {engineering(circuit.lead_resistance_ohm, 'Ω')} and {engineering(circuit.lead_inductance_h, 'H')}, "
+            if result.leads
+            else "no leads, "
+        )
+        + (f"damping coupled by {len(circuit.shared_losses)} shared resistance, " if circuit.shared_losses else "")
+        + f"error {', '.join(f'{kind} {sigma:.2g}' for kind, sigma in result.noise.items())}\n"
     )
     tried = ", ".join(
-        f"{item.arms} ({item.criterion:.0f}, {100.0 * item.rms_relative_error:.2g} %"
+        f"{item.arms}{' coupled' if item.rank else ''}{' with leads' if item.leads else ''} "
+        f"({item.criterion:.0f}, {100.0 * item.rms_relative_error:.2g} %"
         f"{', ' if item.note else ''}{item.note})"
         for item in result.candidates
     )

@@ -14,9 +14,10 @@ from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.model.refusal import checked, quoted
 
 _ARM = [item.name for item in fields(MotionalArm)]
-_WHOLE = [item.name for item in fields(EquivalentCircuit) if item.name != "arms"]
+_WHOLE = [item.name for item in fields(EquivalentCircuit) if item.name not in ("arms", "shared_losses")]
 _LEAST, _MOST = 1e-30, 1e18  # beyond any circuit, and far from where numbers end
-_MAY_BE_ZERO = ("loss_tangent", "lead_resistance_ohm", "lead_inductance_h")
+_MAY_BE_MISSING = ("lead_resistance_ohm", "lead_inductance_h", "loss_tangent_falling", "loss_tangent_rising")
+_MAY_BE_ZERO = ("loss_tangent", *_MAY_BE_MISSING)
 
 
 def circuit_toml(circuit: EquivalentCircuit, *, title: str = "") -> str:
@@ -33,6 +34,11 @@ def circuit_toml(circuit: EquivalentCircuit, *, title: str = "") -> str:
         "",
         *(f"{key} = {float(getattr(circuit, key))!r}" for key in _WHOLE),
     ]
+    if circuit.shared_losses:
+        lines += [
+            "# in the square root of ohm, of the clamped capacitance and of each arm, a row for each shared resistance"
+        ]
+        lines += [f"shared_losses = {[list(map(float, row)) for row in circuit.shared_losses]}"]
     for arm in circuit.arms:
         lines += ["", "[[arms]]", *(f"{key} = {float(getattr(arm, key))!r}" for key in _ARM)]
     return "\n".join(lines) + "\n"
@@ -72,8 +78,41 @@ def load_circuit(path: str | Path) -> EquivalentCircuit:
         MotionalArm(*(_number(arm, key, f"arms.{index}.{key}", path.name) for key in _ARM))
         for index, arm in enumerate(arms)
     ]
-    whole = [_number(document, key, key, path.name) for key in _WHOLE]
-    return EquivalentCircuit(tuple(sorted(found, key=lambda arm: arm.series_resonance_hz)), *whole)
+    whole = {key: _number(document, key, key, path.name) for key in _WHOLE}
+    order = sorted(range(len(found)), key=lambda index: found[index].series_resonance_hz)
+    rows = _rows(document.get("shared_losses") or [], [found[index] for index in order], order, path.name)
+    circuit = EquivalentCircuit(tuple(found[index] for index in order), **whole, shared_losses=rows)
+    if circuit.loss_tangent_falling + circuit.loss_tangent_rising > circuit.loss_tangent * (1.0 + 1e-9) + 1e-12:
+        raise ParameterError(
+            f"{path.name}: loss_tangent = {circuit.loss_tangent:g} is less than its parts loss_tangent_falling and "
+            "loss_tangent_rising together. Correct one of them."
+        )
+    if circuit.dielectric()[0] <= 0.0:
+        raise ParameterError(
+            f"{path.name}: loss_tangent = {circuit.loss_tangent:g} has too great a constant part: above 0.3 it "
+            f"makes no "
+            "passive circuit. State a part of it as loss_tangent_falling or loss_tangent_rising."
+        )
+    return circuit
+
+
+def _rows(given: Any, arms: list[MotionalArm], order: list[int], where: str) -> tuple[tuple[float, ...], ...]:
+    """Return the rows of shared losses, with the arms in their order, checked: no arm shares more than it has."""
+    bad = f"{where}: shared_losses = {quoted(given)} is not valid: it must have rows of {len(arms) + 1} numbers."
+    if not isinstance(given, list) or not all(isinstance(row, list) and len(row) == len(arms) + 1 for row in given):
+        raise ParameterError(bad)
+    if not all(isinstance(value, int | float) and abs(value) <= _MOST for row in given for value in row):
+        raise ParameterError(bad)
+    rows = tuple(tuple(float(row[index]) for index in (0, *(1 + place for place in order))) for row in given)
+    for index, arm in enumerate(arms):
+        shared = sum(row[1 + index] ** 2 for row in rows)
+        if shared > arm.resistance_ohm * (1.0 + 1e-9):
+            raise ParameterError(
+                f"{where}: shared_losses give {shared:g} Ω to the arm at {arm.series_resonance_hz:g} Hz, whose "
+                f"resistance "
+                f"is {arm.resistance_ohm:g} Ω; it must be that much at least."
+            )
+    return rows
 
 
 def _parse_json(text: str, name: str) -> Any:
@@ -84,7 +123,7 @@ def _parse_json(text: str, name: str) -> Any:
 
 
 def _number(table: dict[str, Any], key: str, path: str, where: str) -> float:
-    value = table.get(key, 0.0 if key.startswith("lead_") else None)
+    value = table.get(key, 0.0 if key in _MAY_BE_MISSING else None)
     if value is None:
         raise ParameterError(f"{where}: {path} is missing. State it.")
     least = 0.0 if key in _MAY_BE_ZERO else _LEAST

@@ -3,12 +3,18 @@ r"""The equivalent circuit of a piezoelectric resonator: Butterworth–Van Dyke 
 
 .. math::
     Y = \frac{1}{R_\ell + sL_\ell + 1/Y_d}, \qquad
-    Y_d = \frac{1}{R_0 + 1/(sC_0)} + \sum_n \frac{1}{R_n + sL_n + 1/(sC_n)}, \qquad
-    R_0 = \frac{\tan\delta}{2\pi f_0 C_0}
+    Y_d = \frac{1}{R_0 + 1/Y_0} + \mathbf 1^T Z^{-1} \mathbf 1, \qquad
+    Z = R + sL + \frac{1}{sC}
 
-The leads R_ℓ, L_ℓ stand in series with the device Y_d. The loss of the clamped capacitance C₀ is a resistance in series
-with it, as in ``behavioral/piezomotor_group.lib``: tan δ holds at the reference frequency f₀ and rises in proportion to
-frequency. The characteristic frequencies are IEEE 176's, of the device behind its leads.
+L and C are diagonal. R is diagonal too where the arms are lossy each by itself; where modes share their losses it is a
+full positive definite matrix, :math:`R_{ij} = \sqrt{L_i L_j} D_{ij}` with the damping matrix D in 1/s. The circuit is
+then
+passive for all values: Re Y is a sum of squares. The leads R_ℓ, L_ℓ stand in series with the device Y_d.
+
+The clamped capacitance C₀ holds at the reference frequency f₀, and so does its loss tangent. Of it, one part falls with
+frequency (a conductance in parallel), one rises (the resistance R₀ in series) and the rest is constant: a ladder of R–C
+branches (:mod:`.dielectric`) from f₀/100 to 100 f₀ that, by Kramers and Kronig, lets the capacitance fall slowly. The
+characteristic frequencies are IEEE 176's, of the device behind its leads.
 """
 
 from __future__ import annotations
@@ -20,6 +26,10 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pyspice_runner.model.dielectric import loss_ladder
+
+LADDER_SPAN = 100.0  # of the constant loss, to both sides of the reference frequency
+LADDER_BRANCHES = 9  # two a decade
 _WINDOW = 2.0  # bandwidths on each side of a resonance in which its extrema are looked for
 _GRID = 401  # points over that window: 100 a bandwidth
 
@@ -73,7 +83,21 @@ class Characteristics:
 
 @dataclass(frozen=True)
 class EquivalentCircuit:
-    """Clamped capacitance with loss, motional arms by rising frequency, and leads."""
+    """Clamped capacitance with loss, motional arms by rising frequency, and leads.
+
+    Attributes:
+        arms: the arms; ``resistance_ohm`` of an arm is the diagonal element of R.
+        clamped_capacitance_f: C₀ at the reference frequency.
+        loss_tangent: of C₀ at the reference frequency, its three parts together.
+        loss_reference_hz: the reference frequency.
+        lead_resistance_ohm: R_ℓ.
+        lead_inductance_h: L_ℓ.
+        loss_tangent_falling: part of the loss tangent that falls in proportion to 1/f.
+        loss_tangent_rising: part that rises in proportion to f.
+        shared_losses: weights in √Ω of the currents of the clamped capacitance and of each arm in a resistance that
+            they
+            share, one row for each such resistance: R is the sum of what the arms have alone and of the rows' products.
+    """
 
     arms: tuple[MotionalArm, ...]
     clamped_capacitance_f: float
@@ -81,19 +105,69 @@ class EquivalentCircuit:
     loss_reference_hz: float
     lead_resistance_ohm: float = 0.0
     lead_inductance_h: float = 0.0
+    loss_tangent_falling: float = 0.0
+    loss_tangent_rising: float = 0.0
+    shared_losses: tuple[tuple[float, ...], ...] = ()
 
     @property
     def loss_resistance_ohm(self) -> float:
-        """Resistance in series with the clamped capacitance, Ω."""
-        return self.loss_tangent / (2.0 * pi * self.loss_reference_hz * self.clamped_capacitance_f)
+        """Resistance R₀ in series with the clamped capacitance, Ω."""
+        return self.loss_tangent_rising / (2.0 * pi * self.loss_reference_hz * self.clamped_capacitance_f)
+
+    @property
+    def loss_conductance_s(self) -> float:
+        """Conductance in parallel to the clamped capacitance, S."""
+        return self.loss_tangent_falling * 2.0 * pi * self.loss_reference_hz * self.clamped_capacitance_f
+
+    def dielectric(self) -> tuple[float, list[tuple[float, float]]]:
+        """Return the capacitance in F that is left without the ladder, and the ladder's branches, Ω and F."""
+        reference = self.loss_reference_hz
+        constant = max(self.loss_tangent - self.loss_tangent_falling - self.loss_tangent_rising, 0.0)
+        if constant < 1e-9:
+            return self.clamped_capacitance_f, []
+        ends = reference / LADDER_SPAN, reference * LADDER_SPAN
+        s = 2j * pi * reference
+        unit = sum(c / (1.0 + s * r * c) for r, c in loss_ladder(1.0, 1.0, *ends, LADDER_BRANCHES))
+        # the finite ladder's loss tangent is a little below the one that it is made for
+        stated = constant / -unit.imag
+        rest = self.clamped_capacitance_f * (1.0 - stated * unit.real)
+        return rest, loss_ladder(self.clamped_capacitance_f, stated, *ends, LADDER_BRANCHES)
+
+    @property
+    def own_resistance_ohm(self) -> tuple[float, ...]:
+        """Resistance of each arm without what it shares, Ω."""
+        shared = [sum(row[1 + k] ** 2 for row in self.shared_losses) for k in range(len(self.arms))]
+        return tuple(arm.resistance_ohm - part for arm, part in zip(self.arms, shared, strict=True))
+
+    @property
+    def damping_matrix(self) -> list[list[float]] | None:
+        """Damping matrix D of the arms in 1/s, by rows; ``None`` if R is diagonal."""
+        if not self.shared_losses:
+            return None
+        root = np.sqrt([arm.inductance_h for arm in self.arms])
+        columns = np.array(self.shared_losses)[:, 1:].T
+        resistance = np.diag(self.own_resistance_ohm) + columns @ columns.T
+        found: list[list[float]] = (resistance / np.outer(root, root)).tolist()
+        return found
 
     def device_admittance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the admittance in S of the device without its leads."""
         s = 2j * pi * np.asarray(frequency_hz, dtype=float)
-        y = 1.0 / (self.loss_resistance_ohm + 1.0 / (s * self.clamped_capacitance_f))
-        for arm in self.arms:
-            y = y + 1.0 / (arm.resistance_ohm + s * arm.inductance_h + 1.0 / (s * arm.capacitance_f))
-        return np.asarray(y, dtype=complex)
+        capacitance, branches = self.dielectric()
+        y = self.loss_conductance_s + s * capacitance
+        for resistance, part in branches:
+            y = y + s * part / (1.0 + s * resistance * part)
+        y = y / (1.0 + self.loss_resistance_ohm * y)
+        parts = [y]
+        for arm, own in zip(self.arms, self.own_resistance_ohm, strict=True):
+            parts.append(1.0 / (own + s * arm.inductance_h + 1.0 / (s * arm.capacitance_f)))
+        if not self.shared_losses:
+            return np.asarray(sum(parts), dtype=complex)
+        each, weights = np.array(parts), np.array(self.shared_losses)
+        drop = np.tensordot(weights, each, 1)  # currents through the shared resistances at 1 V, by Woodbury's formula
+        matrix = np.eye(len(weights)) + np.einsum("ik,k...,jk->...ij", weights, each, weights)
+        shared = np.linalg.solve(matrix, np.moveaxis(drop, 0, -1)[..., None])[..., 0]
+        return np.asarray(each.sum(axis=0) - (np.moveaxis(drop, 0, -1) * shared).sum(axis=-1), dtype=complex)
 
     def admittance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the admittance in S at the outer ends of the leads."""
@@ -128,15 +202,20 @@ class EquivalentCircuit:
         )
 
     def _antiresonances(self) -> list[complex]:
-        """Return the natural frequencies of the open device in 1/s; one lies above each series resonance."""
+        """Return the natural frequencies of the open device in 1/s; one lies above each series resonance.
+
+        The losses of the clamped capacitance, which hardly move them, stand as its series resistance; shared ones as
+        own.
+        """
         count = len(self.arms)
         inductance = np.array([arm.inductance_h for arm in self.arms])
-        resistance = np.array([arm.resistance_ohm for arm in self.arms])
         capacitance = np.array([arm.capacitance_f for arm in self.arms])
+        loss = self.loss_tangent / (2.0 * pi * self.loss_reference_hz * self.clamped_capacitance_f)
         # states: currents √L i and voltages √C u of the arms and √C₀ u of the clamped capacitance
         matrix = np.zeros((2 * count + 1, 2 * count + 1))
         scale = 1.0 / np.sqrt(inductance)
-        matrix[:count, :count] = -np.diag(resistance / inductance) - self.loss_resistance_ohm * np.outer(scale, scale)
+        resistance = np.diag([arm.resistance_ohm for arm in self.arms])
+        matrix[:count, :count] = -(resistance + loss) * np.outer(scale, scale)
         coupling = np.hstack(
             [np.diag(-scale / np.sqrt(capacitance)), scale[:, None] / sqrt(self.clamped_capacitance_f)]
         )

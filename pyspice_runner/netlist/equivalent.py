@@ -44,16 +44,14 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
         if impedance * greatest > _LEAST:
             elements.append(f"{kind}lead {node} lead{kind.lower()} {value!r}")
             node = f"lead{kind.lower()}"
-    plate = "plate" if circuit.loss_tangent > _LEAST else node
-    if plate != node:
-        elements.append(f"Rloss {node} plate {circuit.loss_resistance_ohm!r}")
-    elements.append(f"Cclamped {plate} n {circuit.clamped_capacitance_f!r}")
-    for index, arm in enumerate(circuit.arms, start=1):
-        elements += [
-            f"L{index} {node} l{index} {arm.inductance_h!r}",
-            f"R{index} l{index} r{index} {arm.resistance_ohm!r}",
-            f"C{index} r{index} n {arm.capacitance_f!r}",
-        ]
+    elements += _branch(circuit, 0, node, [])
+    for index, (arm, own) in enumerate(zip(circuit.arms, circuit.own_resistance_ohm, strict=True), start=1):
+        series = [("L", arm.inductance_h), ("R", own), ("C", arm.capacitance_f)]
+        least = _LEAST * arm.resistance_ohm
+        series = [("L", arm.inductance_h), *([("R", own)] if own > least else []), ("C", arm.capacitance_f)]
+        elements += _branch(circuit, index, node, series)
+    for row in range(1, len(circuit.shared_losses) + 1):
+        elements.append(f"Rshared{row} shared{row} n 1")
     lines = [
         f"* {name}: piezoelectric resonator, {len(circuit.arms)} motional arm{'s' if len(circuit.arms) > 1 else ''}",
         *([f"* {_plain(title)}"] if title else []),
@@ -63,20 +61,30 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
         "*                 C clamped   L1-R1-C1      Ln-Rn-Cn    clamped capacitance with its loss, motional arms",
         "*                   |           |             |",
         "*   n o-------------+-----------+---- ... ----'",
+        *(
+            [
+                "*",
+                "* The arms share losses: currents of Vk times gains of Fr_k add up in Rsharedr = 1 Ohm, whose",
+                "* voltage acts back on each arm through Ek_r with the same gain. That is passive for all values.",
+            ]
+            if circuit.shared_losses
+            else []
+        ),
         "*",
         "* PIN  p  inout  V  electrical pin",
         "* PIN  n  inout  V  electrical pin",
         "*",
         f"* CLAMPED {circuit.clamped_capacitance_f:.6g} F",
         f"* LOSS TANGENT {circuit.loss_tangent:.4g} at {circuit.loss_reference_hz:.6g} Hz",
+        f"*   of it {circuit.loss_tangent_falling:.4g} falls, {circuit.loss_tangent_rising:.4g} rises with frequency",
         *(
             f"* ARM {index}: {arm.series_resonance_hz:.7g} Hz, Q {arm.quality_factor:.5g}"
             for index, arm in enumerate(circuit.arms, start=1)
         ),
         "*",
         "* SOURCE equivalent circuit after Butterworth and Van Dyke, IEEE 176-1987",
-        "* OMITS  a loss tangent that stays the same over frequency (here it rises in proportion), nonlinearity",
-        "* REVISION 1",
+        "* OMITS  a constant loss tangent beyond 100 times its frequency to both sides, nonlinearity",
+        "* REVISION 2",
         f"* STEP   at most {1e-2 / last:.2g} s, a hundredth of the shortest period of its arms",
         "* TESTED WITH ngspice 39 and 46",
         "*",
@@ -96,6 +104,38 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
         f".ends {name}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _branch(circuit: EquivalentCircuit, index: int, node: str, series: list[tuple[str, float]]) -> list[str]:
+    """Return the elements of an arm, or with index 0 of the clamped capacitance, from a node to n."""
+    elements, count = [], 0
+
+    def next_node() -> str:
+        nonlocal node, count
+        before, count = node, count + 1
+        node = f"b{index}_{count}"
+        return f"{before} {node}"
+
+    weights = [row[index] for row in circuit.shared_losses]
+    if any(weights):
+        elements.append(f"V{index} {next_node()} 0")
+    for row, weight in enumerate(weights, start=1):
+        if weight:
+            elements.append(f"F{row}_{index} n shared{row} V{index} {weight!r}")
+            elements.append(f"E{index}_{row} {next_node()} shared{row} n {weight!r}")
+    if index == 0:
+        if circuit.loss_tangent_rising > _LEAST:
+            elements.append(f"Rloss {next_node()} {circuit.loss_resistance_ohm!r}")
+        rest, branches = circuit.dielectric()
+        elements.append(f"Cclamped {node} n {rest!r}")
+        if circuit.loss_tangent_falling > _LEAST:
+            elements.append(f"Rleak {node} n {1.0 / circuit.loss_conductance_s!r}")
+        for number, (resistance, capacitance) in enumerate(branches, start=1):
+            elements.append(f"Rdie{number} {node} d{number} {resistance!r}")
+            elements.append(f"Cdie{number} d{number} n {capacitance!r}")
+    for number, (kind, value) in enumerate(series, start=1):
+        elements.append(f"{kind}{index} {next_node() if number < len(series) else f'{node} n'} {value!r}")
+    return elements
 
 
 def _plain(text: str) -> str:

@@ -231,7 +231,8 @@ def compare(
     modes: int | None = None,
     connection: Connection = "A",
     state: State = "free",
-    leads: bool = True,
+    leads: bool | tuple[float, float] = True,
+    noise: Mapping[str, float] | None = None,
     timeout: float | None = None,
     at: Sequence[float] | NDArray[np.float64] | None = None,
     label: str = "",
@@ -245,7 +246,8 @@ def compare(
         modes: number of modes to fit; found for each spectrum if it is not given.
         connection: connection of the groups, of a motor and of two-ports.
         state: ``"free"`` or ``"preloaded"``, of a motor.
-        leads: whether the leads are fitted, see :func:`fit_spectrum`.
+        leads: as of :func:`fit_spectrum`; not for a motor.
+        noise: as of :func:`fit_spectrum`; not for a motor.
         timeout: seconds after which the fit of a spectrum ends with an error.
         at: what the spectra were measured at: a temperature, an age.
         label: what ``at`` is, with its unit.
@@ -275,7 +277,9 @@ def compare(
     for number, spectrum in enumerate((against, *ports), start=1):
         if progress is not None:
             progress(number, len(ports) + 1)
-        fits.append(fit_spectrum(spectrum, modes, leads=leads, timeout=timeout))
+        computed = number == 1 and isinstance(reference, Motor)
+        known = {"leads": False} if computed else {"leads": leads, "noise": noise}
+        fits.append(fit_spectrum(spectrum, modes, timeout=timeout, **known))
     found = tuple(_compare(fit, fits[0]) for fit in fits[1:])
     places = tuple(range(1, len(spectra) + 1)) if at is None else tuple(float(value) for value in at)
     return Trend(found, places, label or ("number of the spectrum" if at is None else "at"))

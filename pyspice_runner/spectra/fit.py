@@ -7,8 +7,8 @@ How it is found, and why that way, says :mod:`pyspice_runner.spectra.identify`.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from math import inf, pi
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,20 @@ from pyspice_runner.model.equivalent import Characteristics, EquivalentCircuit, 
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
 from pyspice_runner.spectra.export import circuit_writers
-from pyspice_runner.spectra.identify import COST, GLOBALS, RESONANT_QUALITY, SIGNIFICANT, Problem, Solution, Vector
+from pyspice_runner.spectra.identify import (
+    COST,
+    GLOBALS,
+    LEADS,
+    LOSSES,
+    RESONANT_QUALITY,
+    SIGNIFICANT,
+    Problem,
+    Solution,
+    Vector,
+    couplings,
+    derivatives,
+)
+from pyspice_runner.spectra.noise import KINDS, Noise, estimate, same_shape
 from pyspice_runner.spectra.spectrum import Spectrum
 from pyspice_runner.spectra.threads import one_thread
 from pyspice_runner.units import engineering
@@ -30,8 +43,8 @@ MOST_MODES = 20  # that may be asked for
 _ANALYSER = 1e-3  # what impedance analysers are accurate to, at best half of it
 _LEAST_ADMITTANCE = 1e-30  # S; below it, and above its inverse, is no device, and squares leave the range of numbers
 _FREQUENCIES = 1e-9, 1e12  # Hz; outside is no measurement, and products leave the range of numbers
+_DISPERSION = 5e-3  # what a dielectric that is not quite that of the model leaves over at most
 _LAST_STEPS = 20  # of the descent with all points, which starts near its end
-_SHARED = "arms share a peak"
 _LEAST_CAPACITANCE = 1e-3  # clamped over motional capacitance; a strongly coupled ceramic has about 2
 
 _GLOBAL_NAMES = ("clamped_capacitance_f", "loss_tangent", "lead_resistance_ohm", "lead_inductance_h")
@@ -69,13 +82,18 @@ class Candidate:
 
     Attributes:
         arms: number of arms.
+        rank: rank of the coupling of their damping.
+        leads: whether it has leads.
         criterion: Schwarz's information criterion; the lowest is best.
         rms_relative_error: root mean square of the relative residual's magnitude.
-        note: why it is not taken, however low its criterion: two of its arms stand for one peak that is no circle, or
-            one rings nowhere in the band and takes out what no analyser measures.
+        note: why it is not taken at any criterion: an arm is not determined, follows the background, or is narrower
+            than
+            the points.
     """
 
     arms: int
+    rank: int
+    leads: bool
     criterion: float
     rms_relative_error: float
     note: str = ""
@@ -96,6 +114,7 @@ class SpectrumFit(Result):
             ``lead_inductance_h``; ``None`` for a value at the limit of its range.
         correlation: matrix of the estimates' correlations, in the order of ``correlation_names``.
         correlation_names: dotted paths such as ``arms.0.resistance_ohm``.
+        noise: the error model, kind → σ: ``proportional``, ``s11``, ``z`` (:mod:`.noise`).
         candidates: numbers of arms that were tried; of those without a note, the criterion is lowest for the one that
             was taken.
         warnings: what to know before using the values.
@@ -110,6 +129,7 @@ class SpectrumFit(Result):
     standard_errors: dict[str, float | None]
     correlation: Vector
     correlation_names: tuple[str, ...]
+    noise: dict[str, float]
     candidates: tuple[Candidate, ...]
     warnings: tuple[str, ...] = field(default=())
 
@@ -138,6 +158,14 @@ class SpectrumFit(Result):
         """The arms that ring in the band, by rising frequency; the others stand for modes beyond it and for losses."""
         return tuple(arm for arm in self.arms if arm.in_band and arm.quality_factor >= RESONANT_QUALITY)
 
+    @property
+    def leads(self) -> dict[str, float] | None:
+        """Resistance and inductance of the leads; ``None`` if there are none."""
+        circuit = self.circuit
+        if not (circuit.lead_resistance_ohm or circuit.lead_inductance_h):
+            return None
+        return {"resistance_ohm": circuit.lead_resistance_ohm, "inductance_h": circuit.lead_inductance_h}
+
     def to_dict(self) -> dict[str, Any]:
         """Return the fit JSON-ready, SI throughout."""
         main = self.main_arm.characteristics
@@ -149,6 +177,9 @@ class SpectrumFit(Result):
             "stop_hz": float(self.frequency_hz[-1]),
             "arms": [{**_without(asdict(arm), "characteristics"), **asdict(arm.characteristics)} for arm in self.arms],
             **_without(asdict(self.circuit), "arms"),
+            "damping_matrix": self.circuit.damping_matrix,
+            "leads": self.leads,
+            "noise": self.noise,
             "standard_errors": self.standard_errors,
             "coupling_factor": main.coupling_factor,
             "coupling_pair": main.coupling_pair,
@@ -201,7 +232,8 @@ def fit_spectrum(
     spectrum: Spectrum,
     modes: int | None = None,
     *,
-    leads: bool = True,
+    leads: bool | tuple[float, float] = True,
+    noise: Mapping[str, float] | None = None,
     timeout: float | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> SpectrumFit:
@@ -210,52 +242,124 @@ def fit_spectrum(
     Args:
         spectrum: as from :func:`read_spectrum`; of a two-port, ``spectrum.driven("A")`` is the one-port.
         modes: number of motional arms; found if it is not given.
-        leads: whether the leads' resistance and inductance are fitted, or zero, as after a compensated measurement.
+        leads: whether leads are looked for; or the known resistance in Ω and inductance in H of the leads.
+        noise: the known error of the measurement: σ of ``"proportional"`` (a share of the magnitude), ``"s11"`` (the
+            reflection
+            coefficient in 50 Ω) or ``"z"`` (Ω), of the complex value; estimated if it is not given.
         timeout: seconds after which the fit ends with an error.
         progress: called with the number of arms that is tried next and the greatest that may be tried.
 
     Raises:
-        ParameterError: for a number of modes or a timeout out of its range.
+        ParameterError: for a number of modes, leads, a noise or a timeout out of its range.
         SpectrumError: if the spectrum shows no resonance, has too few points, or the time is over.
     """
     if modes is not None and not 1 <= modes <= MOST_MODES:
         raise ParameterError(f"modes = {modes!r} is not valid: it must be a whole number from 1 to {MOST_MODES}.")
+    stated = (0.0, 0.0) if isinstance(leads, bool) else _leads(leads)
     deadline = _deadline(timeout)
     name = spectrum.source or "The spectrum"
     _check(spectrum, name, modes or 1)
-    whole = Problem(spectrum.frequency_hz, spectrum.admittance_s, leads, deadline=deadline)
-    problem = whole.thinned()
-    bare = problem.fit_bare()
-    solutions = problem.search(bare, progress) if modes is None else [problem.fit_exactly(modes, bare)]
-    independent = problem.independent_points(min(solutions, key=COST))
-    criteria = [problem.criterion(solution, independent) for solution in (bare, *solutions)]
-    candidates = _candidates(problem, solutions, criteria[1:])
-    chosen = _choose(candidates, range(len(solutions)))
-    if not problem.resonances(solutions[chosen]) and problem.resonances(
-        solutions[0] if modes is None else problem.fit(1, bare)
-    ):
-        # arms have left the band, as they do where it ends amid a resonance; one arm finds what rings
-        ringing = [k for k, solution in enumerate(solutions) if problem.resonances(solution)]
-        if not ringing:
+    y = spectrum.admittance_s
+    model = Noise(_noise(noise), stated=True) if noise is not None else estimate(y)
+    whole = Problem(spectrum.frequency_hz, y, model, stated, deadline=deadline)
+    outcome = _search(whole.thinned(), modes, leads is True, progress)
+    if noise is None:  # what the fit leaves over tells the error better than neighbouring points
+        problem, best = outcome.problem, outcome.best
+        fitted = problem.admittance(best) * problem.unit_s
+        white = problem.independent_points(best) > 0.5 * len(problem.w)
+        measured = problem.y * problem.unit_s
+        better = estimate(fitted, measured - fitted) if white else Noise({"proportional": _share(problem, best)})
+        if not same_shape(better, model, fitted):
+            smooth = whole.admittance(best) * whole.unit_s
+            whole = whole.reweighted(better, smooth)
+            outcome = _search(whole.thinned(), modes, leads is True, progress)
+        model = better
+    problem, best = outcome.problem, outcome.best
+    needed = problem.criterion(best, outcome.points) < problem.criterion(outcome.bare, outcome.points)
+    if not ((needed or best.cost < 0.5 * outcome.bare.cost) and problem.resonances(best)):
+        first, last = spectrum.frequency_hz[[0, -1]]
+        if modes is not None and modes > 1 and problem.resonances(problem.fit(1, outcome.bare)):
             raise SpectrumError(
                 f"{name} cannot be fitted by {modes} arms: they leave the band, in which one arm finds a resonance; "
                 "try fewer modes, or measure more of the spectrum."
             )
-        chosen = _choose(candidates, ringing)
-    best = solutions[chosen]
-    needed = candidates[chosen].criterion < criteria[0] or best.cost < 0.5 * bare.cost
-    if not (needed and problem.resonances(best)):
-        first, last = spectrum.frequency_hz[[0, -1]]
         raise SpectrumError(
             f"{name} shows no resonance between {first:g} Hz and {last:g} Hz: "
             f"beside the clamped capacitance and its leads nothing rings with a Q above {RESONANT_QUALITY}."
         )
-    if whole is not problem:
-        best = whole.descend(best.parameters, steps=_LAST_STEPS)
-    circuit = _circuit(whole, best.parameters)
+    if len(whole.w) > len(problem.w):
+        best = whole.descend(best, steps=_LAST_STEPS)
+    circuit = _circuit(whole, best)
     if circuit.clamped_capacitance_f < _LEAST_CAPACITANCE * sum(arm.capacitance_f for arm in circuit.arms):
         raise SpectrumError(f"{name} shows a resonance but no clamped capacitance; a piezoelectric resonator has one.")
-    return _report(spectrum, whole, len(problem.w), best, candidates)
+    return _report(spectrum, whole, len(problem.w), best, outcome.candidates, model, modes is None)
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """What a search found: the problem with the points that it took, the bare and the best solution."""
+
+    problem: Problem
+    bare: Solution
+    best: Solution
+    points: float  # independent ones
+    candidates: tuple[Candidate, ...]
+
+
+def _search(
+    problem: Problem, modes: int | None, leads: bool, progress: Callable[[int, int], object] | None
+) -> _Outcome:
+    """Try numbers of arms, leads and ranks of the coupling, and take the best by the criterion."""
+    bare = problem.fit_bare()
+    solutions = problem.search(bare, leads, progress, modes)
+    points = problem.independent_points(min(solutions, key=COST))
+    best = min(solutions, key=lambda solution: problem.criterion(solution, points))
+    if best.rank and not problem.settled(best):
+        solutions += problem.wider(best)
+    candidates: list[Candidate] = []
+    for solution in solutions:
+        error = problem.rms_relative_error(solution)
+        note = problem.doubts(solution) if modes is None else ""
+        fewer = [item.rms_relative_error for item in candidates if item.arms < solution.arms]
+        idle = modes is None and len(problem.resonances(solution)) < solution.arms
+        if not note and idle and fewer and min(fewer) ** 2 - error**2 < _DISPERSION**2:
+            note = "an arm follows the background"
+        with_leads, criterion = LEADS[0] not in solution.held, problem.criterion(solution, points)
+        candidates.append(Candidate(solution.arms, solution.rank, with_leads, criterion, error, note))
+    among = [k for k in range(len(solutions)) if not candidates[k].note] or [
+        k for k in range(len(solutions)) if problem.resonances(solutions[k])
+    ]
+    chosen = min(among or range(len(solutions)), key=lambda k: candidates[k].criterion)
+    best = problem.simplified(solutions[chosen], points, leads)
+    bare = problem.simplified(bare, points, leads=False)
+    return _Outcome(problem, bare, best, points, tuple(candidates))
+
+
+def _share(problem: Problem, solution: Solution) -> float:
+    """Return the residuals' root mean square, relative, as far as they are finite."""
+    return max(problem.rms_relative_error(solution), 1e-12)
+
+
+def _leads(leads: tuple[float, float]) -> tuple[float, float]:
+    """Check the stated resistance and inductance of the leads."""
+    ohm, henry = (float(value) for value in leads)
+    if not (0.0 <= ohm <= 1e6 and 0.0 <= henry <= 1.0):
+        raise ParameterError(
+            f"leads = {leads!r} is not valid: it must be a resistance of 0 to 1e6 Ω and an inductance of 0 to 1 H."
+        )
+    return ohm, henry
+
+
+def _noise(noise: Mapping[str, float]) -> dict[str, float]:
+    """Check a stated noise."""
+    if not noise or not noise.keys() <= set(KINDS) or len(noise.keys() - {"proportional"}) > 1:
+        raise ParameterError(
+            f"noise = {dict(noise)!r} is not valid: it must have proportional, s11 or z, or proportional and one other."
+        )
+    for kind, sigma in noise.items():
+        if not 0.0 < sigma < 1e6:
+            raise ParameterError(f"noise: {kind} = {sigma!r} is not valid: it must be a number > 0 and < 1e6.")
+    return {kind: float(sigma) for kind, sigma in noise.items()}
 
 
 def _check(spectrum: Spectrum, name: str, modes: int) -> None:
@@ -294,38 +398,30 @@ def _deadline(timeout: float | None) -> float:
     return time.monotonic() + timeout
 
 
-def _choose(candidates: Sequence[Candidate], among: Sequence[int]) -> int:
-    """Return the candidate with the lowest criterion, of those without a note if there are any."""
-    return min([k for k in among if not candidates[k].note] or among, key=lambda k: candidates[k].criterion)
-
-
-def _candidates(problem: Problem, solutions: Sequence[Solution], criteria: Sequence[float]) -> tuple[Candidate, ...]:
-    found = list[Candidate]()
-    for solution, criterion in zip(solutions, criteria, strict=True):
-        note = ""
-        if problem.overlap(solution) > 1.0:
-            note = _SHARED
-        elif found and found[-1].rms_relative_error < _ANALYSER and len(problem.resonances(solution)) < solution.arms:
-            note = "an arm follows the background"
-        found.append(Candidate(solution.arms, criterion, problem.rms_relative_error(solution), note))
-    return tuple(found)
-
-
 def _report(
-    spectrum: Spectrum, problem: Problem, searched: int, solution: Solution, candidates: tuple[Candidate, ...]
+    spectrum: Spectrum,
+    problem: Problem,
+    searched: int,
+    solution: Solution,
+    candidates: tuple[Candidate, ...],
+    noise: Noise,
+    found: bool,
 ) -> SpectrumFit:
     """Turn the solution into values with units, standard errors and words."""
-    arms_by_frequency = solution.parameters[GLOBALS:].reshape(-1, 3)
-    arms_by_frequency = arms_by_frequency[np.argsort(arms_by_frequency[:, 0])]
-    solution = Solution(np.concatenate([solution.parameters[:GLOBALS], arms_by_frequency.ravel()]), solution.cost)
-    circuit = _circuit(problem, solution.parameters)
+    order = np.argsort(solution.columns[0])
+    coupling = couplings(solution.parameters, solution.arms)[[0, *(1 + order)]]
+    parameters = [solution.parameters[:GLOBALS], solution.columns.T[order].ravel(), coupling.ravel()]
+    solution = replace(solution, parameters=np.concatenate(parameters))
+    circuit = _circuit(problem, solution)
     free = problem.free(solution)
     covariance = problem.covariance(solution, free)
 
-    transform = _to_values(problem, solution)
+    transform = derivatives(lambda parameters: _values(parameters, solution.arms), solution.parameters)
     spread = transform @ covariance @ transform.T
     deviation = np.sqrt(np.maximum(np.diag(spread), 0.0))
-    known = (np.abs(transform) @ ~free) == 0.0
+    # the part of a damping that lies in the coupling is known even where the rest is at its limit
+    known = (np.abs(transform) @ ~free) < 1e-2
+    known[1] = free[list(LOSSES)].any()
 
     scale = (circuit.clamped_capacitance_f, 1.0, 1.0 / problem.unit_s, problem.unit_henry)
     standard_errors = {
@@ -334,17 +430,17 @@ def _report(
     }
     arms = []
     for index, (arm, characteristics) in enumerate(zip(circuit.arms, circuit.characteristics(), strict=True)):
-        rows = slice(GLOBALS + 5 * index, GLOBALS + 5 * index + 5)
+        rows = slice(len(_GLOBAL_NAMES) + 5 * index, len(_GLOBAL_NAMES) + 5 * index + 5)
         values = {name: float(getattr(arm, name)) for name in _ARM_NAMES}
         errors = {
             name: float(value * error) if sure else None
             for (name, value), error, sure in zip(values.items(), deviation[rows], known[rows], strict=True)
         }
-        in_band = bool(spectrum.frequency_hz[0] <= arm.series_resonance_hz <= spectrum.frequency_hz[-1])
+        in_band = bool(spectrum.frequency_hz[0] <= values["series_resonance_hz"] <= spectrum.frequency_hz[-1])
         arms.append(FittedArm(**values, standard_errors=errors, in_band=in_band, characteristics=characteristics))
     names = (*_GLOBAL_NAMES, *(f"arms.{index}.{name}" for index in range(len(arms)) for name in _ARM_NAMES))
     divisor = np.where(deviation > 0.0, deviation, 1.0)
-    warnings = [*spectrum.warnings, *_warnings(spectrum, problem, solution, tuple(arms), candidates)]
+    warnings = [*spectrum.warnings, *_warnings(spectrum, problem, solution, tuple(arms), found)]
     if searched < len(spectrum):
         warnings.append(
             f"The arms were searched with {searched} of {len(spectrum)} points, closest where the admittance changes "
@@ -360,46 +456,46 @@ def _report(
         standard_errors=standard_errors,
         correlation=np.clip(spread / np.outer(divisor, divisor), -1.0, 1.0),
         correlation_names=names,
+        noise=dict(noise.sigma),
         candidates=candidates,
         warnings=tuple(warnings),
     )
 
 
-def _to_values(problem: Problem, solution: Solution) -> Vector:
-    """Return the derivatives of ln C₀, tan δ, R_ℓ, L_ℓ and each arm's ln R, L, C, f, Q by the parameters."""
-    arm = np.array([[0, 1, -1], [-1, 1, 0], [-1, -1, 0], [1, 0, 0], [0, 0, 1]], dtype=float)
-    transform = np.zeros((GLOBALS + 5 * solution.arms, len(solution.parameters)))
-    transform[:3, :3] = np.eye(3)
-    transform[3, 3] = float(np.exp(-solution.parameters[0])) / problem.w[-1] ** 2
-    transform[3, 0] = -problem.lead_inductance(solution.parameters)
-    for index in range(solution.arms):
-        rows, columns = GLOBALS + 5 * index, GLOBALS + 3 * index
-        transform[rows : rows + 5, columns : columns + 3] = arm
-    return transform
+def _values(parameters: Vector, arms: int) -> Vector:
+    """Return ln C₀, tan δ, R_ℓ, L_ℓ and each arm's ln R, L, C, f, Q, in the problem's units."""
+    frequency, reactance, quality = parameters[GLOBALS : GLOBALS + 3 * arms].reshape(-1, 3).T
+    quality = -np.log(np.exp(-quality) + (couplings(parameters, arms)[1:] ** 2).sum(axis=1))
+    found = [reactance - quality, reactance - frequency, -reactance - frequency, frequency, quality]
+    first = [parameters[0], parameters[list(LOSSES)].sum(), *parameters[list(LEADS)]]
+    return np.concatenate([first, np.array(found).T.ravel()])
 
 
-def _circuit(problem: Problem, parameters: Vector) -> EquivalentCircuit:
+def _circuit(problem: Problem, solution: Solution) -> EquivalentCircuit:
     omega = 2.0 * pi * problem.reference_hz
-    arms = []
-    for frequency, reactance, quality in np.exp(parameters[GLOBALS:]).reshape(-1, 3).tolist():
-        ohm = reactance / problem.unit_s
-        arms.append(MotionalArm(ohm / quality, ohm / (omega * frequency), 1.0 / (ohm * omega * frequency)))
+    coupling = couplings(solution.parameters, solution.arms)
+    frequency, reactance, quality = np.exp(solution.columns)
+    ohm = reactance / problem.unit_s
+    resistance = ohm * (1.0 / quality + (coupling[1:] ** 2).sum(axis=1))
+    inductance, capacitance = ohm / (omega * frequency), 1.0 / (ohm * omega * frequency)
+    arms = [MotionalArm(*map(float, values)) for values in zip(resistance, inductance, capacitance, strict=True)]
+    columns = coupling * np.sqrt(np.append(np.exp(-solution.parameters[0]) / problem.unit_s, ohm))[:, None]
+    size, *losses, lead_ohm, lead_henry = solution.parameters[:GLOBALS].tolist()
     return EquivalentCircuit(
         arms=tuple(arms),
-        clamped_capacitance_f=float(np.exp(parameters[0])) * problem.unit_s / omega,
-        loss_tangent=float(parameters[1]),
+        clamped_capacitance_f=float(np.exp(size)) * problem.unit_s / omega,
+        loss_tangent=sum(losses),
         loss_reference_hz=problem.reference_hz,
-        lead_resistance_ohm=float(parameters[2]) / problem.unit_s,
-        lead_inductance_h=problem.lead_inductance(parameters) * problem.unit_henry,
+        lead_resistance_ohm=lead_ohm / problem.unit_s,
+        lead_inductance_h=lead_henry * problem.unit_henry,
+        loss_tangent_falling=losses[0],
+        loss_tangent_rising=losses[2],
+        shared_losses=tuple(map(tuple, columns.T.tolist())),
     )
 
 
 def _warnings(
-    spectrum: Spectrum,
-    problem: Problem,
-    solution: Solution,
-    arms: tuple[FittedArm, ...],
-    candidates: tuple[Candidate, ...],
+    spectrum: Spectrum, problem: Problem, solution: Solution, arms: tuple[FittedArm, ...], found: bool
 ) -> list[str]:
     said = []
     for arm in arms:
@@ -417,24 +513,13 @@ def _warnings(
         error = arm.standard_errors["resistance_ohm"]
         if error is None or error > 0.3 * arm.resistance_ohm:
             said.append(f"{where} is hardly determined: its resistance is uncertain by more than 30 %.")
-    if problem.overlap(solution) > 1.0:
-        said.append(
-            "Two arms are closer than their bandwidths: they share one peak, which is no circle, and only their sum is "
-            "meant; try a smaller number of modes."
-        )
     share = problem.independent_points(solution) / len(spectrum)
     if share < 0.5 and problem.rms_relative_error(solution) > _ANALYSER:
         said.append(
             f"The circuit does not follow the spectrum to the noise: residuals of "
             f"{100.0 * problem.rms_relative_error(solution):.2g} % remain and are correlated."
         )
-    closest = min(candidates, key=lambda candidate: candidate.rms_relative_error)
-    if closest.note == _SHARED and closest.arms > solution.arms and problem.rms_relative_error(solution) > _ANALYSER:
-        said.append(
-            f"{closest.arms} arms leave {100.0 * closest.rms_relative_error:.2g} %, but some of them share one peak; "
-            f"where only the curve matters, ask for modes = {closest.arms}."
-        )
-    if len(candidates) == 1 and problem.missing(solution)[0][0] >= 2 * SIGNIFICANT and share < 0.5:
+    if not found and problem.missing(solution)[0][0] >= 2 * SIGNIFICANT and share < 0.5:
         said.append("The residuals hide at least one more arm; try a greater number of modes.")
     return said
 

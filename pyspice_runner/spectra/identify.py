@@ -1,23 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 r"""The least-squares problem behind :func:`~pyspice_runner.spectra.fit.fit_spectrum`.
 
-**Objective.** An analyser's error is a share of what it measures. The residual is therefore that of the complex
-logarithm, ln Y_model − ln Y_measured: magnitude in its real part, phase in its imaginary part, each point with the same
-weight. Noise of a constant share becomes noise of constant variance, and the estimate is unbiased to second order.
+**Objective.** The residual is the difference between model and measurement in the quantity whose error is the same at
+all
+points (:mod:`.noise`): ln Y for an analyser whose error is a share of what it measures, the reflection coefficient for
+a network analyser.
 
 **Parameters** are the logarithms of C₀ and of each arm's frequency, reactance √(L/C) and quality factor, so that every
-arm is passive; tan δ, R_ℓ and L_ℓ are bounded by zero, and L_ℓ resonates with C₀ at least half an octave above the
-band. Levenberg–Marquardt steps use the exact Jacobian. An arm may leave the measured band by a quarter of its span: it
-then stands for the modes out there.
+arm is passive; three parts of the loss tangent, R_ℓ and L_ℓ are bounded by zero. With coupled damping each arm has
+further parameters b_k: the damping matrix is :math:`D = \operatorname{diag}(\omega_n/Q_n) + BB^T`,
+:math:`B_{nk} = \sqrt{\omega_n}\,b_{nk}`, which is positive definite. The clamped capacitance takes part in it.
+Levenberg–Marquardt steps use the exact Jacobian: with
+:math:`v = (j\omega + D + K/j\omega)^{-1}\theta` (by Woodbury's formula) it is :math:`\partial Y = 2 v^T \partial\theta
+-
+v^T (\partial D + \partial K/j\omega) v`. An arm may leave the measured band by a quarter of its span: it then
+stands for the modes out there.
 
 **Start.** Vector fitting (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14, 1999, doi:10.1109/61.772353) gives the
 poles, non-negative least squares the amplitudes. Then the residuals are searched, by a matched filter over frequency
 and bandwidth, for an arm that is missing: it is added, the least certain arm is taken out, and the better fit is kept.
+The coupling starts from the leading eigenvectors of the off-diagonal damping that one linear step asks for.
 
-**Number of arms.** Schwarz's criterion, BIC = 2 n ln σ² + p ln 2n, of n independent points and p parameters. Where the
-circuit cannot follow a real device, residuals are no noise but correlated, and n is lowered to the equivalent number of
-independent ones; standard errors grow accordingly. Real resonances are also no perfect circles, and more arms would
-follow their dents closer and closer: a number of arms at which two of them share one peak is shown, but not taken.
+**Choice.** Schwarz's criterion, BIC = 2 n ln σ² + p ln 2n, of n independent points and p parameters, decides on the
+number
+of arms, the rank of the coupling, the parts of the loss and the leads. Where the circuit cannot follow a real device,
+residuals are no noise but correlated, and n is lowered to the equivalent number of independent ones; standard errors
+grow
+accordingly. Leads are looked for only where the fit with them follows the spectrum to the noise: in what a model
+leaves over otherwise, leads are not seen.
 
 **Long spectra.** The time of the search is proportional to the number of points. Of more than ``MOST_SEARCHED`` points
 the search takes those of :func:`thinning`; a last descent takes all points.
@@ -26,9 +36,9 @@ the search takes those of :func:`thinning`; a last descent takes all points.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, log, pi, sqrt
 from operator import attrgetter
 
@@ -37,16 +47,29 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from pyspice_runner.errors import SpectrumError
+from pyspice_runner.model.dielectric import loss_ladder
+from pyspice_runner.model.equivalent import LADDER_BRANCHES, LADDER_SPAN
+from pyspice_runner.spectra.noise import Noise, difference
 
-GLOBALS = 4  # parameters that are no arm's: ln C₀, tan δ, R_ℓ, L_ℓ
+GLOBALS = 6  # parameters that are no arm's: ln C₀; tan δ that falls, stays, rises with frequency; R_ℓ, L_ℓ
+LOSSES, LEADS = (1, 2, 3), (4, 5)  # their places
 RESONANT_QUALITY = 2.5  # a broader arm rounds off the background, it does not resonate
 SIGNIFICANT = 5.0  # standard deviations by which a missing arm stands out of the residuals
 MOST_SEARCHED = 4000  # points that the arms are searched with, which takes some 1 ms a point; an analyser writes 1601
 SEARCHED_ARMS = 8  # tried when their number is not given
+MOST_RANK = 2  # of the coupling; a column gives each pole of Y its complex residue, so that more hardly tell
+PLAUSIBLE_LEADS = 5.0, 1e-5  # Ω and H of a fixture with cables: some 1 µH and less than 1 Ω a metre
 _NOISE_STEPS = 3.0  # medians of the steps of ln Y; a greater step is not noise, which exceeds 3 medians in 0.2 %
 _MARGIN = 0.25  # of the span, by which an arm may lie outside the band
 _LOWEST_QUALITY, _HIGHEST_QUALITY = 0.6, 1e6
-_LONGEST_LEADS = 0.5  # ω² L_ℓ C₀ at the end of the band: leads that resonate with C₀ half an octave above it
+_UNDETERMINED = 0.3  # standard error of ln √(L/C) of an arm that is none
+_COUPLED = 1e-4  # relative fall of the sum of squares at which a descent with coupled damping ends
+_STEP = 1e-6  # of central differences of functions that are smooth over 1
+_RIDGE = 1e-4  # of the sum of squares, for couplings as large as the arms' own losses
+_FLAT = 1e-12  # share of the greatest eigenvalue below which a direction changes nothing
+_TIE = 10.0  # of the criterion; a greater difference is very strong evidence (Kass and Raftery, doi:10.2307/2291091)
+_FINEST = 1e-5  # relative residual below which nothing is left to be found
+_MISFIT = 3e-4  # relative residual above which damping may be coupled
 _EXACT = 1e-24  # sum of squares of a fit that nothing can improve
 _FLOOR = 1e-8  # relative accuracy that no measurement exceeds
 
@@ -57,15 +80,38 @@ NormalEquations = tuple[float, Vector, Vector]
 
 @dataclass(frozen=True)
 class Solution:
-    """Parameters, in the problem's own units, and their sum of squared residuals."""
+    """Parameters, in the problem's own units, and their sum of squared residuals.
+
+    Attributes:
+        parameters: ``GLOBALS``, then three of each arm, then the couplings b of the clamped capacitance and of each
+            arm.
+        cost: sum of squares.
+        arms: number of arms.
+        held: places of the parameters among ``GLOBALS`` that stay as they are.
+        clamped: whether the clamped capacitance takes part in the coupling.
+    """
 
     parameters: Vector
     cost: float
+    arms: int
+    held: tuple[int, ...] = LEADS
+    clamped: bool = False
 
     @property
-    def arms(self) -> int:
-        """Number of arms."""
-        return (len(self.parameters) - GLOBALS) // 3
+    def rank(self) -> int:
+        """Rank of the coupling of the arms' damping."""
+        return (len(self.parameters) - GLOBALS - 3 * self.arms) // (self.arms + 1)
+
+    @property
+    def free_count(self) -> int:
+        """Number of independent parameters; the couplings' columns may be rotated among each other."""
+        idle = len(self.held) + (0 if self.clamped else self.rank) + self.rank * (self.rank - 1) // 2
+        return len(self.parameters) - idle
+
+    @property
+    def columns(self) -> Vector:
+        """Ln f, ln X and ln Q of the arms, each a row."""
+        return self.parameters[GLOBALS : GLOBALS + 3 * self.arms].reshape(-1, 3).T
 
 
 COST = attrgetter("cost")
@@ -74,20 +120,50 @@ COST = attrgetter("cost")
 class Problem:
     """The least-squares problem in units of its own: ω of the band's geometric centre, the median |Y|."""
 
-    def __init__(self, frequency_hz: Vector, y: Complexes, leads: bool, *, deadline: float = inf) -> None:
-        self.leads = leads
+    def __init__(
+        self,
+        frequency_hz: Vector,
+        y: Complexes,
+        noise: Noise,
+        leads: tuple[float, float] = (0.0, 0.0),
+        *,
+        deadline: float = inf,
+    ) -> None:
         self.deadline = deadline
+        self.ridge = 0.0  # on the couplings, see the module
         self.reference_hz = sqrt(frequency_hz[0] * frequency_hz[-1])
         self.unit_s = float(np.median(np.abs(y)))
         self.unit_henry = 1.0 / (2.0 * pi * self.reference_hz * self.unit_s)
+        self.stated_leads = leads[0] * self.unit_s, leads[1] / self.unit_henry
         self._take(frequency_hz / self.reference_hz, y / self.unit_s)
+        self._weigh(noise, y)
 
     def _take(self, w: Vector, y: Complexes) -> None:
         self.w, self.y = w, y
         self.s: Complexes = np.asarray(1j * w, dtype=complex)
         self.finest = float(np.min(np.diff(np.log(w))))  # distance of the closest points, relative
-        self.log_y = np.log(y)
+        branches = loss_ladder(1.0, 1.0, 1.0 / LADDER_SPAN, LADDER_SPAN, LADDER_BRANCHES)
+        s = np.append(self.s, 1j) * 2.0 * pi  # the branches' corners are in hertz, the unit is the reference frequency
+        ladder: Complexes = np.sum([c / (1.0 + s * r * c) for r, c in branches], axis=0)
+        # relative to the loss and the capacitance at the reference frequency
+        self.ladder: Complexes = (ladder[:-1] - ladder[-1].real) / -ladder[-1].imag
+        self.most_constant_loss = -ladder[-1].imag / ladder[-1].real
         self._jacobian: Complexes = np.empty((0, len(y)), dtype=complex)  # kept, since a new one costs page faults
+
+    def _weigh(self, noise: Noise, smooth_s: Complexes) -> None:
+        """Set the error model; ``smooth_s`` is the admittance at all points, as free of noise as it is known."""
+        self.noise = noise
+        deviation = noise.deviation(smooth_s) / self.unit_s
+        size = 1.0 if noise.stated else float(np.median(deviation / np.abs(smooth_s))) * self.unit_s
+        slope = np.abs(difference(noise.domain, smooth_s, smooth_s)[1]) * self.unit_s
+        self.deviation = deviation / size
+        self.weight = 1.0 / (self.deviation * slope)
+
+    def reweighted(self, noise: Noise, smooth_s: Complexes) -> Problem:
+        """Return the problem with another error model."""
+        other = copy(self)
+        other._weigh(noise, smooth_s)
+        return other
 
     def thinned(self) -> Problem:
         """Return the problem with no more than ``MOST_SEARCHED`` of its points, in the same units."""
@@ -96,87 +172,140 @@ class Problem:
         places = thinning(self.y, MOST_SEARCHED)
         fewer = copy(self)
         fewer._take(self.w[places], self.y[places])
+        fewer.weight, fewer.deviation = self.weight[places], self.deviation[places]
         return fewer
 
     # --- model and its derivatives ---
 
-    def lead_inductance(self, parameters: Vector) -> float:
-        """Return L_ℓ; its parameter is (ω/ω_ℓ)² at the end of the band, with ω_ℓ the resonance of L_ℓ and C₀."""
-        return float(parameters[3] * np.exp(-parameters[0]) / self.w[-1] ** 2)
+    def _model(self, parameters: Vector, arms: int) -> _Model:
+        """Evaluate the model."""
+        size, falling, constant, rising, lead_r, lead_l = parameters[:GLOBALS]
+        size = np.exp(size)
+        inner = size * (self.s * (1.0 + constant * self.ladder) + falling)
+        behind = 1.0 / (1.0 + rising / size * inner)
+        clamped = inner * behind
+        frequency, reactance, quality = np.exp(parameters[GLOBALS : GLOBALS + 3 * arms]).reshape(-1, 3).T[:, :, None]
+        theta = np.sqrt(frequency / reactance)
+        own = frequency / quality
+        detuning = self.w - frequency**2 / self.w
+        # 1/(own + j detuning), written in its parts: this is where the time goes, and complex division is slow
+        scale = 1.0 / (own**2 + detuning**2)
+        compliance = np.empty(scale.shape, dtype=complex)
+        np.multiply(scale, own, out=compliance.real)
+        np.multiply(scale, -detuning, out=compliance.imag)
+        velocity = compliance * theta
+        coupling = couplings(parameters, arms) * np.sqrt(np.vstack([[[1.0 / size]], frequency]))
+        first = clamped
+        rank = coupling.shape[1]
+        shared: Complexes = np.zeros((0, len(self.w)), dtype=complex)
+        if rank:  # by Woodbury's formula, see the module
+            parts = np.vstack([clamped, compliance])
+            shared = (coupling[1:].T @ velocity + np.outer(coupling[0], clamped)).astype(np.complex128)
+            if rank == 1:
+                shared = np.asarray(shared / (1.0 + (coupling**2).T @ parts), dtype=complex)
+            else:
+                matrix = np.eye(rank) + np.einsum("ni,np,nj->pij", coupling, parts, coupling, optimize=True)
+                shared = np.asarray(np.linalg.solve(matrix, shared.T[:, :, None])[:, :, 0].T, dtype=complex)
+            first = clamped - clamped * (coupling[0] @ shared)
+            velocity = velocity - compliance * (coupling[1:] @ shared)
+        device = first + (theta * velocity).sum(axis=0)
+        y = 1.0 / (lead_r + self.s * lead_l + 1.0 / device)
+        return _Model(clamped, first, inner, behind, frequency, own, theta, coupling, velocity, shared, device, y)
 
-    def _parts(self, parameters: Vector) -> tuple[Complexes, ...]:
-        """Return Y₀ of the clamped capacitance, the arms' Y_n, Z and ∂ln Y/∂Y_d."""
-        log_c, loss, lead_r, _ = parameters[:GLOBALS]
-        lead_l = self.lead_inductance(parameters)
-        frequency, reactance, quality = _columns(parameters)
-        clamped = np.exp(log_c) / (loss + 1.0 / self.s)
-        # 1/(X (1/Q + j d)), written in its parts: this is where the time goes, and complex division is slow
-        detuning = self.w / frequency - frequency / self.w
-        size = 1.0 / (reactance * (quality**-2 + detuning**2))
-        arms = np.empty(size.shape, dtype=complex)
-        np.multiply(size, 1.0 / quality, out=arms.real)
-        np.multiply(size, -detuning, out=arms.imag)
-        device = clamped + arms.sum(axis=0)
-        z = lead_r + self.s * lead_l + 1.0 / device
-        return clamped, arms, z, 1.0 / (z * device**2)
+    def admittance(self, solution: Solution) -> Complexes:
+        """Return the fitted admittance, in this problem's unit."""
+        return self._model(solution.parameters, solution.arms).y
 
-    def residual(self, parameters: Vector) -> Complexes:
-        """Return ln Y_model − ln Y, its phase within ±π."""
-        return self._wrapped(-np.log(self._parts(parameters)[2]))
+    def _residual(self, y: Complexes) -> tuple[Complexes, Complexes]:
+        """Return the weighted residual and its derivative by Y."""
+        unit = self.unit_s
+        found, slope = difference(self.noise.domain, y * unit, self.y * unit)
+        return found * self.weight, slope * (unit * self.weight)
 
-    def _wrapped(self, log_model: Complexes) -> Complexes:
-        difference = log_model - self.log_y
-        return difference - 2j * pi * np.round(difference.imag / (2.0 * pi))
+    def residual(self, parameters: Vector, arms: int) -> Complexes:
+        """Return the weighted residual."""
+        return self._residual(self._model(parameters, arms).y)[0]
 
-    def linearised(self, parameters: Vector) -> tuple[Complexes, Complexes]:
+    def linearised(self, parameters: Vector, arms: int) -> tuple[Complexes, Complexes]:
         """Return the residual and its derivatives, shape (parameters, points), which the next call overwrites."""
-        clamped, arms, z, chain = self._parts(parameters)
-        frequency, reactance, quality = _columns(parameters)
-        by_reactance = -arms * chain
-        slope = by_reactance * arms
+        m = self._model(parameters, arms)
+        residual, outer = self._residual(m.y)
+        chain = outer * (m.y / m.device) ** 2
         if len(parameters) != len(self._jacobian):
             self._jacobian = np.empty((len(parameters), len(self.w)), dtype=complex)
         jacobian = self._jacobian
-        inductance_slope = -self.s / (z * np.exp(parameters[0]) * self.w[-1] ** 2)
-        jacobian[0] = chain * clamped - inductance_slope * parameters[3]
-        jacobian[1] = -chain * clamped**2 * np.exp(-parameters[0])
-        jacobian[2] = -1.0 / z
-        jacobian[3] = inductance_slope
-        jacobian[GLOBALS::3] = slope * (-1j * reactance * (self.w / frequency + frequency / self.w))
-        jacobian[GLOBALS + 1 :: 3] = by_reactance
-        jacobian[GLOBALS + 2 :: 3] = slope * (-reactance / quality)
-        return self._wrapped(-np.log(z)), jacobian
+        size = np.exp(parameters[0])
+        at_clamped = chain * (m.first / m.clamped) ** 2
+        inner = at_clamped * m.behind**2
+        jacobian[0] = at_clamped * m.clamped
+        jacobian[1] = inner * size
+        jacobian[2] = inner * size * self.s * self.ladder
+        jacobian[3] = -inner * m.inner**2 / size
+        jacobian[4] = -outer * m.y**2
+        jacobian[5] = jacobian[4] * self.s
+        last = GLOBALS + 3 * arms
+        along = chain * m.velocity
+        squared = along * m.velocity
+        by_theta = along * m.theta
+        jacobian[GLOBALS:last:3] = by_theta - squared * (m.own - 2j * m.frequency**2 / self.w)
+        jacobian[GLOBALS + 1 : last : 3] = -by_theta
+        jacobian[GLOBALS + 2 : last : 3] = squared * m.own
+        if len(m.shared):
+            by_shared = np.vstack([chain * m.first, along])[:, None, :] * m.shared
+            drift = (m.coupling[:, :, None] * by_shared).sum(axis=1)
+            jacobian[0] += drift[0]
+            jacobian[GLOBALS:last:3] -= drift[1:]
+            root = np.sqrt(np.vstack([[[1.0 / size]], m.frequency]))
+            jacobian[last:] = (-2.0 * root[:, :, None] * by_shared).reshape(-1, len(self.w))
+        return residual, jacobian
 
-    def bounds(self, arms: int) -> tuple[Vector, Vector]:
+    def bounds(self, solution: Solution) -> tuple[Vector, Vector]:
         """Return the least and greatest value of every parameter."""
         margin = _MARGIN * (self.w[-1] - self.w[0])
         lowest = max(self.w[0] - margin, 0.5 * self.w[0])
         highest = self.w[-1] + margin
-        leads = (1e3, _LONGEST_LEADS) if self.leads else (0.0, 0.0)
-        least = np.array([-25.0, 0.0, 0.0, 0.0, *([log(lowest), -25.0, log(_LOWEST_QUALITY)] * arms)])
-        greatest = np.array([25.0, 2.0, *leads, *([log(highest), 25.0, log(_HIGHEST_QUALITY)] * arms)])
-        return least, greatest
+        ohm, henry = PLAUSIBLE_LEADS
+        arms, rest = solution.arms, solution.rank * (solution.arms + 1)
+        least = [-25.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        greatest = [25.0, 2.0, 0.99 * self.most_constant_loss, 2.0, ohm * self.unit_s, henry / self.unit_henry]
+        for place in solution.held:
+            least[place] = greatest[place] = solution.parameters[place]
+        least += [log(lowest), -25.0, log(_LOWEST_QUALITY)] * arms + [-2.0] * rest
+        greatest += [log(highest), 25.0, log(_HIGHEST_QUALITY)] * arms + [2.0] * rest
+        low, high = np.array(least), np.array(greatest)
+        if not solution.clamped:
+            low[GLOBALS + 3 * arms :][: solution.rank] = high[GLOBALS + 3 * arms :][: solution.rank] = 0.0
+        return low, high
 
     # --- descent ---
 
-    def descend(self, start: Vector, *, steps: int = 100, tolerance: float = 1e-8) -> Solution:
+    def descend(self, start: Solution, *, steps: int = 100, tolerance: float = 1e-8) -> Solution:
         """Descend from start values to the nearest minimum within the bounds."""
-        least, greatest = self.bounds((len(start) - GLOBALS) // 3)
+        arms = start.arms
+
+        def reach(parameters: Vector) -> Vector:
+            """Return how far a step may go: an arm by its bandwidth or its distance from the band, in size by e²."""
+            frequency = parameters[GLOBALS : GLOBALS + 3 * arms : 3]
+            outside = np.maximum(np.maximum(frequency - log(self.w[-1]), log(self.w[0]) - frequency), self.finest)
+            found = np.full(len(parameters), np.inf)
+            found[GLOBALS : GLOBALS + 3 * arms] = 2.0
+            widths = np.exp(-parameters[GLOBALS + 2 : GLOBALS + 3 * arms : 3])
+            if start.rank:
+                widths = widths + (couplings(parameters, arms)[1:] ** 2).sum(axis=1)
+            found[GLOBALS : GLOBALS + 3 * arms : 3] = np.maximum(2.0 * widths, outside)
+            return found
+
         parameters, cost = descend(
-            self.normal_equations, start, (least, greatest), self._reach, steps=steps, tolerance=tolerance
+            lambda parameters: self.normal_equations(parameters, arms),
+            start.parameters,
+            self.bounds(start),
+            reach,
+            steps=steps,
+            tolerance=tolerance,
         )
-        return Solution(parameters, cost)
+        return replace(start, parameters=parameters, cost=cost)
 
-    def _reach(self, parameters: Vector) -> Vector:
-        """Return how far a step may go: an arm by its bandwidth or its distance from the band, in size by e²."""
-        frequency = parameters[GLOBALS::3]
-        outside = np.maximum(np.maximum(frequency - log(self.w[-1]), log(self.w[0]) - frequency), self.finest)
-        reach = np.full(len(parameters), np.inf)
-        reach[GLOBALS:] = 2.0
-        reach[GLOBALS::3] = np.maximum(2.0 * np.exp(-parameters[GLOBALS + 2 :: 3]), outside)
-        return reach
-
-    def normal_equations(self, parameters: Vector) -> NormalEquations:
+    def normal_equations(self, parameters: Vector, arms: int) -> NormalEquations:
         """Return the sum of squares, half its gradient, and Gauss and Newton's approximation to half its Hessian.
 
         Raises:
@@ -184,38 +313,38 @@ class Problem:
         """
         if time.monotonic() > self.deadline:
             raise SpectrumError("The fit did not end within the time allowed. Allow more, or fit a part of the band.")
-        residual, jacobian = self.linearised(parameters)
-        return squares(residual, jacobian)
+        cost, gradient, hessian = squares(*self.linearised(parameters, arms))
+        last = GLOBALS + 3 * arms
+        if self.ridge and len(parameters) > last:
+            gradient[last:] += self.ridge * parameters[last:]
+            hessian[range(last, len(parameters)), range(last, len(parameters))] += self.ridge
+            cost += self.ridge * float(parameters[last:] @ parameters[last:])
+        return cost, gradient, hessian
 
     # --- strategy ---
 
     def fit_bare(self) -> Solution:
-        """Fit the clamped capacitance and the leads alone."""
-        resistance = float(np.median((1.0 / self.y).real))
+        """Fit the clamped capacitance alone, behind plausible leads."""
         capacitance = float(np.median(np.maximum(self.y.imag / self.w, 1e-6)))
-        return self.descend(np.array([log(capacitance), 0.01, max(resistance, 0.0), 0.0]))
+        start = np.array([log(capacitance), 0.001, 0.001, 0.001, *self.stated_leads])
+        return self.descend(Solution(start, inf, 0))
 
-    def fit(self, arms: int, start: Solution | None = None) -> Solution:
+    def fit(self, arms: int, before: Solution | None = None, quick: bool = False) -> Solution:
         """Fit a given number of arms, from vector fitting and, if given, from a solution with one arm less."""
         best = self.descend(self._start(arms))
-        if self._settled(best):
+        if self.settled(best):
             return best
-        # leads and clamped capacitance resonate too, which a wider start takes for one more arm, the highest
-        wide = self._start(arms + 1)
-        highest = GLOBALS + 3 * int(np.argmax(wide[GLOBALS::3]))
-        inductance = float(np.exp(wide[highest + 1] - wide[highest]))
-        rivals = self._larger(start) if start is not None else []
-        if inductance * np.exp(wide[0]) * self.w[-1] ** 2 < _LONGEST_LEADS:
-            rivals.append(self._start(arms, inductance))
-        if rivals:
-            best = min(best, self.descend(self._race(rivals).parameters), key=COST)
-        candidates = [wide]
-        while not self._settled(best):
+        if before is not None and before.arms == arms - 1:
+            best = min(best, self.descend(self._race(self._larger(before))), key=COST)
+        candidates = [self._start(arms + 1)]
+        for _ in range(3):
+            if quick or self.settled(best):
+                break
             rival = self._race(self._smaller(self._race(candidates + self._larger(best))))
             if rival.cost > 0.99 * best.cost:
                 break
-            before, best, candidates = best.cost, self.descend(rival.parameters), []
-            if best.cost > before / 3.0:  # an arm that was really missing brings far more
+            cost, best, candidates = best.cost, self.descend(rival), []
+            if best.cost > cost / 3.0:  # an arm that was really missing brings far more
                 break
         return best
 
@@ -229,47 +358,172 @@ class Problem:
             best = min(best, chained, key=COST)
         return best
 
-    def search(self, bare: Solution, progress: Callable[[int, int], object] | None) -> list[Solution]:
-        """Fit one arm, two arms and so on, until the residuals hide no further one."""
+    def with_leads(self, solution: Solution) -> Solution:
+        """Return the fit with leads besides."""
+        held = tuple(place for place in solution.held if place not in LEADS)
+        starts = []
+        for share in (0.0, 0.1):
+            parameters = solution.parameters.copy()
+            parameters[list(LEADS)] = (
+                share * PLAUSIBLE_LEADS[0] * self.unit_s,
+                share * PLAUSIBLE_LEADS[1] / self.unit_henry,
+            )
+            starts.append(replace(solution, parameters=parameters, held=held))
+        return self.descend(self._race(starts))
+
+    def coupled(self, solution: Solution) -> Solution:
+        """Return the fit with damping coupled by one column, from that which one linear step asks for."""
+        arms, last = solution.arms, GLOBALS + 3 * solution.arms
+        self.ridge = self.ridge or _RIDGE * solution.cost * float(np.exp(solution.columns[2].mean()))
+        residual, jacobian = self.linearised(solution.parameters, arms)
+        m = self._model(solution.parameters, arms)
+        chain = self._residual(m.y)[1] * (m.y / m.device) ** 2
+        currents = np.sqrt(m.frequency) * m.velocity
+        first, second = np.triu_indices(arms, 1)
+        asked = -2.0 * chain * currents[first] * currents[second]
+        free = [k for k in range(last) if k not in solution.held]
+        system = np.vstack([jacobian[free], asked]).view(float).T
+        scale = np.maximum(np.linalg.norm(system, axis=0), 1e-300)
+        step = np.linalg.lstsq(system / scale, -residual.view(float), rcond=1e-6)[0] / scale
+        own = np.exp(-solution.columns[2])
+        matrix = np.diag(own)
+        limit = np.sqrt(own[first] * own[second])
+        matrix[first, second] = matrix[second, first] = np.clip(step[len(free) :], -limit, limit)
+        values, vectors = np.linalg.eigh(matrix)
+        starts = []
+        for share in (0.5, 0.9):
+            column = vectors[:, -1] * np.sqrt(values[-1])
+            column = column * np.minimum(1.0, np.sqrt(share * own / np.maximum(column**2, 1e-300)))
+            parameters = solution.parameters.copy()
+            parameters[GLOBALS + 2 : last : 3] = -np.log(own - column**2)
+            starts.append(replace(solution, parameters=np.concatenate([parameters, [0.0], column])))
+        return self.descend(self._race(starts), tolerance=_COUPLED)
+
+    def wider(self, solution: Solution) -> list[Solution]:
+        """Return fits with more coupling: of the clamped capacitance too, and by one more column."""
+        found = [] if solution.clamped else [self.descend(replace(solution, clamped=True), tolerance=_COUPLED)]
+        if solution.rank < MOST_RANK and solution.arms > 1:
+            signs = np.array([[0.0], *[[(-1.0) ** k] for k in range(solution.arms)]])
+            more = 0.1 * np.append(0.0, np.exp(-0.5 * solution.columns[2]))[:, None] * signs
+            columns = np.hstack([couplings(solution.parameters, solution.arms), more])
+            head = solution.parameters[: GLOBALS + 3 * solution.arms]
+            start = replace(solution, parameters=np.concatenate([head, columns.ravel()]))
+            found.append(self.descend(start, tolerance=_COUPLED))
+        return found
+
+    def search(
+        self, bare: Solution, leads: bool, progress: Callable[[int, int], object] | None, only: int | None = None
+    ) -> list[Solution]:
+        """Fit one arm, two arms and so on, until the residuals hide no further one; or only one number of arms.
+
+        Of each number that does not leave noise alone, there are a fit with leads, if it does, and one with coupled
+        damping.
+        """
         solutions: list[Solution] = []
+        plain, coupled, costs = bare, None, list[float]()
         most = min(SEARCHED_ARMS, (2 * len(self.w) - GLOBALS - 1) // 3)
-        for arms in range(1, most + 1):
+        for arms in range(1, most + 1) if only is None else (only,):
             if progress is not None:
                 progress(arms, most)
-            solutions.append(self.fit(arms, solutions[-1] if solutions else bare))
-            if solutions[-1].cost < _FLOOR**2 * len(self.w) or (arms > 1 and self._settled(solutions[-2])):
+            settled = arms > 1 and any(self.settled(solution) for solution in solutions)
+            # where coupling does far better than arms with one resistance each, these need no long search
+            quick = coupled is not None and coupled.cost < 0.5 * plain.cost
+            plain = self.fit(arms, plain, quick) if only is None else self.fit_exactly(arms, bare)
+            solutions.append(plain)
+            if not self.settled(plain) and not settled:
+                behind = self.with_leads(plain) if leads else plain
+                if self.settled(behind):
+                    solutions[-1] = behind
+                elif arms > 1 and plain.cost > _MISFIT**2 * len(self.w):
+                    coupled = self._grown(plain, coupled or self.coupled(self.fit(2, bare, quick=True)))
+                    solutions.append(coupled)
+            if solutions[-1].cost < _FLOOR**2 * len(self.w) or settled:
                 break
+            costs.append(min(solutions, key=COST).cost)
+            if len(costs) >= 3 and (costs[-1] > 0.8 * costs[-3] or not any(map(self.resonances, solutions))):
+                break  # more arms bring nothing, or none of them rings
         return solutions
 
-    def _start(self, arms: int, lead_inductance: float = 0.0) -> Vector:
-        """Return start values for so many arms behind leads of a given inductance."""
-        y: Complexes = 1.0 / (1.0 / self.y - self.s * lead_inductance)
-        poles = _relocated_poles(self.s, y, arms)
+    def _grown(self, plain: Solution, coupled: Solution) -> Solution:
+        """Return a fit with coupled damping and as many arms as a plain one, from that and from one with fewer."""
+        while coupled.arms < plain.arms:
+            coupled = self.descend(self._race(self._larger(coupled)), tolerance=_COUPLED)
+        return min(self.coupled(plain), coupled, key=COST)
+
+    def simplified(self, solution: Solution, points: float, leads: bool) -> Solution:
+        """Take out the parts of the loss that the criterion does not ask for, look for leads, and descend.
+
+        Leads have both resistance and inductance. Of two descriptions of the loss that go with leads about equally
+        well, the one without dispersion is taken: an inductance cancels dispersion, so that both together are not
+        determined.
+        """
+
+        def score(rival: Solution) -> float:
+            both = 2 not in rival.held and not set(LEADS) & set(rival.held)
+            return self.criterion(rival, points) + (_TIE if both else 0.0)
+
+        def variants(losses: Sequence[tuple[int, ...]], places: tuple[int, ...]) -> list[Solution]:
+            found = []
+            for free in losses:
+                parameters = solution.parameters.copy()
+                held = tuple(place for place in (*LOSSES, *LEADS) if place not in (*free, *places))
+                total = parameters[list(LOSSES)].sum() / max(len(free), 1)
+                parameters[list(LOSSES)] = [total if place in free else 0.0 for place in LOSSES]
+                if not set(LEADS) <= set(solution.held):
+                    parameters[[place for place in LEADS if place not in places]] = 0.0
+                found.append(self.descend(replace(solution, parameters=parameters, held=held)))
+            return found
+
+        found = [solution]
+        if set(LEADS) <= set(solution.held):
+            found += variants([(), (3,), (2,), (1, 3)], ())
+            white = leads and points > 0.5 * len(self.w)
+            if white and self._leads_promise(min(found, key=score)) > log(2.0 * points):
+                found += variants([(), (3,), (2,), (1, 3)], LEADS)
+        else:
+            found += variants([(), (3,), (2,), (1, 3)], LEADS)
+        return min(found, key=score)
+
+    def _leads_promise(self, solution: Solution) -> float:
+        """Return how much leads would lower the sum of squares by one linear step, in units of the error's variance."""
+        _, gradient, hessian = squares(*self.linearised(solution.parameters, solution.arms))
+        free = [k for k in range(len(gradient)) if k not in solution.held]
+        both = [*free, *LEADS]
+        fall = [float(gradient[part] @ inverse(hessian[np.ix_(part, part)]) @ gradient[part]) for part in (both, free)]
+        return (fall[0] - fall[1]) / max(solution.cost / (2 * len(self.w)), _FLOOR**2)
+
+    def _start(self, arms: int) -> Solution:
+        """Return start values for so many arms."""
+        y: Complexes = 1.0 / (1.0 / self.y - self.stated_leads[0] - self.s * self.stated_leads[1])
+        weight = 1.0 / self.deviation
+        poles = _relocated_poles(self.s, y, arms, weight)
         frequency = np.abs(poles)
         quality = np.clip(frequency / (2.0 * np.abs(poles.real)), 1.0, 1e5)
         ratio = self.w / frequency[:, None]
         shapes = 1.0 / (1.0 + 1j * quality[:, None] * (ratio - 1.0 / ratio))
-        stacked = (np.vstack([self.s, self.w**2 + 0j, shapes]) / np.abs(y)).view(float).T
+        stacked = (np.vstack([self.s, self.s * self.ladder, shapes]) * weight).view(float).T
         scale = np.linalg.norm(stacked, axis=0)
-        amplitude = nnls(stacked / scale, np.ascontiguousarray(y / np.abs(y)).view(float))[0] / scale
+        amplitude = nnls(stacked / scale, np.ascontiguousarray(y * weight).view(float))[0] / scale
         capacitance = max(amplitude[0], 1e-3 * float(np.median(np.abs(y) / self.w)))
         start = np.zeros(GLOBALS + 3 * arms)
-        leads = lead_inductance * capacitance * self.w[-1] ** 2
-        start[:GLOBALS] = log(capacitance), max(amplitude[1] / capacitance, 1e-4), 0.0, leads
+        loss = min(max(amplitude[1] / capacitance, 1e-4), 0.5 * self.most_constant_loss)
+        start[:GLOBALS] = log(capacitance), 0.1 * loss, 0.8 * loss, 0.1 * loss, *self.stated_leads
         start[GLOBALS::3] = np.log(frequency)
         start[GLOBALS + 1 :: 3] = np.log(quality / np.maximum(amplitude[2:], 1e-3))
         start[GLOBALS + 2 :: 3] = np.log(quality)
-        return start
+        return Solution(start, inf, arms)
 
     def missing(self, solution: Solution) -> list[tuple[float, Vector]]:
         """Return arms that the residuals ask for, the most significant first: standard deviations, parameters.
 
-        The residual over ∂ln Y/∂Y_d is the device's missing admittance; its weighted mean over a window is compared
-        with the mean's own deviation, for windows of all widths.
+        The residual over its derivative by Y_d is the device's missing admittance; its weighted mean over a window is
+        compared with the mean's own deviation, for windows of all widths.
         """
-        residual, chain = -self.residual(solution.parameters), self._parts(solution.parameters)[3]
+        m = self._model(solution.parameters, solution.arms)
+        residual, outer = self._residual(m.y)
+        chain = outer * (m.y / m.device) ** 2
         deviation = max(sqrt(solution.cost / (2 * len(self.w))), _FLOOR)
-        numerator = np.concatenate([[0.0], np.cumsum((residual * chain.conj()).real)])
+        numerator = np.concatenate([[0.0], np.cumsum((-residual * chain.conj()).real)])
         denominator = np.concatenate([[0.0], np.cumsum(np.abs(chain) ** 2)])
         found = []
         index, half = np.arange(len(self.w)), 1
@@ -286,26 +540,40 @@ class Problem:
             half *= 2
         return sorted(found, key=lambda item: -item[0])
 
-    def _race(self, starts: list[Vector]) -> Solution:
+    def _race(self, starts: Sequence[Solution]) -> Solution:
         """Descend a little from every start, and return the one that came lowest."""
         return min((self.descend(start, steps=30, tolerance=1e-3) for start in starts), key=COST)
 
-    def _settled(self, solution: Solution) -> bool:
+    def settled(self, solution: Solution) -> bool:
         """Tell whether the residuals hide no further arm: none stands out, and they look like noise."""
-        if solution.cost < _FLOOR**2 * len(self.w):
+        if solution.cost < _FINEST**2 * len(self.w):
             return True
         noise = self.independent_points(solution) > 0.5 * len(self.w)
         return noise and self.missing(solution)[0][0] < SIGNIFICANT
 
-    def _larger(self, solution: Solution) -> list[Vector]:
+    def _larger(self, solution: Solution) -> list[Solution]:
         """Return starts with one more arm, where the residuals ask for it most."""
-        return [np.concatenate([solution.parameters, arm]) for _, arm in self.missing(solution)[:2]]
+        last = GLOBALS + 3 * solution.arms
+        head, tail = solution.parameters[:last], np.zeros(solution.rank)
+        return [
+            replace(
+                solution,
+                parameters=np.concatenate([head, arm, solution.parameters[last:], tail]),
+                arms=solution.arms + 1,
+            )
+            for _, arm in self.missing(solution)[:2]
+        ]
 
-    def _smaller(self, solution: Solution) -> list[Vector]:
+    def _smaller(self, solution: Solution) -> list[Solution]:
         """Return starts with one arm less: without either of the two whose reactances are least certain."""
-        variance = np.diag(self.covariance(solution, free=np.ones(len(solution.parameters), dtype=bool)))
-        doubtful = GLOBALS + 3 * np.argsort(variance[GLOBALS + 1 :: 3])[-2:]
-        return [np.delete(solution.parameters, slice(first, first + 3)) for first in doubtful]
+        variance = np.diag(self.covariance(solution))
+        doubtful = GLOBALS + 3 * np.argsort(variance[GLOBALS + 1 : GLOBALS + 3 * solution.arms : 3])[-2:]
+        return [
+            replace(
+                solution, parameters=np.delete(solution.parameters, slice(first, first + 3)), arms=solution.arms - 1
+            )
+            for first in doubtful
+        ]
 
     # --- judgement ---
 
@@ -313,49 +581,118 @@ class Problem:
         """Return the number of independent points: fewer than measured where residuals are no noise."""
         if solution.cost < _FLOOR**2 * len(self.w):
             return float(len(self.w))
-        return independent_points(self.residual(solution.parameters))
+        return independent_points(self.residual(solution.parameters, solution.arms))
 
     def criterion(self, solution: Solution, independent: float) -> float:
         """Return Schwarz's criterion; the lowest is best."""
         variance = max(solution.cost / (2 * len(self.w)), _FLOOR**2)
-        return 2.0 * independent * log(variance) + len(solution.parameters) * log(2.0 * independent)
+        if self.noise.stated and independent == len(self.w):
+            return 2.0 * solution.cost + solution.free_count * log(2.0 * independent)
+        return 2.0 * independent * log(variance) + solution.free_count * log(2.0 * independent)
 
-    def covariance(self, solution: Solution, free: NDArray[np.bool_]) -> Vector:
+    def covariance(self, solution: Solution, free: NDArray[np.bool_] | None = None) -> Vector:
         """Return the covariance of the parameters; zero for those that are not free."""
-        _, _, hessian = self.normal_equations(solution.parameters)
-        freedom = max(2 * len(self.w) - int(free.sum()), 1)
-        variance = solution.cost / freedom * len(self.w) / self.independent_points(solution)
+        _, _, hessian = squares(*self.linearised(solution.parameters, solution.arms))
+        if free is None:
+            free = np.ones(len(solution.parameters), dtype=bool)
+            free[list(solution.held)] = False
+        freedom = max(2 * len(self.w) - solution.free_count, 1)
+        independent = self.independent_points(solution)
+        variance = solution.cost / freedom * len(self.w) / independent
+        if self.noise.stated and independent == len(self.w):
+            variance = 0.5
         covariance = np.zeros_like(hessian)
         covariance[np.ix_(free, free)] = variance * inverse(hessian[np.ix_(free, free)])
         return covariance
 
     def free(self, solution: Solution) -> NDArray[np.bool_]:
-        """Tell which parameters are inside their range; zero loss and zero leads count as inside."""
-        least, greatest = self.bounds(solution.arms)
-        least[1:GLOBALS] = -1.0
+        """Tell which parameters are inside their range."""
+        least, greatest = self.bounds(solution)
         return (solution.parameters > least) & (solution.parameters < greatest)
 
     def resonances(self, solution: Solution) -> list[int]:
         """Return the arms that resonate in the band."""
-        frequency = np.exp(solution.parameters[GLOBALS::3])
-        quality = np.exp(solution.parameters[GLOBALS + 2 :: 3])
+        frequency, _, quality = np.exp(modal(solution.parameters, solution.arms))
         inside = (frequency >= self.w[0]) & (frequency <= self.w[-1]) & (quality >= RESONANT_QUALITY)
         return [int(k) for k in np.flatnonzero(inside)]
 
-    def overlap(self, solution: Solution) -> float:
-        """Return the mean bandwidth of two neighbouring resonances over their distance, at its greatest.
-
-        Above one they share a single peak: they do not stand for two modes, but for one that is no circle.
-        """
-        frequency, _, quality = np.exp(solution.parameters[GLOBALS:].reshape(-1, 3)[self.resonances(solution)]).T
-        order = np.argsort(frequency)
-        frequency, bandwidth = frequency[order], (frequency / quality)[order]
-        distance = np.maximum(np.diff(frequency), 1e-12)
-        return float(np.max(0.5 * (bandwidth[1:] + bandwidth[:-1]) / distance, initial=0.0))
+    def doubts(self, solution: Solution) -> str:
+        """Return why an arm of a solution is none; empty if all are."""
+        if solution.cost < _FLOOR**2 * len(self.w):
+            return ""
+        slope = derivatives(lambda parameters: modal(parameters, solution.arms)[1], solution.parameters)
+        variance = np.einsum("ki,ij,kj->k", slope, self.covariance(solution, self.free(solution)), slope)
+        if not np.all(variance < _UNDETERMINED**2):
+            return "an arm is not determined"
+        frequency, _, quality = np.exp(solution.columns)
+        spacing = np.interp(frequency, 0.5 * (self.w[1:] + self.w[:-1]), np.diff(self.w))
+        narrow = np.flatnonzero(frequency / quality < spacing) if not solution.rank else ()
+        for k in narrow:
+            far = np.abs(self.w - frequency[k]) > 1.5 * spacing[k]
+            m = self._model(solution.parameters, solution.arms)
+            effect = (self._residual(m.y)[1] * (m.y / m.device) ** 2 * m.theta[k] * m.velocity[k])[far]
+            if float(np.sum(np.abs(effect) ** 2)) < SIGNIFICANT**2 * solution.cost / len(self.w):
+                return "an arm is narrower than the points"
+        return ""
 
     def rms_relative_error(self, solution: Solution) -> float:
         """Return the root mean square of |Y_model/Y − 1|."""
-        return float(np.sqrt(np.mean(np.abs(np.expm1(self.residual(solution.parameters))) ** 2)))
+        return float(np.sqrt(np.mean(np.abs(self.admittance(solution) / self.y - 1.0) ** 2)))
+
+
+@dataclass(frozen=True)
+class _Model:
+    """Values of the model at all points, for its derivatives."""
+
+    clamped: Complexes  # Y₀ with its series loss
+    first: Complexes  # current of the clamped capacitance
+    inner: Complexes  # Y₀ without it
+    behind: Complexes  # ratio of the two
+    frequency: Vector
+    own: Vector  # the arms' own damping, 1/s
+    theta: Vector
+    coupling: Vector  # B
+    velocity: Complexes  # v
+    shared: Complexes  # Bᵀv
+    device: Complexes  # Y behind the leads
+    y: Complexes
+
+
+def modal(parameters: Vector, arms: int) -> Vector:
+    """Return ln f, ln X and ln Q of the resonances, each a row, by rising frequency.
+
+    They are those of the poles p and residues c of Y, which do not depend on how a coupled damping is shared out:
+    ω is the magnitude of p, Q = −ω / (2 Re p), L = 1 / (2 Re c), X = ωL. Of arms without coupling they are the arms'
+    own.
+    """
+    own = parameters[GLOBALS : GLOBALS + 3 * arms].reshape(-1, 3)
+    coupling = couplings(parameters, arms)[1:]
+    if not coupling.size:
+        return own[np.argsort(own[:, 0])].T
+    frequency, reactance, quality = np.exp(own).T
+    scaled = np.sqrt(frequency)[:, None] * coupling
+    spring = np.diag(frequency)
+    damping = np.diag(frequency / quality) + scaled @ scaled.T
+    # states: velocities, and deflections times the arms' frequencies
+    poles, vectors = np.linalg.eig(np.block([[-damping, -spring], [spring, np.zeros((arms, arms))]]))
+    drive = np.append(np.sqrt(frequency / reactance), np.zeros(arms))
+    residues = (drive @ vectors) * np.linalg.solve(vectors, drive)
+    order = np.argsort(poles.imag)[arms:]
+    size = np.abs(poles[order])
+    with np.errstate(all="ignore"):  # of a pole that does not oscillate, or a residue that is no arm's
+        found = np.log([size, size / (2.0 * residues[order].real), size / (2.0 * np.abs(poles[order].real))])
+    return np.where(poles[order].imag > 0.0, found, np.nan)
+
+
+def derivatives(function: Callable[[Vector], Vector], parameters: Vector) -> Vector:
+    """Return the derivatives of a function of the parameters, shape (values, parameters), by central differences."""
+    steps = _STEP * np.eye(len(parameters))
+    return np.array([(function(parameters + step) - function(parameters - step)) / (2.0 * _STEP) for step in steps]).T
+
+
+def couplings(parameters: Vector, arms: int) -> Vector:
+    """Return the couplings b of the clamped capacitance and the arms, shape (1 + arms, rank)."""
+    return parameters[GLOBALS + 3 * arms :].reshape(arms + 1, (len(parameters) - GLOBALS - 3 * arms) // (arms + 1))
 
 
 def thinning(y: Complexes, most: int) -> NDArray[np.intp]:
@@ -376,12 +713,6 @@ def thinning(y: Complexes, most: int) -> NDArray[np.intp]:
     grown = np.cumsum(share)
     places = np.searchsorted(grown, np.linspace(0.0, grown[-1], most - 1))
     return np.unique(np.append(np.minimum(places, len(y) - 1), len(y) - 1))
-
-
-def _columns(parameters: Vector) -> Vector:
-    """Return the arms' frequencies, reactances and quality factors, each as a column."""
-    columns: Vector = np.exp(parameters[GLOBALS:]).reshape(-1, 3).T[:, :, None]
-    return columns
 
 
 def squares(residual: Complexes, jacobian: Complexes) -> NormalEquations:
@@ -448,7 +779,7 @@ def independent_points(residual: Complexes) -> float:
 def inverse(hessian: Vector) -> Vector:
     """Return the inverse of a symmetric matrix that may be ill-scaled; what it leaves undetermined becomes large."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    result = np.linalg.pinv(hessian * scale[:, None] * scale, rcond=1e-15, hermitian=True)
+    result = np.linalg.pinv(hessian * scale[:, None] * scale, rcond=_FLAT, hermitian=True)
     return np.asarray(result * scale[:, None] * scale)
 
 
@@ -462,10 +793,10 @@ def _damped_step(gradient: Vector, hessian: Vector, free: NDArray[np.bool_], dam
     return step
 
 
-def _relocated_poles(s: Complexes, y: Complexes, count: int, rounds: int = 12) -> Complexes:
+def _relocated_poles(s: Complexes, y: Complexes, count: int, weights: Vector, rounds: int = 12) -> Complexes:
     """Fit by vector fitting: relocate pole pairs until they settle; return those in the upper half plane."""
     poles = (-0.01 + 1j) * np.geomspace(s[0].imag, s[-1].imag, count + 2)[1:-1]
-    weight = 1.0 / np.abs(y)[:, None]
+    weight = weights[:, None]
     background = s[:, None] ** np.arange(3)  # the clamped capacitance is s, its loss s²
     target = np.ascontiguousarray(y * weight[:, 0]).view(float)
     for _ in range(rounds):

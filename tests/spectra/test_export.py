@@ -22,7 +22,7 @@ from pyspice_runner.spectra.export import export_circuit
 from pyspice_runner.spectra.touchstone import touchstone
 from tests.resonators import fitted, resonator, spectrum, values
 
-CIRCUIT = resonator([20e3, 33e3], [120.0, 300.0], [0.05, 0.02], lead_resistance=2.0, lead_inductance=1e-5)
+CIRCUIT = resonator([20e3, 33e3], [120.0, 300.0], [0.05, 0.02])
 # what stands behind a word in an .asy file, by the listing of the format: the number of integers
 ASY = {
     "Version": 1, "RECTANGLE Normal": 4, "LINE Normal": 4, "WINDOW": 3, "PIN": 2, "PINATTR SpiceOrder": 1,
