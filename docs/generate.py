@@ -7,7 +7,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from math import pi
+from math import atan, pi
 from pathlib import Path
 
 import pyspice_runner as pr
@@ -228,7 +228,6 @@ def _derived(motor: Motor) -> str:
     contact, piezo, rotor, modes = motor.contact, motor.piezo, motor.rotor, motor.modes
     compliance = law.total_compliance(contact)
     limit = contact.friction * compliance * contact.preload_n ** (2.0 / 3.0)
-    loss = piezo.loss_tangent / (2.0 * pi * piezo.loss_reference_hz * piezo.capacitance_a_f)
     rows: list[tuple[str, float, str, str]] = []
     for mode in modes:
         squared = mode.coupling_a_n_per_v**2
@@ -240,7 +239,12 @@ def _derived(motor: Motor) -> str:
             (f"{mode.name} seen at A: C", squared / mode.stiffness_n_per_m, "F", "θ_A²/k"),
         ]
     rows += [
-        ("loss resistance of group A", loss, "Ω", "tan δ/(2π f_ref C_A)"),
+        (
+            "fall of the clamped capacitances with frequency",
+            1.0 - 10.0 ** (-2.0 / pi * atan(piezo.loss_tangent)),
+            "–",
+            "for each decade, 1 − 10^(−2 δ/π)",
+        ),
         ("tangential compliance K_t", compliance, "m/N^(2/3)", "K_t1 + K_t2"),
         ("static penetration δ₀", law.static_penetration(contact), "m", "(F₀/K_N)^(2/3)"),
         ("static bending Δ_C", law.static_deflection(contact, modes), "m", "F₀ Σ Y²/k"),

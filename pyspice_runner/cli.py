@@ -11,6 +11,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
+import warnings
 from typing import Any
 
 import typer
@@ -151,7 +152,8 @@ def _invoked(arguments: list[str]) -> Any:
         return app(arguments, prog_name="piezomotor", standalone_mode=False)
     group = typer.main.get_command(app)
     try:
-        with group.make_context("piezomotor", list(arguments)) as context:
+        with warnings.catch_warnings(), group.make_context("piezomotor", list(arguments)) as context:
+            warnings.showwarning = lambda message, *_: complain(f"piezomotor: {message}", style="yellow")
             return group.invoke(context)
     except typer.Exit as end:
         return end.exit_code

@@ -34,7 +34,7 @@ def motor(**parts: Any) -> Motor:
             mode("pull", 41e3, 0.003, 130.0, coupling_a_n_per_v=-0.3, coupling_b_n_per_v=0.34, tip_x=1.4, tip_y=-0.2),
             mode("turn", 66e3, 0.002, 60.0, coupling_a_n_per_v=0.08, coupling_b_n_per_v=0.02, tip_x=-0.6, tip_y=0.5),
         ),
-        "piezo": Piezo(capacitance_a_f=3.1e-9, capacitance_b_f=2.2e-9, loss_tangent=0.03, loss_reference_hz=4e4),
+        "piezo": Piezo(capacitance_a_f=3.1e-9, capacitance_b_f=2.2e-9, loss_tangent=0.03),
         "contact": Contact(
             normal_stiffness_n_per_m15=4e9,
             tangential_compliance_tip_m_per_n23=1.1e-7,

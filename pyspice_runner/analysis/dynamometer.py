@@ -17,7 +17,7 @@ import numpy as np
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.netlist.benches import SpeedRamp
-from pyspice_runner.netlist.motor import Motion
+from pyspice_runner.netlist.motor import PLATES, Motion, dielectric_branches
 from pyspice_runner.netlist.sources import Source, dynamometer_bench
 from pyspice_runner.run.kernel import Outcome, transient
 from pyspice_runner.run.setup import Setup
@@ -93,12 +93,14 @@ class Dynamometer:
         """Return preloaded rest on a rotor that already turns, the source about to come on."""
         preload = self.motor.contact.preload_n
         stiffness = self.setup.discretisation.mode
+        voltage_a, voltage_b = self.source.initial_voltages()
         return Motion(
             tuple(-mode.tip_y * preload / stiffness(mode)[1] for mode in self.motor.modes),
             (0.0,) * len(self.motor.modes),
             0.0,
             speed,
-            *self.source.initial_voltages(),
+            (voltage_a,) * len(PLATES),
+            (voltage_b,) * len(PLATES),
         )
 
     def run(self, start: Motion, speed: float | SpeedRamp, begun: float, *, meters: bool = True) -> Block:
@@ -163,8 +165,10 @@ class Dynamometer:
 
     def stored(self, motion: Motion) -> float:
         """Return the energy in J that a motion holds: in modes, plates and mount, not in the rotor and the contact."""
-        piezo = self.motor.piezo
-        energy = 0.5 * (piezo.capacitance_a_f * motion.plate_a_v**2 + piezo.capacitance_b_f * motion.plate_b_v**2)
+        energy = 0.0
+        for group, plates in (("a", motion.plates_a_v), ("b", motion.plates_b_v)):
+            for branch, voltage in zip(dielectric_branches(self.motor, group), plates, strict=True):
+                energy += 0.5 * branch.capacitance_f * voltage**2
         for mode, r, v in zip(self.motor.modes, motion.displacements_m, motion.velocities_m_s, strict=True):
             energy += 0.5 * (mode.mass_kg * v**2 + mode.stiffness_n_per_m * r**2)
         if mount := self.motor.mount:

@@ -16,7 +16,7 @@ from pyspice_runner.analysis.dynamometer import UNITS
 from pyspice_runner.analysis.period_map import Trace
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.netlist.copies import Plant, drive_voltage, phasor_at
-from pyspice_runner.netlist.motor import Discretisation, dielectric_resistance
+from pyspice_runner.netlist.motor import Discretisation, dielectric_admittance
 
 Array = NDArray[np.float64]
 
@@ -48,11 +48,20 @@ def tip(plant: Plant, trace: Trace) -> tuple[Array, Array, Array, Array]:
 
 def plate_current(plant: Plant, group: str, time: Array) -> Array:
     """Return the current in A that charges the clamped capacitance of a group."""
-    capacitance: float = getattr(plant.motor.piezo, f"capacitance_{group}_f")
     current = np.zeros(len(time))
     for tone in getattr(plant.drive, f"tones_{group}"):
-        current = current + capacitance * phasor_at(tone, plant.plate_gain(group, tone), time)[1]
+        current = current + phasor_at(tone, dielectric_admittance(plant.motor, group, tone.frequency), time)[0]
     return current
+
+
+def dielectric_loss(plant: Plant, group: str) -> float:
+    """Return the heat in W in the dielectric of a group, a linear admittance at each tone."""
+    return float(
+        sum(
+            0.5 * tone.amplitude**2 * dielectric_admittance(plant.motor, group, tone.frequency).real
+            for tone in getattr(plant.drive, f"tones_{group}")
+        )
+    )
 
 
 def current(plant: Plant, group: str, trace: Trace) -> Array:
@@ -97,20 +106,18 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         "given": radius * float((friction * turning).mean()),
         "speed": float(turning.mean()),
         "damping_loss": float((dampings @ velocity[:, 1:] ** 2).mean()) + mount_loss,
-        "dielectric_loss": 0.0,
+        "dielectric_loss": dielectric_loss(plant, "a") + dielectric_loss(plant, "b"),
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
     }
     for group in "ab":
         voltage = drive_voltage(getattr(plant.drive, f"tones_{group}"), trace.time)[1:]
         amperes = current(plant, group, trace)[1:]
-        charging = plate_current(plant, group, trace.time)[1:]
         found |= {
             f"power_{group}": float((voltage * amperes).mean()),
             f"voltage_square_{group}": float((voltage**2).mean()),
             f"current_square_{group}": float((amperes**2).mean()),
             f"peak_{group}": float(np.abs(amperes).max()),
         }
-        found["dielectric_loss"] += dielectric_resistance(motor, group) * float((charging**2).mean())
     return found
 
 

@@ -32,6 +32,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw
 from pyspice_runner.netlist.copies import Copy, Plant, Probe
+from pyspice_runner.netlist.motor import dielectric_admittance
 from pyspice_runner.result import Result
 
 Array = NDArray[np.float64]
@@ -308,7 +309,9 @@ class _Linear:
             signals = np.asarray(signals / (2.0 * sizes[place]), dtype=complex)
             if place in "ab":  # the clamped capacitance takes its current from the source alone
                 wave = np.exp(2j * pi * frequency * point.trace.time)
-                signals[_SIGNALS.index(f"current_{place}")] += plant.clamped_admittance(place, frequency) * wave
+                signals[_SIGNALS.index(f"current_{place}")] += (
+                    dielectric_admittance(plant.motor, place, frequency) * wave
+                )
             found.append(_Response(signals, point.trace.time, at, plant.drive.frequency))
         return found
 
@@ -414,7 +417,7 @@ def _signals(plant: Plant, trace: Trace) -> Array:
 def _cold(plant: Plant, frequency: float) -> Complex:
     """Return the admittance matrix of the free stator at rest."""
     omega = 2.0 * pi * frequency
-    matrix = np.diag([plant.clamped_admittance(group, frequency) for group in "ab"])
+    matrix = np.diag([dielectric_admittance(plant.motor, group, frequency) for group in "ab"])
     for mode in plant.motor.modes:
         coupling = np.array([mode.coupling_a_n_per_v, mode.coupling_b_n_per_v])
         stiffness = mode.stiffness_n_per_m - omega**2 * mode.mass_kg + 1j * omega * mode.damping_n_s_per_m

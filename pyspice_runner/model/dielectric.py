@@ -42,6 +42,10 @@ class Branch(NamedTuple):
     resistance_ohm: float
     capacitance_f: float
 
+    def gain(self, frequency_hz: float) -> complex:
+        """Return the voltage of the capacitance over that of the branch."""
+        return 1.0 / (1.0 + 2j * pi * frequency_hz * self.resistance_ohm * self.capacitance_f)
+
 
 def loss_ladder(
     capacitance_f: float, loss_tangent: float, low_hz: float, high_hz: float, branches: int

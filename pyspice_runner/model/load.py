@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import difflib
 import re
+import warnings
 from collections.abc import Mapping
 from math import sqrt
 from pathlib import Path
@@ -225,6 +226,13 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
     rotor = build(Rotor, plain["rotor"], "rotor", where)
     structure, modes, capacitances = _resolve_modes(plain, ways[0], where)
     piezo = dict(as_table(plain["piezo"], "piezo", where))
+    if piezo.pop("loss_reference_hz", None) is not None:  # of files from before the ladder
+        provenance.pop("piezo.loss_reference_hz", None)
+        warnings.warn(
+            f"{where}: piezo.loss_reference_hz is ignored, because the loss tangent is now the same from 1 kHz to "
+            "10 MHz. Delete the line.",
+            stacklevel=2,
+        )
     if capacitances is not None:
         given = [key for key in capacitances if key in piezo]
         if given:

@@ -94,7 +94,7 @@ class Motor(Shown, Parameters):
                 f"the modes reach from {lowest:.4g} to {highest:.4g} Hz; a stator's are at most a factor "
                 f"{WIDEST_SPREAD:g} apart, so leave out those that do not take part"
             )
-        self._check_groups(highest)
+        self._check_groups()
         seat = contact_law.static_penetration(self.contact) + contact_law.static_deflection(self.contact, self.modes)
         if seat > 0.1 * self.rotor.radius_m:
             raise ValueError(
@@ -110,7 +110,7 @@ class Motor(Shown, Parameters):
             )
         return self
 
-    def _check_groups(self, highest: float) -> None:
+    def _check_groups(self) -> None:
         for group in ("a", "b"):
             clamped: float = getattr(self.piezo, f"capacitance_{group}_f")
             motional = sum(
@@ -123,13 +123,6 @@ class Motor(Shown, Parameters):
                     f"it and piezo.capacitance_{group}_f; no ceramic exceeds {CLOSEST_COUPLING:g}, so correct "
                     f"coupling_{group}_n_per_v or the capacitance"
                 )
-        loss = self.piezo.loss_tangent * highest / self.piezo.loss_reference_hz
-        if loss > 1.0:
-            raise ValueError(
-                f"piezo.loss_tangent = {self.piezo.loss_tangent:g} at piezo.loss_reference_hz = "
-                f"{self.piezo.loss_reference_hz:g} Hz makes {loss:.3g} at the highest mode's {highest:.4g} Hz, since "
-                "it rises with frequency; no dielectric exceeds 1, so state it where the motor works"
-            )
 
     def summary(self) -> dict[str, str]:
         """Return name, modes, contact, rotor and mount, ready to print."""

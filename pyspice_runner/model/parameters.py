@@ -130,10 +130,9 @@ class Mode(Parameters):
 class Piezo(Parameters):
     """Electrical values of both groups with the beam clamped."""
 
-    capacitance_a_f: float = quantity("clamped capacitance of group A", "F", gt=1e-15, le=1e-3)
-    capacitance_b_f: float = quantity("clamped capacitance of group B", "F", gt=1e-15, le=1e-3)
-    loss_tangent: float = quantity("dielectric loss tangent at the reference frequency", "1", ge=0.0, le=0.5)
-    loss_reference_hz: float = quantity("frequency at which the loss tangent holds", "Hz", ge=1.0, le=1e8)
+    capacitance_a_f: float = quantity("clamped capacitance of group A at 100 kHz", "F", gt=1e-15, le=1e-3)
+    capacitance_b_f: float = quantity("clamped capacitance of group B at 100 kHz", "F", gt=1e-15, le=1e-3)
+    loss_tangent: float = quantity("dielectric loss tangent, the same from 1 kHz to 10 MHz", "1", ge=0.0, le=0.5)
 
 
 # K_t K_N^(2/3) = E*/G*, of elastic bodies with Poisson's ratios from 0 to 0.5: 1 to 1.5. A layer that only shears makes

@@ -19,8 +19,9 @@ from pyspice_runner.netlist.motor import (
     Motion,
     add_motor,
     contact_nodes,
-    dielectric_resistance,
+    dielectric_branches,
     instantiate,
+    plate_nodes,
 )
 
 # Newton's iteration ends at a relative change of 10⁻⁶, so that its error is far below that of the time step. Nodes have
@@ -33,7 +34,7 @@ _SMALL = 1e-5  # tolerance over the smallest of a motor's forces and displacemen
 # ngspice ends a sweep within reltol of a frequency step. With a much smaller reltol, round-off may drop the last point.
 AC_OPTIONS = {"reltol": "1e-6", "vntol": "1e-12", "abstol": "1e-12"}
 METERED = ("metered_a", "metered_b")  # nodes of the source in front of the wattmeters
-_METERS = ("piezomotor_contactmeter", "piezomotor_wattmeter", "piezomotor_heat")
+_METERS = ("piezomotor_contactmeter", "piezomotor_wattmeter", "piezomotor_heat", "piezomotor_groupheat")
 
 
 def transient_options(motor: Motor, contact: ContactLaw | None = "spring-slider") -> dict[str, str]:
@@ -107,9 +108,10 @@ def add_meters(circuit: Circuit, motor: Motor, lag: dict[str, float]) -> None:
     for group, line in zip(("a", "b"), METERED, strict=True):
         nodes = (line, group, circuit.gnd)
         instantiate(circuit, f"meter_{group}", "piezomotor_wattmeter", nodes, **lag)
-        nodes = (group, f"xmotor.xgroup_{group}.plate")
-        resistance = dielectric_resistance(motor, group)
-        instantiate(circuit, f"heat_{group}", "piezomotor_heat", nodes, resistance=resistance)
+        nodes = (group, *(f"xmotor.{node}" for node in plate_nodes(group)))
+        resistances = [branch.resistance_ohm for branch in dielectric_branches(motor, group)]
+        values = {f"resistance{index}": value for index, value in enumerate(resistances)}
+        instantiate(circuit, f"heat_{group}", "piezomotor_groupheat", nodes, **values)
 
 
 def add_cooling(circuit: Circuit, thermal: Thermal) -> None:
@@ -147,8 +149,12 @@ def start_voltages(start: Motion, law: Law | None, instance: str = "motor") -> d
     """Return the initial voltages of the plates and the contact for a run that continues a motion."""
     states = law.states if law and start.contact_v else ()
     cells = {f"x{instance}.{node}": voltage for node, voltage in zip(states, start.contact_v, strict=True)}
-    plates = {"a": start.plate_a_v, "b": start.plate_b_v}
-    return {f"x{instance}.xgroup_{group}.plate": voltage for group, voltage in plates.items()} | cells
+    plates = {
+        f"x{instance}.{node}": voltage
+        for group, voltages in (("a", start.plates_a_v), ("b", start.plates_b_v))
+        for node, voltage in zip(plate_nodes(group), voltages, strict=True)
+    }
+    return plates | cells
 
 
 def add_drive(circuit: Circuit, drive: Drive, pins: tuple[str, str], *, begun: float = 0.0) -> None:

@@ -22,7 +22,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mount
 from pyspice_runner.netlist.benches import transient_options
 from pyspice_runner.netlist.contact import SLIDERS, Law
-from pyspice_runner.netlist.motor import Discretisation, Motion, MotorSubCircuit, dielectric_resistance
+from pyspice_runner.netlist.motor import Discretisation, Motion, MotorSubCircuit, dielectric_branches, plate_nodes
 from pyspice_runner.netlist.sources import Bench
 
 Array = NDArray[np.float64]
@@ -94,7 +94,7 @@ class Plant:
         definition = MotorSubCircuit(
             self.motor, contact=self.law.name if self.law else None,
             sliders=self.law.sliders if self.law else SLIDERS, discretisation=discretisation,
-            start=Motion(still, still, 0.0, 0.0, 0.0, 0.0), name=name,
+            start=Motion(still, still, 0.0, 0.0, (), ()), name=name,
         )  # fmt: skip
         text = str(definition)
         numbers = range(1, self.modes + 1)
@@ -128,8 +128,10 @@ class Plant:
         """Return the initial voltages by node inside the motor: of plates and of a contact without start parameter."""
         nodes = {}
         for group in "ab":
-            plates = (phasor_at(tone, self.plate_gain(group, tone), begun)[0] for tone in self.tones(group, probes))
-            nodes[f"xgroup_{group}.plate"] = float(sum(plates))
+            tones = self.tones(group, probes)
+            for node, branch in zip(plate_nodes(group), dielectric_branches(self.motor, group), strict=True):
+                volts = (phasor_at(tone, branch.gain(tone.frequency), begun)[0] for tone in tones)
+                nodes[node] = float(sum(volts))
         if self.law and self.law.name != "spring-slider":
             values = state[2 * self.modes : 2 * self.modes + self.sliders]
             nodes |= {node: float(u) / _MICRO for node, u in zip(self.contact_states, values, strict=True)}
@@ -139,17 +141,6 @@ class Plant:
         """Return the sines at the pin of a group, with those of the probes."""
         own: tuple[Tone, ...] = getattr(self.drive, f"tones_{group}")
         return (*own, *(probe.tone for probe in probes if probe.place == group))
-
-    def clamped_admittance(self, group: str, frequency: float) -> complex:
-        """Return the admittance in S of a clamped group."""
-        capacitance: float = getattr(self.motor.piezo, f"capacitance_{group}_f")
-        return 2j * pi * frequency * capacitance * self.plate_gain(group, Tone(1.0, frequency, 0.0))
-
-    def plate_gain(self, group: str, tone: Tone) -> complex:
-        """Return the voltage of the clamped capacitance over that of the pin."""
-        capacitance: float = getattr(self.motor.piezo, f"capacitance_{group}_f")
-        resistance = dielectric_resistance(self.motor, group)
-        return 1.0 / (1.0 + 2j * pi * tone.frequency * resistance * capacitance)
 
     def vectors(self) -> list[str]:
         """Return the vectors inside the motor that hold its states, in their order."""

@@ -29,7 +29,7 @@ from pyspice_runner.netlist.benches import AC_OPTIONS, METERED, TRANSIENT_OPTION
 from pyspice_runner.netlist.contact_benches import cyclic_bench, impact_bench
 from pyspice_runner.netlist.drivers import GROUPS, Driver
 from pyspice_runner.netlist.library import data_path
-from pyspice_runner.netlist.motor import Discretisation
+from pyspice_runner.netlist.motor import Discretisation, plate_nodes
 from pyspice_runner.netlist.sources import PAPER_LAW, Bench, DriveSource, dynamometer_bench, motor_bench
 from pyspice_runner.netlist.trackers import (
     RAIL,
@@ -125,7 +125,11 @@ def _two_phase_sources(pins: tuple[str, str] = GROUPS) -> dict[str, str]:
 
 def _plate_b(voltage: str) -> dict[str, str]:
     """Return the initial condition of the plates of group B, which are at the voltage of their source at t = 0."""
-    return {"xmotor.xgroup_b.plate": f"{{{voltage}*sin({_RADIANS!r}*phase)}}"}
+    return dict.fromkeys(_plates("b"), f"{{{voltage}*sin({_RADIANS!r}*phase)}}")
+
+
+def _plates(group: str) -> list[str]:
+    return [f"xmotor.{node}" for node in plate_nodes(group)]
 
 
 def _two_tones(drive: TwoToneDrive) -> Parameters:
@@ -140,11 +144,12 @@ def _two_tones(drive: TwoToneDrive) -> Parameters:
 
 def _two_tone_sources() -> tuple[dict[str, str], dict[str, str]]:
     """Return the lines of the sources, and the initial conditions of the plates."""
-    sources, start = {}, {}
+    sources: dict[str, str] = {}
+    start: dict[str, str] = {}
     for group, sign in zip(GROUPS, ("", "-"), strict=True):
         sources[f"V{group}"] = f"{group} drive_{group}1 SIN(0 {{voltage}} {{frequency}} 0 0 0)"
         sources[f"V{group}1"] = f"drive_{group}1 0 SIN(0 {{{sign}voltage_2}} {{frequency_2}} 0 0 {{phase}})"
-        start[f"xmotor.xgroup_{group}.plate"] = f"{{{sign}voltage_2*sin({_RADIANS!r}*phase)}}"
+        start |= dict.fromkeys(_plates(group), f"{{{sign}voltage_2*sin({_RADIANS!r}*phase)}}")
     return sources, start
 
 

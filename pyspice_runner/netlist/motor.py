@@ -15,6 +15,7 @@ from PySpice.Spice.Netlist import Netlist, SubCircuit
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.dielectric import Branch, lossy_capacitance
 from pyspice_runner.model.drive import Drive, default_drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount, Rotor
@@ -44,7 +45,7 @@ SUBCIRCUIT = PREFIX
 MOUNTED = {"y": "contact_y", "vy": "contact_vy"}  # nodes of the tip at the contact if there is a mount
 CROWN = "crown"  # node of a motor whose preload bends the tip sideways: x of the tip from the rotor's crown, in µm
 THERMAL_SUBCIRCUIT = "piezomotor_thermal"
-REVISION = 2  # of the exported motor: its pins, its parameters and what they mean
+REVISION = 3  # of the exported motor: its pins, its parameters and what they mean
 _POINTS = 100  # least number of steps in a period of the fastest motion for an exported motor
 # parameters of the motor's X line → the parameters of the contact that they set
 _OF_CONTACT = {
@@ -56,8 +57,9 @@ _OF_CONTACT = {
 }
 _OF_ROTOR = ("inertia", "bearing")
 _DERIVED = ("deflection", "damping", "span", "start")  # parameters of a contact that the motor sets
-# at the highest mode's frequency, for a loss of 0: SPICE has no resistor of 0 ohm, and a tiny one costs precision
-_SMALLEST_LOSS = 3e-8
+# for a loss tangent of 0: SPICE has no resistor of 0 ohm, and a tiny one costs precision
+_SMALLEST_LOSS = 1e-5
+PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
 
 
 @dataclass(frozen=True)
@@ -98,8 +100,8 @@ class Motion:
         velocities_m_s: modal velocities.
         slider_m: displacement of the contact's slider.
         speed_rad_s: speed of the rotor.
-        plate_a_v: voltage of the clamped capacitance of group A.
-        plate_b_v: the same of group B.
+        plates_a_v: voltages of the capacitances :data:`PLATES` of group A.
+        plates_b_v: the same of group B.
         contact_v: voltages of the nodes :attr:`.Law.states`, in V, for ``.ic``.
         carrier_m: displacement of the carrier towards the rotor.
         carrier_m_s: velocity of the carrier.
@@ -110,12 +112,17 @@ class Motion:
     velocities_m_s: tuple[float, ...]
     slider_m: float
     speed_rad_s: float
-    plate_a_v: float
-    plate_b_v: float
+    plates_a_v: tuple[float, ...]
+    plates_b_v: tuple[float, ...]
     contact_v: tuple[float, ...] = ()
     carrier_m: float = 0.0
     carrier_m_s: float = 0.0
     bearing: float = 0.0
+
+
+def plate_nodes(group: str) -> list[str]:
+    """Return the nodes of the capacitances of group ``"a"`` or ``"b"`` inside the motor, in the order of PLATES."""
+    return [f"xgroup_{group}.{plate}" for plate in PLATES]
 
 
 class Assembly(SubCircuit):
@@ -200,11 +207,10 @@ class MotorSubCircuit(Assembly):
         pins = ("a", "b", "com", "shaft", *warm, *(("approach",) if approach else ()))
         defaults = {parameter.name: repr(parameter.default) for parameter in self.settable}
         super().__init__(name or (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT), *pins, **defaults)
-        loss = _loss_tangent(motor)
         drift = {"capacitance_drift": thermal.capacitance_drift_per_k} if thermal else {}
         for group, capacitance in (("a", motor.piezo.capacitance_a_f), ("b", motor.piezo.capacitance_b_f)):
-            values = {"capacitance": capacitance, "loss": loss, "reference": motor.piezo.loss_reference_hz}
-            nodes = (group, "com", f"xgroup_{group}.plate", *warm)
+            values = {"capacitance": capacitance, "loss": _loss_tangent(motor)}
+            nodes = (group, "com", *plate_nodes(group), *warm)
             self._put(f"group_{group}", f"piezomotor_group{kind}", nodes, values | drift)
         for index, (mode, (mass, stiffness)) in enumerate(zip(motor.modes, adapted, strict=True), start=1):
             values = {
@@ -509,16 +515,21 @@ def _mode_drift(thermal: Thermal | None) -> dict[str, float]:
     return {"frequency_drift": thermal.frequency_drift_per_k, "coupling_drift": thermal.coupling_drift_per_k}
 
 
-def dielectric_resistance(motor: Motor, group: str) -> float:
-    """Return the resistance in Ω of the dielectric loss of group ``"a"`` or ``"b"`` in the netlist."""
+def dielectric_branches(motor: Motor, group: str) -> tuple[Branch, ...]:
+    """Return the branches of the clamped capacitance of group ``"a"`` or ``"b"`` in the netlist, those of PLATES."""
     capacitance: float = getattr(motor.piezo, f"capacitance_{group}_f")
-    return _loss_tangent(motor) / (2.0 * pi * motor.piezo.loss_reference_hz * capacitance)
+    return lossy_capacitance(capacitance, _loss_tangent(motor), branches=len(PLATES))
+
+
+def dielectric_admittance(motor: Motor, group: str, frequency_hz: float) -> complex:
+    """Return the admittance in S of the clamped capacitance of a group in the netlist."""
+    s = 2j * pi * frequency_hz
+    return sum(s * c / (1.0 + s * r * c) for r, c in dielectric_branches(motor, group))
 
 
 def _loss_tangent(motor: Motor) -> float:
-    """Return the loss tangent in the netlist, at the reference frequency."""
-    highest = max(mode.frequency_hz for mode in motor.modes)
-    return max(motor.piezo.loss_tangent, _SMALLEST_LOSS * motor.piezo.loss_reference_hz / highest)
+    """Return the loss tangent in the netlist."""
+    return max(motor.piezo.loss_tangent, _SMALLEST_LOSS)
 
 
 def instantiate(

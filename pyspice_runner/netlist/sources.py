@@ -29,7 +29,7 @@ from pyspice_runner.netlist.benches import (
 )
 from pyspice_runner.netlist.contact import SLIDERS, Law
 from pyspice_runner.netlist.drivers import Driver
-from pyspice_runner.netlist.motor import Discretisation, Motion, add_motor
+from pyspice_runner.netlist.motor import Discretisation, Motion, add_motor, plate_nodes
 from pyspice_runner.netlist.trackers import Disturbance, Tracker, add_disturbance, tracked_source
 
 GROUPS = ("a", "b")
@@ -321,4 +321,6 @@ def _start(source: Source, law: Law | None, start: Motion | None) -> dict[str, f
     if start is not None:
         return start_voltages(start, law)
     plates = zip(GROUPS, source.initial_voltages(), strict=True)
-    return {f"xmotor.xgroup_{group}.plate": voltage for group, voltage in plates if abs(voltage) > 1e-12}
+    return {
+        f"xmotor.{node}": voltage for group, voltage in plates if abs(voltage) > 1e-12 for node in plate_nodes(group)
+    }

@@ -30,7 +30,7 @@ from pyspice_runner.model.tracking import LoopFilter, StatorLag, propose_filter,
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.drivers import GROUPS, Driver, add_driver, control_amplitude
 from pyspice_runner.netlist.library import read_library
-from pyspice_runner.netlist.motor import dielectric_resistance, instantiate
+from pyspice_runner.netlist.motor import dielectric_admittance, instantiate
 
 TrackerKind = Literal["none", "pll", "observe-current", "observe-power"]
 DisturbanceKind = Literal["start", "target", "load", "preload", "temperature"]
@@ -279,10 +279,10 @@ class TrackedSource:
             add_driver(circuit, driver, dict(zip(GROUPS, lines, strict=True)), source=False)
         copies = {}
         for group in GROUPS:
-            copies[f"capacitance_{group}"] = getattr(motor.piezo, f"capacitance_{group}_f") * (
-                1 + tracker.capacitance_error
-            )
-            copies[f"resistance_{group}"] = dielectric_resistance(motor, group)
+            impedance = 1.0 / dielectric_admittance(motor, group, tracker.frequency)
+            capacitance = -1.0 / (2.0 * pi * tracker.frequency * impedance.imag)
+            copies[f"capacitance_{group}"] = capacitance * (1.0 + tracker.capacitance_error)
+            copies[f"resistance_{group}"] = impedance.real
         instantiate(
             circuit, "sense", "tracker_sense",
             (lines[0], pins[0], lines[1], pins[1], circuit.gnd, "motional", "force", "ahead", "power"),

@@ -14,7 +14,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.motor import Discretisation, dielectric_resistance
+from pyspice_runner.netlist.motor import Discretisation
 from pyspice_runner.netlist.sources import Source
 from pyspice_runner.run.audit import NEWTON, pressed_j
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, EnergyBalance
@@ -217,17 +217,12 @@ def _energy(
         drift = work(softer * (2.0 + softer) * np.sum(force * velocity, axis=0))
 
     dielectric = 0.0
-    for group, capacitance in (("a", motor.piezo.capacitance_a_f), ("b", motor.piezo.capacitance_b_f)):
-        resistance = dielectric_resistance(motor, group)
+    for group in "ab":
         motional = coupling * sum(
             getattr(mode, f"coupling_{group}_n_per_v") * v for mode, v in zip(motor.modes, velocity, strict=True)
         )
         charging = waves[f"current_{group}_a"] - motional
-        if thermal is not None:
-            dielectric += work(waves[f"voltage_{group}_v"] * charging)
-            continue
-        plate = waves[f"voltage_{group}_v"] - resistance * charging
-        dielectric += change(0.5 * capacitance * plate**2) + work(resistance * charging**2)
+        dielectric += work(waves[f"voltage_{group}_v"] * charging)
 
     masses = np.array([mode.mass_kg for mode in motor.modes])
     stiffnesses = np.array([mode.stiffness_n_per_m for mode in motor.modes])

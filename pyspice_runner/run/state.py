@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.motor import Discretisation, Motion
+from pyspice_runner.netlist.motor import Discretisation, Motion, plate_nodes
 
 
 def state_vectors(motor: Motor, law: Law | None, instance: str = "xmotor") -> list[str]:
     """Return the vectors that hold the state of a motor: modes, plates, rotor, carrier and contact."""
-    names = [f"v({instance}.xgroup_{group}.plate)" for group in "ab"]
+    names = [*_plates(instance, "a"), *_plates(instance, "b")]
     for index in range(1, len(motor.modes) + 1):
         names += [f"i(v.{instance}.xmode{index}.vvelocity)", f"v({instance}.xmode{index}.elastic)"]
     if law:
@@ -49,12 +49,17 @@ def motion(
         tuple(values[f"i(v.{instance}.xmode{index}.vvelocity)"] for index in numbers),
         1e-6 * values[f"v({instance}.slider)"] if law else 0.0,
         values["v(shaft)"],
-        values[f"v({instance}.xgroup_a.plate)"],
-        values[f"v({instance}.xgroup_b.plate)"],
+        tuple(values[name] for name in _plates(instance, "a")),
+        tuple(values[name] for name in _plates(instance, "b")),
         tuple(values[name] for name in _cells(law, instance)),
         **carrier,
         bearing=values[_bearing(instance)] if motor.rotor.bearing_friction_n_m else 0.0,
     )
+
+
+def _plates(instance: str, group: str) -> list[str]:
+    """Return the vectors of the voltages of a group's capacitances."""
+    return [f"v({instance}.{node})" for node in plate_nodes(group)]
 
 
 def _bearing(instance: str) -> str:

@@ -22,6 +22,7 @@ import numpy as np
 
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.files import save_by_ending
+from pyspice_runner.model.dielectric import LARGEST_LOSS_TANGENT, lossy_capacitance
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor, Provenance, assemble
 from pyspice_runner.model.refusal import checked
@@ -40,6 +41,7 @@ from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum
 from pyspice_runner.spectra.threads import one_thread
 from pyspice_runner.units import engineering
 
+_STARTS = 3  # fits of one port, each with the loss tangent that the one before found
 _GLOBALS = 3  # ln C_A, ln C_B, tan δ
 _PER_MODE = 4  # ln f, ln Q, couplings to A and B
 
@@ -72,8 +74,7 @@ class TwoPortFit(Result):
         modes: by rising frequency.
         capacitance_a_f: clamped capacitance of group A.
         capacitance_b_f: clamped capacitance of group B.
-        loss_tangent: of both, at ``loss_reference_hz``.
-        loss_reference_hz: geometric centre of the band.
+        loss_tangent: of both, constant over frequency; the capacitances hold at 100 kHz.
         standard_errors: of the three before.
         rms_relative_error: connection → root mean square of the relative residual.
         warnings: what to know before using the values.
@@ -84,7 +85,6 @@ class TwoPortFit(Result):
     capacitance_a_f: float
     capacitance_b_f: float
     loss_tangent: float
-    loss_reference_hz: float
     standard_errors: dict[str, float]
     rms_relative_error: dict[str, float]
     warnings: tuple[str, ...]
@@ -156,7 +156,6 @@ class TwoPortFit(Result):
             "capacitance_a_f": self.capacitance_a_f,
             "capacitance_b_f": self.capacitance_b_f,
             "loss_tangent": self.loss_tangent,
-            "loss_reference_hz": self.loss_reference_hz,
         }
         provenance |= {f"piezo.{key}": measured for key in piezo}
         borrowed = Provenance("assumed", f"that of {base.name}; state your own")
@@ -294,6 +293,18 @@ def fit_two_port(
     return _report(problem, parameters, cost, share, source or "spectra", warnings)
 
 
+def clamped(loss_tangent: float, frequency_hz: Vector) -> tuple[Complexes, Complexes]:
+    """Return the admittance of 1 F with a constant loss tangent, as in a motor, and its derivative by that."""
+    s = 2j * pi * frequency_hz
+
+    def admittance(loss: float) -> Complexes:
+        return np.asarray(sum(s * c / (1.0 + s * r * c) for r, c in lossy_capacitance(1.0, loss)))
+
+    step = 1e-6 * max(loss_tangent, 1e-3)
+    below, above = max(loss_tangent - step, 1e-12), min(loss_tangent + step, LARGEST_LOSS_TANGENT)
+    return admittance(loss_tangent), (admittance(above) - admittance(below)) / (above - below)
+
+
 class _Problem:
     """The joint least-squares problem of several connections, in units of its own."""
 
@@ -312,7 +323,20 @@ class _Problem:
         frequency = first.frequency_hz
         second = np.interp(frequency, self.ports["B"].frequency_hz, self.ports["B"].admittance_s)
         trace = Spectrum.from_admittance(frequency, first.admittance_s + second, source="The sum of A and B")
-        fit = fit_spectrum(trace, modes, leads=False, timeout=timeout, progress=progress)
+        # the fit of one port has a loss that rises with frequency; give it one, in place of the constant one
+        ratio = trace.admittance_s.real / trace.admittance_s.imag
+        loss = float(np.clip(np.quantile(ratio[ratio > 0.0], 0.1), 1e-6, LARGEST_LOSS_TANGENT))
+        capacitance = float(np.median(trace.admittance_s.imag / (2.0 * pi * frequency)))
+        for _ in range(_STARTS):
+            s = 2j * pi * frequency
+            series = loss / (2.0 * pi * self.reference_hz * capacitance)
+            other = s * capacitance / (1.0 + s * series * capacitance) - capacitance * clamped(loss, frequency)[0]
+            fit = fit_spectrum(
+                Spectrum.from_admittance(frequency, trace.admittance_s + other, source=trace.source),
+                modes, leads=False, timeout=timeout, progress=progress,
+            )  # fmt: skip
+            loss = min(max(fit.circuit.loss_tangent, 1e-6), LARGEST_LOSS_TANGENT)
+            capacitance = fit.circuit.clamped_capacitance_f
         arms = [arm for arm in fit.arms if arm.in_band]
         start = np.zeros(_GLOBALS + _PER_MODE * len(arms))
         share_a = float(np.median(first.admittance_s.imag / trace.admittance_s.imag))
@@ -346,8 +370,8 @@ class _Problem:
         """Return the least and greatest value of every parameter."""
         modes = (len(start) - _GLOBALS) // _PER_MODE
         low, high = log(self.low / self.reference_hz), log(self.high / self.reference_hz)
-        least = [-25.0, -25.0, 0.0, *([low, log(0.6), -np.inf, -np.inf] * modes)]
-        greatest = [25.0, 25.0, 2.0, *([high, log(1e6), np.inf, np.inf] * modes)]
+        least = [-25.0, -25.0, 1e-9, *([low, log(0.6), -np.inf, -np.inf] * modes)]
+        greatest = [25.0, 25.0, LARGEST_LOSS_TANGENT, *([high, log(1e6), np.inf, np.inf] * modes)]
         return np.array(least), np.array(greatest)
 
     def reach(self, parameters: Vector) -> Vector:
@@ -362,17 +386,18 @@ class _Problem:
         spectrum = self.ports[connection]
         w = spectrum.frequency_hz / self.reference_hz
         weight_a, weight_b = COUPLING[connection]
-        capacitance = np.exp(parameters[:2])
-        clamped = capacitance[:, None] / (parameters[2] + 1.0 / (1j * w))
+        shape_of_loss, slope_of_loss = clamped(float(parameters[2]), spectrum.frequency_hz)
+        capacitance = np.exp(parameters[:2]) / (2.0 * pi * self.reference_hz)
+        plates = capacitance[:, None] * shape_of_loss
         log_frequency, log_quality, a, b = parameters[_GLOBALS:].reshape(-1, _PER_MODE).T[:, :, None]
         frequency, quality = np.exp(log_frequency), np.exp(log_quality)
         shape = 1.0 / (1.0 / quality + 1j * (w / frequency - frequency / w))
         drive = weight_a * a + weight_b * b
         squared = np.array([weight_a**2, weight_b**2])
-        y = squared @ clamped + (drive**2 * shape).sum(axis=0)
+        y = squared @ plates + (drive**2 * shape).sum(axis=0)
         jacobian = np.empty((len(parameters), len(w)), dtype=complex)
-        jacobian[:2] = squared[:, None] * clamped
-        jacobian[2] = -squared @ (clamped**2 / capacitance[:, None])
+        jacobian[:2] = squared[:, None] * plates
+        jacobian[2] = squared @ capacitance * slope_of_loss
         jacobian[_GLOBALS::_PER_MODE] = 1j * drive**2 * shape**2 * (w / frequency + frequency / w)
         jacobian[_GLOBALS + 1 :: _PER_MODE] = drive**2 * shape**2 / quality
         jacobian[_GLOBALS + 2 :: _PER_MODE] = 2.0 * weight_a * drive * shape
@@ -428,7 +453,6 @@ def _report(
         capacitance_a_f=float(capacitances[0]),
         capacitance_b_f=float(capacitances[1]),
         loss_tangent=float(parameters[2]),
-        loss_reference_hz=problem.reference_hz,
         standard_errors={
             "capacitance_a_f": float(capacitances[0] * error[0]),
             "capacitance_b_f": float(capacitances[1] * error[1]),

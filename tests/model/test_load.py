@@ -35,7 +35,7 @@ CONTACT = {
     "preload_n": 7.0,
 }
 ROTOR = {"radius_m": 0.012, "inertia_kg_m2": 2e-6, "bearing_damping_n_m_s": 3e-6}
-LOSS = {"loss_tangent": 0.015, "loss_reference_hz": 2e3}
+LOSS = {"loss_tangent": 0.015}
 CAPACITANCES = {"capacitance_a_f": 1.7e-9, "capacitance_b_f": 2.1e-9}
 MATERIALS = {
     "tip_radius_m": 0.004,
@@ -168,6 +168,12 @@ def test_the_ceramic_table_states_the_shared_values_of_all_patches(load: Callabl
     own = load(BEAM | {"ceramic": shared | {"layers": 1}, "patches": [patches[0], patches[1] | {"layers": 3}]})
     assert own.structure is not None
     assert [patch.layers for patch in own.structure.patches] == [1, 3]
+
+
+def test_an_older_file_with_a_reference_frequency_of_the_loss_is_read(load: Callable[[Document], Motor]) -> None:
+    with pytest.warns(UserWarning, match="loss_reference_hz is ignored, because the loss tangent is now the same"):
+        subject = load(MODES | {"piezo": LOSS | CAPACITANCES | {"loss_reference_hz": {"value": 2e3, "given": "p. 1"}}})
+    assert subject == load(MODES)
 
 
 def test_modes_are_taken_as_stated_and_sorted(load: Callable[[Document], Motor]) -> None:

@@ -24,7 +24,7 @@ SHAPE = {  # design.md §5 of the project; users' scripts read it
         "name", "frequency_hz", "mass_kg", "damping_n_s_per_m", "stiffness_n_per_m", "coupling_a_n_per_v",
         "coupling_b_n_per_v", "tip_x", "tip_y",
     },
-    "piezo": {"capacitance_a_f", "capacitance_b_f", "loss_tangent", "loss_reference_hz"},
+    "piezo": {"capacitance_a_f", "capacitance_b_f", "loss_tangent"},
     "contact": {
         "normal_stiffness_n_per_m15", "tangential_compliance_tip_m_per_n23", "tangential_compliance_rotor_m_per_n23",
         "friction", "preload_n",
@@ -256,13 +256,6 @@ MODES = "there are push, pull, turn, numbered from 0."
             ),
         ),
         (
-            {"piezo.loss_reference_hz": 1e3},
-            (
-                "piezo.loss_tangent = 0.03 at piezo.loss_reference_hz = 1000 Hz makes 1.98 at the highest mode's "
-                "6.6e+04 Hz, since it rises with frequency; no dielectric exceeds 1, so state it where the motor works."
-            ),
-        ),
-        (
             {"rotor.inertia_kg_m2": 5e-13},
             (
                 "pressed on the rotor the tip swings at 8.692e+06 Hz, more than 100 times the highest mode's 6.6e+04 "
@@ -325,7 +318,7 @@ def test_wrong_value_names_path_value_unit_and_range(path: str, wrong: Any) -> N
 
 
 UNITS = {
-    "capacitance_a_f": "F", "capacitance_b_f": "F", "loss_tangent": "", "loss_reference_hz": "Hz",
+    "capacitance_a_f": "F", "capacitance_b_f": "F", "loss_tangent": "",
     "normal_stiffness_n_per_m15": "N/m^1.5", "tangential_compliance_tip_m_per_n23": "m/N^(2/3)",
     "tangential_compliance_rotor_m_per_n23": "m/N^(2/3)", "friction": "", "preload_n": "N", "radius_m": "m",
     "inertia_kg_m2": "kg·m²", "bearing_damping_n_m_s": "N·m·s", "mass_kg": "kg", "damping_n_s_per_m": "N·s/m",

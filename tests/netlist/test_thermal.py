@@ -14,6 +14,7 @@ from PySpice.Spice.Netlist import Circuit
 
 import pyspice_runner as pr
 from pyspice_runner.engine.pyspice import BatchSimulator
+from pyspice_runner.model.dielectric import lossy_capacitance
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import PROVENANCE, Thermal, heat_capacity
 from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS
@@ -53,9 +54,11 @@ def closed_form(motor: Motor, thermal: Thermal, frequency: float, temperature: f
     omega = 2.0 * pi * frequency
     coupling = 1.0 + thermal.coupling_drift_per_k * temperature
     stiffness = (1.0 + thermal.frequency_drift_per_k * temperature) ** 2
-    capacitance = motor.piezo.capacitance_a_f
-    loss = motor.piezo.loss_tangent * frequency / motor.piezo.loss_reference_hz
-    total = 1j * omega * capacitance * (1.0 + thermal.capacitance_drift_per_k * temperature) / (1.0 + 1j * loss)
+    clamped = sum(
+        1j * omega * c / (1.0 + 1j * omega * r * c)
+        for r, c in lossy_capacitance(motor.piezo.capacitance_a_f, motor.piezo.loss_tangent)
+    )
+    total = clamped * (1.0 + thermal.capacitance_drift_per_k * temperature)
     for mode in motor.modes:
         impedance = mode.stiffness_n_per_m * stiffness - mode.mass_kg * omega**2 + 1j * omega * mode.damping_n_s_per_m
         total += 1j * omega * (coupling * mode.coupling_a_n_per_v) ** 2 / impedance

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.model.dielectric import lossy_capacitance
 
 PARAMETER_SETS = [
     {},
@@ -32,12 +33,12 @@ def motor(request: pytest.FixtureRequest) -> pr.Motor:
 
 
 def closed_form(motor: pr.Motor, frequency_hz: np.ndarray) -> np.ndarray:
-    """Clamped capacitances with their loss resistance, and θ θᵀ jω/(k − m ω² + jω c) of every mode."""
+    """Clamped capacitances by their branches, and θ θᵀ jω/(k − m ω² + jω c) of every mode."""
     s = 2j * np.pi * frequency_hz
     y = np.zeros((len(s), 2, 2), dtype=complex)
     for index, capacitance in enumerate((motor.piezo.capacitance_a_f, motor.piezo.capacitance_b_f)):
-        resistance = motor.piezo.loss_tangent / (2 * np.pi * motor.piezo.loss_reference_hz * capacitance)
-        y[:, index, index] = s * capacitance / (1 + s * resistance * capacitance)
+        for r, c in lossy_capacitance(capacitance, motor.piezo.loss_tangent or 1e-5):
+            y[:, index, index] += s * c / (1 + s * r * c)
     for mode in motor.modes:
         coupling = np.array([mode.coupling_a_n_per_v, mode.coupling_b_n_per_v])
         velocity = s / (mode.stiffness_n_per_m + s * mode.damping_n_s_per_m + s**2 * mode.mass_kg)
@@ -49,6 +50,24 @@ def test_free_admittance_is_the_closed_form(motor: pr.Motor) -> None:
     result = pr.admittance(motor, start=5e3, stop=100e3, points=1500)
     exact = closed_form(motor, result.frequency_hz)
     assert np.abs(result.matrix_s / exact - 1).max() < 1e-6
+
+
+def test_the_loss_tangent_of_the_clamped_capacitance_is_constant_over_three_decades() -> None:
+    motor = pr.load_motor("andersen2002")
+    for start, stop in ((1e3, 1e4), (1e4, 1e5), (1e5, 1e6)):
+        result = pr.admittance(motor, start=start, stop=stop, points=100)
+        s = 2j * np.pi * result.frequency_hz
+        for group, coupling in (("a", "coupling_a_n_per_v"), ("b", "coupling_b_n_per_v")):
+            motional = sum(
+                getattr(mode, coupling) ** 2
+                * s
+                / (mode.stiffness_n_per_m + s * mode.damping_n_s_per_m + s**2 * mode.mass_kg)
+                for mode in motor.modes
+            )
+            port = {"a": 0, "b": 1}[group]
+            clamped = result.matrix_s[:, port, port] - motional
+            # what the ladder promises from 1 kHz to 10 MHz
+            assert clamped.real / clamped.imag == pytest.approx(motor.piezo.loss_tangent, rel=0.05)
 
 
 def test_connections_are_sums_of_the_matrix(motor: pr.Motor) -> None:
