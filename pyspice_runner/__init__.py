@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     __version__: str
 
     from pyspice_runner.analysis.averaged import simulate_averaged
+    from pyspice_runner.analysis.branch import steady_branch
     from pyspice_runner.analysis.drive import drive_report
     from pyspice_runner.analysis.simulate import simulate
     from pyspice_runner.analysis.small_signals import small_signals
@@ -72,6 +73,7 @@ _HOMES = {
     "simulate_averaged": "analysis.averaged",
     "small_signals": "analysis.small_signals",
     "speed_torque": "analysis.speed_torque",
+    "steady_branch": "analysis.branch",
     "steady_state": "analysis.steady",
     "sweep": "study.sweep",
     "track": "analysis.track",
@@ -105,6 +107,7 @@ __all__ = [
     "simulate_averaged",
     "small_signals",
     "speed_torque",
+    "steady_branch",
     "steady_state",
     "sweep",
     "track",

@@ -67,7 +67,11 @@ class DatasetResult(Result):
     def _attributes(self) -> dict[str, Any]:
         """Return the attributes of the dataset, those that hold JSON decoded."""
         attributes = {str(name): value for name, value in self.dataset.attrs.items()}
-        coded = {name for name in ("motor", "drive", "run", "audit", "best", "limits", "method") if name in attributes}
+        coded = {
+            name
+            for name in ("motor", "drive", "run", "audit", "best", "limits", "method", "folds")
+            if name in attributes
+        }
         return {name: json.loads(value) if name in coded else value for name, value in attributes.items()}
 
 
@@ -123,6 +127,47 @@ class Curves(DatasetResult):
             found["best efficiency"] = _percent(float(data["efficiency"].where(data["shaft_power_w"] > 0.0).max()))
         found["settled"] = f"{int(data['settled'].sum())} of {data['settled'].size} points"
         return found
+
+
+class Branch(DatasetResult):
+    """The result of ``steady_branch``: steady states along a branch, stable or not."""
+
+    @property
+    def along(self) -> str:
+        """Name of the parameter that is followed."""
+        return str(self.dataset.attrs["follow"])
+
+    @property
+    def folds(self) -> list[float]:
+        """Values of the parameter at which the branch turns back."""
+        return [float(value) for value in json.loads(self.dataset.attrs["folds"])]
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Says why the branch ended, if not at its last value."""
+        ended = str(self.dataset.attrs["ended"])
+        return () if ended == "It reaches stop." else (f"The branch does not reach its end: {ended}",)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the points in their order, folds and provenance, JSON-ready; ``None`` for what is not defined."""
+        data = self.dataset
+        return {
+            "points": data.sizes["point"],
+            **{str(name): values.values.tolist() for name, values in data.coords.items()},
+            **{str(name): _finite(values.values.tolist()) for name, values in data.data_vars.items()},
+            **self._attributes(),
+        }
+
+    def summary(self) -> dict[str, str]:
+        """Return the range of the parameter, the folds, and the share of stable points."""
+        values, unit = self.dataset[self.along].values, self.dataset[self.along].attrs["units"]
+        return {
+            "branch": str(self.dataset.attrs["title"]),
+            self.along: f"{values.min():.6g} to {values.max():.6g} {unit}, {values.size} points",
+            "folds": ", ".join(f"{value:.6g} {unit}" for value in self.folds) or "none",
+            "stable": f"{int(self.dataset['stable'].sum())} of {values.size} points",
+            "end": str(self.dataset.attrs["ended"]),
+        }
 
 
 class WorkingPoints(DatasetResult):
@@ -253,6 +298,8 @@ class Sweep(DatasetResult):
 @xarray.register_dataset_accessor("piezomotor")  # type: ignore[untyped-decorator, no-untyped-call]
 def as_result(dataset: xarray.Dataset) -> DatasetResult:
     """Return a dataset of ``speed_torque``, ``working_points`` or ``sweep`` as a result."""
+    if "folds" in dataset.attrs:
+        return Branch(dataset)
     if "objective" in dataset.attrs:
         return WorkingPoints(dataset)
     return Curves(dataset) if {SPEED, "torque_n_m", "settled"} <= set(dataset.variables) else Sweep(dataset)

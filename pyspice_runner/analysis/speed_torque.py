@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
+from pyspice_runner.analysis.branch import steady_branch
 from pyspice_runner.analysis.dynamometer import UNITS, Block, Dynamometer, off_beat, quantities
 from pyspice_runner.analysis.steady import steady_states
 from pyspice_runner.engine.ngspice import ngspice_version
@@ -109,8 +110,11 @@ def speed_torque(
         mode: ``"steady"``, which takes ideal voltages with a common period; ``"settle"``, which takes any drive; or
             ``"ramp"``: the speed rises slowly through the whole range, and in a second run it falls. The mean of both
             is returned; half their difference is ``torque_drift_n_m``.
-        follow: only with ``"settle"``: axis along which each point goes on from where the one before it ended, not from
-            rest: ``"speed_rad_s"`` or one of ``over``. It shows hysteresis if the axis goes up and down again.
+        follow: axis along which points go on from the one before: ``"speed_rad_s"`` or one of ``over``. With
+            ``"settle"`` each begins where the one before it ended, which shows hysteresis if the axis goes up and down
+            again. With ``"steady"`` the branch of steady states from the first to the last value of the axis is
+            followed through its folds, stable or not; the result is that of :func:`.steady_branch`, and every other
+            axis has one value.
         contact: law of the contact, as in ``simulate``.
         sliders: number of sliders of the brush.
         step: longest time step in s; by default that of ``simulate``.
@@ -138,6 +142,8 @@ def speed_torque(
     mode = _way(mode, drive)
     _check(axes, mode, follow)
     _check_driver(drive, mode, follow)
+    if mode == "steady" and follow is not None:
+        return _branch(motor, drive, axes, follow, contact=contact, sliders=sliders, step=step, timeout=timeout)
     law, solver = Law(contact, sliders), Solver(step, timeout=timeout, audit=audit)
     settings = {**law.to_dict(), "step_s": step, "tolerance": tolerance, "patience": patience}
     combinations = [dict(zip(axes, values, strict=True)) for values in product(*(a.tolist() for a in axes.values()))]
@@ -185,6 +191,30 @@ def speed_torque(
         raise Interrupted("The curve was interrupted.", dataset) from None
     fault.partial = dataset
     raise fault
+
+
+def _branch(
+    motor: Motor, drive: Drive | Driver, axes: Mapping[str, Array], follow: str, **settings: Any
+) -> xarray.Dataset:
+    """Follow the branch of steady states along one axis."""
+    assert isinstance(drive, Drive)
+    along, others = axes[follow], {path: values for path, values in axes.items() if path != follow}
+    for path, values in others.items():
+        if len(values) > 1:
+            raise ParameterError(
+                f"{path} has {len(values)} values: a branch along {follow} is followed at one value. Give one, or take "
+                "mode = 'settle'."
+            )
+    one = {path: float(values[0]) for path, values in others.items()}
+    speed = one.pop(SPEED, None)
+    on_drive = {path[6:]: value for path, value in one.items() if path.startswith("drive.")}
+    on_motor = {path: value for path, value in one.items() if not path.startswith("drive.")}
+    excitation = updated(drive, on_drive) if on_drive else drive
+    assert isinstance(excitation, Drive)
+    return steady_branch(
+        motor.updated(on_motor) if on_motor else motor, excitation, follow="speed" if follow == SPEED else follow,
+        start=float(along[0]), stop=float(along[-1]), speed=speed, **settings,
+    )  # fmt: skip
 
 
 def _way(mode: Method, drive: Drive | Driver) -> Method:
@@ -558,10 +588,6 @@ def _check(axes: Mapping[str, Array], mode: str, follow: str | None) -> None:
         raise ParameterError(f"mode = {quoted(mode)} is not valid: it must be 'steady', 'settle' or 'ramp'.")
     if follow is not None and follow not in axes:
         raise ParameterError(f"follow = {quoted(follow)} is not valid: it must be one of {', '.join(axes)}.")
-    if mode == "steady" and follow is not None:
-        raise ParameterError(
-            "A steady state does not go on from the point before it: with follow, mode must be 'settle'."
-        )
     if mode == "ramp" and follow is not None:
         raise ParameterError("A ramp goes on from speed to speed by itself; leave out follow, or take mode = 'settle'.")
     if mode == "ramp" and np.ptp(axes[SPEED]) == 0.0:

@@ -20,6 +20,7 @@ from pyspice_runner.commands.common import (
     PlotOption,
     SetOption,
     TimeoutOption,
+    caution,
     check_targets,
     complain,
     deliver,
@@ -33,7 +34,11 @@ from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 from pyspice_runner.errors import Interrupted
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import xarray
+
+    from pyspice_runner.datasets import DatasetResult
 
 
 class ModeKind(StrEnum):
@@ -58,7 +63,7 @@ def speed_torque(
     mode: Annotated[ModeKind, typer.Option(help="steady: solve; settle: run until settled; ramp.")] = ModeKind.steady,
     follow: Annotated[
         str | None,
-        typer.Option(metavar="AXIS", help="With settle: start each point from the one before along this axis."),
+        typer.Option(metavar="AXIS", help="Go on from point to point along this axis; with steady, through folds."),
     ] = None,
     contact: LawOption = DEFAULT_LAW,
     sliders: SlidersOption = 8,
@@ -108,6 +113,8 @@ def speed_torque(
             status = INTERRUPTED if isinstance(fault, Interrupted) else 3
             complain(f"piezomotor: {fault} {curve.attrs['incomplete']}")
     result = curve.piezomotor
+    if "folds" in curve.attrs:
+        return _deliver_branch(result, as_json, output, plot)
     warn_of(result.audit.findings)
     if result.unsettled:
         message = f"piezomotor: {result.unsettled} of {curve['settled'].size} points did not settle; see 'settled'."
@@ -116,6 +123,16 @@ def speed_torque(
         result.to_dict(), _table(curve), as_json, (output, result.save), (plot, result.plot),
     )  # fmt: skip
     return status
+
+
+def _deliver_branch(result: DatasetResult, as_json: bool, output: Path | None, plot: Path | None) -> int:
+    """Write and print a branch of steady states."""
+    caution(result)
+    table = Table("quantity", "value", title=result.dataset.attrs["title"])
+    for name, value in result.summary().items():
+        table.add_row(name, value)
+    deliver(result.to_dict(), table, as_json, (output, result.save), (plot, result.plot))
+    return 0
 
 
 def _percent(share: float) -> str:

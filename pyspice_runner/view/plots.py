@@ -23,7 +23,7 @@ from pyspice_runner.analysis.impact import Impact
 from pyspice_runner.analysis.small_signals import INPUTS, OUTPUTS, SmallSignals, unit
 from pyspice_runner.analysis.steady import SteadyState
 from pyspice_runner.analysis.track import Tracking
-from pyspice_runner.datasets import DOUBTS, Curves, Sweep, WorkingPoints
+from pyspice_runner.datasets import DOUBTS, Branch, Curves, Sweep, WorkingPoints
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.motor import Motor
@@ -632,6 +632,35 @@ def _limit_efficiency(ax: Axes) -> None:
         ax.set_ylim(max(low, -100.0), min(high, 100.0))
         note = "values beyond ±100 % not shown"
         ax.text(0.99, 0.02, note, transform=ax.transAxes, ha="right", fontsize="small")
+
+
+@sheet.register
+def _(result: Branch) -> Sheet:
+    labels = {
+        "torque": ("torque_n_m", LABELS["torque_n_m"]),
+        "force": ("normal_force_n", LABELS["force_n"]),
+        "speed": ("speed_rad_s", LABELS["speed_rad_s"]),
+        "current": ("current_a_rms_a", LABELS["current_rms_a"]),
+    }
+    panels: dict[str, Panel] = {
+        name: partial(_followed, result, quantity, label)
+        for name, (quantity, label) in labels.items()
+        if float(result.dataset[quantity].std()) > 0.0
+    }
+    return Sheet(panels, 2, (5.4, 3.6), result.dataset.attrs["title"])
+
+
+def _followed(result: Branch, quantity: str, label: Label, ax: Axes) -> None:
+    """Draw a quantity along a branch: stable parts solid, unstable ones dashed."""
+    data = result.dataset
+    x, values, stable = data[result.along].values, label.scale * data[quantity].values, data["stable"].values
+    for kind, dash, words in ((stable, "-", "stable"), (~stable, "--", "not stable")):
+        shown = kind | np.roll(kind, 1)  # up to the first point of the other kind
+        shown[0] = kind[0]
+        if kind.any():
+            ax.plot(np.where(shown, x, np.nan), values, dash, color=BLUE if dash == "-" else VERMILION, label=words)
+    _dress(ax, f"{result.along} in {data[result.along].attrs['units']}", label, "")
+    ax.legend(fontsize="small")
 
 
 @sheet.register

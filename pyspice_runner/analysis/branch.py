@@ -1,0 +1,343 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A branch of steady states over a parameter, through its folds, by pseudo-arclength continuation.
+
+State and parameter are unknowns together; the additional equation is the distance from the point before, along the
+tangent. The branch can therefore turn back, where a steady state over the parameter would jump: between two folds its
+states are unstable, and a sweep up and a sweep down jump at different folds. H. B. Keller, "Numerical solution of
+bifurcation and nonlinear eigenvalue problems", in: Applications of Bifurcation Theory, Academic Press 1977.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from math import ceil, sqrt
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.analysis.dynamometer import UNITS
+from pyspice_runner.analysis.period_map import PeriodMap, Trace, cores
+from pyspice_runner.analysis.period_means import means, quantities
+from pyspice_runner.analysis.shooting import PERTURBATION, TOLERANCE, Point, Shooting, start_point
+from pyspice_runner.engine.ngspice import ngspice_version
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.model.drive import Drive, Load
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, Law
+from pyspice_runner.netlist.copies import Copy, Plant
+from pyspice_runner.netlist.sources import DriveSource, unit_in, updated
+from pyspice_runner.run.settings import Solver
+from pyspice_runner.run.setup import Setup
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 400
+FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.2, 1e-4  # of the arc; 1 is the size of the motion, or SPAN
+SPAN = 0.25  # of the range of the parameter that counts as much as the size of the motion
+NUDGE = 2e-5  # of the parameter's span, by which it is changed for the derivative
+MOST_CORRECTIONS = 8
+MOST_RENEWALS = 3  # of the derivative within one step
+SLOW = 0.5  # contraction of corrections beyond which the derivative is measured anew
+GROWTH = 1.5
+_SHAFT = {"speed": "rad/s", "load_torque": "N·m"}
+
+OUTCOME = {
+    "speed_rad_s": ("rad/s", "mean speed of the rotor"),
+    **UNITS,
+    "stable": ("1", "whether the steady state is stable"),
+    "largest_multiplier": ("1", "largest Floquet multiplier; a disturbance decays where it is below 1"),
+}
+
+
+@checked
+def steady_branch(
+    motor: Motor,
+    drive: Drive,
+    *,
+    follow: str,
+    start: float,
+    stop: float,
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    contact: ContactLaw = "spring-slider",
+    sliders: int = SLIDERS,
+    step: float | None = None,
+    points: int = MOST_POINTS,
+    timeout: float | None = None,
+) -> xarray.Dataset:
+    """Follow a branch of steady states over a parameter, with its stable and unstable parts.
+
+    Args:
+        motor: the motor.
+        drive: the voltages of both groups.
+        follow: dotted path of the parameter: ``drive.frequency``, ``drive.voltage``, ``contact.preload_n``, …; also
+            ``speed`` and ``load_torque``.
+        start: value of the parameter at which the branch begins.
+        stop: value at which it ends. It also ends where it comes back to ``start``.
+        speed: at which the shaft is held, rad/s; ``None`` leaves it free.
+        load_torque: torque in N·m that a load draws from the free shaft.
+        contact: law of the contact, as in :func:`simulate`.
+        sliders: number of sliders of the brush.
+        step: longest time step in s; by default that of :func:`simulate`.
+        points: greatest number of points.
+        timeout: wall time in s after which a run of ngspice is ended.
+
+    Returns:
+        The quantities of :func:`speed_torque` over ``point``, with the parameter, ``stable`` and ``start_state`` at
+        each. Attribute ``folds`` has the values of the parameter at which the branch turns back, as JSON, and ``ended``
+        says why it ends. The quantities are those of one time step, without extrapolation.
+
+    Raises:
+        ParameterError: for an invalid value.
+        SimulationError: if there is no steady state at ``start``, or ngspice fails.
+    """
+    if not np.isfinite([start, stop]).all() or start == stop:
+        raise ParameterError(f"start = {start:g} and stop = {stop:g} are not valid: they must be different numbers.")
+    if not 2 <= points <= MOST_POINTS:
+        raise ParameterError(f"points = {points} is not valid: it must be a whole number from 2 to {MOST_POINTS}.")
+    family = _Family(
+        motor, drive, follow, Load(speed, load_torque), Law(contact, sliders), Solver(step, None, True, timeout, False),
+        start, stop,
+    )  # fmt: skip
+    for value in (start, stop):  # both ends are checked before any run
+        family.setup(value)
+    nodes, ended = _followed(family, points)
+    return _dataset(family, nodes, ended)
+
+
+@dataclass
+class _Family:
+    """Plants that differ in one parameter.
+
+    Attributes:
+        motor: the motor.
+        drive: the voltages of both groups.
+        follow: path of the parameter.
+        load: of the shaft.
+        law: of the contact.
+        solver: the settings of the runs.
+        start: first value of the parameter.
+        stop: last value.
+        hashes: of the circuits that were run.
+    """
+
+    motor: Motor
+    drive: Drive
+    follow: str
+    load: Load
+    law: Law
+    solver: Solver
+    start: float
+    stop: float
+    hashes: set[str] = field(default_factory=set)
+
+    @property
+    def scale(self) -> float:
+        """What of the parameter counts as much as the size of the motion."""
+        return SPAN * abs(self.stop - self.start)
+
+    def setup(self, value: float) -> Setup:
+        """Return the setup at a value of the parameter."""
+        motor, drive, load = self.motor, self.drive, self.load
+        if self.follow in _SHAFT:
+            load = Load(value, 0.0) if self.follow == "speed" else Load(None, value)
+        elif self.follow.startswith("drive."):
+            changed = updated(drive, {self.follow[6:]: value})
+            assert isinstance(changed, Drive)
+            drive = changed
+        else:
+            motor = motor.updated({self.follow: value})
+        return Setup(motor, DriveSource(drive), load, self.law, self.solver)
+
+    def at(self, value: float) -> tuple[Plant, PeriodMap]:
+        """Return plant and map at a value of the parameter."""
+        setup = self.setup(value)
+        assert isinstance(setup.source, DriveSource)
+        period = setup.source.drive.period
+        plant = Plant(setup.motor, setup.source.drive, setup.load, setup.law)
+        return plant, PeriodMap(period, ceil(period / setup.step - 1e-9), self.solver.timeout)
+
+
+@dataclass
+class _Node:
+    """A point of a branch: a solved point, its parameter, and the derivatives there."""
+
+    point: Point
+    value: float
+    period_map: PeriodMap
+    slope: Array  # of the scaled gap with respect to the scaled parameter
+    tangent: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def matrix(self) -> Array:
+        """Derivative of the scaled gap with respect to the scaled state and parameter."""
+        assert self.point.at_end is not None
+        assert self.point.at_start is not None
+        return np.column_stack([self.point.at_end - self.point.at_start, self.slope])
+
+
+def _followed(family: _Family, points: int) -> tuple[list[_Node], str]:
+    plant, period_map = family.at(family.start)
+    first = start_point(plant)
+    shooting = Shooting([first], period_map)
+    shooting.search()
+    if not first.done:
+        raise SimulationError(f"There is no steady state at {family.follow} = {family.start:g}. Choose another start.")
+    scale, order = first.scale, plant.order
+    weights = np.append(np.full(order, 1.0 / sqrt(order)), 1.0)  # of the scaled unknowns in the arc
+
+    def measured(state: Array, value: float) -> _Node | None:
+        """Return the node at a state and parameter, with its derivatives; ``None`` where ngspice finds no period."""
+        nudge = NUDGE * family.scale / SPAN
+        here, there = family.at(value), family.at(value + nudge)
+        point = Point(here[0], state, scale)
+        states = [state, *(state + PERTURBATION * np.diag(scale))]
+        with ThreadPoolExecutor(cores()) as pool:
+            nudged = pool.submit(there[1].traces, [Copy(there[0], state)])
+            traces = here[1].traces([Copy(here[0], one) for one in states])
+            beside = nudged.result()[0]
+        point.trace = traces[0]
+        if point.trace is None or beside is None:
+            return None
+        point.differentiate(traces[1:])
+        if point.failed:
+            return None
+        family.hashes |= {here[1].hashes()}
+        gap = (beside.states[:, -1] - beside.states[:, 0]) / scale
+        return _Node(point, value, here[1], (gap - point.gap) * family.scale / nudge)
+
+    node = measured(first.state, family.start)
+    if node is None:
+        raise SimulationError("ngspice does not find the period near the start. Choose another start.")
+    toward = np.append(np.zeros(order), np.sign(family.stop - family.start))
+    node.tangent = _tangent(node, toward, weights)
+    nodes, length = [node], FIRST_STEP
+    low, high = sorted((family.start, family.stop))
+    while len(nodes) < points:
+        found = _next(nodes[-1], length, family, weights, measured)
+        if found is None:
+            length *= 0.5
+            if length < SHORTEST_STEP:
+                return nodes, "No further point is found."
+            continue
+        found.tangent = _tangent(found, nodes[-1].tangent, weights)
+        nodes.append(found)
+        turn = float((weights * found.tangent) @ (weights * nodes[-2].tangent))
+        length = min(length * GROWTH, LONGEST_STEP) if turn > 0.95 else length * (1.0 if turn > 0.8 else 0.5)
+        if not low <= found.value <= high:
+            return nodes, "It reaches stop." if (found.value > high) == (family.stop > family.start) else (
+                "It comes back to start."
+            )  # fmt: skip
+    return nodes, f"It has {points} points."
+
+
+def _solved(matrix: Array, right: Array, drop: int) -> Array:
+    """Return the shortest solution of linear equations, without so many of the least singular values."""
+    left, sizes, across = np.linalg.svd(matrix)
+    kept = (sizes > 1e-10 * sizes[0]) & (np.arange(len(sizes)) < len(sizes) - drop)
+    return np.asarray(across.T @ np.where(kept, (left.T @ right) / np.where(kept, sizes, 1.0), 0.0))
+
+
+def _tangent(node: _Node, before: Array, weights: Array) -> Array:
+    """Return the direction of the branch, of length 1, with the sense of the one before."""
+    bordered = np.vstack([node.matrix, weights**2 * before])
+    found = _solved(bordered, np.append(np.zeros(len(before) - 1), 1.0), int(node.point.sticks))
+    return np.asarray(found / np.linalg.norm(weights * found))
+
+
+def _next(
+    node: _Node, length: float, family: _Family, weights: Array, measured: Callable[[Array, float], _Node | None]
+) -> _Node | None:
+    """Return the node at a distance along the branch; ``None`` if the correction fails."""
+    scales = np.append(node.point.scale, family.scale)
+    here = np.append(node.point.state, node.value)
+    unknown = here + length * node.tangent * scales
+    matrix, renewed = node.matrix, 0
+    before = np.inf
+    for _ in range(MOST_CORRECTIONS):
+        try:
+            plant, period_map = family.at(float(unknown[-1]))
+        except ParameterError:  # the parameter leaves its range
+            return None
+        trace: Trace | None = period_map.traces([Copy(plant, unknown[:-1])])[0]
+        if trace is None:
+            return None
+        gap = (trace.states[:, -1] - trace.states[:, 0]) / node.point.scale
+        while True:
+            bordered = np.vstack([matrix, weights**2 * node.tangent])
+            change = _solved(bordered, np.append(-gap, 0.0), int(node.point.sticks))
+            size = float(np.linalg.norm(weights * change))
+            if size < SLOW * min(before, length) or renewed == MOST_RENEWALS:
+                break
+            renewed += 1  # another kind of contact has begun: the derivative of the node before does not serve
+            here_now = measured(unknown[:-1], float(unknown[-1]))
+            if here_now is None:
+                return None
+            matrix = here_now.matrix
+        if size > max(before, length):
+            return None
+        unknown = unknown + change * scales
+        before = size
+        if size < TOLERANCE:
+            return measured(unknown[:-1], float(unknown[-1]))
+    return None
+
+
+def _dataset(family: _Family, nodes: list[_Node], ended: str) -> xarray.Dataset:
+    from pyspice_runner.datasets import labelled
+
+    rows: list[Mapping[str, Any]] = []
+    for node in nodes:
+        trace, plant = node.point.trace, node.point.plant
+        assert trace is not None
+        found = means(plant, trace, node.period_map.discretisation)
+        largest = float(np.abs(node.point.multipliers).max(initial=0.0))
+        rows.append({
+            "speed_rad_s": found["speed"], **quantities(plant, found), "stable": largest < 1.0,
+            "largest_multiplier": largest,
+        })  # fmt: skip
+    values = np.array([node.value for node in nodes])
+    unit = _SHAFT.get(family.follow) or unit_in(family.follow, family.motor, family.drive)
+    variables: dict[str, tuple[tuple[str, ...], Any, dict[str, str]]] = {
+        name: (("point",), np.array([row[name] for row in rows]), {"units": of, "long_name": meaning})
+        for name, (of, meaning) in OUTCOME.items()
+    }
+    states = np.array([node.point.state for node in nodes])
+    variables["start_state"] = (
+        ("point", "state"), states, {"long_name": "modal displacements, velocities and the other states at t = 0, SI"}
+    )  # fmt: skip
+    return labelled(
+        variables, {"point": np.arange(len(nodes)), family.follow: ("point", values, {"units": unit})},
+        {
+            "title": f"{family.motor.name}: steady states over {family.follow}",
+            "parameter_set": family.motor.name,
+            "follow": family.follow,
+            "folds": json.dumps(folds(values)),
+            "ended": ended,
+            "motor": json.dumps(family.motor.to_dict()),
+            "drive": json.dumps(DriveSource(family.drive).to_dict()),
+            "run": json.dumps(family.setup(family.start).to_dict()),
+            "ngspice_version": ngspice_version(),
+            "deck_sha256": hashlib.sha256("".join(sorted(family.hashes)).encode()).hexdigest(),
+        },
+    )  # fmt: skip
+
+
+def folds(values: Array) -> list[float]:
+    """Return the values at which a branch turns back, from parabolas through three points each."""
+    found = []
+    for at in range(1, len(values) - 1):
+        before, here, after = values[at - 1 : at + 2].tolist()
+        if (here - before) * (after - here) < 0.0:
+            bend = before - 2.0 * here + after
+            found.append(here - (after - before) ** 2 / (8.0 * bend))
+    return found
