@@ -96,11 +96,29 @@
 
   const recolour = (paper) => charts().forEach((chart) => Plotly.relayout(chart, { template: theme(paper) }));
 
+  // text that the page holds compressed, in base64
+  async function unpacked(id) {
+    const bytes = Uint8Array.from(atob(document.getElementById(id).textContent), (letter) => letter.charCodeAt(0));
+    return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
+  }
+
+  // the motor to play with is a page of its own, with its own content security policy
+  async function playground() {
+    const frame = document.createElement("iframe");
+    frame.title = "A motor to play with";
+    frame.srcdoc = await unpacked("live-page");
+    document.getElementById("live").replaceChildren(frame);
+    document.getElementById("start-live").disabled = true;
+  }
+
   async function start() {
     for (const name of ["light", "dark"]) themes[name] = read(`[data-theme="${name}"]`);
     const library = document.createElement("script");
-    library.textContent = document.getElementById("plotly").textContent;
+    library.textContent = await unpacked("plotly");
     document.head.append(library);
+    const button = document.getElementById("start-live");
+    button.addEventListener("click", playground);
+    button.disabled = false;
     for (const chart of all(".chart")) {
       await draw(chart);
       await new Promise((done) => setTimeout(done)); // the page answers between two charts

@@ -27,6 +27,7 @@ from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.spectra.export import export_motor
 from pyspice_runner.spectra.spectrum import COUPLING
 from pyspice_runner.units import engineering
+from pyspice_runner.view.live import live_page, packed
 from pyspice_runner.view.report import Report
 
 HERE = Path(__file__).parent
@@ -108,7 +109,8 @@ def datasheet(report: Report) -> str:
             "PySpice": version("PySpice"),
             "plotly.js": get_plotlyjs_version(),
         },
-        plotly=get_plotlyjs().replace("</script", "<\\/script"),
+        plotly=packed(get_plotlyjs().encode()),
+        live=packed(live_page(report.motor, []).encode()),
         script=script,
         style=style,
     )

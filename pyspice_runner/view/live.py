@@ -74,7 +74,7 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
         style=style,
         script=script,
         worker=worker,
-        data=_packed(json.dumps(page_data(motors)).encode()),
+        data=packed(json.dumps(page_data(motors)).encode()),
         wasm=base64.b64encode((ASSETS / "ngspice.wasm.gz").read_bytes()).decode("ascii"),
         engine=engine_facts(),
         licence=(ASSETS / "LICENSE").read_text(encoding="utf-8"),
@@ -108,7 +108,8 @@ def page_data(motors: Sequence[Motor]) -> dict[str, Any]:
     }
 
 
-def _packed(data: bytes) -> str:
+def packed(data: bytes) -> str:
+    """Return data as text for a page: compressed by gzip, in base64."""
     return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode("ascii")
 
 

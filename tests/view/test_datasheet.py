@@ -100,6 +100,16 @@ def test_the_page_is_small_and_shows_itself_at_once(page_file: Path, desktop: tu
     assert not re.search(r"""<(?:script|img|iframe|link)[^>]+(?:src|href)=["'](?!data:)""", text)
 
 
+def test_the_motor_to_play_with_runs_in_the_report(report: Report, browser: Browser, page_file: Path) -> None:
+    page, _ = opened(browser, page_file, reduced_motion="reduce")
+    page.click("#start-live")
+    frame = page.frame_locator("#live iframe").locator("html[data-state=ready]")
+    frame.wait_for(state="attached", timeout=60_000)
+    assert report.motor.name in page.frame_locator("#live iframe").locator("#motor-choice option").inner_text()
+    assert float(frame.get_attribute("data-speed") or "nan") != 0.0
+    page.close()
+
+
 def test_every_chart_is_drawn_with_every_line(desktop: tuple[Page, list[str]]) -> None:
     page, _ = desktop
     assert page.eval_on_selector_all(".chart", "all => all.map(one => one.id)") == CHARTS

@@ -197,9 +197,9 @@ async function averaged(engine, motor, s) {
 
 const BLOCK = 40, WINDOW = 20; // periods of the drive in a run, and of them those at the end for the means
 const DRIVER_BLOCK = 100, COLD_BLOCK = 120; // with a driver, whose own state starts anew; from rest
-const MOST_BLOCKS = 16;
+const MOST_BLOCKS = 24;
 const LIGHT = 20; // periods in which the speed of a light rotor settles, for a run from rest
-const SETTLED = 0.0015; // change of the speed that is left, over the speed
+const SETTLED = 0.001; // change of the speed that is left, over the speed
 
 /**
  * Run the full motor block after block; tell every block.
@@ -222,7 +222,7 @@ async function cycles(engine, motor, s, quick, tell, progress) {
   let before = null, result = null;
   for (let block = 0; block < MOST_BLOCKS; block += 1) {
     const cold = !quick && block === 0;
-    const stop = whole(cold ? COLD_BLOCK : own ? DRIVER_BLOCK : BLOCK);
+    const stop = whole(cold ? COLD_BLOCK : own ? DRIVER_BLOCK : before?.near ? 2 * BLOCK : BLOCK);
     const inertia = cold ? quickInertia(motor, s, slope) : motor.inertia;
     const ready = filled(deck, { ...values, ...start, inertia, stop, window, step });
     const bytes = stop / step > 8000 ? (stop / step) * 8 * motor.vectors : 0;
@@ -237,13 +237,15 @@ async function cycles(engine, motor, s, quick, tell, progress) {
     } else slope = firstSlope(motor, s, tipVelocity);
     const correction = net / slope;
     const scale = Math.max(Math.abs(result.speed), (0.05 * tipVelocity) / motor.radius);
-    const steady = before && Math.abs(result.measured - before.measured) < 0.02 * s.friction * s.preload * motor.radius;
-    result.settled = Boolean(steady) && Math.abs(correction) < SETTLED * scale;
+    const steady = before && Math.abs(result.measured - before.measured) < 0.005 * s.friction * s.preload * motor.radius;
+    const left = Math.abs(net) / Math.min(slope, firstSlope(motor, s, tipVelocity)); // of the speed; a secant may be too steep
+    const near = Boolean(steady) && left < SETTLED * scale;
+    result.settled = near && before.near; // twice: the modes follow the speed with a lag
     // the torque of the load and the bearing; the rest accelerates the rotor, and is zero at a steady speed
     if (s.shaft !== "held") result.torque = balance(motor, s, result.speed) + (result.settled ? 0 : net);
     tell(result);
     if (result.settled) break;
-    before = { speed: result.speed, measured: result.measured, net };
+    before = { speed: result.speed, measured: result.measured, net, near };
     start = continued(motor, s, v);
     const most = (0.3 * tipVelocity) / motor.radius;
     if (s.shaft !== "held") start.speed += clamp(correction, -most, most);
