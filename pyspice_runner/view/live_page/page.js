@@ -150,6 +150,7 @@ async function compute() {
     return say(`Line ${faults[0].line + 1} of the driver: ${faults[0].message}`, { failed: true });
   }
   busy(true);
+  delete root.dataset.picture;
   try {
     if (s.kind === "two-phase") {
       try {
