@@ -28,7 +28,7 @@ DRIVE = pr.TwoPhaseDrive(voltage=30.0, frequency=17e3, phase_deg=90.0)
 @cache
 def branch() -> xarray.Dataset:
     """Up from a tip that stays in contact, around the upper fold, and back with the unstable motion."""
-    return pr.steady_branch(MOTOR, DRIVE, follow="drive.frequency", start=16.75e3, stop=17e3, speed=0.0, points=32)
+    return pr.steady_branch(MOTOR, DRIVE, follow="drive.frequency", start=16.75e3, stop=17e3, speed=0.0, points=28)
 
 
 def test_a_branch_without_folds_is_that_of_the_steady_states() -> None:
@@ -51,7 +51,7 @@ def test_behind_a_fold_the_branch_is_unstable() -> None:
     assert fold == pytest.approx(float(data["drive.frequency"].max()), abs=1.0)
     assert data["stable"].values[: turned - 1].all()
     assert not data["stable"].values[turned + 2 :].any()
-    assert data.piezomotor.cautions == ("The branch does not reach its end: It has 32 points.",)
+    assert data.piezomotor.cautions == ("The branch does not reach its end: It has 28 points.",)
 
 
 def test_an_unstable_motion_that_is_disturbed_leaves_to_either_side() -> None:
@@ -67,7 +67,7 @@ def test_an_unstable_motion_that_is_disturbed_leaves_to_either_side() -> None:
     traces = period_map.traces([Copy(plant, end) for end in ended if end is not None])
     low, high = sorted(float(trace.forces[0]) for trace in traces if trace is not None)
     between = float(at["normal_force_n"])
-    assert low < 0.9 * between  # in contact
+    assert low < 0.95 * between  # in contact
     assert high > 1.5 * between  # hammering
 
 
