@@ -273,8 +273,46 @@ def operating_point(
     found = _steady([(bench, float(speed))], None) if mode == "steady" else {}
     _withhold_failed([(bench, float(speed))], found)
     outcome = found[0] if found else _settle(bench, float(speed), None, settling)[0]
-    del outcome["audit_passed"]
-    return {**outcome, "audit": Audit(outcome.pop("findings")).to_dict()}
+    return _reported(outcome)
+
+
+def operating_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -> list[dict[str, Any] | None]:
+    """Return what :func:`operating_point` gives for many motors, drives and settings, which share runs of ngspice.
+
+    ``None`` stands for a point that is better asked for by itself: without a stable steady state, refused, or failed.
+    """
+    benches: dict[int, tuple[Dynamometer, float]] = {}
+    for place, (motor, drive, settings) in enumerate(points):
+        given = {
+            "speed": 0.0,
+            "contact": "spring-slider",
+            "sliders": SLIDERS,
+            "step": None,
+            "timeout": None,
+            **settings,
+        }
+        try:
+            solver = Solver(given["step"], timeout=given["timeout"])
+            bench = _dynamometer(motor, drive, {}, Law(given["contact"], given["sliders"]), solver)
+            Load(float(given["speed"])).check(motor)
+        except (ParameterError, TypeError, ValueError):
+            continue
+        benches[place] = bench, float(given["speed"])
+    try:
+        found = _steady(list(benches.values()), None)
+    except (ParameterError, SimulationError):
+        return [None] * len(points)
+    answers: list[dict[str, Any] | None] = [None] * len(points)
+    for number, place in enumerate(benches):
+        if number in found and not found[number]["findings"]:
+            answers[place] = _reported(found[number])
+    return answers
+
+
+def _reported(outcome: dict[str, Any]) -> dict[str, Any]:
+    """Return the outcome of a point as :func:`operating_point` reports it."""
+    kept = {name: value for name, value in outcome.items() if name not in ("audit_passed", "findings")}
+    return {**kept, "audit": Audit(outcome["findings"]).to_dict()}
 
 
 # --- steady states ---

@@ -33,8 +33,10 @@ import numpy as np
 from pydantic import SkipValidation
 
 from pyspice_runner.analysis.simulate import simulate
+from pyspice_runner.analysis.speed_torque import operating_point, operating_points
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import as_number, checked, quoted, unit_of
 from pyspice_runner.netlist.contact import Law, is_own
@@ -55,6 +57,7 @@ Distribution = Literal["uniform", "normal"]
 Sampling = Literal["sobol", "latin-hypercube"]
 
 MOST_POINTS = 1_000_000
+BATCH = 64  # operating points that are solved together, and stored
 FLAGS = {  # kept of every point beside the quantities, where the analysis states them; 1 is yes, 0 is no
     "settled": "whether the means are settled",
     "accurate": "whether the estimated error is allowed",
@@ -251,6 +254,10 @@ class _Task:
             shutil.rmtree(error.deck.parent, ignore_errors=True)  # a sweep may fail a thousand times
             reason = str(error).replace(f" The netlist is kept as {error.deck}.", "")
             raise SimulationError(reason, log=error.log) from None
+        return self.answer(result)
+
+    def answer(self, result: Any) -> dict[str, Any]:
+        """Return what is kept of a result."""
         document = result if isinstance(result, Mapping) else result.to_dict()
         numbers = dict(_numbers(document)) | {name: float(of(result)) for name, of in self.functions.items()}
         numbers.pop("solver_seconds", None)  # of the machine, not of the motor
@@ -430,6 +437,12 @@ def _answers(
     progress(len(found), len(tasks))
     missing = {address: task for address, task in tasks.items() if address not in found}
     try:
+        if executor is None:
+            for address, answer in _together(missing):
+                store.put(tasks[address].content, answer)
+                found[address] = picked(answer)
+                del missing[address]
+                progress(len(found), len(tasks))
         with closing(outcomes(missing, workers, executor)) as answers:
             for address, outcome in answers:
                 if isinstance(outcome, BaseException):
@@ -444,6 +457,21 @@ def _answers(
             "start the same sweep again to continue it"
         ) from None
     return found, failed
+
+
+def _together(tasks: Mapping[str, _Task]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the answers of operating points with a stable steady state, which share runs of ngspice."""
+    batched = [
+        (address, task, task.drive) for address, task in tasks.items()
+        if task.analysis is operating_point and isinstance(task.drive, Drive)
+        and task.run.get("mode", "steady") == "steady" and task.run.get("audit", True)
+    ]  # fmt: skip
+    for begin in range(0, len(batched), BATCH):
+        batch = batched[begin : begin + BATCH]
+        results = operating_points([(task.motor, drive, task.run) for _, task, drive in batch])
+        for (address, task, _), result in zip(batch, results, strict=True):
+            if result is not None:
+                yield address, task.answer(result)
 
 
 # --- the result ---

@@ -28,7 +28,7 @@ DRIVE = pr.TwoPhaseDrive(voltage=30.0, frequency=17e3, phase_deg=90.0)
 @cache
 def branch() -> xarray.Dataset:
     """Up from a tip that stays in contact, around the upper fold, and back with the unstable motion."""
-    return pr.steady_branch(MOTOR, DRIVE, follow="drive.frequency", start=16.75e3, stop=17e3, speed=0.0, points=28)
+    return pr.steady_branch(MOTOR, DRIVE, follow="drive.frequency", start=16.75e3, stop=17e3, speed=0.0, points=32)
 
 
 def test_a_branch_without_folds_is_that_of_the_steady_states() -> None:
@@ -51,7 +51,7 @@ def test_behind_a_fold_the_branch_is_unstable() -> None:
     assert fold == pytest.approx(float(data["drive.frequency"].max()), abs=1.0)
     assert data["stable"].values[: turned - 1].all()
     assert not data["stable"].values[turned + 2 :].any()
-    assert data.piezomotor.cautions == ("The branch does not reach its end: It has 28 points.",)
+    assert data.piezomotor.cautions == ("The branch does not reach its end: It has 32 points.",)
 
 
 def test_an_unstable_motion_that_is_disturbed_leaves_to_either_side() -> None:

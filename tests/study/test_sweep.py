@@ -88,6 +88,25 @@ def test_a_point_may_be_an_operating_point(threads: Executor, tmp_path: Path) ->
     assert [found[name].item() for name in names] == [alone[name] for name in names]
 
 
+def test_operating_points_are_solved_together(tmp_path: Path) -> None:
+    def alone(*_: object) -> None:
+        raise AssertionError("a point was given to a worker")
+
+    over = {"run.speed": [0.2, 0.4], "contact.friction": [0.28, 0.3]}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pyspice_runner.study.workers._processes", alone)
+        found = pr.sweep(
+            MOTOR, DRIVE, over=over, analysis=operating_point, quantities=["torque_n_m", "settled"], store=tmp_path
+        )
+    assert found["settled"].values.all()
+    assert len(set(found["torque_n_m"].values.ravel().tolist())) == 4
+    one = operating_point(MOTOR.updated({"contact.friction": 0.28}), DRIVE, speed=0.4)
+    # 0.2 %: the accuracy of a steady state, which another start reaches by another way
+    friction_torque = MOTOR.contact.friction * MOTOR.contact.preload_n * MOTOR.rotor.radius_m
+    at = found.sel({"run.speed": 0.4, "contact.friction": 0.28})
+    assert at["torque_n_m"].item() == pytest.approx(one["torque_n_m"], abs=2e-3 * friction_torque)
+
+
 def test_the_result_has_units_and_provenance(quick: dict[str, Any]) -> None:
     over = {"modes.1.frequency_hz": [51e3, 52e3], "drive.frequency": [5e4], "run.speed": [1.0, 2.0, 3.0]}
     found = pr.sweep(MOTOR, DRIVE, over=over, **quick | {"quantities": ["torque_n_m", "shares.slip", "duration_s"]})
