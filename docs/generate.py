@@ -18,6 +18,7 @@ from pyspice_runner.model.parameters import (
     Beam,
     Contact,
     Damping,
+    Limits,
     Mode,
     Mount,
     Parameters,
@@ -94,6 +95,10 @@ def parameters_page(motor: Motor) -> str:
         _section(
             "Mount", Mount, "mount", _values(motor, "mount", [motor.mount]) if motor.mount else {},
             f"{_sentence(Mount)} Without a table `[mount]` the stator is held at a fixed distance from the rotor.",
+        ),
+        _section(
+            "Limits", Limits, "limits", _values(motor, "limits", [motor.limits]) if motor.limits else {},
+            f"{_sentence(Limits)} Without a table `[limits]` nothing is compared.",
         ),
         "## Drives\n\nWhat `TwoPhaseDrive` (eq. 1) and `TwoToneDrive` (eq. 2) take; not part of a motor.\n",
         _table(("name", "unit", "allowed", "default", "meaning"), _drive_rows()),

@@ -67,11 +67,7 @@ class DatasetResult(Result):
     def _attributes(self) -> dict[str, Any]:
         """Return the attributes of the dataset, those that hold JSON decoded."""
         attributes = {str(name): value for name, value in self.dataset.attrs.items()}
-        coded = {
-            name
-            for name in ("motor", "drive", "run", "audit", "best", "limits", "method", "folds")
-            if name in attributes
-        }
+        coded = ("motor", "drive", "run", "audit", "warnings", "best", "limits", "method", "folds")
         return {name: json.loads(value) if name in coded else value for name, value in attributes.items()}
 
 
@@ -102,7 +98,8 @@ class Curves(DatasetResult):
                 f"{self.unsettled} of {self.dataset['settled'].size} points did not settle. Their values are "
                 "means over an irregular motion."
             )
-        return (*found, *([self.dataset.attrs["incomplete"]] if "incomplete" in self.dataset.attrs else []))
+        found += [self.dataset.attrs["incomplete"]] if "incomplete" in self.dataset.attrs else []
+        return (*found, *json.loads(self.dataset.attrs.get("warnings", "[]")))
 
     def to_dict(self) -> dict[str, Any]:
         """Return axes, quantities and provenance, JSON-ready; ``None`` for what is not defined."""

@@ -16,6 +16,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Drive, Load, TwoPhaseDrive, check_together
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
+from pyspice_runner.model.strength import peak_of_amplitudes, temperature_rise
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import (
     HARMONICS,
@@ -27,6 +28,7 @@ from pyspice_runner.netlist.averaged import (
     check_resolution,
 )
 from pyspice_runner.result import Audit, Result
+from pyspice_runner.run.ceramic import stated
 from pyspice_runner.run.kernel import Outcome, transient
 
 Array = NDArray[np.float64]
@@ -127,7 +129,7 @@ class AveragedRun(Result):
     @property
     def cautions(self) -> tuple[str, ...]:
         """Findings of the audit and of the model's own check."""
-        return (*self.audit.findings, *self._doubts)
+        return (*self.audit.findings, *self._doubts, *self.provenance.get("warnings", ()))
 
     def summary(self) -> dict[str, str]:
         """Return the most important values at the end of the run."""
@@ -244,9 +246,24 @@ def simulate_averaged(
                 "thermal": None if thermal is None else thermal.model_dump(),
             },
             "deck_sha256": outcome.deck_sha256,
+            **_ceramic(motor, outcome.vectors(), harmonics),
         },
         deck=outcome.deck,
     )  # fmt: skip
+
+
+def _ceramic(motor: Motor, samples: Mapping[str, Array], harmonics: int) -> dict[str, Any]:
+    """Return strain, stress and temperature rise at the end: static bending and all amplitudes at once are a bound."""
+    normal = float(samples["v(xmotor.normal)"][-1])
+    amplitudes = []
+    for index, mode in enumerate(motor.modes, start=1):
+        moves = [
+            np.hypot(*(samples[f"v(xmotor.xmode{index}_{order}.r_{part})"][-1] for part in ("re", "im")))
+            for order in range(1, harmonics + 1)
+        ]
+        amplitudes.append(abs(mode.tip_y) * normal / mode.stiffness_n_per_m + 1e-6 * float(sum(moves)))
+    rise = temperature_rise(motor, float(samples["v(heat)"][-1]))
+    return stated(motor, {**peak_of_amplitudes(motor, amplitudes), "temperature_rise_k": rise})
 
 
 def _audit(residual: float) -> Audit:

@@ -23,6 +23,7 @@ from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
 from pyspice_runner.netlist.drivers import GROUPS, RAILS, Driver, Part
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power
+from pyspice_runner.run.ceramic import ceramic, modal_vectors
 from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE, Array
@@ -114,6 +115,7 @@ class DriveReport(Result):
         ngspice_version: version of ngspice.
         deck: the netlist that was run.
         audit: outcome of the physical audit; it has findings only where ``audit=False`` was given.
+        ceramic: strain, stress and temperature rise of the ceramic, and ``warnings``; empty where not measured.
     """
 
     motor: str
@@ -139,6 +141,7 @@ class DriveReport(Result):
     ngspice_version: str
     deck: str = field(repr=False)
     audit: Audit = field(default_factory=Audit)
+    ceramic: dict[str, Any] = field(default_factory=dict)
 
     @property
     def power_in_w(self) -> float:
@@ -193,7 +196,7 @@ class DriveReport(Result):
                     f"The driver of group {group.upper()} puts out {gain:.3g} W more than its supplies give. It has "
                     "sources of its own, and its efficiency is not valid."
                 )
-        return (*self.audit.findings, *told)
+        return (*self.audit.findings, *told, *self.ceramic.get("warnings", ()))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report, JSON-ready."""
@@ -225,6 +228,7 @@ class DriveReport(Result):
             "solver_seconds": self.solver_seconds,
             "ngspice_version": self.ngspice_version,
             "audit": self.audit.to_dict(),
+            **self.ceramic,
         }
 
     def columns(self) -> dict[str, Array]:
@@ -291,7 +295,8 @@ def drive_report(
     if match is not None:
         driver = matching[match].applied(driver)
         setup = replace(setup, source=driver)
-    outcome = setup.run(duration, _saved(driver, contact=setup.law is not None))
+    vectors = [*_saved(driver, contact=setup.law is not None), *modal_vectors(motor)]
+    outcome = setup.run(duration, list(dict.fromkeys(vectors)))
     samples = outcome.vectors()
     window = Window(samples["time"], driver.period, uniform=driver.uniform)
     outputs = {group: _port(window, samples, driver, f"out_{group}", group) for group in GROUPS}
@@ -343,6 +348,8 @@ def drive_report(
         ngspice_version=outcome.ngspice_version,
         deck=outcome.deck,
     )
+    strained = ceramic(motor, setup.discretisation, samples, pin_a + pin_b, window)
+    report = replace(report, ceramic=strained)
     audited = Audit(_audited(motor, report, samples))
     if audit:
         audited.withhold("report")

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import ceil, sqrt
+from math import ceil, pi, sqrt
 
 import numpy as np
 
+from pyspice_runner.model import strength
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.netlist.benches import SpeedRamp
@@ -49,6 +50,7 @@ UNITS = {
     "friction_loss_w": ("W", "work of the tip along the rotor less that on the rotor: what slip takes"),
     "normal_loss_w": ("W", "work of the tip towards the rotor: what damping across the contact takes"),
     "stored_power_w": ("W", "rate at which stored energy grows; 0 once settled"),
+    **strength.UNITS,
     "balance_residual": ("1", "power put in that is not accounted for, over the power put in"),
 }
 
@@ -235,6 +237,18 @@ class Block:
         return bool(self.peaks)
 
 
+def _strained(bench: Dynamometer, mean: Mapping[str, float], block: Block) -> dict[str, float]:
+    """Return a bound of the ceramic's strain and stress: static bending, and amplitudes by the heat of the damping."""
+    motor, omega = bench.motor, 2.0 * pi * min(bench.source.frequencies)
+    force = -block.normal_force
+    amplitudes = [
+        abs(mode.tip_y * force / mode.stiffness_n_per_m)
+        + strength.amplitude(mean[f"xheat_{index}.v_heat"] / mode.damping_n_s_per_m, omega)
+        for index, mode in enumerate(motor.modes, start=1)
+    ]
+    return strength.peak_of_amplitudes(motor, amplitudes)
+
+
 def off_beat(setup: Setup) -> Setup:
     """Return a setup with its step made incommensurate with the period, if its steps are uniform.
 
@@ -286,5 +300,8 @@ def quantities(blocks: list[Block]) -> dict[str, float]:
         }
     result |= {"shaft_power_w": shaft, "efficiency": shaft / electrical if electrical > 0.0 else float("nan")}
     result |= losses
+    result |= _strained(bench, mean, blocks[-1])
+    heat = losses["dielectric_loss_w"] + losses["damping_loss_w"]
+    result["temperature_rise_k"] = strength.temperature_rise(motor, heat)
     result["balance_residual"] = missing / put_in if put_in > 0.0 else 0.0
     return {name: result[name] for name in UNITS}

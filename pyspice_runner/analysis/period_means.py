@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pyspice_runner.analysis.dynamometer import UNITS
 from pyspice_runner.analysis.period_map import Trace
 from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model import strength
 from pyspice_runner.netlist.copies import Plant, drive_voltage, phasor_at
 from pyspice_runner.netlist.motor import Discretisation, dielectric_admittance
 
@@ -92,10 +93,11 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
     slipping = state > 1.5
     sticking = (state > 0.5) & ~slipping
     ended = sticking & np.roll(slipping, 1)  # slip that ended within a step: on average half of it
-    _, velocity = modal(plant, trace)
+    displacement, velocity = modal(plant, trace)
     mount_loss = plant.mount.damping_n_s_per_m * float((rise**2).mean()) if plant.mount else 0.0
     dampings = np.array([mode.damping_n_s_per_m for mode in motor.modes])
     found = {
+        **strength.peak_of_motion(motor, displacement),
         "friction": float(friction.mean()),
         "friction_square": float((friction**2).mean()),
         "normal": float(normal.mean()),
@@ -168,7 +170,11 @@ def quantities(plant: Plant, found: Mapping[str, float]) -> dict[str, float]:
     }
     put_in = max(electrical, 0.0) + max(-shaft, 0.0)
     torque = radius * found["friction"]
+    heat = losses["dielectric_loss_w"] + losses["damping_loss_w"]
     result = {
+        "ceramic_strain": found["ceramic_strain"],
+        "ceramic_stress_pa": found["ceramic_stress_pa"],
+        "temperature_rise_k": strength.temperature_rise(motor, heat),
         "torque_n_m": torque,
         "torque_ripple_n_m": radius * sqrt(max(found["friction_square"] - found["friction"] ** 2, 0.0)),
         "load_torque_n_m": torque - bearing * found["speed"] - dry_bearing(plant),

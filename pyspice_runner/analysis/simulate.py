@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, sqrt
 from time import monotonic
 from typing import Any
+
+import numpy as np
 
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive, Load
@@ -22,11 +24,13 @@ from pyspice_runner.netlist.trackers import Tracker
 from pyspice_runner.result import Audit
 from pyspice_runner.run.accuracy import COST, TIP, Errors, estimate_errors
 from pyspice_runner.run.audit import audit_run
+from pyspice_runner.run.ceramic import ceramic
 from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.steps import MOST_POINTS
-from pyspice_runner.run.waveforms import COLUMNS, HEATED, EnergyBalance, Waveforms
+from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, EnergyBalance, Waveforms
+from pyspice_runner.run.window import Window
 
 _USUAL_ERROR = 5e-4  # of the tip's motion, at the default step; more than at nearly all reference points of the tests
 _MARGIN = 1.25  # by which an estimate stays below an accuracy that is asked for: estimates are right to some 20 %
@@ -180,6 +184,7 @@ def _run(
             },
             "deck_sha256": outcome.deck_sha256,
             "audit": {"passed": not findings if balanced else None, "findings": list(findings)},
+            **_ceramic(setup, samples, recorded),
         }
         arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED)}
         found = Waveforms(
@@ -213,6 +218,18 @@ def _run(
         reached = f"The run was interrupted at {partial.time_s[-1]:.4g} of {duration:g} s."
         raise Interrupted(reached, partial) from None
     return waveforms(outcome, complete=True)
+
+
+def _ceramic(setup: Setup, samples: Mapping[str, Array], recorded: _Recorded) -> dict[str, Any]:
+    """Return what is known of the ceramic from the end of a run; nothing without the modes."""
+    if recorded.signals is not None:
+        return {"warnings": []}
+    power = sum(
+        factor * samples[name] * samples[f"v({group})"]
+        for group, (name, factor) in ((group, setup.source.current(group)) for group in "ab")
+    )
+    window = Window(samples["time"], setup.source.measured_period(samples))
+    return ceramic(setup.motor, setup.discretisation, samples, np.asarray(power), window)
 
 
 def points_per_period(accuracy: float) -> float:

@@ -30,6 +30,7 @@ from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive, Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked, quoted
+from pyspice_runner.model.strength import exceeded
 from pyspice_runner.netlist.benches import SpeedRamp
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, Law
 from pyspice_runner.netlist.drivers import Driver
@@ -273,7 +274,7 @@ def operating_point(
     found = _steady([(bench, float(speed))], None) if mode == "steady" else {}
     _withhold_failed([(bench, float(speed))], found)
     outcome = found[0] if found else _settle(bench, float(speed), None, settling)[0]
-    return _reported(outcome)
+    return _reported(motor, outcome)
 
 
 def operating_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -> list[dict[str, Any] | None]:
@@ -305,14 +306,15 @@ def operating_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -
     answers: list[dict[str, Any] | None] = [None] * len(points)
     for number, place in enumerate(benches):
         if number in found and not found[number]["findings"]:
-            answers[place] = _reported(found[number])
+            answers[place] = _reported(benches[place][0].motor, found[number])
     return answers
 
 
-def _reported(outcome: dict[str, Any]) -> dict[str, Any]:
+def _reported(motor: Motor, outcome: dict[str, Any]) -> dict[str, Any]:
     """Return the outcome of a point as :func:`operating_point` reports it."""
     kept = {name: value for name, value in outcome.items() if name not in ("audit_passed", "findings")}
-    return {**kept, "audit": Audit(outcome["findings"]).to_dict()}
+    warnings = list(exceeded(motor, outcome["ceramic_stress_pa"], outcome["temperature_rise_k"]))
+    return {**kept, "warnings": warnings, "audit": Audit(outcome["findings"]).to_dict()}
 
 
 # --- steady states ---
@@ -672,8 +674,14 @@ def _dataset(
     swept = any(path.startswith("drive.") for path in axes)
     decks = "".join(outcome["deck_sha256"] for outcome in outcomes)
     findings = dict.fromkeys(finding for outcome in outcomes for finding in outcome["findings"])
+    stress, rise = (
+        max((outcome[name] for outcome in outcomes if outcome[name] == outcome[name]), default=float("nan"))
+        for name in ("ceramic_stress_pa", "temperature_rise_k")
+    )
+    warnings = list(exceeded(motor, stress, rise))
     attributes = {
         "audit": json.dumps(Audit(tuple(findings)).to_dict()),
+        "warnings": json.dumps(warnings),
         "title": f"{motor.name}: {', '.join(['speed and torque', *([] if swept else [drive.label])])}",
         "parameter_set": motor.name,
         "motor": json.dumps(motor.to_dict()),

@@ -27,6 +27,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Drive, Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
+from pyspice_runner.model.strength import exceeded
 from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
 from pyspice_runner.netlist.copies import Copy, Plant, drive_voltage
@@ -129,6 +130,7 @@ class SteadyState(Result):
             "method": self.method,
             "step_s": self.step_s,
             "audit": self.audit.to_dict(),
+            "warnings": list(self.warnings),
             **self.provenance,
         }
 
@@ -145,7 +147,12 @@ class SteadyState(Result):
             found.append("No steady state was found.")
         elif not self.stable:
             found.append(f"The steady state is not stable: {self.instability}.")
-        return tuple(found)
+        return (*found, *self.warnings)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The limits of the ceramic that the motion exceeds, a sentence each."""
+        return exceeded(self.motor, self.ceramic_stress_pa, self.temperature_rise_k)
 
     def summary(self) -> dict[str, str]:
         """Return speed, torque, forces, powers, stability and how the state was found."""
@@ -158,6 +165,8 @@ class SteadyState(Result):
             "normal force": engineering(self.normal_force_n, "N"),
             "shaft power": engineering(self.shaft_power_w, "W"),
             "electrical power": engineering(electrical, "W"),
+            "stress of the ceramic": engineering(self.ceramic_stress_pa, "Pa"),
+            "temperature rise": engineering(self.temperature_rise_k, "K"),
             "estimated error of the torque": engineering(self.torque_error_n_m, "N·m"),
             "stable": f"{'yes' if self.stable else 'no'}, largest multiplier {largest:.5g}",
             "found by": f"{self.method or 'no method'}, {self.iterations} iterations",

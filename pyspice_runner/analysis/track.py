@@ -32,12 +32,13 @@ from pyspice_runner.netlist.trackers import (
 )
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_contact
+from pyspice_runner.run.ceramic import ceramic, modal_vectors
 from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.steps import MOST_POINTS
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, Array
-from pyspice_runner.run.window import change_to_come
+from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering
 
 LOCKED_DEG = 20.0  # closer to the phase wanted is locked: a resonator has 94 % of its greatest amplitude or more
@@ -77,6 +78,7 @@ class Tracking(Result):
         ngspice_version: version of ngspice.
         deck: the netlist that was run.
         audit: outcome of the physical audit; it has findings only where ``audit=False`` was given.
+        ceramic: strain, stress and temperature rise of the ceramic, and ``warnings``; empty where not measured.
     """
 
     locked: bool
@@ -102,6 +104,7 @@ class Tracking(Result):
     ngspice_version: str
     deck: str = field(repr=False)
     audit: Audit = field(default_factory=Audit)
+    ceramic: dict[str, Any] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result, JSON-ready."""
@@ -121,6 +124,7 @@ class Tracking(Result):
             "solver_seconds": self.solver_seconds,
             "ngspice_version": self.ngspice_version,
             "audit": self.audit.to_dict(),
+            **self.ceramic,
         }
 
     @property
@@ -134,7 +138,8 @@ class Tracking(Result):
     def cautions(self) -> tuple[str, ...]:
         """Findings of the audit, and whether the speed has not settled."""
         moving = self.settled is False
-        return (*self.audit.findings, *(["The speed has not settled at the end of the run: run it longer."] * moving))
+        told = ["The speed has not settled at the end of the run: run it longer."] * moving
+        return (*self.audit.findings, *told, *self.ceramic.get("warnings", ()))
 
     def columns(self) -> dict[str, Array]:
         """Return frequency, phase and speed of each period, over the time."""
@@ -245,19 +250,27 @@ def track(
             f"duration = {duration:g} s does not show the disturbance, which lasts from {begin:.4g} to "
             f"{disturbance.end_s:.4g} s. Give at least {seen:.4g} s, or an earlier begin."
         )
-    outcome = setup.run(duration, _vectors(mode, *(("v(xmotor.normal)", "v(xmotor.friction)") if law else ())))
+    electrical = ["v(a)", "v(b)", *(setup.source.current(group)[0] for group in "ab"), *modal_vectors(motor)]
+    forces = ["v(xmotor.normal)", "v(xmotor.friction)"] if law else []
+    outcome = setup.run(duration, list(dict.fromkeys(_vectors(mode, *forces, *electrical))))
     vectors = outcome.vectors()
     audited = Audit()
     if law:
-        forces = (vectors["v(xmotor.normal)"], vectors["v(xmotor.friction)"])
-        audited = Audit(audit_contact(motor.contact.friction, *forces))
+        audited = Audit(audit_contact(motor.contact.friction, *(vectors[name] for name in forces)))
     if audit:
         audited.withhold("run")
     found = _judge(
         setup, duration, lag, loop_design(tracker, lag, loop_filter) if tracker.kind == "pll" else None,
         _periods(vectors, mode), stall, outcome,
     )  # fmt: skip
-    return replace(found, audit=audited)
+    power = np.asarray(
+        sum(
+            factor * vectors[name] * vectors[f"v({group})"]
+            for group, (name, factor) in ((group, setup.source.current(group)) for group in "ab")
+        )
+    )
+    window = Window(vectors["time"], 1.0 / found.end_frequency_hz)
+    return replace(found, audit=audited, ceramic=ceramic(motor, setup.discretisation, vectors, power, window))
 
 
 @checked

@@ -8,8 +8,8 @@ The file states the modes in one of three ways:
   ``quality_factor`` for ``damping_n_s_per_m``;
 * ``[[arms]]``: Butterworth–Van Dyke values seen at group A with group B shorted (:class:`Arm`).
 
-``[mount]`` springs the stator; ``[drive]`` recommends a drive: its ``kind``, ``two-phase`` or ``two-tone``, and what
-its constructor takes.
+``[mount]`` springs the stator; ``[limits]`` is what its ceramic withstands; ``[drive]`` recommends a drive: its
+``kind``, ``two-phase`` or ``two-tone``, and what its constructor takes.
 
 The contact is stated by its constants, or by the materials of tip and rotor (:class:`Materials`). Each number is
 written plainly, or as ``{ value = …, given | derived | assumed = "why" }``, which records where it comes from.
@@ -201,6 +201,7 @@ _SECTIONS = (
     "contact",
     "rotor",
     "mount",
+    "limits",
     "drive",
 )
 _WAYS = ("beam", "modes", "arms")
@@ -252,6 +253,7 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
         "contact": contact,
         "rotor": plain["rotor"],
         "mount": plain.get("mount"),
+        "limits": plain.get("limits"),
         "drive": _resolve_drive(plain["drive"], where) if "drive" in plain else None,
     }
     return assemble(parts, structure, provenance, where=where)

@@ -15,7 +15,19 @@ from pydantic import Field, ValidationError, model_validator
 from pyspice_runner.display import Shown
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
-from pyspice_runner.model.parameters import Beam, Contact, Damping, Mode, Mount, Parameters, Patch, Piezo, Rotor, Tip
+from pyspice_runner.model.parameters import (
+    Beam,
+    Contact,
+    Damping,
+    Limits,
+    Mode,
+    Mount,
+    Parameters,
+    Patch,
+    Piezo,
+    Rotor,
+    Tip,
+)
 from pyspice_runner.model.refusal import allowed_range, build, checked, limited, positive, quoted, refusal
 from pyspice_runner.model.save import motor_toml
 from pyspice_runner.units import engineering
@@ -35,6 +47,9 @@ _EFFECTS: dict[tuple[str, str, float], tuple[str, ...]] = {
     ("contact", "series_compliance_m_per_n", 0.0): (),
     ("rotor", "bearing_friction_n_m", 0.0): ("bearing_presliding_rad",),
 }
+
+
+_OPTIONAL: dict[str, type[Parameters]] = {"mount": Mount, "limits": Limits}  # sections that may be null
 
 
 @dataclass(frozen=True)
@@ -77,6 +92,7 @@ class Motor(Shown, Parameters):
     contact: Contact
     rotor: Rotor
     mount: Mount | None = Field(default=None, description="plate springs of the stator; null: held at a fixed distance")
+    limits: Limits | None = Field(default=None, description="what the ceramic withstands; null: not known")
     drive: dict[str, Any] | None = Field(default=None, exclude=True)
     structure: Structure | None = Field(default=None, exclude=True)
     provenance: dict[str, Provenance] = Field(default_factory=dict, exclude=True)
@@ -243,6 +259,7 @@ def assemble(
             contact=build(Contact, parts["contact"], "contact", where),
             rotor=build(Rotor, parts["rotor"], "rotor", where),
             mount=None if parts.get("mount") is None else build(Mount, parts["mount"], "mount", where),
+            limits=None if parts.get("limits") is None else build(Limits, parts["limits"], "limits", where),
             drive=parts.get("drive"),
             structure=structure,
             provenance={_moved(path, moved): origin for path, origin in provenance.items()},
@@ -293,16 +310,16 @@ def _set_path(document: dict[str, Any], path: str, value: Any) -> str:
         prefix = f"modes.{index}."
         allowed: tuple[str, ...] = (*Mode.model_fields, "frequency_hz", "quality_factor")
         target = document["modes"][index]
-    elif path == "mount":
-        document["mount"] = dict(value) if isinstance(value, Mapping) else value
+    elif path in _OPTIONAL:
+        document[path] = dict(value) if isinstance(value, Mapping) else value
         return path
-    elif section in ("piezo", "contact", "rotor", "mount"):
+    elif section in ("piezo", "contact", "rotor", *_OPTIONAL):
         if document[section] is None:
             document[section] = {}
         prefix, key, target = f"{section}.", rest, document[section]
-        allowed = tuple(Mount.model_fields if section == "mount" else target)
+        allowed = tuple(_OPTIONAL[section].model_fields if section in _OPTIONAL else target)
     else:
-        prefix, key, target, allowed = "", path, document, ("name", "mount")
+        prefix, key, target, allowed = "", path, document, ("name", *_OPTIONAL)
     if key not in allowed:
         close = difflib.get_close_matches(key, allowed, n=1)
         hint = (

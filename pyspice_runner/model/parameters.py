@@ -212,6 +212,19 @@ class Mount(Parameters):
         return sqrt(self.stiffness_n_per_m / self.mass_kg) / (2.0 * pi)
 
 
+class Limits(Parameters):
+    """What the ceramic withstands, and how the stator is cooled; a result warns where it exceeds them."""
+
+    dynamic_strength_pa: float = quantity("rated dynamic strength of the ceramic in tension", "Pa", ge=1e5, le=1e10)
+    curie_temperature_c: float = quantity(
+        "Curie temperature of the ceramic; half of it is the limit", "°C", ge=50, le=2e3
+    )
+    thermal_resistance_k_per_w: float = quantity(
+        "thermal resistance of the stator to the surroundings", "K/W", ge=1e-3, le=1e6
+    )
+    ambient_c: float = quantity("temperature of the surroundings", "°C", ge=-273.0, le=1e3)
+
+
 class Rotor(Parameters):
     """The rotor: a rigid disc on a bearing, its centre fixed."""
 

@@ -277,7 +277,8 @@ class Waveforms(Result):
             names = {"mean_rotor_speed_rad_s": "mean rotor speed", "mean_torque_n_m": "mean torque"}
             moving = [names[name] for name, share in self.to_come.items() if share is None or share > SETTLED]
             told.append(f"Not settled at the end of the run: {' and '.join(moving)}. Run it longer.")
-        return (*told, *([] if self.complete else ["The run did not reach its end."]))
+        told += [] if self.complete else ["The run did not reach its end."]
+        return (*told, *self.provenance.get("warnings", ()))
 
     @property
     def accuracy(self) -> float:

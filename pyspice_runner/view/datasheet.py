@@ -33,7 +33,7 @@ from pyspice_runner.view.report import Report
 HERE = Path(__file__).parent
 INK, GRID = {"light": "#1b1f24", "dark": "#e6e8eb"}, {"light": "#d5d9de", "dark": "#3a4048"}
 _PERIODS = 3  # of the waveforms to download
-_SECTIONS = ("beam", "patches", "tip", "damping", "modes", "piezo", "contact", "rotor", "mount")
+_SECTIONS = ("beam", "patches", "tip", "damping", "modes", "piezo", "contact", "rotor", "mount", "limits")
 
 
 class Chart(NamedTuple):

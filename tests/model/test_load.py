@@ -400,7 +400,9 @@ def test_file_that_may_not_be_read_is_rejected(tmp_path: Path, monkeypatch: pyte
 
 # --- mistakes in a document ----------------------------------------------------------------------------------
 
-TOP = "name, description, beam, ceramic, patches, tip, damping, modes, arms, piezo, contact, rotor, mount, drive"
+TOP = (
+    "name, description, beam, ceramic, patches, tip, damping, modes, arms, piezo, contact, rotor, mount, limits, drive"
+)
 MISTAKES: list[tuple[Document, str]] = [
     (changed(MODES, "rottor", {}), "there is no 'rottor'. Did you mean 'rotor'?"),
     (changed(MODES, "xyz", {}), f"there is no 'xyz'. Known are {TOP}."),

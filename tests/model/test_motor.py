@@ -47,7 +47,7 @@ def leaves(document: dict[str, Any]) -> dict[str, float]:
 @pytest.mark.parametrize("subject", [load_motor("andersen2002"), motor()], ids=lambda m: m.name)
 def test_document_has_the_agreed_shape(subject: Motor) -> None:
     document = json.loads(json.dumps(subject.to_dict(), allow_nan=False))
-    assert set(document) == {"name", "mount", *SHAPE}
+    assert set(document) == {"name", "mount", "limits", *SHAPE}
     for part in ("piezo", "contact", "rotor"):
         assert set(document[part]) == SHAPE[part]
     for item, given_mode in zip(document["modes"], subject.modes, strict=True):

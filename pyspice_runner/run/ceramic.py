@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Strain, stress and steady temperature of the ceramic, and the limits that they exceed, from the vectors of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.strength import exceeded, peak_of_motion, temperature_rise
+from pyspice_runner.netlist.motor import Discretisation
+from pyspice_runner.run.window import Window
+
+Array = NDArray[np.float64]
+
+
+def modal_vectors(motor: Motor) -> list[str]:
+    """Return the vectors of velocity and elastic force of every mode."""
+    numbers = range(1, len(motor.modes) + 1)
+    return [
+        name
+        for number in numbers
+        for name in (f"i(v.xmotor.xmode{number}.vvelocity)", f"v(xmotor.xmode{number}.elastic)")
+    ]
+
+
+def ceramic(
+    motor: Motor, discretisation: Discretisation, samples: Mapping[str, Array], power_w: Array, window: Window
+) -> dict[str, Any]:
+    """Return strain, stress and temperature rise over the last periods of a run, and ``warnings``; None if not known.
+
+    Args:
+        motor: the motor.
+        discretisation: with which it was written.
+        samples: the vectors of the run, with those of :func:`modal_vectors` and the voltages of the pins.
+        power_w: electrical power into the motor, W, at the points of the vectors.
+        window: the last periods of the run.
+    """
+    numbers = range(1, len(motor.modes) + 1)
+    velocities = [samples[f"i(v.xmotor.xmode{number}.vvelocity)"] for number in numbers]
+    displacement = np.array(
+        [
+            samples[f"v(xmotor.xmode{number}.elastic)"][window.points] / discretisation.mode(mode)[1]
+            for number, mode in zip(numbers, motor.modes, strict=True)
+        ]
+    )
+    heat = window.mean(power_w)
+    for mode, velocity in zip(motor.modes, velocities, strict=True):
+        force = mode.coupling_a_n_per_v * samples["v(a)"] + mode.coupling_b_n_per_v * samples["v(b)"]
+        heat += window.mean((mode.damping_n_s_per_m * velocity - force) * velocity)
+    found = {**peak_of_motion(motor, displacement), "temperature_rise_k": temperature_rise(motor, heat)}
+    return stated(motor, found)
+
+
+def stated(motor: Motor, found: Mapping[str, float]) -> dict[str, Any]:
+    """Return strain, stress and temperature rise, JSON-ready, with ``warnings``."""
+    known = {name: value if np.isfinite(value) else None for name, value in found.items()}
+    return {**known, "warnings": list(exceeded(motor, found["ceramic_stress_pa"], found["temperature_rise_k"]))}
