@@ -21,14 +21,14 @@ MARKS = {
     "fn": ("v", "fn, least |Y|"),
 }
 CONNECTIONS = {
-    "A+B": (10e3, 22e3, "A+B drives mode 1, towards the rotor"),
-    "A-B": (46e3, 62e3, "A−B drives mode 2, along the rotor"),
+    "A+B": (37e3, 42e3, "A+B drives mode 1, towards the rotor"),
+    "A-B": (39e3, 46e3, "A−B drives mode 2, along the rotor"),
 }
 POINTS = 3000
 
 
 def draw(folder: Path) -> list[str]:
-    motor = pr.load_motor("andersen2002")
+    motor = pr.load_motor("bimodal40")
     figure, axes = canvas(3, 2, 8.6, height_ratios=(1.0, 0.8, 1.25))
     lines = []
     for column, (connection, (start, stop, title)) in zip(axes.T, CONNECTIONS.items(), strict=True):
@@ -45,7 +45,7 @@ def draw(folder: Path) -> list[str]:
         magnitude.sharex(phase)
         magnitude.tick_params(labelbottom=False)
         phase.set(
-            xlabel="frequency / kHz", xlim=(start / 1e3, stop / 1e3), xticks=np.arange(start, stop + 1, 2e3) / 1e3
+            xlabel="frequency / kHz", xlim=(start / 1e3, stop / 1e3), xticks=np.arange(start, stop + 1, 1e3) / 1e3
         )
         phase.set(ylabel="phase of Y / °", ylim=(-50, 100), yticks=range(-45, 91, 45))
         circle.set(xlabel="conductance G / mS", ylabel="susceptance B / mS", aspect="equal", adjustable="datalim")

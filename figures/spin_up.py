@@ -29,14 +29,14 @@ from style import (
 
 import pyspice_runner as pr
 
-LOAD = 1e-3  # N·m
-DURATION = 15e-3
+LOAD = 6e-3  # N·m
+DURATION = 30e-3
 PERIODS = 3
 
 
 def draw(folder: Path) -> list[str]:
-    motor = pr.load_motor("andersen2002")
-    drive = pr.TwoToneDrive(voltage_1=100.0, frequency_1=18e3, voltage_2=50.0, frequency_2=54e3, phase_deg=165.0)
+    motor = pr.load_motor("bimodal40")
+    drive = pr.default_drive(motor)
     run = pr.simulate(motor, drive, duration=DURATION)
     loaded = pr.simulate(motor, drive, duration=DURATION, load_torque=LOAD)
 

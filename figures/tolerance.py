@@ -21,14 +21,14 @@ TOLERANCES = {
     "modes.1.frequency_hz": (0.01, "frequency of mode 2 / kHz"),
     "modes.*.coupling_a_n_per_v": (0.05, "coupling of A / nominal"),
 }
-SPEEDS = (0.0, 4.5, 9.0)  # rad/s
+SPEEDS = (0.0, 15.0, 30.0)  # rad/s
 SAMPLES = 4 if draft() else 16
-RUN = {"duration": 5e-4 if draft() else 5e-3, "step": 3e-7, "workers": 1 if draft() else None}
+RUN = {"duration": 5e-4 if draft() else 10e-3, "step": 3e-7, "workers": 1 if draft() else None}
 
 
 def draw(folder: Path) -> list[str]:
-    motor = pr.load_motor("andersen2002")
-    drive = pr.TwoToneDrive(voltage_1=100.0, frequency_1=18e3, voltage_2=50.0, frequency_2=54e3, phase_deg=165.0)
+    motor = pr.load_motor("bimodal40")
+    drive = pr.default_drive(motor)
     speeds = {"run.speed": SPEEDS}
     tolerances = {path: pr.Tolerance(relative) for path, (relative, _) in TOLERANCES.items()}
     keep = {"torque": "mean_torque_n_m"}

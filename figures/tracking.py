@@ -10,21 +10,23 @@ from style import BLACK, BLUE, GREY, ORANGE, VERMILION, canvas, draft, main, wri
 import pyspice_runner as pr
 from pyspice_runner.analysis.track import Tracking, running_resonance
 
-DRIVE = {"voltage": 50.0, "ratio_b": 2.0, "phase_deg": 90.0}
+MOTOR = pr.load_motor("bimodal40")
+RECOMMENDED = pr.default_drive(MOTOR)
+DRIVE = RECOMMENDED.model_dump(include={"voltage", "phase_deg"})
 NAMES = {"pll": "phase-locked loop", "observe-current": "perturb and observe", "none": "not tracked"}
 COLOURS = {"pll": BLUE, "observe-current": ORANGE, "none": VERMILION}
 OFFSET = 0.02
 DRIFT, BEGIN, DRIFT_TIME, END = -0.01, 2e-3, 20e-3, 24e-3
 DURATIONS = {"pll": 15e-3, "observe-current": 15e-3, "none": 5e-3}
 if draft():
-    BEGIN, DRIFT_TIME, END = 0.9e-3, 0.5e-3, 2.4e-3
-    DURATIONS = dict.fromkeys(NAMES, 2e-3)
+    BEGIN, DRIFT_TIME, END = 1.2e-3, 0.5e-3, 3.2e-3
+    DURATIONS = dict.fromkeys(NAMES, 2.5e-3)
 STEP = 1.8e-7
 
 
 def draw(folder: Path) -> list[str]:
-    motor = pr.load_motor("andersen2002").updated({"rotor.inertia_kg_m2": 1e-7})
-    lag = running_resonance(motor, pr.Tracker(kind="pll", frequency=51.7e3, **DRIVE))
+    motor = MOTOR.updated({"rotor.inertia_kg_m2": 5e-7})
+    lag = running_resonance(motor, pr.Tracker(kind="pll", frequency=RECOMMENDED.frequencies[0], **DRIVE))
     starts, drifts = {}, {}
     for kind in NAMES:
         far = pr.Tracker(kind=kind, frequency=lag.resonance_hz, offset=OFFSET, **DRIVE)
@@ -53,7 +55,7 @@ def draw(folder: Path) -> list[str]:
     axes[0, 0].legend([*tracked, dashed], [*NAMES.values(), "resonance"], loc="upper right")
     caption = (
         f"Motor {motor.name}, preload {motor.contact.preload_n:g} N, rotor {1e7 * motor.rotor.inertia_kg_m2:g} g·cm². "
-        "Drive: 50 V and 100 V, 90° apart at any frequency. Phase: velocity of mode 2 against the force of both "
+        f"Drive: {RECOMMENDED.label.replace(' at ', ' about ')}. Phase: velocity of mode 2 against the force of both "
         "groups. The trackers do not see it; they sense the motional current. Dashed: running resonance by harmonic "
         f"balance, {1e-3 * lag.resonance_hz:.2f} kHz, loaded Q = {lag.quality:.0f}. Loop: bandwidth 500 Hz. Perturb "
         f"and observe: 80 Hz every 0.8 ms. ngspice {starts['pll'].ngspice_version}."
