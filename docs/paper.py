@@ -57,10 +57,11 @@ def row(name: str, drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> str:
         k = int(falls[0])
         speed = f"{np.interp(0.0, -loads[k : k + 2], np.array(SPEEDS)[k : k + 2]):.2f}"
     settled = "" if bool(curve["settled"].all()) else " (not settled)"
+    lifted, stall = 100.0 * float(curve["separated"][0]), 100.0 * loads[0] / limit
     best = max(0.0, float(curve["efficiency"].max()))
     return (
         f"| {name} | {free[0]:.2f}, {free[1]:.2f} | {touching[0]:.2f}, {touching[1]:.2f} | "
-        f"{float(curve['separated'][0]):.0%} | {loads[0] / limit:.1%}{settled} | {speed} | {best:.2g} |"
+        f"{lifted:.0f} % | {stall:.1f} %{settled} | {speed} | {best:.2g} |"
     )
 
 
