@@ -18,7 +18,7 @@ from pyspice_runner.model import strength
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.netlist.benches import SpeedRamp
-from pyspice_runner.netlist.motor import PLATES, Motion, dielectric_branches
+from pyspice_runner.netlist.motor import PLATES, Motion, dielectric_branches, require_linear
 from pyspice_runner.netlist.sources import Source, dynamometer_bench
 from pyspice_runner.run.kernel import Outcome, transient
 from pyspice_runner.run.setup import Setup
@@ -147,6 +147,7 @@ class Dynamometer:
     ) -> Outcome:
         setup = self.setup
         assert setup.law is not None
+        require_linear(setup.motor, "A point that settles on the dynamometer")
         bench = dynamometer_bench(
             setup.motor, setup.source, speed=speed, law=setup.law, meters=meters,
             discretisation=setup.discretisation, start=start, begun=begun,

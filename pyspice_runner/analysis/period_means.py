@@ -96,6 +96,8 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
     displacement, velocity = modal(plant, trace)
     mount_loss = plant.mount.damping_n_s_per_m * float((rise**2).mean()) if plant.mount else 0.0
     dampings = np.array([mode.damping_n_s_per_m for mode in motor.modes])
+    growth = np.array([mode.damping_growth_per_m2 for mode in motor.modes])[:, np.newaxis]
+    heating = velocity[:, 1:] ** 2 * (1.0 + growth * displacement[:, 1:] ** 2)
     found = {
         **strength.peak_of_motion(motor, displacement),
         "friction": float(friction.mean()),
@@ -107,7 +109,7 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         "press": float((normal * (vy - x * vx / radius)).mean()),
         "given": radius * float((friction * turning).mean()),
         "speed": float(turning.mean()),
-        "damping_loss": float((dampings @ velocity[:, 1:] ** 2).mean()) + mount_loss,
+        "damping_loss": float((dampings @ heating).mean()) + mount_loss,
         "dielectric_loss": dielectric_loss(plant, "a") + dielectric_loss(plant, "b"),
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
     }
@@ -129,7 +131,8 @@ def _stored(plant: Plant, trace: Trace, at: int) -> float:
     energy = 0.0
     for index, mode in enumerate(plant.motor.modes):
         energy += 0.5 * mode.mass_kg * float(velocity[index, at]) ** 2
-        energy += 0.5 * mode.stiffness_n_per_m * float(displacement[index, at]) ** 2
+        squared = float(displacement[index, at]) ** 2
+        energy += 0.5 * mode.stiffness_n_per_m * squared * (1.0 - 0.5 * mode.softening_per_m2 * squared)
     if plant.mount:
         lift, rise = (float(value) for value in trace.states[plant.carrier][:, at])
         energy += 0.5 * (plant.mount.mass_kg * rise**2 + plant.mount.stiffness_n_per_m * lift**2)

@@ -49,6 +49,7 @@ _EFFECTS: dict[tuple[str, str, float], tuple[str, ...]] = {
 }
 
 
+_AMPLITUDE = ("softening_per_m2", "damping_growth_per_m2")  # effects of a mode, off at 0
 _OPTIONAL: dict[str, type[Parameters]] = {"mount": Mount, "limits": Limits}  # sections that may be null
 
 
@@ -178,7 +179,11 @@ class Motor(Shown, Parameters):
                 for absent in (name, *companions):
                     del document[section][absent]
         document["modes"] = [
-            {"name": mode.name, "frequency_hz": mode.frequency_hz, **mode.model_dump(exclude={"name"})}
+            {
+                "name": mode.name,
+                "frequency_hz": mode.frequency_hz,
+                **mode.model_dump(exclude={"name", *([name for name in _AMPLITUDE if not getattr(mode, name)])}),
+            }
             for mode in self.modes
         ]
         return document

@@ -115,6 +115,17 @@ class Mode(Parameters):
     coupling_b_n_per_v: float = quantity("force per volt of group B, θ_B", "N/V", ge=-1e4, le=1e4)
     tip_x: float = quantity("tangential tip displacement per modal coordinate, X", "1", ge=-1e4, le=1e4)
     tip_y: float = quantity("tip displacement towards the rotor per modal coordinate, Y", "1", ge=-1e4, le=1e4)
+    softening_per_m2: float = quantity(
+        "softening γ of the elastic force k r (1 − γ r²) at large amplitude", "1/m²", ge=0.0, le=1e18, default=0.0
+    )
+    damping_growth_per_m2: float = quantity(
+        "growth κ of the damping force c ṙ (1 + κ r²) with amplitude", "1/m²", ge=0.0, le=1e18, default=0.0
+    )
+
+    @property
+    def linear(self) -> bool:
+        """Whether stiffness and damping do not depend on the amplitude."""
+        return self.softening_per_m2 == self.damping_growth_per_m2 == 0.0
 
     @property
     def frequency_hz(self) -> float:

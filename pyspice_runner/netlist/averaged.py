@@ -25,7 +25,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import add_cooling
 from pyspice_runner.netlist.library import Library, check_name, data_path, parse_library, read_library
-from pyspice_runner.netlist.motor import CROWN, MOUNTED, REVISION, Assembly
+from pyspice_runner.netlist.motor import CROWN, MOUNTED, REVISION, Assembly, require_linear
 from pyspice_runner.netlist.sources import FREE, Bench
 
 SUBCIRCUIT = "piezomotor_averaged"
@@ -238,6 +238,7 @@ class AveragedSubCircuit(Assembly):
         thermal: Thermal | None = None,
         name: str = SUBCIRCUIT,
     ) -> None:
+        require_linear(motor, "The averaged motor")
         contact = motor.contact
         values = {
             "preload": contact.preload_n, "friction": contact.friction,

@@ -560,6 +560,56 @@ def _tracking_loop(motor: Motor) -> str:
     )  # fmt: skip
 
 
+SOFTENING = {"modes.1.softening_per_m2": 1.2e11, "modes.1.damping_growth_per_m2": 0.0}  # of the deck; assumed
+
+
+def softening_deck(motor: Motor, voltage: float = 50.0, duration: float = 0.05) -> str:
+    """Return the deck of a free stator that softens, driven through its second resonance up and down again.
+
+    Args:
+        motor: the motor.
+        voltage: amplitude of both groups in antiphase, V.
+        duration: of the sweep in each direction, s.
+    """
+    soft = motor.updated(SOFTENING)
+    mode = soft.modes[1]
+    low, high = 0.975 * mode.frequency_hz, 1.01 * mode.frequency_hz
+    drive = TwoPhaseDrive(voltage=voltage, frequency=mode.frequency_hz, phase_deg=180.0)
+    step = float(f"{0.02 / mode.frequency_hz:.3g}")
+    bench = motor_bench(
+        soft, DriveSource(drive), law=None, discretisation=Discretisation(step),
+        title=f"{soft.name}: a ceramic that softens",
+    )  # fmt: skip
+    rise, fall = "min(time,{sweep})", "max(time-{sweep},0)"
+    slope = "{(high-low)/(2*sweep)}"
+    turns = f"{{low}}*{rise}+{slope}*{rise}**2+{{high}}*{fall}-{slope}*{fall}**2"
+    line = f"Bsweep sweep 0 V={{voltage}}*sin({2.0 * pi!r}*({turns}))"
+    bench.circuit.raw_spice += f"{line}\nEother other 0 sweep 0 -1\n"
+    parameters: Parameters = {
+        "voltage": (voltage, "V, amplitude"),
+        "low": (round(low, -1), "Hz, start and end of the sweep"),
+        "high": (round(high, -1), "Hz, its turning point"),
+        "sweep": (duration, "s, in each direction"),
+        "step": (step, "s, time step, to which the modes are adapted: do not change it"),
+    }
+    sources: References = {"Va": "a sweep 0", "Vb": "b other 0"}
+    up, down = "FROM=0 TO={sweep}", "FROM={sweep} TO={2*sweep}"
+    measures = {
+        "greatest_up_um": f"MAX v(xmotor.x) {up}",
+        "time_up_s": f"MAX_AT v(xmotor.x) {up}",
+        "greatest_down_um": f"MAX v(xmotor.x) {down}",
+        "time_down_s": f"MAX_AT v(xmotor.x) {down}",
+    }
+    return _deck(
+        bench,
+        """Softening. A free stator whose second mode softens with amplitude is driven in antiphase through its
+        resonance, upwards and downwards. The resonance curve bends to lower frequencies and the motion jumps: upwards
+        to the large amplitude, downwards, later, to the small one. To plot, inside ngspice: v(xmotor.x) in um.""",
+        parameters, sources, measures,
+        analysis=".tran {step} {2*sweep} 0 {step} uic",
+    )  # fmt: skip
+
+
 _DECKS: dict[str, Callable[[Motor], str]] = {
     "free_admittance": lambda motor: _admittance(motor, preloaded=False),
     "preloaded_admittance": lambda motor: _admittance(motor, preloaded=True),
@@ -609,6 +659,7 @@ _DECKS: dict[str, Callable[[Motor], str]] = {
     "tracking_loop": _tracking_loop,
 }
 _WORKING_DECKS: dict[str, Callable[[Motor], str]] = {
+    "softening": softening_deck,
     "spin_up": _spin_up,
     "dynamometer": _dynamometer,
 }

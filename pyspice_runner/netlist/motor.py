@@ -220,7 +220,8 @@ class MotorSubCircuit(Assembly):
                 **_mode_start(start, index - 1, mode.tip_y * preload / stiffness), **_mode_drift(thermal),
             }  # fmt: skip
             nodes = ("a", "b", "com", "fx", "fy", "x", "y", "vx", "vy", f"xmode{index}.elastic", *warm)
-            self._put(f"mode{index}", f"piezomotor_mode{kind}", nodes, values, ["preload"] if law else [])
+            part, more = _mode_part(motor, mode, thermal)
+            self._put(f"mode{index}", part, nodes, values | more, ["preload"] if law else [])
         for node in ("x", "y", "vx", "vy"):
             self.R(f"sum_{node}", node, self.gnd, 1)
         if thermal:
@@ -320,6 +321,16 @@ def _settable_rotor(rotor: Library, values: Mapping[str, float]) -> list[Library
 def _digits(value: float) -> float:
     """Round to ten digits, because the last digits of an eigenvalue depend on the computer."""
     return float(f"{value:.10g}")
+
+
+def require_linear(motor: Motor, what: str) -> None:
+    """Raise a ParameterError if stiffness or damping of a mode depends on the amplitude; ``what`` takes none such."""
+    for mode in motor.modes:
+        if not mode.linear:
+            raise ParameterError(
+                f"modes.{mode.name} has softening_per_m2 = {mode.softening_per_m2:g} 1/m² and damping_growth_per_m2 = "
+                f"{mode.damping_growth_per_m2:g} 1/m². {what} takes linear modes only: set both to 0."
+            )
 
 
 def contact_nodes(motor: Motor) -> dict[str, str]:
@@ -507,6 +518,16 @@ def _mode_start(start: Motion | None, index: int, bending: float) -> dict[str, f
     if start is None:
         return {}
     return {"start": 1e6 * (start.displacements_m[index] + bending), "velocity": start.velocities_m_s[index]}
+
+
+def _mode_part(motor: Motor, mode: Mode, thermal: Thermal | None) -> tuple[str, dict[str, float]]:
+    """Return the library of a mode, and the parameters that only this one has besides the drift."""
+    if thermal:
+        require_linear(motor, "A motor that its losses heat")
+        return "piezomotor_mode_thermal", {}
+    if mode.linear:
+        return "piezomotor_mode", {}
+    return "piezomotor_mode_soft", {"softening": mode.softening_per_m2, "growth": mode.damping_growth_per_m2}
 
 
 def _mode_drift(thermal: Thermal | None) -> dict[str, float]:

@@ -227,6 +227,9 @@ def _energy(
     masses = np.array([mode.mass_kg for mode in motor.modes])
     stiffnesses = np.array([mode.stiffness_n_per_m for mode in motor.modes])
     dampings = np.array([mode.damping_n_s_per_m for mode in motor.modes])
+    squared = displacement**2
+    softening = np.array([mode.softening_per_m2 for mode in motor.modes])[:, np.newaxis]
+    growth = np.array([mode.damping_growth_per_m2 for mode in motor.modes])[:, np.newaxis]
     normal, friction, rotor_speed = (
         waves["normal_force_n"],
         waves["friction_force_n"],
@@ -244,8 +247,8 @@ def _energy(
         electrical=work(electrical),
         dielectric=dielectric,
         kinetic=change(0.5 * masses @ velocity**2),
-        elastic=change(0.5 * stiffnesses @ displacement**2),
-        damping=work(dampings @ velocity**2),
+        elastic=change(0.5 * stiffnesses @ (squared - 0.5 * softening * squared**2)),
+        damping=work(dampings @ (velocity**2 * (1.0 + growth * squared))),
         contact_elastic=change(0.4 * hertz * penetration + 0.5 * motor.contact.series_compliance_m_per_n * normal**2),
         contact_damping=float(np.trapezoid(normal - hertz, penetration)),
         friction=work(friction * (tangential - radius * rotor_speed)),

@@ -47,6 +47,7 @@ FULL = (
     "hysteresis_varying",
     "impact",
     "preloaded_admittance",
+    "softening",
     "spin_up",
     "thermal_drift",
     "tracker_observer",
