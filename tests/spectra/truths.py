@@ -50,7 +50,7 @@ def draw(kind: str, trial: int) -> dict[str, Any]:
     rng = np.random.default_rng([CLASSES.index(kind), trial])
     centre = float(np.exp(rng.uniform(np.log(2e5 if kind == "leads" else 2e4), np.log(2e6))))
     quality = float(np.exp(rng.uniform(np.log(50.0), np.log(800.0))))
-    clamped = float(np.exp(rng.uniform(np.log(1e-10), np.log(3e-9))))
+    clamped = float(np.exp(rng.uniform(np.log(5e-10 if kind == "leads" else 1e-10), np.log(3e-9))))
     ratio = float(np.exp(rng.uniform(np.log(0.01), np.log(0.1)))) + 2.0 / quality
     loss = 0.0 if kind == "lossless" else float(rng.uniform(0.002, 0.02))
     device = np.array([clamped, loss, 0.0, 0.0])
