@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.averaged import simulate_averaged
     from pyspice_runner.analysis.branch import steady_branch
     from pyspice_runner.analysis.drive import drive_report
+    from pyspice_runner.analysis.motor_from import motor_from
     from pyspice_runner.analysis.simulate import simulate
     from pyspice_runner.analysis.small_signals import small_signals
     from pyspice_runner.analysis.speed_torque import speed_torque
@@ -67,6 +68,7 @@ _HOMES = {
     "fit_spectrum": "spectra.fit",
     "fit_two_port": "spectra.twoport",
     "load_motor": "model.load",
+    "motor_from": "analysis.motor_from",
     "read_spectrum": "spectra.readers",
     "report": "view.report",
     "simulate": "analysis.simulate",
@@ -101,6 +103,7 @@ __all__ = [
     "fit_spectrum",
     "fit_two_port",
     "load_motor",
+    "motor_from",
     "read_spectrum",
     "report",
     "simulate",

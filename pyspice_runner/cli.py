@@ -27,6 +27,7 @@ from pyspice_runner.commands.fit import fit
 from pyspice_runner.commands.impact import impact
 from pyspice_runner.commands.live import live
 from pyspice_runner.commands.map import map_points
+from pyspice_runner.commands.motor_from import motor_from
 from pyspice_runner.commands.motors import export, motors, show
 from pyspice_runner.commands.report import report
 from pyspice_runner.commands.simulate import simulate
@@ -58,6 +59,7 @@ for command in (
     impact,
     fit,
     compare,
+    motor_from,
     export,
     report,
     live,

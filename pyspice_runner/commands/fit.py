@@ -325,11 +325,18 @@ def _calibration(
             raise pr.ParameterError("--tip belongs to a motor; add --mass-kg or --velocity-per-current.")
         return found
     if tips:
-        pairs = [grid("--tip", tip) for tip in tips]
-        if any(len(pair) != 2 for pair in pairs):
-            raise pr.ParameterError(f"--tip {tips[0]!r} is not valid; write X,Y as 0,1, once for each mode.")
-        found["tips"] = pairs
+        found["tips"] = tips_of(tips)
     return {**found, "connection": connection.value, "base": base}
+
+
+def tips_of(tips: list[str] | None) -> list[tuple[float, float]] | None:
+    """Read the pairs of --tip."""
+    if not tips:
+        return None
+    pairs = [grid("--tip", tip) for tip in tips]
+    if any(len(pair) != 2 for pair in pairs):
+        raise pr.ParameterError(f"--tip {tips[0]!r} is not valid; write X,Y as 0,1, once for each mode.")
+    return [(pair[0], pair[1]) for pair in pairs]
 
 
 def _fit_two_port(

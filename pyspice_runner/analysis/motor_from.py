@@ -1,0 +1,334 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+r"""A motor from what people have: spectra of its groups, and numbers of its data sheet.
+
+The spectra give frequencies, quality factors, capacitances and, of every coupling, θ/√m (:mod:`..spectra.twoport`).
+What
+they leave open is fitted to the mechanical measurements by least squares, in the logarithms of both:
+
+==================================  ==============================================
+measured                            fitted
+==================================  ==============================================
+stall torque                        ``contact.friction``
+no-load speed                       the modal mass, one for all modes, unless stated
+resonance that the preload shifts   ``contact.normal_stiffness_n_per_m15``
+==================================  ==============================================
+
+With the Jacobian J of the measured logarithms, each over its relative deviation, the fitted ones have the covariance
+:math:`(J^T J)^{-1}`. A preloaded resonance tells the ratio of stiffness and mass, and speed and torque hardly tell
+them apart; the
+stiffness of the other motor's contact, which is that of its materials, counts as a measurement with a deviation of 20
+%.
+Everything else of contact and rotor is that of the other motor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.analysis.steady import steady_state
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.model.contact import linearised_resonances
+from pyspice_runner.model.drive import TwoPhaseDrive
+from pyspice_runner.model.load import load_motor
+from pyspice_runner.model.motor import Motor, Provenance
+from pyspice_runner.model.refusal import checked
+from pyspice_runner.result import Result
+from pyspice_runner.spectra.fit import fit_spectrum
+from pyspice_runner.spectra.spectrum import Connection, Spectrum
+from pyspice_runner.spectra.twoport import TwoPortFit, fit_two_port
+
+_STEPS = 10  # of Gauss and Newton's method
+_CLOSE = 0.1  # deviations that a further step would bring, at which it ends
+_STIFFNESS_ERROR = 0.2  # relative, of the contact of the other motor
+_DIFFERENCE = 0.05  # of a logarithm, for the derivatives: above the accuracy of a steady state
+_REACH = 0.5  # of a logarithm, by which a step may go
+_LINEAR = 2e-4  # relative, by which losses shift a resonance against that of the linear contact without them
+
+Pairs = Sequence[tuple[float, float]]
+Vector = NDArray[np.float64]
+_STIFFNESS = "contact.normal_stiffness_n_per_m15"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotorFrom(Result):
+    """A motor that was made of measurements.
+
+    Attributes:
+        motor: the motor; its provenance tells where each value comes from, with its standard error.
+        standard_errors: path of a value → its standard error, in the value's unit.
+        measured: name of each mechanical measurement → value.
+        computed: the same as the motor has it.
+        fit: the two-port fit of the spectra.
+        warnings: what to know before using the motor.
+    """
+
+    motor: Motor
+    standard_errors: dict[str, float]
+    measured: dict[str, float]
+    computed: dict[str, float]
+    fit: TwoPortFit
+    warnings: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the motor, the errors and the comparison, JSON-ready."""
+        return {
+            "motor": self.motor.to_dict(),
+            "standard_errors": self.standard_errors,
+            "measured": self.measured,
+            "computed": self.computed,
+            "provenance": {path: [origin.kind, origin.note] for path, origin in self.motor.provenance.items()},
+            "fit": self.fit.to_dict(),
+            "warnings": list(self.warnings),
+        }
+
+    def writers(self) -> dict[str, Callable[[Path], object]]:
+        """Return the writers by ending: ``.toml`` (the motor) and ``.json``."""
+        heading = f"A motor from the spectra {self.fit.source} and its data sheet."
+        text = self.motor.to_toml(heading=heading)
+        return {**super().writers(), ".toml": lambda file: file.write_text(text, encoding="utf-8")}
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """The warnings."""
+        return self.warnings
+
+    def summary(self) -> dict[str, str]:
+        """Return each mechanical measurement beside the motor's value, and each fitted value with its error."""
+        found = {
+            name: f"{value:.5g} measured, {self.computed[name]:.5g} computed" for name, value in self.measured.items()
+        }
+        document = self.motor.to_dict()
+        for path, error in self.standard_errors.items():
+            value: Any = document
+            for key in path.split("."):
+                value = value[int(key)] if isinstance(value, list) else value[key]
+            found[path] = f"{value:.5g} ± {error:.2g}"
+        return found
+
+
+@checked
+def motor_from(
+    spectra: Spectrum | Mapping[Connection, Spectrum],
+    *,
+    preloaded: Spectrum | None = None,
+    no_load_speed: float | None = None,
+    stall_torque: float | None = None,
+    voltage: float | None = None,
+    frequency: float | None = None,
+    phase_deg: float = 90.0,
+    mass_kg: float | Sequence[float] | None = None,
+    speed_error: float = 0.02,
+    torque_error: float = 0.02,
+    modes: int | None = None,
+    connection: Connection = "A",
+    tips: Pairs | None = None,
+    base: Motor | str | Path = "andersen2002",
+    name: str = "measured",
+    progress: Callable[[int, int], object] | None = None,
+) -> MotorFrom:
+    """Make a motor of spectra and of numbers of its data sheet.
+
+    Args:
+        spectra: of the free stator: a two-port, or one-ports by connection, see :func:`fit_two_port`.
+        preloaded: spectrum of the stator pressed on its rotor, through ``connection`` if it is a one-port.
+        no_load_speed: rad/s at ``voltage`` and ``frequency``.
+        stall_torque: N·m at the same.
+        voltage: amplitude on each group, V.
+        frequency: drive frequency, Hz.
+        phase_deg: phase of group B, degrees.
+        mass_kg: modal mass, one or one for each mode, if it is known; else the no-load speed tells it.
+        speed_error: relative standard deviation of the no-load speed.
+        torque_error: relative standard deviation of the stall torque.
+        modes: number of modes; found if it is not given.
+        connection: of a preloaded one-port.
+        tips: (tip_x, tip_y) of every mode, see :meth:`TwoPortFit.to_motor`.
+        base: motor that contact and rotor are taken from, but for what is fitted.
+        name: name of the new motor.
+        progress: called with the number of the step and the greatest.
+
+    Raises:
+        ParameterError: for invalid values, or without what tells the modal mass.
+        SpectrumError: if the spectra cannot be fitted.
+        SimulationError: if no motor of this kind has the data sheet's numbers.
+    """
+    stated = {"no_load_speed_rad_s": no_load_speed, "stall_torque_n_m": stall_torque}
+    measured = {key: float(value) for key, value in stated.items() if value is not None}
+    errors = {"no_load_speed_rad_s": speed_error, "stall_torque_n_m": torque_error}
+    drive = _drive(measured, errors, voltage, frequency, phase_deg)
+    if mass_kg is None and no_load_speed is None:
+        raise ParameterError("Spectra do not tell the modal mass; give the no-load speed, or mass_kg.")
+    foundation = base if isinstance(base, Motor) else load_motor(base)
+    fit = fit_two_port(spectra, modes)
+    start = {}
+    if stall_torque is not None:
+        start["contact.friction"] = foundation.contact.friction
+    if mass_kg is None:
+        start["mass_kg"] = foundation.modes[0].mass_kg
+    shift = None
+    if preloaded is not None:
+        shift = _Shift(fit, preloaded.driven(connection) if preloaded.ports == 2 else preloaded)
+        measured["preloaded_resonance_hz"], errors["preloaded_resonance_hz"] = shift.measured, shift.error
+        start[_STIFFNESS] = foundation.contact.normal_stiffness_n_per_m15
+    # with the mass stated, the speed only checks the motor
+    targets = [key for key in measured if key != "no_load_speed_rad_s" or mass_kg is None]
+    task = _Task(fit, foundation, drive, shift, {"mass_kg": mass_kg, "tips": tips, "name": name})
+
+    names, point = list(start), np.log(list(start.values()))
+    wanted = np.log([measured[key] for key in targets])
+    deviation = np.array([errors[key] for key in targets])
+    known = np.array([key == _STIFFNESS for key in names], dtype=bool)
+
+    def residuals(logarithms: Vector) -> Vector:
+        found = task.computed(dict(zip(names, np.exp(logarithms).tolist(), strict=True)), targets)
+        prior = (logarithms - point)[known] / _STIFFNESS_ERROR
+        return np.concatenate([(np.log(list(found.values())) - wanted) / deviation, prior])
+
+    solution, covariance = _least_squares(residuals, point, progress) if names else (point, np.zeros((0, 0)))
+    values = dict(zip(names, np.exp(solution).tolist(), strict=True))
+    relative = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    motor, standard_errors = _annotated(task.motor(values), fit, values, relative, targets)
+    if drive is not None:
+        table = {"kind": "two-phase", "voltage": voltage, "frequency": frequency, "phase_deg": phase_deg}
+        motor = motor.model_copy(update={"drive": {**(foundation.drive or {}), **table}})
+    return MotorFrom(motor, standard_errors, measured, task.computed(values, list(measured)), fit, fit.warnings)
+
+
+def _drive(
+    measured: Mapping[str, float],
+    errors: Mapping[str, float],
+    voltage: float | None,
+    frequency: float | None,
+    phase_deg: float,
+) -> TwoPhaseDrive | None:
+    """Return the drive of the data sheet's numbers, which are checked."""
+    for key, value in {**measured, **{f"error of {key}": error for key, error in errors.items()}}.items():
+        if not 0.0 < value < 1e9:
+            raise ParameterError(f"{key} = {value:g} is not valid: it must be a number > 0.")
+    if not measured:
+        return None
+    if voltage is None or frequency is None:
+        raise ParameterError("A speed or a torque holds at one drive; give its voltage and its frequency too.")
+    return TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase_deg)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What makes a motor of the fitted values, and what it then does."""
+
+    fit: TwoPortFit
+    foundation: Motor
+    drive: TwoPhaseDrive | None
+    shift: _Shift | None
+    calibration: dict[str, Any]
+
+    def motor(self, values: Mapping[str, float]) -> Motor:
+        """Return the motor with these values."""
+        changed = self.foundation.updated({path: value for path, value in values.items() if path != "mass_kg"})
+        calibration = {**self.calibration, "mass_kg": values.get("mass_kg", self.calibration["mass_kg"])}
+        return self.fit.to_motor(**calibration, base=changed)
+
+    def computed(self, values: Mapping[str, float], keys: Sequence[str]) -> dict[str, float]:
+        """Return what is measured, computed for these values; all above zero."""
+        motor = self.motor(values)
+        found = {}
+        for key in keys:
+            if key == "preloaded_resonance_hz" and self.shift is not None:
+                found[key] = self.shift.computed(motor)
+            elif key == "stall_torque_n_m" and self.drive is not None:
+                found[key] = steady_state(motor, self.drive, speed=0.0).torque_n_m
+            elif self.drive is not None:
+                found[key] = steady_state(motor, self.drive, load_torque=0.0).speed_rad_s
+        if not all(value > 0.0 for value in found.values()):
+            said = ", ".join(f"{key} = {value:.3g}" for key, value in found.items())
+            raise SimulationError(
+                f"The motor does not run in the positive direction at this drive: {said}. "
+                "Check frequency, phase_deg and the tips of the modes, or start from a base that is closer."
+            )
+        return found
+
+
+class _Shift:
+    """The resonance that the preload shifts most, as a spectrum shows it."""
+
+    def __init__(self, fit: TwoPortFit, preloaded: Spectrum) -> None:
+        found = fit_spectrum(preloaded, leads=False)
+        free = np.array([mode.series_resonance_hz for mode in fit.modes])
+        distances = [float(np.min(np.abs(np.log(arm.series_resonance_hz / free)))) for arm in found.resonances]
+        if not distances:
+            raise ParameterError(f"{preloaded.source or 'The preloaded spectrum'} shows no resonance in its band.")
+        arm = found.resonances[int(np.argmax(distances))]
+        self.measured = arm.series_resonance_hz
+        error = arm.standard_errors["series_resonance_hz"]
+        self.error = max((error or 0.0) / self.measured, _LINEAR)
+
+    def computed(self, motor: Motor) -> float:
+        """Return the resonance in Hz, closest to the measured one, of a preloaded motor with a linear contact."""
+        found = linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
+        return float(min(found, key=lambda place: abs(np.log(place / self.measured))))
+
+
+def _least_squares(
+    residuals: Callable[[Vector], Vector],
+    point: Vector,
+    progress: Callable[[int, int], object] | None,
+) -> tuple[Vector, Vector]:
+    """Return the solution and its covariance; Broyden's rule keeps the Jacobian up to date."""
+    here = residuals(point)
+    differences = [residuals(point + step) - here for step in _DIFFERENCE * np.eye(len(point))]
+    jacobian = np.array(differences).T / _DIFFERENCE
+    for number in range(1, _STEPS + 1):
+        if progress is not None:
+            progress(number, _STEPS)
+        step = -np.linalg.lstsq(jacobian, here, rcond=None)[0]
+        if np.linalg.norm(jacobian @ step) < _CLOSE:
+            return point, np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=float)
+        step = np.clip(step, -_REACH, _REACH)
+        there = residuals(point + step)
+        jacobian += np.outer(there - here - jacobian @ step, step) / float(step @ step)
+        point, here = point + step, there
+    raise SimulationError(
+        f"No motor was found with the measured numbers in {_STEPS} steps; they are off by "
+        f"{np.abs(here).max():.3g} standard "
+        "deviations. Check the drive, or start from another base."
+    )
+
+
+def _annotated(
+    motor: Motor, fit: TwoPortFit, values: Mapping[str, float], relative: Mapping[str, float], targets: Sequence[str]
+) -> tuple[Motor, dict[str, float]]:
+    """Return the motor with provenance, and the standard error of each value."""
+    errors: dict[str, float] = {}
+    mass_error = relative.get("mass_kg", 0.0)
+    for index, (mode, found) in enumerate(zip(motor.modes, fit.modes, strict=True)):
+        quality = found.standard_errors["quality_factor"] / found.quality_factor
+        place = found.standard_errors["series_resonance_hz"] / found.series_resonance_hz
+        shares = {
+            "mass_kg": mass_error,
+            "stiffness_n_per_m": sqrt(mass_error**2 + (2.0 * place) ** 2),
+            "damping_n_s_per_m": sqrt(mass_error**2 + quality**2 + place**2),
+        }
+        errors |= {f"modes.{index}.{key}": share * getattr(mode, key) for key, share in shares.items() if share}
+        for group in "ab":
+            own = found.standard_errors[f"coupling_{group}_n_per_v_kg05"] * sqrt(mode.mass_kg)
+            coupling = getattr(mode, f"coupling_{group}_n_per_v")
+            errors[f"modes.{index}.coupling_{group}_n_per_v"] = sqrt(own**2 + (0.5 * mass_error * coupling) ** 2)
+    errors |= {f"piezo.{key}": error for key, error in fit.standard_errors.items()}
+    errors |= {path: values[path] * share for path, share in relative.items() if path != "mass_kg"}
+    provenance = dict(motor.provenance)
+    source = "the " + ", ".join(key.rpartition("_")[0].replace("_", " ") for key in targets)
+    for path in values:
+        if path != "mass_kg":
+            provenance[path] = Provenance("derived", f"fitted to {source} by steady_state")
+    for path, error in errors.items():
+        if path.endswith("mass_kg"):
+            provenance[path] = Provenance("derived", f"fitted to {source} by steady_state, one for all modes")
+        origin = provenance.get(path, Provenance("derived", f"fitted to {fit.source}"))
+        provenance[path] = Provenance(origin.kind, f"{origin.note}; standard error {error:.2g}")
+    return motor.model_copy(update={"provenance": provenance}), errors

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``piezomotor motor-from``: a motor from spectra and the numbers of a data sheet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+import pyspice_runner as pr
+from pyspice_runner.commands.common import JsonOption, OutputOption, busy, check_targets, complain, deliver, grid
+from pyspice_runner.commands.fit import (
+    BaseOption,
+    ColumnsOption,
+    DifferenceOption,
+    MassOption,
+    ModesOption,
+    OtherOption,
+    Port,
+    SumOption,
+    TipOption,
+    reader,
+    tips_of,
+)
+
+_SHEET = "Data sheet"
+
+
+def motor_from(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Spectrum of the free stator: a two-port, or group A.")],
+    other: OtherOption = None,
+    both: SumOption = None,
+    difference: DifferenceOption = None,
+    preloaded: Annotated[Path | None, typer.Option(help="Spectrum of the stator pressed on its rotor.")] = None,
+    connection: Annotated[Port, typer.Option(help="Connection of the groups in a preloaded two-port.")] = Port.a,
+    no_load_speed: Annotated[float | None, typer.Option(help="rad/s.", rich_help_panel=_SHEET)] = None,
+    stall_torque: Annotated[float | None, typer.Option(help="N·m.", rich_help_panel=_SHEET)] = None,
+    voltage: Annotated[float | None, typer.Option(help="Amplitude on each group, V.", rich_help_panel=_SHEET)] = None,
+    frequency: Annotated[float | None, typer.Option(help="Of the drive, Hz.", rich_help_panel=_SHEET)] = None,
+    phase: Annotated[float, typer.Option(help="Of group B, degrees.", rich_help_panel=_SHEET)] = 90.0,
+    speed_error: Annotated[float, typer.Option(help="Relative, of the speed.", rich_help_panel=_SHEET)] = 0.02,
+    torque_error: Annotated[float, typer.Option(help="Relative, of the torque.", rich_help_panel=_SHEET)] = 0.02,
+    mass: MassOption = None,
+    tips: TipOption = None,
+    modes: ModesOption = None,
+    base: BaseOption = "andersen2002",
+    columns: ColumnsOption = None,
+    page: Annotated[Path | None, typer.Option(help="A page, .html, with the data and the motor together.")] = None,
+    as_json: JsonOption = False,
+    output: OutputOption = None,
+) -> None:
+    """Make a motor of spectra and of numbers of its data sheet. Writes .toml or .json.
+
+    The spectra are those of `fit --two-port` or `fit --b`. The no-load speed tells the modal mass, the stall torque the
+    friction, a preloaded spectrum the contact's stiffness. Every value has its origin and its standard error.
+
+    Example: piezomotor motor-from free.csv --no-load-speed 18.4 --stall-torque 0.9e-3 --voltage 300 --frequency 54e3
+    """
+    check_targets(output, (".toml", ".json"), None, [file, other, both, difference, preloaded, base])
+    check_targets(page, (".html",), None, [file, other, both, difference, preloaded, base])
+    masses = grid("--mass-kg", mass) if mass is not None else None
+    pairs = tips_of(tips)
+    read = reader(columns, None)
+    with busy("reading"):
+        files = {"A": file, "B": other, "A+B": both, "A-B": difference}
+        spectra = {name: read(path) for name, path in files.items() if path is not None}
+        pressed = read(preloaded) if preloaded is not None else None
+    given: Any = spectra["A"] if len(spectra) == 1 else spectra
+    with busy("fitting", "step {} of at most {}") as progress:
+        result = pr.motor_from(
+            given, preloaded=pressed, no_load_speed=no_load_speed, stall_torque=stall_torque, voltage=voltage,
+            frequency=frequency, phase_deg=phase, mass_kg=masses[0] if masses and len(masses) == 1 else masses,
+            speed_error=speed_error, torque_error=torque_error, modes=modes, connection=connection.value, tips=pairs,
+            base=base, progress=progress,
+        )  # fmt: skip
+    table = Table("", "", box=None, padding=(0, 1, 0, 0), show_header=False)
+    for name, text in result.summary().items():
+        table.add_row(name, text)
+    writings = [(output, result.save)]
+    if page is not None:
+        with busy("page"):
+            drive = pr.default_drive(result.motor)
+            shown = pr.report(result.motor, drive, levels=(1.0,), measured=spectra["A"])
+        writings.append((page, shown.save))
+    deliver(result.to_dict(), table, as_json, *writings)
+    if not as_json:
+        for text in result.warnings:
+            complain(f"note: {text}", style=None)
