@@ -69,7 +69,7 @@ _RIDGE = 1e-4  # of the sum of squares, for couplings as large as the arms' own 
 _FLAT = 1e-12  # share of the greatest eigenvalue below which a direction changes nothing
 _TIE = 10.0  # of the criterion; a greater difference is very strong evidence (Kass and Raftery, doi:10.2307/2291091)
 _FINEST = 1e-5  # relative residual below which nothing is left to be found
-_MISFIT = 3e-4  # relative residual above which damping may be coupled
+_MISFIT = 1e-3  # relative residual above which damping may be coupled; analysers are accurate to half of it at best
 _EXACT = 1e-24  # sum of squares of a fit that nothing can improve
 _FLOOR = 1e-8  # relative accuracy that no measurement exceeds
 
@@ -442,6 +442,8 @@ class Problem:
             costs.append(min(solutions, key=COST).cost)
             if len(costs) >= 3 and (costs[-1] > 0.8 * costs[-3] or not any(map(self.resonances, solutions))):
                 break  # more arms bring nothing, or none of them rings
+            if len(costs) >= 2 and costs[-2] < _MISFIT**2 * len(self.w) and len(self.resonances(plain)) < arms:
+                break  # no analyser shows what is left, and what follows it rings nowhere
         return solutions
 
     def _grown(self, plain: Solution, coupled: Solution) -> Solution:
