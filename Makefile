@@ -35,6 +35,7 @@ soak: setup ## run all tests of faults and signals, and 2,000 random motors (30 
 	$(PY) -m tests.soak
 	$(PY) -m tests.soak --subject electronics --count 200 --output tests/soak_electronics.json
 	$(PY) -m tests.violent
+	$(PY) -m tests.live_runs
 	$(PY) -m tests.random_runs
 
 bench: ## measure speed, accuracy and memory (minutes, on an otherwise idle machine)

@@ -2,7 +2,8 @@
 """Long measurements of the live page: ten settings against the package, 50 changes, 200 changes, five tasks.
 
 ``python -m tests.live_runs`` writes ``live_runs.json`` beside this file and the pictures of the tasks into
-``docs/pictures/``. ``make soak`` runs it; ``tests/test_live_runs.py`` checks the bounds.
+``docs/pictures/``; ``python -m tests.live_runs latency`` measures one part again. ``make soak`` runs it, and
+``tests/test_live_runs.py`` checks the bounds.
 """
 
 from __future__ import annotations
@@ -41,9 +42,9 @@ SETTINGS: list[tuple[str, dict[str, Any]]] = [
     ("bimodal40", {"mount": "held"}),
     ("andersen2002", {"voltage": 100}),
     ("andersen2002", {"voltage": 150, "torque": -1e-3}),
-    ("andersen2002", {"voltage": 150, "torque": 5e-4, "law": "brush"}),
+    ("andersen2002", {"voltage": 150, "torque": -5e-4, "law": "brush"}),
     ("andersen2002", {"kind": "two-tone", "voltage": 100, "frequency": 18e3, "voltage_2": 50, "frequency_2": 54e3,
-                      "phase_2": 165}),
+                      "phase_2": 165, "mount": "held"}),
 ]  # fmt: skip
 COMPARED = {
     "speed": "speed_rad_s", "torque": "torque_n_m", "current_a": "current_a_rms_a", "current_b": "current_b_rms_a",
@@ -147,7 +148,7 @@ def memory(browser: Browser, page: Page, changes: int = MANY) -> list[dict[str, 
         if count % 20 == 0:
             settled(page)
             inside.send("HeapProfiler.collectGarbage")
-            heap = page.evaluate("performance.memory.usedJSHeapSize")
+            heap = inside.send("Runtime.getHeapUsage")["usedSize"]
             info = session.send("SystemInfo.getProcessInfo")["processInfo"]
             resident = max(_resident(one["id"]) for one in info if one["type"] == "renderer")
             rows.append({"changes": count, "resident_mb": resident, "objects_mb": heap / 1e6})
@@ -245,31 +246,46 @@ def run_task(page: Page, name: str, picture: Path | None) -> dict[str, Any]:
     seconds = time.monotonic() - began
     if picture:
         page.wait_for_timeout(500)
-        page.screenshot(path=picture)
+        page.screenshot(path=picture, type="jpeg", quality=60)
     return {"task": (TASKS[name].__doc__ or "").strip(), "answer": answer, "seconds": round(seconds, 1)}
 
 
-def main() -> None:
-    """Measure everything and write the record."""
+def settings(page: Page) -> list[dict[str, Any]]:
+    """Compare all settings with the package."""
+    rows = []
+    for name, changes in SETTINGS:
+        rows.append(compare(page, name, changes))
+        shown = {key: f"{100 * one['difference']:.2f} %" for key, one in rows[-1]["quantities"].items()}
+        print(name, changes, shown, flush=True)
+    return rows
+
+
+def tasks(page: Page) -> list[dict[str, Any]]:
+    """Do all tasks, with a picture of each."""
+    PICTURES.mkdir(exist_ok=True)
+    return [run_task(page, name, PICTURES / f"live_{name}.jpg") for name in TASKS]
+
+
+def main(parts: list[str]) -> None:
+    """Measure the named parts, or all, and write the record."""
+    record = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else {}
     with opened() as (browser, page, file):
-        record: dict[str, Any] = {"page_mb": file.stat().st_size / 1e6, "ngspice_native": ngspice_version()}
-        record["latency"] = latency(page)
-        print(record["latency"], flush=True)
-        record["memory"] = memory(browser, page)
-        print(record["memory"][0], record["memory"][-1], flush=True)
-        PICTURES.mkdir(exist_ok=True)
-        record["tasks"] = [run_task(page, name, PICTURES / f"live_{name}.png") for name in TASKS]
-        print(*record["tasks"], sep="\n", flush=True)
-        page.reload()
-        settled(page)
-        record["settings"] = []
-        for name, changes in SETTINGS:
-            row = compare(page, name, changes)
-            record["settings"].append(row)
-            shown = {key: f"{100 * one['difference']:.2f} %" for key, one in row["quantities"].items()}
-            print(name, changes, shown, flush=True)
+        measures: dict[str, Callable[[], Any]] = {
+            "latency": lambda: latency(page),
+            "memory": lambda: memory(browser, page),
+            "settings": lambda: settings(page),
+            "tasks": lambda: tasks(page),
+        }
+        record["page_mb"] = file.stat().st_size / 1e6
+        record["ngspice_native"] = ngspice_version()
+        for part in parts or measures:
+            page.goto("about:blank")
+            page.goto(file.as_uri())
+            settled(page)
+            record[part] = measures[part]()
+            print(part, json.dumps(record[part], ensure_ascii=False)[:600], flush=True)
     RECORD.write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main(sys.argv[1:])
