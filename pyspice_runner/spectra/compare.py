@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import inf, isfinite
+from math import inf, isfinite, log, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -29,6 +29,11 @@ from pyspice_runner.spectra.spectrum import Connection, Spectrum
 if TYPE_CHECKING:
     import pandas
 
+_DRIFTING: dict[str, dict[str, float]] = {  # quantity → powers of an arm's values
+    "frequency": {"series_resonance_hz": 1.0},
+    "quality_factor": {"quality_factor": 1.0},
+    "coupling": {"series_resonance_hz": 1.0, "capacitance_f": 0.5},
+}
 _FARTHEST = 0.2  # relative distance of two frequencies that may belong to one mode
 _MODEL_POINTS = 2000
 
@@ -165,6 +170,53 @@ class Trend(Result):
     at: tuple[float, ...]
     label: str = "number of the spectrum"
 
+    def drifts(self) -> list[dict[str, Any]]:
+        r"""Return how each quantity changes with ``at``: the slope of its logarithm, fitted to all spectra together.
+
+        Of spectra over temperature, the slopes of ``frequency``, ``coupling`` (θ, in proportion to f √C) and
+        ``clamped_capacitance`` are the drifts of :class:`~pyspice_runner.model.thermal.Thermal`; over the drive level,
+        those of
+        ``frequency`` and ``quality_factor`` are the softening and the losses of the ceramic. Weighted least squares;
+        the
+        errors of the spectra's fits, or the scatter about the line if it is greater, give the standard error.
+
+        Returns:
+            For each mode and quantity ``mode``, ``quantity``, ``slope`` and ``standard_error`` per unit of ``at``;
+            nothing
+            for fewer than three spectra.
+        """
+        found: list[dict[str, Any]] = []
+        at = np.array(self.at)
+        if len(at) < 3 or float(np.ptp(at)) == 0.0:
+            return found
+        for number, first in enumerate(self.comparisons[0].modes):
+            modes = [item.modes[number] for item in self.comparisons]
+            if any(mode.measured is None for mode in modes):
+                continue
+            arms = [
+                min(item.measured.arms, key=lambda arm: abs(arm.series_resonance_hz - mode.measured["frequency"]))  # type: ignore[index]
+                for item, mode in zip(self.comparisons, modes, strict=True)
+            ]
+            for name, powers in _DRIFTING.items():
+                values = [sum(power * log(getattr(arm, key)) for key, power in powers.items()) for arm in arms]
+                errors = [
+                    sqrt(
+                        sum(
+                            (power * (arm.standard_errors[key] or 0.0) / getattr(arm, key)) ** 2
+                            for key, power in powers.items()
+                        )
+                    )
+                    for arm in arms
+                ]
+                found.append({"mode": first.mode, "quantity": name, **_slope(at, values, errors)})
+        fits = [item.measured for item in self.comparisons]
+        values = [log(fit.circuit.clamped_capacitance_f) for fit in fits]
+        errors = [
+            (fit.standard_errors["clamped_capacitance_f"] or 0.0) / fit.circuit.clamped_capacitance_f for fit in fits
+        ]
+        found.append({"mode": None, "quantity": "clamped_capacitance", **_slope(at, values, errors)})
+        return found
+
     def rows(self) -> list[list[str]]:
         """Return the table: a header, then one row for each spectrum and mode."""
         names = Comparison.QUANTITIES
@@ -192,6 +244,7 @@ class Trend(Result):
             "at": list(self.at),
             "label": self.label,
             "comparisons": [item.to_dict() for item in self.comparisons],
+            "drifts": self.drifts(),
         }
 
     def writers(self) -> dict[str, Callable[[Path], object]]:
@@ -213,6 +266,17 @@ class Trend(Result):
         for item, at in zip(self.comparisons, self.at, strict=True):
             found[f"{self.label} {at:g}"] = f"{item.measured.source}: {100.0 * item.rms_deviation:.3g} % RMS"
         return found
+
+
+def _slope(at: NDArray[np.float64], values: Sequence[float], errors: Sequence[float]) -> dict[str, float]:
+    """Return the slope of a line through values, and its standard error."""
+    deviation = np.maximum(np.array(errors), 1e-12)
+    system = np.column_stack([np.ones_like(at), at]) / deviation[:, None]
+    scaled = np.array(values) / deviation
+    solution = np.linalg.lstsq(system, scaled, rcond=None)[0]
+    scatter = float(np.sum((system @ solution - scaled) ** 2)) / (len(at) - 2)
+    variance = np.linalg.inv(system.T @ system)[1, 1] * max(scatter, 1.0)
+    return {"slope": float(solution[1]), "standard_error": float(np.sqrt(variance))}
 
 
 def _frame(rows: list[list[str]]) -> pandas.DataFrame:
