@@ -81,7 +81,7 @@ ROWS: dict[str, tuple[str, Callable[[pr.Motor], str]]] = {
     "figure 6, speed and torque, preload: 46 kHz, 100 V": (THIRD, curve(phases(100.0, 46e3, 180.0))),
     "frequency sweep, 100 V, 17 kHz": (PAPER, held(phases(100.0, 17e3, 90.0))),
     "contact laws, drivers, tracking: 51.7 kHz, 50 V": (PAPER, held(phases(50.0, 51.7e3, 90.0))),
-    "spin-up, tolerance: 18 and 54 kHz": (PAPER, held(tones(100.0, 18e3, 50.0, 54e3, 165.0))),
+    "spin-up and tolerance before: 18 and 54 kHz": (PAPER, held(tones(100.0, 18e3, 50.0, 54e3, 165.0))),
 }
 
 
