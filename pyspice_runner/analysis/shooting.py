@@ -233,6 +233,9 @@ def start_point(plant: Plant) -> Point:
     energy = max(energy, np.finfo(float).tiny * 1e100)
     fastest = np.sqrt(2.0 * energy / masses)
     slide = contact_law.limit_ratio(motor.contact) * contact_law.static_penetration(motor.contact)
+    if plant.contact_states == ("slider",):  # where it does not slip it has followed the tip since rest
+        followed = sum(mode.tip_x * (r - rest) for mode, r, rest in zip(motor.modes, state, _rest(plant), strict=False))
+        state[2 * n] = float(np.clip(followed, -slide, slide))
     along = max(abs(mode.tip_x) * v for mode, v in zip(motor.modes, fastest, strict=True))
     towards = max(abs(mode.tip_y) * v for mode, v in zip(motor.modes, fastest, strict=True))
     carrier = []

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The record of ``python -m tests.random_steady``, and a small part of it run again."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from tests import random_steady
+
+
+def test_no_steady_state_of_the_record_differs_from_settling() -> None:
+    record = random_steady.read()
+    found = [one for one in record if one["method"] in random_steady.FOUND]
+    assert len(record) >= 170
+    assert not [one for one in found if one["verdict"] == "differs"]
+    methods = Counter(one["method"] for one in record)
+    assert methods["not found"] + methods["failed"] <= 0.05 * (len(record) - methods["refused"])
+
+
+@pytest.mark.soak
+def test_cases_of_the_record_come_out_as_recorded() -> None:
+    agreeing = [one for one in random_steady.read() if one["verdict"] == "agrees"]
+    for one in agreeing[:5]:
+        again = random_steady.outcome(one["index"])
+        assert again is not None
+        assert again["verdict"] in ("agrees", "settling failed or took too long"), one["index"]
