@@ -25,6 +25,8 @@ import skrf
 from skrf.vectorFitting import VectorFitting
 
 import pyspice_runner as pr
+from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
+from pyspice_runner.spectra.fit import SpectrumFit
 
 try:
     from impedance.models.circuits import CustomCircuit
@@ -33,7 +35,10 @@ except ImportError:
 
 REPEATS = 5
 STEPS, SECONDS = 300, 10  # limits after which impedance.py counts as not converged
-MEASURED = Path(__file__).resolve().parents[2] / "shared" / "measured"
+MEASURED = next(
+    (above / "shared" / "measured" for above in Path(__file__).resolve().parents if (above / "shared").is_dir()),
+    Path("measured"),
+)
 WORTH = 1.1  # errors up to this multiple of the best count as converged
 
 
@@ -56,21 +61,21 @@ class Outcome:
     passive: bool
 
 
-def synthetic(arms: int) -> Case:
+def synthetic(arms: int, points: int = 401) -> Case:
     """Arms of Q 30 to 2000, with 0.3 % noise."""
     frequencies = [20e3, 26e3, 33e3, 41e3, 44e3][:arms]
     qualities = [200.0, 80.0, 2000.0, 400.0, 30.0][:arms]
-    circuit = pr.EquivalentCircuit(
+    circuit = EquivalentCircuit(
         tuple(
-            pr.MotionalArm(1.0 / (2 * pi * f * c * q), 1.0 / ((2 * pi * f) ** 2 * c), c)
+            MotionalArm(1.0 / (2 * pi * f * c * q), 1.0 / ((2 * pi * f) ** 2 * c), c)
             for f, q, c in zip(frequencies, qualities, [30e-12, 20e-12, 10e-12, 15e-12, 40e-12], strict=False)
         ),
         1e-9, 0.01, 27e3,
     )  # fmt: skip
-    frequency = np.linspace(15e3, 50e3, 401)
+    frequency = np.linspace(15e3, 50e3, points)
     noise = np.random.default_rng(arms).standard_normal((2, len(frequency))) * 0.003 / sqrt(2.0)
     y = circuit.admittance(frequency) * (1.0 + noise[0] + 1j * noise[1])
-    return Case(f"{arms} mode{'s' if arms > 1 else ''}, 0.3 % noise", frequency, y, arms)
+    return Case(f"{arms} mode{'s' if arms > 1 else ''}, {points} points", frequency, y, arms)
 
 
 def measured(name: str, path: str, arms: int) -> Case:
@@ -81,11 +86,11 @@ def measured(name: str, path: str, arms: int) -> Case:
 
 def cases() -> list[Case]:
     """Return the synthetic spectra, and the measured ones if they are available."""
-    found = [synthetic(arms) for arms in (1, 2, 3, 5)]
+    found = [*(synthetic(arms) for arms in (1, 2, 3, 5)), synthetic(2, 1601)]
     if MEASURED.is_dir():
         found += [
             measured("E4990A, thickness mode", "e4990a_thickness_mode/MODULOFASEMODOTHICKNES.CSV", 7),
-            measured("4294A, one mode", "hp4294a_admittance/sampleadmittance.txt", 1),
+            measured("4294A, one mode", "hp4294a_admittance/sampleadmittance.txt", 2),
             measured("4294A, 4 arms", "hp4294a_admittance/sampleadmittance.txt", 4),
             measured("NanoVNA, polymer", "nanovna_polymer/T61.csv", 3),
         ]
@@ -130,11 +135,11 @@ def limit(seconds: int) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def ours(case: Case) -> tuple[Outcome, pr.SpectrumFit]:
+def ours(case: Case) -> tuple[Outcome, SpectrumFit]:
     """Fit by this project."""
     spectrum = pr.Spectrum.from_admittance(case.frequency_hz, case.admittance_s)
     fit, seconds = timed(lambda: pr.fit_spectrum(spectrum, case.arms))
-    assert isinstance(fit, pr.SpectrumFit)
+    assert isinstance(fit, SpectrumFit)
     return Outcome(error_of(case, fit.admittance(case.frequency_hz)), seconds, is_passive(case, fit.admittance)), fit
 
 
@@ -167,7 +172,7 @@ def vector_fit(case: Case) -> Outcome:
     return min(found, key=lambda outcome: outcome.error)
 
 
-def circuit_fit(case: Case, by_hand: pr.SpectrumFit | None) -> Outcome:
+def circuit_fit(case: Case, by_hand: SpectrumFit | None) -> Outcome:
     """Fit by impedance.py: from neutral initial values, or from ones set by hand."""
     arms = [f"R{k}-L{k}-C{k}" for k in range(2, case.arms + 2)]
     omega = 2 * pi * sqrt(case.frequency_hz[0] * case.frequency_hz[-1])
@@ -199,7 +204,7 @@ def neutral(case: Case) -> list[float]:
     return values
 
 
-def near(circuit: pr.EquivalentCircuit) -> list[float]:
+def near(circuit: EquivalentCircuit) -> list[float]:
     """Return initial values as read from the curve: exact frequencies, all other values 20 % off."""
     omega = 2 * pi * circuit.loss_reference_hz
     clamped = 0.8 * circuit.clamped_capacitance_f

@@ -179,6 +179,39 @@ class EquivalentCircuit:
         """Return the characteristic frequencies of every arm, in their order."""
         return tuple(self._characterise(arm, pole) for arm, pole in zip(self.arms, self._antiresonances(), strict=True))
 
+    def definitions(self) -> tuple[dict[str, dict[str, float] | None], ...]:
+        """Return, of every arm, the values that follow from each pair of frequencies, as instruments and standards do.
+
+        The pairs are ``"fs, fp"`` (IEEE 176: greatest conductance and resistance), ``"fm, fn"`` (analysers: greatest
+        and
+        least admittance) and ``"fr, fa"`` (zero phase). With the pair's f₁ < f₂ and the clamped capacitance C0,
+        C1 = C0 ((f₂/f₁)² − 1), L1 = 1/(4π²f₁²C1), R1 = 1/Re Y(f₁), of ``"fm, fn"`` 1/|Y(f₁)|, Q = √(L1/C1)/R1 and
+        k_eff = √(1 − (f₁/f₂)²). ``None`` stands for a pair that losses or neighbours hide.
+        """
+        found = []
+        for item in self.characteristics():
+            pairs = {"fs, fp": (item.fs, item.fp), "fm, fn": (item.fm, item.fn), "fr, fa": (item.fr, item.fa)}
+            found.append({name: self._from_pair(name, *pair) for name, pair in pairs.items()})
+        return tuple(found)
+
+    def _from_pair(self, name: str, low: float | None, high: float | None) -> dict[str, float] | None:
+        if low is None or high is None or low >= high:
+            return None
+        y = complex(self.device_admittance(low))
+        resistance = 1.0 / (abs(y) if name == "fm, fn" else y.real)
+        capacitance = self.clamped_capacitance_f * ((high / low) ** 2 - 1.0)
+        inductance = 1.0 / ((2.0 * pi * low) ** 2 * capacitance)
+        return {
+            "resonance_hz": low,
+            "antiresonance_hz": high,
+            "coupling_factor": sqrt(1.0 - (low / high) ** 2),
+            "quality_factor": sqrt(inductance / capacitance) / resistance,
+            "resistance_ohm": resistance,
+            "inductance_h": inductance,
+            "capacitance_f": capacitance,
+            "clamped_capacitance_f": self.clamped_capacitance_f,
+        }
+
     def _characterise(self, arm: MotionalArm, pole: complex) -> Characteristics:
         resonance, width = arm.series_resonance_hz, arm.series_resonance_hz / arm.quality_factor
         anti, anti_width = abs(pole) / (2.0 * pi), -2.0 * pole.real / (2.0 * pi)

@@ -175,7 +175,10 @@ class SpectrumFit(Result):
             "points": len(self.frequency_hz),
             "start_hz": float(self.frequency_hz[0]),
             "stop_hz": float(self.frequency_hz[-1]),
-            "arms": [{**_without(asdict(arm), "characteristics"), **asdict(arm.characteristics)} for arm in self.arms],
+            "arms": [
+                {**_without(asdict(arm), "characteristics"), **asdict(arm.characteristics), "definitions": definitions}
+                for arm, definitions in zip(self.arms, self.circuit.definitions(), strict=True)
+            ],
             **_without(asdict(self.circuit), "arms"),
             "damping_matrix": self.circuit.damping_matrix,
             "leads": self.leads,

@@ -198,6 +198,19 @@ def test_characteristic_frequencies_are_those_of_the_curve() -> None:
         assert item.figure_of_merit == pytest.approx(merit)
 
 
+def test_the_definitions_of_a_strong_resonance_agree_and_are_those_of_its_arm() -> None:
+    circuit = resonator([20e3], [2000.0], [0.05], loss_tangent=1e-4)
+    (found,) = circuit.definitions()
+    (arm,) = circuit.arms
+    assert list(found) == ["fs, fp", "fm, fn", "fr, fa"]
+    for name, pair in found.items():
+        assert pair is not None
+        # the pairs differ by 1/M² of their distance, with M = 100 the figure of merit, and R by the current in C0
+        for key in ("resistance_ohm", "inductance_h", "capacitance_f", "quality_factor"):
+            assert pair[key] == pytest.approx(getattr(arm, key), rel=5e-3), (name, key)
+        assert pair["coupling_factor"] == pytest.approx(np.sqrt(0.05 / 1.05), rel=1e-3)
+
+
 def test_a_weak_resonance_has_no_zero_susceptance() -> None:
     (item,) = resonator([20e3], [50.0], [0.01]).characteristics()  # M = 0.5 < 2
     assert (item.fr, item.fa) == (None, None)
