@@ -34,7 +34,7 @@ SLIDER_AT_START = f"xmotor.xcontact.slider{3 * PHASES // 4}"
 DRIVER, END = "* driver: lines between source_a, source_b and the pins a, b", "* end of the driver"
 _RADIANS = pi / 180.0
 _MOUNT = Mount(stiffness_n_per_m=2e4, mass_kg=0.05, damping_n_s_per_m=50.0)  # of bimodal40, for a motor without one
-_STARTS = ("slider", "carrier", "carrier_velocity", "damping", "speed")
+_STARTS = ("slider", "carrier", "carrier_velocity", "damping", "bearing_share", "speed")
 
 LOAD = "Iload shaft 0 DC {torque}\nVheld held 0 DC {held}\nGheld shaft 0 shaft held {grip}"
 
@@ -145,6 +145,9 @@ def _startable(circuit: Assembly, motor: Motor) -> Assembly:
     if circuit["Xcontact"].subcircuit_name.endswith(("contact", "stribeck")):
         circuit["Xcontact"].parameters["start"] = "{slider}"
         circuit.parameters["slider"] = "0"
+    if motor.rotor.bearing_friction_n_m:
+        circuit["Xbearing"].parameters["start"] = "{bearing_share}"
+        circuit.parameters["bearing_share"] = "0"
     if motor.mount:
         circuit["Xmount"].parameters |= {"start": "{carrier}", "velocity": "{carrier_velocity}", "damping": "{damping}"}
         starts = {"carrier": "0", "carrier_velocity": "0", "damping": _number(_quick_damping(motor))}
@@ -313,8 +316,12 @@ def _meaning(name: str) -> str:
         "carrier": "um, displacement of the carrier at the start",
         "carrier_velocity": "m/s, of the carrier at the start",
         "damping": "N.s/m, of the carrier; more than the motor's, so that it settles within the run",
+        "bearing_share": "1, share of its torque that the dry bearing takes at the start",
         "speed": "rad/s, of the rotor at the start",
-    }.get(name, f"{'um, displacement' if 'start' in name else 'm/s, velocity'} of mode {name[-1]} at the start")
+    }.get(
+        name,
+        f"{'um, displacement' if 'start' in name else 'm/s, velocity'} of mode {name.rpartition('_')[2]} at the start",
+    )
 
 
 def _plates(motor: Motor) -> list[str]:
@@ -334,6 +341,7 @@ def live_vectors(motor: Motor, *, driver: bool) -> list[str]:
     for index in range(1, len(motor.modes) + 1):
         names += [f"v(xmotor.xmode{index}.elastic)", f"i(v.xmotor.xmode{index}.vvelocity)"]
     names += ["v(xmotor.xmount.elastic)", "i(v.xmotor.xmount.vvelocity)"] if motor.mount else []
+    names += ["v(xmotor.xbearing.share)"] if motor.rotor.bearing_friction_n_m else []
     return names
 
 

@@ -270,6 +270,7 @@ function continued(motor, s, v) {
     start[`start_${index}`] = (1e6 * last(v[`v(xmotor.xmode${index}.elastic)`])) / mode.stiffness;
     start[`velocity_${index}`] = last(v[`i(v.xmotor.xmode${index}.vvelocity)`]);
   });
+  if (motor.dryBearing) start.bearing_share = last(v["v(xmotor.xbearing.share)"]);
   if (s.mount === "sprung") {
     start.carrier = (1e6 * last(v["v(xmotor.xmount.elastic)"])) / s.stiffness;
     start.carrier_velocity = last(v["i(v.xmotor.xmount.vvelocity)"]);
