@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from style import BLACK, BLUE, GREY, ORANGE, VERMILION, canvas, main, write
 
 import pyspice_runner as pr
+from pyspice_runner.netlist.motor import dielectric_admittance
 from pyspice_runner.spectra.fit import FittedArm, SpectrumFit
 
 NOISE, SEED = 0.01, 2002
@@ -26,7 +27,7 @@ def draw(folder: Path) -> list[str]:
     frequency = result.frequency_hz
     noise = np.random.default_rng(SEED).standard_normal((2, POINTS)) * NOISE / np.sqrt(2.0)
     y = (1.0 + noise[0] + 1j * noise[1]) / (LEAD_OHM + 1.0 / result.driven("A"))
-    fit = pr.fit_spectrum(pr.Spectrum.from_admittance(frequency, y, source="stator, group A"))
+    fit = pr.fit_spectrum(pr.Spectrum.from_admittance(frequency, y, source="stator, group A"), leads=(LEAD_OHM, 0.0))
 
     figure, axes = canvas(3, 2, 8.4, height_ratios=(1.0, 0.8, 0.9))
     (magnitude, circle), (phase, near), (residuals, values) = axes
@@ -52,8 +53,8 @@ def draw(folder: Path) -> list[str]:
         Line2D([], [], ls=":", color=VERMILION, label="resonance"),
     ]
     caption = (
-        f"Admittance of group A of motor {motor.name}, tip free, by ngspice, behind leads of {LEAD_OHM:g} Ω, "
-        f"with 1 % of noise (seed {SEED}). The number of arms is found, and no initial value is given. "
+        f"Admittance of group A of motor {motor.name}, tip free, by ngspice, behind leads of {LEAD_OHM:g} Ω "
+        f"that the fit is told, with 1 % of noise (seed {SEED}). The number of arms is found, and no initial value is given. "
         "(f) Fitted value over the "
         f"motor's own less one; the frequencies' deviations are drawn {MAGNIFIED:g} times as large."
     )
@@ -93,7 +94,8 @@ def _draw_values(panel: Any, fit: SpectrumFit, motor: pr.Motor) -> tuple[int, in
         for name, short in NAMES.items():
             rows.append((f"{short}{number}", getattr(arm, name), arm.standard_errors[name], truth[name]))
     errors = fit.standard_errors
-    truth_c = motor.piezo.capacitance_a_f
+    centre = fit.circuit.loss_reference_hz  # at which the capacitance holds
+    truth_c = dielectric_admittance(motor, "a", centre).imag / (2.0 * np.pi * centre)
     rows.append(("C0", fit.circuit.clamped_capacitance_f, errors["clamped_capacitance_f"], truth_c))
     inside = 0
     for place, (label, value, error, truth) in enumerate(rows):
