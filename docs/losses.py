@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Write ``docs/losses.md``, what each loss of a real motor changes on two motors: ``python -m docs.losses``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from resource import RUSAGE_CHILDREN, getrusage
+from typing import Any
+
+import numpy as np
+
+import pyspice_runner as pr
+from pyspice_runner.model import contact as contact_law
+
+PAGE = Path(__file__).with_name("losses.md")
+RUNS = 3  # of which the fastest counts
+
+HEAD = """# What each loss changes
+
+This page is written by `python -m docs.losses`. Each row changes one effect of a bundled motor and leaves the others as
+they are in its set. *Stall*: mean torque of the contact on a rotor that is held. *No load*: speed at which the shaft
+gives no torque, by interpolation between {count} speeds; a dash where it is above 36 rad/s.
+*Efficiency*: the best at these speeds, shaft power over
+electrical power. *Time*: processor time of ngspice for a run of 1 ms, relative to the first row, the least of {runs}.
+"""
+
+
+def effects(motor: pr.Motor) -> dict[str, dict[str, Any]]:
+    """Return the changes by what they mean."""
+    contact = motor.contact
+    stiffness = contact_law.normal_stiffness_at_preload(contact)
+    friction = 0.02 * contact.friction * contact.preload_n * motor.rotor.radius_m
+    softer = {
+        f"modes.{index}.{name}": value
+        for index in range(len(motor.modes))
+        for name, value in (("softening_per_m2", 1e9), ("damping_growth_per_m2", 1e10))
+    }
+    return {
+        "as in the set": {},
+        "no dielectric loss": {"piezo.loss_tangent": 0.0},
+        "fixed distance instead of the mount": {"mount": None},
+        "restitution 1": {"contact.restitution": 1.0},
+        "restitution 0.8 at 0.1 m/s": {"contact.restitution": 0.8, "contact.restitution_velocity_m_s": 0.1},
+        "sliding friction 0.8 of static, over 50 mm/s": {
+            "contact.sliding_ratio": 0.8,
+            "contact.stribeck_velocity_m_s": 0.05,
+        },
+        f"dry bearing, {1e3 * friction:.2g} mN·m": {"rotor.bearing_friction_n_m": friction},
+        "series compliance that halves the stiffness of the contact": {
+            "contact.series_compliance_m_per_n": 1.0 / stiffness
+        },
+        "softening of 0.1 % and 1 % more loss at 1 µm, all modes": softer,
+    }
+
+
+def row(motor: pr.Motor, drive: pr.TwoPhaseDrive, speeds: list[float]) -> tuple[float, float, float]:
+    """Return stall torque in N·m, no-load speed in rad/s and best efficiency."""
+    curve = pr.speed_torque(motor, drive, speeds=speeds, audit=False)
+    load, efficiency = curve["load_torque_n_m"].values, curve["efficiency"].values
+    above = np.flatnonzero((load[:-1] > 0.0) & (load[1:] <= 0.0))
+    free = float("nan")
+    if above.size:
+        at = int(above[0])
+        free = speeds[at] + (speeds[at + 1] - speeds[at]) * load[at] / (load[at] - load[at + 1])
+    return float(curve["torque_n_m"].values[0]), float(free), float(np.nanmax(efficiency[load > 0.0], initial=0.0))
+
+
+def seconds(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> float:
+    """Return the least processor time of a run in s."""
+    least = float("inf")
+    for _ in range(RUNS):
+        before = getrusage(RUSAGE_CHILDREN).ru_utime
+        pr.simulate(motor, drive, duration=1e-3, step=1e-7, audit=False)
+        least = min(least, getrusage(RUSAGE_CHILDREN).ru_utime - before)
+    return least
+
+
+def table(motor: pr.Motor, drive: pr.TwoPhaseDrive, speeds: list[float]) -> list[str]:
+    """Return the rows of one motor at one drive."""
+    lines = ["| effect | stall, mN·m | no load, rad/s | efficiency | time |", "|---|---|---|---|---|"]
+    base = None
+    for name, changes in effects(motor).items():
+        changed = motor.updated(changes) if changes else motor
+        stall, free, best = row(changed, drive, speeds)
+        cost = seconds(changed, drive)
+        base = base or cost
+        shown = "–" if free != free else f"{free:.1f}"
+        lines.append(f"| {name} | {1e3 * stall:.2f} | {shown} | {100 * best:.2g} % | {cost / base:.2f} |")
+    return lines
+
+
+def page() -> str:
+    """Measure and return the text of the page."""
+    paper = pr.load_motor("andersen2002-unintended-mode")
+    new = pr.load_motor("bimodal40")
+    speeds = [0.0, 4.0, 8.0, 12.0, 16.0, 20.0, 25.0, 30.0, 36.0]
+    parts = [HEAD.format(count=len(speeds), runs=RUNS)]
+    for frequency in (44.5e3, 46e3):
+        drive = pr.TwoPhaseDrive(voltage=100.0, frequency=frequency, phase_deg=180.0)
+        parts.append(f"## `{paper.name}`, {drive.label}\n")
+        parts += [*table(paper, drive, speeds), ""]
+    drive = pr.default_drive(new)
+    assert isinstance(drive, pr.TwoPhaseDrive)
+    parts.append(f"## `{new.name}`, {drive.label}\n")
+    parts += [*table(new, drive, speeds), ""]
+    return "\n".join(parts)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
+    sys.stdout.write(f"{PAGE}\n")
