@@ -31,7 +31,7 @@ const FRAME_MS = 30, IDLE_MS = 350, SLOW_SECONDS = 8, MOST_UNDO = 200;
 
 const page = {
   slot: "A", slots: { A: null, B: null }, results: { A: {}, B: {} }, undone: [], measured: null, serial: 0,
-  main: null, side: null, playing: true, position: 0, angle: 0, seconds: [],
+  main: null, side: null, playing: true, position: 0, angle: 0,
 };
 
 // --- settings ---
@@ -248,7 +248,6 @@ function show(slot, result, found, began) {
   const seconds = (performance.now() - began) / 1000;
   if (found.model === "averaged" || !result.quick || !result.timed) {
     result.timed = true;
-    page.seconds.push(seconds);
     root.dataset.latency = seconds.toFixed(3);
   }
   if (found.model === "cycles" && found.blocks === 1) root.dataset.picture = seconds.toFixed(3);
