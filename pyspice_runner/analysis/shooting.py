@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 PERTURBATION = 3e-4  # of the scale of a state: between the noise of Newton's iteration in ngspice and the curvature
 TOLERANCE = 1e-4  # remaining Newton step, and what it would change of the mean forces, relative to their scales
 MOST_ITERATIONS = 12
+LONG_CURVE = 9  # points of a curve from which on most of them start from solved neighbours
+SPACING = 3  # of the points that are solved first
 LEAST_DAMPING = 1.0 / 64.0
 GROWTH, FREE_STEPS = 3.0, 3  # by which the first few steps may grow: they pass from one kind of contact to another
 CHORD = 0.7  # contraction of steps by which an old derivative may still be good enough
@@ -330,7 +332,15 @@ class Shooting:
         self._renew([point for point in self.points if point.done and point.far])
 
     def _search(self) -> None:
-        self.solve()
+        seeds = _seeds(self.points)
+        self.solve(seeds)
+        others = [point for point in self.points if point not in seeds]
+        for point in others:
+            beside = _neighbours(point, seeds)
+            if beside:
+                point.guess(between(beside))
+        if others:
+            self.solve(others)
         for point in self.points:
             point.method = ("neighbour" if point.guessed else _newton(point)) if point.done else ""
         lost = [point for point in self.points if point.failed and point.guessed]
@@ -367,6 +377,30 @@ class Shooting:
         for point, end in zip(points, ends, strict=True):
             if end is not None:
                 point.state = end
+
+
+def _seeds(points: Sequence[Point]) -> list[Point]:
+    """Return the points to solve first: of a long curve at held speeds every third, otherwise all."""
+    curves: dict[tuple[int, int], list[Point]] = {}
+    for point in points:
+        curves.setdefault((id(point.plant.motor), id(point.plant.drive)), []).append(point)
+    seeds = []
+    for curve in curves.values():
+        if len(curve) < LONG_CURVE or any(point.plant.load.speed is None or point.guessed for point in curve):
+            seeds += curve
+        else:
+            seeds += sorted(curve, key=lambda point: point.plant.load.speed or 0.0)[::SPACING]
+    return seeds
+
+
+def _neighbours(point: Point, solved: Sequence[Point]) -> list[Point]:
+    """Return the two solved points of the same curve whose speeds are nearest."""
+    speed = point.plant.load.speed or 0.0
+    others = [
+        other for other in solved
+        if other.done and other.plant.motor is point.plant.motor and other.plant.drive is point.plant.drive
+    ]  # fmt: skip
+    return sorted(others, key=lambda other: abs((other.plant.load.speed or 0.0) - speed))[:2]
 
 
 def _newton(point: Point) -> str:

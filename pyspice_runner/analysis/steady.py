@@ -348,7 +348,7 @@ def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accurac
             level[place] = several
         still = []
         for place in pending:
-            if not (all(point.done for point in level[place]) and all(point.done for point in before[place])):
+            if not (_complete(level[place]) and _complete(before[place])):
                 points[place].done = False
                 continue
             fine, spread = _averaged(level[place], maps[-1])
@@ -363,6 +363,10 @@ def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accurac
     return answers
 
 
+def _complete(copies: Sequence[Point]) -> bool:
+    return len(copies) == OFFSETS and all(point.done for point in copies)
+
+
 def _friction(point: Point) -> float:
     """Return the friction force under the preload, N."""
     return point.plant.motor.contact.friction * point.plant.motor.contact.preload_n
@@ -374,7 +378,7 @@ def _answer(found: dict[str, float], error: float, point: Point, period_map: Per
 
 def _rough(points: Sequence[Point], period_map: PeriodMap, accuracy: float) -> Answer | None:
     """Return the answer of the coarse step alone, if the contact stays closed and the error is allowed."""
-    if not all(point.done for point in points):
+    if not _complete(points):
         return None
     found, spread = _averaged(points, period_map)
     error = FROM_SPREAD * spread
@@ -391,11 +395,21 @@ def _between(points: Sequence[Point], period_map: PeriodMap, *, own: bool) -> li
         period_map: the map.
         own: whether it is the map on which the points were solved; each is then its own first copy.
     """
-    copies: list[list[Point]] = []
-    for point in points:
-        offsets = [number / OFFSETS * period_map.step for number in range(int(own), OFFSETS)]
-        copies.append([point.moved(offset) for offset in offsets] if point.done else [])
-    every = [copy for several in copies for copy in several]
+    first: list[Point | None] = list(points)
+    if not own:
+        first = _corrected([point.moved(0.0) if point.done else None for point in points], period_map)
+    copies = [[point] if point is not None and point.done else [] for point in first]
+    for number in range(1, OFFSETS):
+        begun = number / OFFSETS * period_map.step
+        moved = [several[0].moved(begun) if several else None for several in copies]
+        for several, copy in zip(copies, _corrected(moved, period_map), strict=True):
+            several += [] if copy is None else [copy]
+    return copies
+
+
+def _corrected(copies: Sequence[Point | None], period_map: PeriodMap) -> list[Point | None]:
+    """Solve copies on a map, first with the derivative that they have."""
+    every = [copy for copy in copies if copy is not None]
     shooting = Shooting(every, period_map)
     shooting.solve()
     lost = [copy for copy in every if not copy.done]
@@ -403,9 +417,7 @@ def _between(points: Sequence[Point], period_map: PeriodMap, *, own: bool) -> li
         copy.restart(copy.state)
     if lost:
         shooting.solve(lost)
-    if own:
-        copies = [[point, *several] if point.done else [] for point, several in zip(points, copies, strict=True)]
-    return copies
+    return list(copies)
 
 
 def _averaged(points: Sequence[Point], period_map: PeriodMap) -> tuple[dict[str, float], float]:

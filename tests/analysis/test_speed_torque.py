@@ -342,7 +342,7 @@ def test_progress_is_told() -> None:
         ({"mode": "glide"}, "mode = 'glide' is not valid: it must be 'steady', 'settle', 'ramp'"),
         ({"mode": "ramp"}, "A ramp needs two different speeds"),
         ({"mode": "ramp", "speeds": [0.0, 1.0], "follow": "speed_rad_s"}, "leave out follow"),
-        ({"follow": "speed_rad_s"}, "mode must be 'settle'"),
+        ({"follow": "speed_rad_s"}, "start = 0 and stop = 0 are not valid"),
         ({"follow": "voltage"}, "follow = 'voltage' is not valid: it must be one of speed_rad_s"),
         ({"tolerance": 0.0}, "tolerance = 0 is not valid"),
         ({"patience": 1}, "patience = 1 is not valid"),
