@@ -54,8 +54,8 @@ def draw(folder: Path) -> list[str]:
     ]
     caption = (
         f"Admittance of group A of motor {motor.name}, tip free, by ngspice, behind leads of {LEAD_OHM:g} Ω "
-        f"that the fit is told, with 1 % of noise (seed {SEED}). The number of arms is found, and no initial value is given. "
-        "(f) Fitted value over the "
+        f"that the fit is told, with 1 % of noise (seed {SEED}). The number of arms is found, and no initial "
+        "value is given. (f) Fitted value over the "
         f"motor's own less one; the frequencies' deviations are drawn {MAGNIFIED:g} times as large."
     )
     write(figure, folder / "fit.png", "From a spectrum to an equivalent circuit", caption, handles)
