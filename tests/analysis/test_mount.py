@@ -22,6 +22,7 @@ POINTS = {  # set, voltage, frequency, phase, preload, speed of the rotor in rad
     "unintended mode, 44.5 kHz": ("andersen2002-unintended-mode", 100.0, 44.5e3, 180.0, 5.0, 0.0),
     "unintended mode, 46 kHz": ("andersen2002-unintended-mode", 100.0, 46e3, 180.0, 5.0, 0.0),
     "bimodal40, stall": ("bimodal40", 115.0, 40.1e3, 120.0, 6.5, 0.0),
+    "bimodal40, full voltage of the field limit, 300 mm/s": ("bimodal40", 130.0, 39.8e3, 120.0, 6.5, 20.0),
     "bimodal40, 200 mm/s": ("bimodal40", 115.0, 40.1e3, 120.0, 6.5, 13.3),
 }
 
