@@ -108,34 +108,6 @@ def test_leads_that_are_held_at_zero() -> None:
 # --- errors are what they say ---
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("arms", [1, pytest.param(3, marks=pytest.mark.soak)])
-def test_95_percent_intervals_cover_in_90_to_99_percent_of_trials(arms: int) -> None:
-    """200 seeded trials with 1 % noise; the count itself scatters by 1.5 % around 95 %."""
-    circuit = resonator(
-        [20e3, 26e3, 41e3][:arms], [200.0, 80.0, 400.0][:arms], [0.03, 0.05, 0.02][:arms],
-        reference=np.sqrt(15e3 * 50e3), lead_resistance=30.0, lead_inductance=5e-4,
-    )  # fmt: skip
-    frequency = np.linspace(15e3, 50e3, 601)
-    names = ("resistance_ohm", "inductance_h", "capacitance_f", "series_resonance_hz", "quality_factor")
-    covered = np.zeros((200, 5 * arms + 4), dtype=bool)
-    for trial in range(200):
-        fit = fitted(spectrum(circuit, frequency, noise=0.01, seed=trial), arms)
-        pairs = [
-            (getattr(found, name), getattr(true, name), found.standard_errors[name])
-            for found, true in zip(fit.arms, circuit.arms, strict=True)
-            for name in names
-        ]
-        pairs += [
-            (getattr(fit.circuit, name), getattr(circuit, name), fit.standard_errors[name])
-            for name in fit.standard_errors
-        ]
-        covered[trial] = [abs(found - true) <= 1.96 * error for found, true, error in pairs]
-    share = covered.mean(axis=0)
-    assert share.min() >= 0.90
-    assert share.max() <= 0.99
-
-
 def test_jacobian_is_that_of_the_residual() -> None:
     point = np.array([0.1, 0.02, 0.03, 0.01, 0.01, 0.05, -0.7, 2.0, 4.0, 0.7, 3.0, 3.0])
     noises = [{"proportional": 1e-3}, {"proportional": 1e-3, "s11": 1e-4}, {"z": 1.0}]
