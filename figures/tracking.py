@@ -37,7 +37,7 @@ def draw(folder: Path) -> list[str]:
             step=STEP,
         )  # fmt: skip
 
-    figure, axes = canvas(3, 2, 7.2, sharex="col")
+    figure, axes = canvas(3, 2, 7.2, sharex="col", sharey="row")
     for column, results in zip(axes.T, (starts, drifts), strict=True):
         for axis, panel in zip(column, ("frequency", "phase", "speed"), strict=True):
             axis.set_prop_cycle(color=list(COLOURS.values()))
@@ -52,13 +52,14 @@ def draw(folder: Path) -> list[str]:
     axes[0, 1].plot(times, [1e-3 * lag.resonance_hz] * 2 + [drifted] * 2, color=BLACK, lw=0.9, ls="--")
     axes[0, 0].set_title(f"(a) start {100 * OFFSET:g} % above")
     axes[0, 1].set_title(f"(b) drift of {100 * DRIFT:g} % in {1e3 * DRIFT_TIME:g} ms".replace("-", "−"))
-    axes[0, 0].legend([*tracked, dashed], [*NAMES.values(), "resonance"], loc="upper right")
+    axes[0, 0].legend([*tracked, dashed], [*NAMES.values(), "resonance, harmonic balance"], loc="upper right")
     caption = (
         f"Motor {motor.name}, preload {motor.contact.preload_n:g} N, rotor {1e7 * motor.rotor.inertia_kg_m2:g} g·cm². "
         f"Drive: {RECOMMENDED.label.replace(' at ', ' about ')}. Phase: velocity of mode 2 against the force of both "
         "groups. The trackers do not see it; they sense the motional current. Dashed: running resonance by harmonic "
-        f"balance, {1e-3 * lag.resonance_hz:.2f} kHz, loaded Q = {lag.quality:.0f}. Loop: bandwidth 500 Hz. Perturb "
-        f"and observe: 80 Hz every 0.8 ms. ngspice {starts['pll'].ngspice_version}."
+        f"balance, {1e-3 * lag.resonance_hz:.2f} kHz, loaded Q = {lag.quality:.0f}, for a tip that does not lift off; "
+        "here it does, and resonance is lower. Loop: bandwidth 500 Hz. Perturb and observe: 80 Hz every 0.8 ms. "
+        f"ngspice {starts['pll'].ngspice_version}."
     )
     write(figure, folder / "tracking.png", "Two trackers find the resonance and stay on it as it drifts", caption)
     story = [f"{name}: {_lock(starts[kind])}" for kind, name in NAMES.items()]
