@@ -52,7 +52,9 @@ def draw(folder: Path) -> list[str]:
     axes[0, 1].plot(times, [1e-3 * lag.resonance_hz] * 2 + [drifted] * 2, color=BLACK, lw=0.9, ls="--")
     axes[0, 0].set_title(f"(a) start {100 * OFFSET:g} % above")
     axes[0, 1].set_title(f"(b) drift of {100 * DRIFT:g} % in {1e3 * DRIFT_TIME:g} ms".replace("-", "−"))
-    axes[0, 0].legend([*tracked, dashed], [*NAMES.values(), "resonance, harmonic balance"], loc="upper right")
+    axes[1, 0].legend(
+        [*tracked, dashed], [*NAMES.values(), "resonance, harmonic balance"], loc="upper right", ncols=2, fontsize=7
+    )
     caption = (
         f"Motor {motor.name}, preload {motor.contact.preload_n:g} N, rotor {1e7 * motor.rotor.inertia_kg_m2:g} g·cm². "
         f"Drive: {RECOMMENDED.label.replace(' at ', ' about ')}. Phase: velocity of mode 2 against the force of both "
@@ -61,7 +63,12 @@ def draw(folder: Path) -> list[str]:
         "here it does, and resonance is lower. Loop: bandwidth 500 Hz. Perturb and observe: 80 Hz every 0.8 ms. "
         f"ngspice {starts['pll'].ngspice_version}."
     )
-    write(figure, folder / "tracking.png", "Two trackers find the resonance and stay on it as it drifts", caption)
+    write(
+        figure,
+        folder / "tracking.png",
+        "A phase-locked loop and perturb and observe seek the resonance as it drifts",
+        caption,
+    )
     story = [f"{name}: {_lock(starts[kind])}" for kind, name in NAMES.items()]
     for kind, found in drifts.items():
         speeds = f"{found.speed_before_rad_s:.1f} → {found.speed_after_rad_s:.1f} rad/s"
