@@ -79,7 +79,6 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
         engine=engine_facts(),
         licence=(ASSETS / "LICENSE").read_text(encoding="utf-8"),
         version=version("pyspice-runner"),
-        thermal_resistance=f"{Thermal().thermal_resistance_k_per_w:g}",
     )
 
 
@@ -144,7 +143,7 @@ def _motor(motor: Motor) -> dict[str, Any]:
         "harmonics": live.HARMONICS,
         "slider": live.SLIDER_AT_START,
         "carrierTime": 1.0 / sprung.frequency_hz,
-        "thermalResistance": Thermal().thermal_resistance_k_per_w,
+        "thermalResistance": (motor.limits or Thermal()).thermal_resistance_k_per_w,
         "defaults": defaults,
         "limits": limits,
         "sliders": sliders,
