@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run the paper's motor in ngspice, plot the results and print a summary (`make demo`)."""
+"""Run a motor that turns, and the paper's, in ngspice; plot the results and print a summary (`make demo`)."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from rich.console import Console
 from style import main
 
 PARTS = {
-    "admittance.png": ("Its resonances, free and pressed on the rotor", admittance.draw),
-    "figure_5.png": ("The path of its tip (figure 5 of the paper)", figure_5.draw),
-    "spin_up.png": ("The rotor spins up", spin_up.draw),
-    "patch_position.png": ("Another place for the patches", patch_position.draw),
+    "spin_up.png": ("bimodal40: the rotor spins up", spin_up.draw),
+    "admittance.png": ("bimodal40: its resonances, free and pressed on the rotor", admittance.draw),
+    "patch_position.png": ("andersen2002, the paper's motor: another place for the patches", patch_position.draw),
+    "figure_5.png": ("andersen2002: the path of its tip (figure 5 of the paper)", figure_5.draw),
 }
 
 

@@ -325,6 +325,43 @@ def test_parameter_set_uses_these_constants() -> None:
     assert law.total_compliance(motor.contact) == pytest.approx(pair.compliance)
 
 
+# --- the signs of (13) and (15), the arguments of (1) and (2) ---
+
+
+@pairs
+def test_no_displacement_satisfies_the_printed_sign(pair: Pair) -> None:
+    """(15) solves (13) for u: with |F_T| < μ F_N the positive factor is u_lim (1 − (1 − F_T/(μ F_N))^(2/3))."""
+    for share in (0.1, 0.5, 0.99):
+        size = 1.0 - (1.0 - share) ** (2 / 3)
+        printed = [u for u in (-size, size) if u == -np.sign(u) * size]
+        assert not printed
+        assert pair.mu * (1.0 - (1.0 - size) ** 1.5) == pytest.approx(pair.mu * share)  # the corrected one does
+
+
+def test_friction_with_the_printed_sign_would_drive_the_tip() -> None:
+    """In gross slip at a constant normal force, friction takes power; with the printed sign it would give some."""
+    turn = np.linspace(0.0, 8.0 * pi, 80_001)
+    velocity, u = 5.0 * np.cos(turn), np.zeros_like(turn)  # in units of u_lim a radian
+    for k in range(1, len(turn)):
+        u[k] = min(max(u[k - 1] + velocity[k] * (turn[k] - turn[k - 1]), -1.0), 1.0)
+    force = np.sign(u) * (1.0 - (1.0 - np.abs(u)) ** 1.5)
+    last = turn >= 6.0 * pi
+    taken = np.trapezoid((force * velocity)[last], turn[last])
+    # a cycle of amplitude 5 slips by 4·5 − 4 and follows the spring, which gives back all that it stores, in between
+    assert taken == pytest.approx(16.0, rel=2e-3)
+    assert -taken < 0.0  # the printed sign
+
+
+def test_the_voltages_depend_on_time() -> None:
+    drive = pr.TwoPhaseDrive(voltage=50.0, frequency=20e3, phase_deg=90.0)
+    ((tone_a,), (tone_b,)) = drive.tones_a, drive.tones_b
+    run = pr.simulate(pr.load_motor("andersen2002"), drive, duration=1e-4, contact=None)
+    for tone, voltage in ((tone_a, run.voltage_a_v), (tone_b, run.voltage_b_v)):
+        exact = tone.amplitude * np.sin(2.0 * pi * tone.frequency * run.time_s + tone.phase)
+        np.testing.assert_allclose(voltage[1:], exact[1:], atol=1e-6)
+    assert np.ptp(run.voltage_a_v) == pytest.approx(100.0, rel=1e-3)  # as printed, 50 sin(2π·20000) = 0
+
+
 # --- the stick test -----------------------------------------------------------------------------------------
 
 
