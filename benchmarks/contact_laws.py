@@ -7,7 +7,7 @@ import numpy as np
 
 import pyspice_runner as pr
 
-MOTOR = pr.load_motor("andersen2002")
+MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
 DRIVES = {
     "two tones": (
         pr.TwoToneDrive(voltage_1=100.0, frequency_1=18e3, voltage_2=50.0, frequency_2=54e3, phase_deg=165.0),

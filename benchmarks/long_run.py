@@ -24,7 +24,7 @@ SCRIPT = """
 import json, resource, sys
 import pyspice_runner as pr
 steps, settings = int(sys.argv[1]), json.loads(sys.argv[2])
-motor = pr.load_motor("andersen2002")
+motor = pr.load_motor("andersen2002").updated({"mount": None})
 drive = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
 step = 1.4e-7
 last = settings.pop("last_periods", None)

@@ -21,7 +21,7 @@ from scipy.integrate import solve_ivp
 
 import pyspice_runner as pr
 
-MOTOR = pr.load_motor("andersen2002-unintended-mode")
+MOTOR = pr.load_motor("andersen2002-unintended-mode").updated({"mount": None})
 DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0)
 SPEEDS = np.linspace(-10.0, 30.0, 21)  # braking, stall, motoring, overrunning
 BLOCK = 62 / DRIVE.frequency  # s: the decay time of the slowest mode, as in the package

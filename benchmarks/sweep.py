@@ -20,7 +20,7 @@ DURATION = 2e-3  # s
 MANY, FEW = 1000, 10
 SHORT = 1e-4  # s, of the 1,000 points
 
-MOTOR = pr.load_motor("andersen2002")
+MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
 DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
 
 

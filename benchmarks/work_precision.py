@@ -47,7 +47,7 @@ SCIPY = {
     "Radau": (1e-3,),
     "BDF": (1e-3, 1e-4),
 }
-MOTOR = pr.load_motor("andersen2002")
+MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
 CASES = {
     "sliding": (MOTOR, pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)),
     "intermittent contact": (

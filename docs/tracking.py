@@ -32,7 +32,7 @@ HEAD = """\
 
 def motor() -> pr.Motor:
     """Return the motor: with a light rotor, so that speeds settle within milliseconds."""
-    return pr.load_motor("andersen2002").updated({"rotor.inertia_kg_m2": 1e-7})
+    return pr.load_motor("andersen2002").updated({"mount": None, "rotor.inertia_kg_m2": 1e-7})
 
 
 def tracker(kind: str, offset: float = 0.0) -> pr.Tracker:
