@@ -19,17 +19,17 @@ def draw(folder: Path) -> list[str]:
     assert isinstance(drive, pr.TwoPhaseDrive)
     radius, limits = motor.rotor.radius_m, motor.limits
     assert limits is not None
-    speeds = np.linspace(0.0, 32.0, 4 if draft() else 9)
-    voltages = [round(part * drive.voltage) for part in (0.5, 0.75, 1.0)]
+    speeds = np.linspace(0.0, 32.0, 3 if draft() else 9)
+    voltages = [round(part * drive.voltage) for part in ((1.0,) if draft() else (0.5, 0.75, 1.0))]
     family = pr.speed_torque(motor, drive, speeds=speeds, over={"drive.voltage": voltages}, audit=False)
-    preloads = np.array([3.0, 5.0, 6.5, 8.0, 10.0, 12.0])[:: 2 if draft() else 1]
+    preloads = np.array([3.0, 5.0, 6.5, 8.0, 10.0, 12.0])[:: 3 if draft() else 1]
     pressed = pr.speed_torque(motor, drive, speeds=[0.0, 8.0, 16.0], over={"contact.preload_n": preloads}, audit=False)
-    weak = np.linspace(0.1, 1.0, 4 if draft() else 10) * drive.voltage
+    weak = np.linspace(0.5, 1.0, 2) * drive.voltage if draft() else np.linspace(0.1, 1.0, 10) * drive.voltage
     dead = pr.speed_torque(motor, drive, speeds=[0.0], over={"drive.voltage": weak}, audit=False)
     rim = 1e3 * radius * speeds
     figure, axes = canvas(4, 2, 11.0)
     flat = list(axes.flat)
-    for voltage, colour in zip(voltages, COLOURS, strict=True):
+    for voltage, colour in zip(voltages, COLOURS, strict=False):
         curve = family.sel({"drive.voltage": voltage})
         flat[0].plot(rim, curve["load_torque_n_m"] / radius, "o-", color=colour, ms=3, label=f"{voltage:g} V")
         flat[1].plot(rim, 100.0 * curve["efficiency"].where(curve["load_torque_n_m"] > 0.0), "o-", color=colour, ms=3)

@@ -28,7 +28,7 @@ LOSSES = {"friction_loss_w": (VERMILION, "friction"), "damping_loss_w": (PURPLE,
 
 
 def draw(folder: Path) -> list[str]:
-    motor = pr.load_motor("andersen2002")
+    motor = pr.load_motor("andersen2002").updated({"mount": None})  # as docs/contact.md, whose reference has no mount
     figure, axes = canvas(2, 2, 6.6)
     said = []
     for column, (title, (drive, speeds)) in enumerate(DRIVES.items()):

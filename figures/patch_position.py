@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from style import BLACK, BLUE, GREEN, ORANGE, VERMILION, canvas, main, write
+from style import BLACK, BLUE, GREEN, ORANGE, VERMILION, canvas, draft, main, write
 
 import pyspice_runner as pr
 from pyspice_runner.model.beam import resonator_modes
 
 LENGTHS = {3e-3: BLUE, 4.5e-3: ORANGE, 6e-3: VERMILION, 7.5e-3: GREEN}
-POSITIONS = 31
+POSITIONS = 7 if draft() else 31
 GAP = 0.2e-3  # distance to the support and to the middle, m
 
 

@@ -30,7 +30,7 @@ def draw(folder: Path) -> list[str]:
     time, x = raw.vectors["time"].real, np.abs(raw.vectors["v(xmotor.x)"].real)
     low, high = (round(factor * mode.frequency_hz, -1) for factor in (0.975, 1.01))
     force = VOLTAGE * abs(mode.coupling_a_n_per_v - mode.coupling_b_n_per_v)
-    figure, axes = canvas(1, 1, 4.2)
+    figure, axes = canvas(1, 1, 5.6)
     axis = axes if not isinstance(axes, np.ndarray) else axes.flat[0]
     frequency = np.linspace(low, high, 1500)
     for value in frequency:

@@ -18,6 +18,7 @@ from style import (
     ORANGE,
     PURPLE,
     canvas,
+    draft,
     drive_words,
     main,
     motor_words,
@@ -30,7 +31,7 @@ from style import (
 import pyspice_runner as pr
 
 LOAD = 6e-3  # N·m
-DURATION = 30e-3
+DURATION = 4e-3 if draft() else 30e-3
 PERIODS = 3
 
 

@@ -44,7 +44,7 @@ def sentences(text: str) -> int:
 def test_show_prints_the_documented_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["show", "andersen2002", "--json"]) == 0
     motor = json.loads(capsys.readouterr().out)
-    assert set(motor) == {"name", "modes", "piezo", "contact", "rotor", "mount"}
+    assert set(motor) == {"name", "modes", "piezo", "contact", "rotor", "mount", "limits"}
     assert set(motor["modes"][0]) == {
         "name", "frequency_hz", "mass_kg", "damping_n_s_per_m", "stiffness_n_per_m", "coupling_a_n_per_v",
         "coupling_b_n_per_v", "tip_x", "tip_y",

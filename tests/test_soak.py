@@ -67,7 +67,17 @@ def test_random_values_cover_the_whole_range(schema: dict[str, Any]) -> None:
 # --- kinds of outcome ---
 
 
-FIRST = next(index for index in range(50) if soak.case(SEED, index).asked == "simulate, spring-slider")
+def driven(index: int) -> bool:
+    """Whether a case is a free rotor on the paper's law, with a voltage at group A from the start."""
+    case = soak.case(SEED, index)
+    return (
+        case.asked == "simulate, spring-slider"
+        and case.drive.soft_start == 0.0
+        and sum(tone.amplitude for tone in case.drive.tones_a) > 0.1
+    )
+
+
+FIRST = next(index for index in range(200) if driven(index))
 
 
 def falsified(monkeypatch: pytest.MonkeyPatch, change: Callable[[dict[str, Any]], object]) -> soak.Outcome:
@@ -76,7 +86,8 @@ def falsified(monkeypatch: pytest.MonkeyPatch, change: Callable[[dict[str, Any]]
 
     def changed(*arguments: Any) -> dict[str, Any]:
         waves = columns(*arguments)
-        change(waves)
+        if "voltage_a_v" in waves:  # the coarser runs of the estimate have fewer columns
+            change(waves)
         return waves
 
     monkeypatch.setattr(Recording, "columns", changed)

@@ -17,6 +17,7 @@ from pyspice_runner.commands.common import (
     SetOption,
     TimeoutOption,
     busy,
+    caution,
     check_targets,
     deliver,
     grid,
@@ -60,5 +61,6 @@ def small_signals(
     table = Table("quantity", "value", title=f"{loaded.name}: {result.state.drive.label}")
     for name, value in result.summary().items():
         table.add_row(name, value)
+    caution(result)
     deliver(result.to_dict(), table, as_json, (output, result.save), (plot, result.plot))
     return 0

@@ -113,6 +113,7 @@ class Motor(Shown, Parameters):
             )
         self._check_groups()
         seat = contact_law.static_penetration(self.contact) + contact_law.static_deflection(self.contact, self.modes)
+        seat += self.contact.series_compliance_m_per_n * self.contact.preload_n
         if seat > 0.1 * self.rotor.radius_m:
             raise ValueError(
                 f"contact.preload_n = {self.contact.preload_n:g} N presses the tip {seat:.3g} m into the rotor; "

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Load
@@ -14,7 +15,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.motor import Discretisation
+from pyspice_runner.netlist.motor import Discretisation, dielectric_branches
 from pyspice_runner.netlist.sources import Source
 from pyspice_runner.run.audit import NEWTON, pressed_j
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, EnergyBalance
@@ -176,6 +177,28 @@ class Recording:
         return self._after(0.0, elastic, 1.0 / self._stiffness(self._mount)), self._after(0.0, velocity)
 
 
+def plate_voltage(time_s: Array, voltage_v: Array, lag_s: float) -> Array:
+    """Return the voltage of a capacitance behind a resistance, which starts charged.
+
+    Exact for a voltage that is linear within each step.
+
+    Args:
+        time_s: times, rising.
+        voltage_v: voltage of both in series.
+        lag_s: their time constant.
+    """
+    if not lag_s > 0.0:
+        return voltage_v
+    h = np.diff(time_s)
+    kept = np.exp(-h / lag_s)
+    lag = (1.0 - kept) * lag_s / np.where(h > 0.0, h, 1.0)
+    driven = (1.0 - kept) * voltage_v[:-1] + (1.0 - lag) * np.diff(voltage_v)
+    bands = np.ones((2, len(time_s)))
+    bands[1, :-1], bands[1, -1] = -kept, 0.0
+    found: Array = solve_banded((1, 0), bands, np.concatenate((voltage_v[:1], driven)))
+    return found
+
+
 def _energy(
     recording: Recording,
     waves: Mapping[str, Array],
@@ -221,8 +244,16 @@ def _energy(
         motional = coupling * sum(
             getattr(mode, f"coupling_{group}_n_per_v") * v for mode, v in zip(motor.modes, velocity, strict=True)
         )
-        charging = waves[f"current_{group}_a"] - motional
-        dielectric += work(waves[f"voltage_{group}_v"] * charging)
+        voltage = waves[f"voltage_{group}_v"]
+        if not recording.started or thermal is not None:
+            # of a run that continues another, or whose capacitances drift, only what the pins take is known
+            dielectric += work(voltage * (waves[f"current_{group}_a"] - motional))
+            continue
+        for branch in dielectric_branches(motor, group):
+            plate = plate_voltage(time, voltage, branch.resistance_ohm * branch.capacitance_f)
+            dielectric += change(0.5 * branch.capacitance_f * plate**2)
+            if branch.resistance_ohm > 0.0:
+                dielectric += work((voltage - plate) ** 2) / branch.resistance_ohm
 
     masses = np.array([mode.mass_kg for mode in motor.modes])
     stiffnesses = np.array([mode.stiffness_n_per_m for mode in motor.modes])
@@ -238,7 +269,8 @@ def _energy(
     hertz = motor.contact.normal_stiffness_n_per_m15 * penetration**1.5
     radius = motor.rotor.radius_m
     sine = (waves["tip_x_m"] - recording.sway) / (radius - penetration)
-    tangential = tip_vx * np.sqrt(1.0 - sine**2) + tip_vy * sine
+    cosine = np.sqrt(np.maximum(1.0 - sine**2, 0.0))  # a tip that ran away is for the audit
+    tangential = tip_vx * cosine + tip_vy * sine
     torque = radius * friction
     electrical = waves["voltage_a_v"] * waves["current_a_a"] + waves["voltage_b_v"] * waves["current_b_a"]
     passed = np.cumsum(0.5 * (electrical[1:] + electrical[:-1]) * np.diff(time))

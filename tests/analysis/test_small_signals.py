@@ -26,7 +26,8 @@ from pyspice_runner.run.kernel import transient
 
 pytestmark = pytest.mark.xdist_group("small signals")  # they are shared
 
-MOTOR = pr.load_motor("andersen2002-unintended-mode")
+# on the mount some differ from transients by up to 9 %, which the result says
+MOTOR = pr.load_motor("andersen2002-unintended-mode").updated({"mount": None})
 DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=150.0)
 LOAD = 5e-3  # N·m
 PERIODS = (10, 60, 300)  # of the drive in one of the modulation: 4600, 767 and 153 Hz

@@ -88,11 +88,12 @@ def test_a_steady_state_is_what_a_run_settles_to(motor: pr.Motor, drive: pr.TwoP
 
 @pytest.mark.parametrize("law", ["brush", "coulomb"])
 def test_every_contact_law_has_a_steady_state(law: Any) -> None:
-    state = pr.steady_state(MOTOR, DRIVE, speed=6.0, contact=law, sliders=3)
+    motor = MOTOR.updated({"mount": None})  # on the mount it settles ten times as slowly
+    state = pr.steady_state(motor, DRIVE, speed=6.0, contact=law, sliders=3)
     assert state.converged
     assert state.stable
     assert abs(state.balance_residual) < 1e-4
-    settled = operating_point(MOTOR, DRIVE, speed=6.0, mode="settle", contact=law, sliders=3)
+    settled = operating_point(motor, DRIVE, speed=6.0, mode="settle", contact=law, sliders=3)
     assert state.torque_n_m == pytest.approx(settled["torque_n_m"], abs=5e-3 * friction_torque(MOTOR))
 
 

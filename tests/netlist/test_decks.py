@@ -190,6 +190,7 @@ CHANGES = {
     "hysteresis_varying": {"swing": "0.5"},
     "impact": {"velocity": "1.1"},
     "preloaded_admittance": {"preload": "0.1"},
+    "softening": {"voltage": "30", "sweep": "1m"},
     "spin_up": {"torque": "1m", "stop": "0.6m"},
     "thermal_drift": {"resistance": "50", "stop": "1.5m"},
     "tracker_observer": {"offset": "0.02", "stop": "0.1m"},

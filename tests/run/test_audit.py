@@ -37,7 +37,7 @@ from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.steps import shortest_period
 from pyspice_runner.run.waveforms import EnergyBalance
 
-MOTOR = pr.load_motor("andersen2002")
+MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
 HAMMER = pr.TwoPhaseDrive(voltage=150.0, frequency=13.5e3, phase_deg=0.0)
 # allowed at the preload, too coarse at six times its force
 STEP = shortest_period(MOTOR, DriveSource(HAMMER), PAPER_LAW) / 16.05
