@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from style import BLACK, GREY, canvas, drive_words, main, motor_words, recent, state_handles, state_path, write
+from style import BLACK, GREY, canvas, draft, drive_words, main, motor_words, recent, state_handles, state_path, write
 
 import pyspice_runner as pr
 from pyspice_runner.run.waveforms import Waveforms
 
-DURATION = 8e-3  # six times the 1.3 ms in which the slowest mode decays
+DURATION = 4e-3 if draft() else 8e-3  # six times the 1.3 ms in which the slowest mode decays
 
 
 def draw(folder: Path) -> list[str]:
