@@ -73,7 +73,7 @@ def draw(folder: Path) -> list[str]:
     write(
         figure,
         folder / "figure_6_region.png",
-        "Both orders of figure 6 hold in a part of the space, by little",
+        "Both orders of figure 6 hold in a part of the space, with a small margin",
         caption,
     )
     return [

@@ -14,7 +14,7 @@ resonance that the preload shifts   ``contact.normal_stiffness_n_per_m15``
 ==================================  ==============================================
 
 With the Jacobian J of the measured logarithms, each over its relative deviation, the fitted ones have the covariance
-:math:`(J^T J)^{-1}`. A preloaded resonance tells the ratio of stiffness and mass, and speed and torque hardly tell
+:math:`(J^T J)^{-1}`. A preloaded resonance tells the ratio of stiffness and mass, and speed and torque say little of
 them apart; the
 stiffness of the other motor's contact, which is that of its materials, counts as a measurement with a deviation of 20
 %.

@@ -237,7 +237,7 @@ class EquivalentCircuit:
     def _antiresonances(self) -> list[complex]:
         """Return the natural frequencies of the open device in 1/s; one lies above each series resonance.
 
-        The losses of the clamped capacitance, which hardly move them, stand as its series resistance; shared ones as
+        The losses of the clamped capacitance, which move them little, stand as its series resistance; shared ones as
         own.
         """
         count = len(self.arms)
