@@ -14,10 +14,9 @@ resonance that the preload shifts   ``contact.normal_stiffness_n_per_m15``
 ==================================  ==============================================
 
 With the Jacobian J of the measured logarithms, each over its relative deviation, the fitted ones have the covariance
-:math:`(J^T J)^{-1}`. A preloaded resonance tells the ratio of stiffness and mass, and speed and torque say little of
-them apart; the
-stiffness of the other motor's contact, which is that of its materials, counts as a measurement with a deviation of 20
-%.
+:math:`(J^T J)^{-1}`. A preloaded resonance gives the ratio of stiffness and mass; speed and torque separate the two
+poorly. Therefore the stiffness of the other motor's contact, which is that of its materials, counts as a measurement
+with a deviation of 20 %.
 Everything else of contact and rotor is that of the other motor.
 """
 
