@@ -162,7 +162,7 @@ def motor_from(
     errors = {"no_load_speed_rad_s": speed_error, "stall_torque_n_m": torque_error}
     drive = _drive(measured, errors, voltage, frequency, phase_deg)
     if mass_kg is None and no_load_speed is None:
-        raise ParameterError("Spectra do not tell the modal mass; give the no-load speed, or mass_kg.")
+        raise ParameterError("Spectra do not determine the modal mass. Give the no-load speed, or mass_kg.")
     foundation = base if isinstance(base, Motor) else load_motor(base)
     fit = fit_two_port(spectra, modes)
     start = {}

@@ -53,7 +53,7 @@ def motor_from(
 ) -> None:
     """Make a motor of spectra and of numbers of its data sheet. Writes .toml or .json.
 
-    The spectra are those of `fit --two-port` or `fit --b`. The no-load speed tells the modal mass, the stall torque the
+    The spectra are those of `fit --two-port` or `fit --b`. The no-load speed gives the modal mass, the stall torque the
     friction, a preloaded spectrum the contact's stiffness. Every value has its origin and its standard error.
 
     Example: piezomotor motor-from free.csv --no-load-speed 18.4 --stall-torque 0.9e-3 --voltage 300 --frequency 54e3

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The decks that the live page runs: complete circuits whose ``.param`` lines the page fills in.
 
-Three kinds of deck answer a setting. ``averaged`` gives speed, torque and powers by the averaged motor, ``cycles`` the
-waveforms of the full motor, which starts from the amplitudes of the averaged one, and ``admittance`` the small-signal
-two-port. Each deck runs as it is written, with the values of the motor's parameter set, by ``ngspice -b``. A page
-changes the numbers on the ``.param`` lines and the lines between the marks :data:`DRIVER` and :data:`END`; it contains
-no physics.
+``averaged`` gives speed, torque and powers by the averaged motor, ``curve`` and ``response`` its torque over speed and
+its speed over frequency. ``cycles`` gives the waveforms of the full motor, which starts from the amplitudes of the
+averaged one, ``driver`` the same behind a user's lines, and ``admittance`` the small-signal two-port. Each deck runs as
+it is written, with the values of the motor's parameter set, by ``ngspice -b``. A page changes the numbers on the
+``.param`` lines and the lines between the marks :data:`DRIVER` and :data:`END`; it contains no physics.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from typing import get_args
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import TwoPhaseDrive, default_drive
+from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.parameters import Mount
 from pyspice_runner.netlist.averaged import OPTIONS as AVERAGED_OPTIONS
 from pyspice_runner.netlist.averaged import AveragedSubCircuit
 from pyspice_runner.netlist.benches import AC_OPTIONS, transient_options
@@ -33,7 +33,7 @@ POINTS, DRIVER_POINTS = 100, 160  # steps in the shortest period; a driver's dec
 SLIDER_AT_START = f"xmotor.xcontact.slider{3 * PHASES // 4}"
 DRIVER, END = "* driver: lines between source_a, source_b and the pins a, b", "* end of the driver"
 _RADIANS = pi / 180.0
-_MOUNT = Mount(stiffness_n_per_m=2e4, mass_kg=0.05, damping_n_s_per_m=50.0)  # of bimodal40, for a motor without one
+_SPRUNG = "bimodal40"  # whose mount the page offers to a motor that has none
 _STARTS = ("slider", "carrier", "carrier_velocity", "damping", "bearing_share", "speed")
 
 LOAD = "Iload shaft 0 DC {torque}\nVheld held 0 DC {held}\nGheld shaft 0 shaft held {grip}"
@@ -61,8 +61,12 @@ def fastest(motor: Motor) -> float:
 
 def mounts(motor: Motor) -> dict[str, Motor]:
     """Return the motor with its stator held and on springs; a motor without springs gets those of ``bimodal40``."""
-    sprung = motor if motor.mount else motor.updated({f"mount.{k}": v for k, v in _MOUNT.model_dump().items()})
-    return {"held": motor.updated({"mount": None}), "sprung": sprung}
+    held = motor.updated({"mount": None})
+    if motor.mount:
+        return {"held": held, "sprung": motor}
+    lent = load_motor(_SPRUNG).mount
+    assert lent is not None
+    return {"held": held, "sprung": motor.updated({"mount": lent.model_dump()})}
 
 
 def live_decks(motor: Motor) -> dict[str, str]:
@@ -264,7 +268,7 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
     circuit = _startable(_opened(MotorSubCircuit(motor, contact=law, discretisation=discretisation), motor), motor)
     values = _settings(motor) | {
         "voltage_2": ("0", "V, amplitude of a second tone, which drives the groups against each other"),
-        "frequency_2": (values_frequency(motor), "Hz, of the second tone"),
+        "frequency_2": (second_frequency(motor), "Hz, of the second tone"),
         "phase_2": ("0", "degrees, of the second tone"),
         "stop": (_number(60.0 / default_drive(motor).frequencies[-1]), "s, end of the run"),
         "window": (_number(20.0 / default_drive(motor).frequencies[-1]), "s, at the end of the run, for the means"),
@@ -304,7 +308,7 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
     )
 
 
-def values_frequency(motor: Motor) -> str:
+def second_frequency(motor: Motor) -> str:
     """Return the frequency of a second tone as the deck states it: that of the drive's, or its octave."""
     drive = default_drive(motor)
     return _number(drive.frequencies[-1] if len(drive.frequencies) > 1 else 2.0 * drive.frequencies[0])
