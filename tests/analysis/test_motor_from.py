@@ -89,6 +89,6 @@ def test_a_motor_comes_back_from_its_spectra_and_its_data_sheet_within_its_error
 def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = measured(invented(), 60, 1).save(tmp_path / "free.csv")
     assert run(["motor-from", str(file)]) == 2
-    assert "give the no-load speed, or mass_kg" in " ".join(capsys.readouterr().err.split())
+    assert "Give the no-load speed, or mass_kg." in " ".join(capsys.readouterr().err.split())
     assert run(["motor-from", str(file), "--no-load-speed", "3"]) == 2
     assert "give its voltage and its frequency too" in " ".join(capsys.readouterr().err.split())

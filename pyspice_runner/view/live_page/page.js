@@ -151,6 +151,7 @@ async function compute() {
   }
   busy(true);
   delete root.dataset.picture;
+  delete root.dataset.further;
   try {
     if (s.kind === "two-phase") {
       try {
