@@ -162,7 +162,7 @@ class PeriodMap:
         return [*self._deck(copies[:half], duration, whole), *self._deck(copies[half:], duration, whole)]
 
     def _run(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
-        bench = copies_bench(copies, self.discretisation, self._texts)
+        bench = copies_bench(copies, self.discretisation, self._texts, plates=False)
         self._hashes.add(hashlib.sha256(str(bench.circuit.raw_spice).encode()).hexdigest())
         names = [_vectors(number, copy.plant, whole=whole) for number, copy in enumerate(copies)]
         ready = simulator(bench, [name for own in names for name in own], self.timeout)

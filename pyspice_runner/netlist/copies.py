@@ -36,7 +36,7 @@ class Plant:
     The states are the modal displacements (m), the modal velocities (m/s), the sliders of the contact (m), of a stator
     on a mount the displacement (m) and velocity (m/s) of the carrier and, unless the shaft is held, the speed of the
     rotor (rad/s). The plates are no states: ideal voltage sources set their
-    voltages.
+    voltages. A bench may leave them out, since their current does not act on the motion.
 
     Attributes:
         motor: the motor.
@@ -88,8 +88,11 @@ class Plant:
         """Number of states."""
         return 2 * self.modes + self.sliders + 2 * (self.mount is not None) + self.turns
 
-    def motor_text(self, discretisation: Discretisation, name: str) -> str:
-        """Return the subcircuits of the motor, with the state as parameters of the X line: r1 …, v1 …, u, z, s, w."""
+    def motor_text(self, discretisation: Discretisation, name: str, *, plates: bool = True) -> str:
+        """Return the subcircuits of the motor, with the state as parameters of the X line: r1 …, v1 …, u, z, s, w.
+
+        ``plates`` tells whether it has the clamped capacitances.
+        """
         still = (0.0,) * self.modes
         definition = MotorSubCircuit(
             self.motor, contact=self.law.name if self.law else None,
@@ -104,6 +107,8 @@ class Plant:
             text = _with(text, f"Xmode{number}", start=f"{{r{number}}}", velocity=f"{{v{number}}}")
         if self.law and self.law.name == "spring-slider":
             text = _with(text, "Xcontact", start="{u}")
+        if not plates:
+            text = re.sub(r"^Xgroup_[ab] .*\n", "", text, flags=re.M)
         text = _with(text, "Xmount", start="{z}", velocity="{s}")
         return f"{definition.parts}\n{_with(text, 'Xrotor', start='{w}').strip()}"
 
@@ -124,10 +129,12 @@ class Plant:
         values["w"] = float(state[-1]) if self.load.speed is None else self.load.speed
         return values
 
-    def start_nodes(self, state: Array, begun: float, probes: Sequence[Probe] = ()) -> dict[str, float]:
+    def start_nodes(
+        self, state: Array, begun: float, probes: Sequence[Probe] = (), *, plates: bool = True
+    ) -> dict[str, float]:
         """Return the initial voltages by node inside the motor: of plates and of a contact without start parameter."""
         nodes = {}
-        for group in "ab":
+        for group in "ab" if plates else "":
             tones = self.tones(group, probes)
             for node, branch in zip(plate_nodes(group), dielectric_branches(self.motor, group), strict=True):
                 volts = (phasor_at(tone, branch.gain(tone.frequency), begun)[0] for tone in tones)
@@ -202,7 +209,11 @@ def copy_name(number: int) -> str:
 
 
 def copies_bench(
-    copies: Sequence[Copy], discretisation: Discretisation, texts: dict[int, tuple[str, str]] | None = None
+    copies: Sequence[Copy],
+    discretisation: Discretisation,
+    texts: dict[int, tuple[str, str]] | None = None,
+    *,
+    plates: bool = True,
 ) -> Bench:
     """Return the bench of many copies: instances ``Xc0``, ``Xc1``, …, shafts on the nodes ``xc0_shaft``, ….
 
@@ -213,6 +224,8 @@ def copies_bench(
         discretisation: adaptation to the uniform step.
         texts: subcircuits of motors that exist already, by the identity of the motor: name and text.
             New ones are added to it.
+        plates: whether the motors have their clamped capacitances. Without them the currents of the sources are those
+            of the modes alone, and the motion is the same.
     """
     first = copies[0].plant
     texts = {} if texts is None else texts
@@ -227,7 +240,7 @@ def copies_bench(
             written.add(motor)
             if motor not in texts:
                 name = f"motor{len(texts)}"
-                texts[motor] = name, plant.motor_text(discretisation, name)
+                texts[motor] = name, plant.motor_text(discretisation, name, plates=plates)
             lines.append(texts[motor][1])
         at_pins = tuple(probe for probe in copy.probes if probe.place != "shaft")
         key = (id(plant.drive), copy.begun, at_pins)
@@ -248,7 +261,7 @@ def copies_bench(
         lines.append(f"{instance} {pins} {texts[motor][0]} {values}")
         start |= {
             f"{instance}.{node}": value
-            for node, value in plant.start_nodes(copy.state, copy.begun, copy.probes).items()
+            for node, value in plant.start_nodes(copy.state, copy.begun, copy.probes, plates=plates).items()
         }
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name}")
     circuit.raw_spice += "\n".join(lines) + "\n"
