@@ -52,9 +52,6 @@ HIGHEST = 0.45  # of the drive's frequency
 _SIGNALS = ("speed", "friction", "current_a", "current_b", "motional_a", "motional_b")
 
 
-ON_A_MOUNT = "On a mount transfer functions differ from modulated transients by up to 9 %; at a fixed distance by 2 %."
-
-
 @dataclass(frozen=True, repr=False)
 class SmallSignals(Result):
     """Transfer functions of a running motor, and the admittance that its groups have for a small additional voltage.
@@ -95,13 +92,6 @@ class SmallSignals(Result):
             )
         return self.transfers[output, of]
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Whether the motor stands on a mount, where the transfer functions are less accurate."""
-        if self.state.motor.mount is None:
-            return ()
-        return (ON_A_MOUNT,)
-
     def columns(self) -> Mapping[str, Array]:
         """Return real and imaginary part of each transfer function over the modulation frequency."""
         found = {"modulation_frequency_hz": self.modulation_hz}
@@ -112,7 +102,6 @@ class SmallSignals(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return frequencies, transfer functions, admittances and the steady state, JSON-ready."""
         return {
-            "cautions": list(self.cautions),
             "modulation_frequency_hz": self.modulation_hz.tolist(),
             "transfers": {f"{output}_per_{of}": _pairs(values) for (output, of), values in self.transfers.items()},
             "units": {f"{output}_per_{of}": unit(output, of) for output, of in self.transfers},
