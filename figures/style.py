@@ -9,6 +9,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from runpy import run_path
 from typing import Any
 
 import matplotlib as mpl
@@ -19,6 +20,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
 import pyspice_runner as pr
+from pyspice_runner.analysis.controlled import ControlledRun
 from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.view.plots import state_path as coloured_path
 from pyspice_runner.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, STATES, VERMILION
@@ -128,6 +130,26 @@ def _writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise pr.ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
+
+
+def controller(name: str) -> tuple[dict[str, Any], ControlledRun, ControlledRun]:
+    """Return what a controller of ``examples/`` defines, and 50 ms of it with the averaged and with the full motor."""
+    defined = run_path(str(HERE.parent / "examples" / "controllers" / f"{name}.py"))
+    averaged, full = (defined["run"](5e-3 if draft() else 50e-3, averaged=averaged) for averaged in (True, False))
+    return defined, averaged, full
+
+
+def samples(axes: Axes, averaged: ControlledRun, full: ControlledRun, name: str, scale: float, what: str) -> None:
+    """Draw a quantity of both motors over the time: the full motor as dots on the line of the averaged one."""
+    axes.plot(1e3 * averaged.time_s, scale * averaged.samples[name], color=BLUE, label="averaged motor")
+    axes.plot(1e3 * full.time_s, scale * full.samples[name], ".", ms=3.5, color=VERMILION, label="full motor")
+    axes.set(ylabel=what, xlim=(0.0, 1e3 * averaged.time_s[-1]))
+
+
+def farthest(averaged: ControlledRun, full: ControlledRun, name: str) -> float:
+    """Return by how much the samples differ at most, in per cent of the greatest."""
+    ours, theirs = averaged.samples[name], full.samples[name]
+    return float(100.0 * np.abs(ours - theirs).max() / np.abs(theirs).max())
 
 
 def draft() -> bool:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from pyspice_runner.analysis.averaged import simulate_averaged
     from pyspice_runner.analysis.branch import steady_branch
+    from pyspice_runner.analysis.controlled import simulate_controlled
     from pyspice_runner.analysis.drive import drive_report
     from pyspice_runner.analysis.motor_from import motor_from
     from pyspice_runner.analysis.simulate import simulate
@@ -73,6 +74,7 @@ _HOMES = {
     "report": "view.report",
     "simulate": "analysis.simulate",
     "simulate_averaged": "analysis.averaged",
+    "simulate_controlled": "analysis.controlled",
     "small_signals": "analysis.small_signals",
     "speed_torque": "analysis.speed_torque",
     "steady_branch": "analysis.branch",
@@ -108,6 +110,7 @@ __all__ = [
     "report",
     "simulate",
     "simulate_averaged",
+    "simulate_controlled",
     "small_signals",
     "speed_torque",
     "steady_branch",

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import cmath
 import ctypes
+import shutil
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import ceil, degrees, isfinite
@@ -23,6 +25,7 @@ from pyspice_runner.engine.session import Session
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import FASTEST_DRIVE, SLOWEST_DRIVE, Load, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.controlled import COMMANDS, SAMPLED, CommandedSource, controlled_bench
 from pyspice_runner.result import Result
@@ -62,41 +65,25 @@ class Sample:
 Controller = Callable[[Sample], Mapping[str, float]]
 
 
-class SharedLibrary:
-    """A controller in a shared library of C code: ``void step(double t, const double *in, double *out)``.
+class _Library:
+    """A controller in a shared library of C code. Each one is loaded from a copy, so that its variables begin anew."""
 
-    ``in`` has speed (rad/s), position (rad), current amplitude (A), current phase (deg), temperature (K); ``out`` takes
-    amplitude of both groups (V), phase (deg) and frequency (Hz). ``out`` holds the present values on entry.
-
-    Args:
-        path: the library, compiled for this machine. It runs in this process: only load code that you trust.
-
-    Raises:
-        ParameterError: if it cannot be loaded or has no ``step``.
-    """
-
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, drive: TwoPhaseDrive) -> None:
         try:
-            self._step = ctypes.CDLL(str(Path(path).resolve())).step
+            with tempfile.TemporaryDirectory(prefix="piezomotor-") as folder:
+                self._step = ctypes.CDLL(str(shutil.copy(path, folder))).step
         except (OSError, AttributeError) as error:
             raise ParameterError(
                 f"{path} cannot be used as a controller: {error}. Compile it as a shared library with a function step."
             ) from None
         pointer = ctypes.POINTER(ctypes.c_double)
         self._step.argtypes, self._step.restype = (ctypes.c_double, pointer, pointer), None
-        self._out: Any = (ctypes.c_double * 3)()
-
-    def begin(self, drive: TwoPhaseDrive) -> None:
-        """Take over the values with which a run starts."""
-        self._out[:] = (drive.voltage, drive.phase_deg, drive.frequency)
+        self._out: Any = (ctypes.c_double * 3)(drive.voltage, drive.phase_deg, drive.frequency)
 
     def __call__(self, sample: Sample) -> Mapping[str, float]:
         """Return what the library sets."""
-        given = (ctypes.c_double * 5)(
-            sample.speed_rad_s, sample.position_rad, sample.current_amplitude_a, sample.current_phase_deg,
-            sample.temperature_k,
-        )  # fmt: skip
-        self._step(sample.time_s, given, self._out)
+        time, *seen = vars(sample).values()
+        self._step(time, (ctypes.c_double * len(seen))(*seen), self._out)
         return dict(zip(("voltage", "phase_deg", "frequency"), map(float, self._out), strict=True))
 
 
@@ -137,10 +124,11 @@ class ControlledRun(Result):
         return {"end": {name: float(values[-1]) for name, values in self.samples.items()}, **self.provenance}
 
 
+@checked
 def simulate_controlled(
     motor: Motor,
     drive: TwoPhaseDrive,
-    controller: Controller,
+    controller: Controller | str | Path,
     *,
     duration: float,
     sample_time: float,
@@ -157,7 +145,11 @@ def simulate_controlled(
         drive: the commands until the first sample.
         controller: called at every sample time with a :class:`Sample`; it returns what changes: ``voltage`` (V, of both
             groups), ``voltage_a``, ``voltage_b``, ``phase_deg``, ``frequency`` (Hz). A negative amplitude turns the
-            phase by 180°. A :class:`SharedLibrary` is a controller in C.
+            phase by 180°. A path is that of a shared library of C code with the function
+            ``void step(double t, const double *in, double *out)``. ``in`` has speed (rad/s), position (rad), current
+            amplitude (A), current phase (deg) and temperature (K). ``out`` takes amplitude of both groups (V), phase
+            (deg) and frequency (Hz), and has the present values on entry. The library runs in this process: only load
+            code that you trust.
         duration: simulated time in s.
         sample_time: time in s between two samples; at least one period of the drive.
         averaged: whether the averaged motor runs, or the full one, cycle by cycle.
@@ -171,8 +163,6 @@ def simulate_controlled(
         ParameterError: for a value out of range, also one that the controller returns.
         SimulationError: if ngspice fails.
     """
-    if not isinstance(drive, TwoPhaseDrive):
-        raise ParameterError("A controller needs a drive with one frequency: give a TwoPhaseDrive.")
     if not (isfinite(sample_time) and sample_time >= drive.period):
         raise ParameterError(
             f"sample_time = {sample_time:g} s is out of range: it must be at least one period of the drive, "
@@ -197,8 +187,7 @@ def simulate_controlled(
             max_time=longest, use_initial_condition=True,
         )
     )  # fmt: skip
-    if isinstance(controller, SharedLibrary):
-        controller.begin(drive)
+    decide = _Library(controller, drive) if isinstance(controller, str | Path) else controller
     present = {"frequency": drive.frequency, "voltage_a": drive.voltage, "voltage_b": drive.voltage_b,
                "phase_deg": drive.phase_deg}  # fmt: skip
     rows: list[list[float]] = []
@@ -208,7 +197,7 @@ def simulate_controlled(
             now = session.advance(number * sample_time)
             sample = _sample(now, last)
             last = now
-            changed = _commands(controller(sample), present, motor)
+            changed = _commands(decide(sample), present, motor)
             for name, value in changed.items():
                 if value != present[name]:
                     session.alter(COMMANDS[name], value)

@@ -141,9 +141,9 @@ def controlled_bench(
         bench.circuit.raw_spice += (
             "Gposition 0 position shaft 0 1\nCposition position 0 1 ic=0\nRposition position 0 1t\n"
         )
-    corners = (0.5 * sample_time, 0.2 * sample_time)  # of the clock; ngspice takes a time point at each
+    # a trapezoid with a corner at each sample time, where ngspice takes a time point
     bench.circuit.raw_spice += (
         "Csum_re sum_re 0 1u ic=0\nRsum_re sum_re 0 1t\nCsum_im sum_im 0 1u ic=0\nRsum_im sum_im 0 1t\n"
-        f"Vclock clock 0 PULSE(0 1 0 {corners[0]!r} {corners[1]!r} {corners[1]!r} {sample_time!r})\n"
+        f"Vclock clock 0 PULSE(0 1 0 {sample_time!r} {sample_time!r} {sample_time!r} {4.0 * sample_time!r})\n"
     )
     return bench

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The controllers in examples/: each with the averaged and the full motor, one of them as firmware in C too."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+from runpy import run_path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.controlled import ControlledRun
+
+FOLDER = Path(__file__).resolve().parents[2] / "examples" / "controllers"
+SHORT, LONG = 5e-3, 50e-3  # s
+ENOUGH = {"resonance": 20e-3, "speed": 35e-3, "position": 30e-3}  # s, to see what each controller is for
+ALLOWED = 0.03  # of the greatest sample: what the averaged motor is to be worth in a loop
+pytestmark = pytest.mark.xdist_group("controllers")
+
+
+@pytest.fixture(scope="module")
+def examples() -> dict[str, tuple[dict[str, Any], ControlledRun]]:
+    """What each example defines, and its run with the averaged motor."""
+    defined = {name: run_path(str(FOLDER / f"{name}.py")) for name in ENOUGH}
+    return {name: (script, script["run"](ENOUGH[name])) for name, script in defined.items()}
+
+
+def check_equal_samples(averaged: ControlledRun, full: ControlledRun) -> None:
+    """Every sample within 3 % of the greatest; the phase of the current where there is a current."""
+    count = len(full.time_s)
+    ours = {name: values[:count] for name, values in averaged.samples.items()}
+    for name, theirs in full.samples.items():
+        if name != "current_phase_deg":
+            assert np.abs(ours[name] - theirs).max() <= ALLOWED * np.abs(theirs).max(), name
+    flows = full.current_amplitude_a > 0.1 * full.current_amplitude_a.max()
+    error = (ours["current_phase_deg"] - full.current_phase_deg)[flows]
+    assert np.abs((error + 180.0) % 360.0 - 180.0).max() <= ALLOWED * 180.0
+
+
+@pytest.mark.parametrize("name", ENOUGH)
+def test_full_motor_gives_the_samples_of_the_averaged_one(
+    name: str, examples: dict[str, tuple[dict[str, Any], ControlledRun]]
+) -> None:
+    defined, averaged = examples[name]
+    check_equal_samples(averaged, defined["run"](SHORT, averaged=False))
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", ENOUGH)
+def test_full_motor_gives_the_samples_of_the_averaged_one_for_50_ms(name: str) -> None:
+    run = run_path(str(FOLDER / f"{name}.py"))["run"]
+    check_equal_samples(run(LONG), run(LONG, averaged=False))
+
+
+def test_the_tracker_holds_the_phase_and_the_motor_runs_faster(
+    examples: dict[str, tuple[dict[str, Any], ControlledRun]],
+) -> None:
+    defined, run = examples["resonance"]
+    last = defined["Sample"](*(run.samples[name][-1] for name in defined["Sample"].__dataclass_fields__))
+    phase = defined["motional_phase"](last, run.frequency_hz[-2])
+    assert phase == pytest.approx(defined["TARGET"], abs=2.0)  # an integral part follows a drift with an error
+    still = pr.simulate_controlled(
+        defined["MOTOR"], defined["DRIVE"], lambda _: {}, duration=20e-3, sample_time=5e-3,
+        load_torque=defined["LOAD_TORQUE"],
+    )  # fmt: skip
+    assert run.speed_rad_s[-1] > 1.9 * still.speed_rad_s[-1]
+
+
+def test_the_speed_follows_its_set_point_in_both_directions(
+    examples: dict[str, tuple[dict[str, Any], ControlledRun]],
+) -> None:
+    defined, run = examples["speed"]
+    before = np.flatnonzero(run.time_s < defined["REVERSAL"])[-1]
+    assert run.speed_rad_s[[before, -1]] == pytest.approx([defined["SPEED"], -defined["SPEED"]], rel=0.1)  # 10 ms later
+    assert run.voltage_a_v.min() >= defined["DEAD_BAND"]
+
+
+def test_the_burst_covers_the_distance_that_is_left(examples: dict[str, tuple[dict[str, Any], ControlledRun]]) -> None:
+    defined, run = examples["position"]
+    left = np.abs(defined["TARGET"] - run.position_rad)
+    at = int(np.searchsorted(run.time_s, defined["BURST"]))
+    assert 3e-3 < left[at] < defined["NEAR"]
+    assert left[-1] < 0.05 * left[at]  # the table has steps of 10 V
+    assert not run.voltage_a_v[-1]
+
+
+def test_firmware_in_c_gives_the_samples_of_the_same_law_in_python(
+    tmp_path: Path, examples: dict[str, tuple[dict[str, Any], ControlledRun]]
+) -> None:
+    """A second run of the same library begins anew."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("there is no C compiler here")
+    library = tmp_path / "speed.so"
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", library, FOLDER / "speed.c"], check=True, timeout=60)
+    defined, run = examples["speed"]
+    for _ in range(2):
+        firmware = defined["run"](SHORT, library=str(library))
+        np.testing.assert_allclose(firmware.voltage_a_v, run.voltage_a_v[: len(firmware.time_s)], rtol=1e-12)
