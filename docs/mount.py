@@ -79,7 +79,8 @@ ROWS: dict[str, tuple[str, Callable[[pr.Motor], str]]] = {
     "figure 5 (f), 17.9 kHz, 50 V": (PAPER, span(phases(50.0, 17.9e3, -90.0))),
     "figure 6, 44.5 kHz, 100 V": (THIRD, curve(phases(100.0, 44.5e3, 180.0))),
     "figure 6, speed and torque, preload: 46 kHz, 100 V": (THIRD, curve(phases(100.0, 46e3, 180.0))),
-    "frequency sweep, 100 V, 17 kHz": (PAPER, held(phases(100.0, 17e3, 90.0))),
+    "frequency sweep: 30 V, 17 kHz": (PAPER, held(phases(30.0, 17e3, 90.0))),
+    "hammering with 100 V, 17 kHz": (PAPER, held(phases(100.0, 17e3, 90.0))),
     "contact laws, drivers, tracking: 51.7 kHz, 50 V": (PAPER, held(phases(50.0, 51.7e3, 90.0))),
     "spin-up and tolerance before: 18 and 54 kHz": (PAPER, held(tones(100.0, 18e3, 50.0, 54e3, 165.0))),
 }

@@ -1,101 +1,121 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stall torque and no-load speed over the drive's frequency, swept up and down, near the contact resonance.
+"""Frequency response near the contact resonance: steady states, stable and unstable, and transients swept up and down.
 
 A tip that lifts off is in contact for part of the period only, so that its resonance frequency falls with the
-amplitude. In a range of frequencies the tip either hammers or stays in contact, which depends on the direction of the
-sweep. Each point continues from the end of the previous one (``follow``), separately for each speed of the shaft.
+amplitude. At a fixed distance the response bends over, and between its folds the motion depends on the history. On the
+mount the hammering motion is unstable, and a transient does not repeat.
 """
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import xarray
-from style import BLACK, BLUE, GREEN, VERMILION, canvas, draft, drive_words, main, motor_words, write
+from matplotlib.axes import Axes
+from style import BLACK, BLUE, ORANGE, VERMILION, canvas, draft, drive_words, main, write
 
 import pyspice_runner as pr
 
 VOLTAGE = 30.0
-FREQUENCIES = 1e3 * np.array([16.2, 16.4, *np.arange(16.5, 17.01, 0.05), 17.2, 17.5, 17.8, 18.1, 18.4])
-if draft():
-    FREQUENCIES = FREQUENCIES[5::8]
-SPEEDS = (0.0, 0.4) if draft() else (-0.3, 0.0, 0.4, 0.8)  # rad/s
+LOW, HIGH = (17.9e3, 17.93e3) if draft() else (16.2e3, 18.4e3)  # Hz
+STEP = 50.0  # Hz, of the sweeps
 SETTLING = {"tolerance": 0.1, "patience": 4} if draft() else {"patience": 8}
+ROWS = (
+    ("normal_force_n", 1.0, "mean normal force / N"),
+    ("torque_n_m", 1e3, "stall torque / (mN·m)"),
+    ("separated", 100.0, "contact open / % of period"),
+)
 
 
 def draw(folder: Path) -> list[str]:
-    motor = pr.load_motor("andersen2002")
-    drive = pr.TwoPhaseDrive(voltage=VOLTAGE, frequency=FREQUENCIES[0], phase_deg=90.0)
-    there_and_back = np.concatenate([FREQUENCIES, FREQUENCIES[::-1]])
-    swept = pr.speed_torque(
-        motor,
-        drive,
-        speeds=SPEEDS,
-        over={"drive.frequency": there_and_back},
-        mode="settle",
-        follow="drive.frequency",
-        **SETTLING,
-    )
-    count = len(FREQUENCIES)
-    up = swept.isel({"drive.frequency": slice(count)})
-    down = swept.isel({"drive.frequency": slice(None, count - 1, -1)})
-    stall = [one.sel(speed_rad_s=0.0) for one in (up, down)]
-    differs = np.abs(stall[0]["separated"].values - stall[1]["separated"].values) > 0.05
+    sprung = pr.load_motor("andersen2002")
+    rigid = sprung.updated({"mount": None})
+    drive = pr.TwoPhaseDrive(voltage=VOLTAGE, frequency=HIGH, phase_deg=90.0)
+    grid = np.arange(LOW, HIGH + 1.0, STEP)
+    ends = {"follow": "drive.frequency", "speed": 0.0, "points": 3 if draft() else 200}
+    branches = {
+        "(a) fixed distance": [pr.steady_branch(rigid, drive, start=HIGH, stop=LOW, **ends)],
+        "(b) on the mount": [
+            pr.steady_branch(sprung, drive, start=HIGH, stop=LOW, **ends),
+            pr.steady_branch(sprung, drive, start=LOW, stop=HIGH, **ends),
+        ],
+    }
+    # on the mount each point takes longer to settle, so that every second frequency must do
+    sweeps = {
+        "(a) fixed distance": _swept(rigid, drive, grid),
+        "(b) on the mount": _swept(sprung, drive, grid[::2]),
+    }
 
-    figure, (torque, speed, force) = canvas(3, 1, 7.4, sharex=True)
-    kilohertz = FREQUENCIES / 1e3
-    for one, held, colour, label, marker in (
-        (up, stall[0], BLUE, "up", "^"),
-        (down, stall[1], VERMILION, "down", "v"),
-    ):
-        line = {"color": colour, "marker": marker, "ms": 4, "label": f"swept {label}"}
-        for panel, values in (
-            (torque, 1e3 * held["torque_n_m"].values),
-            (speed, _no_load(one)),
-            (force, held["normal_force_n"].values),
-        ):
-            panel.plot(kilohertz, values, **line)
-        drifting = ~held["settled"].values
-        torque.plot(
-            kilohertz[drifting], 1e3 * held["torque_n_m"].values[drifting],
-            marker=marker, ms=4, ls="", mfc="white", mec=colour, zorder=3,
-        )  # fmt: skip
-    torque.set(title="(a) stall torque; hollow: it still creeps", ylabel="torque / (mN·m)")
-    speed.set(title="(b) no-load speed", ylabel="speed / (rad/s)")
-    force.set(title="(c) mean normal force at stall", ylabel="force / N", xlabel="frequency / kHz")
-    force.axhline(motor.contact.preload_n, color=BLACK, lw=0.8, ls="--", label="preload")
-    for panel in (torque, speed):
-        panel.axhline(0.0, color=BLACK, lw=0.6)
-    for panel in (torque, speed, force):
-        if differs.any():
-            low, high = kilohertz[differs][[0, -1]]
-            panel.axvspan(low - 0.025, high + 0.025, color=GREEN, alpha=0.12, lw=0.0)
-        panel.legend()
-    band = f"{kilohertz[0]:g} to {kilohertz[-1]:g} kHz"
-    words = drive_words(drive).replace(f"{kilohertz[0]:.4g} kHz", band)
+    figure, axes = canvas(3, 2, 8.4, sharex=True, sharey="row")
+    for column, (title, found) in enumerate(branches.items()):
+        swept = sweeps[title]
+        for panel, (name, factor, label) in zip(axes[:, column], ROWS, strict=True):
+            for branch in found:
+                _line(panel, branch, name, factor)
+            _markers(panel, swept, name, factor)
+            if column == 0:
+                panel.set_ylabel(label)
+            panel.grid(True)
+        axes[0, column].set_title(title)
+        axes[2, column].set_xlabel("frequency / kHz")
+    axes[0, 0].legend(fontsize=7)
+    folds = json.loads(branches["(a) fixed distance"][0].attrs["folds"])
+    band = f"{LOW / 1e3:g} to {HIGH / 1e3:g} kHz"
     caption = (
-        f"{motor_words(motor)} Drive: {words}. Shaft held at {len(SPEEDS)} speeds; the no-load speed is read between "
-        f"them, where only the bearing's torque is left. Green: the tip lifts off on the way down but not on the way "
-        f"up. Where it stays down (left), it sticks: a standing rotor is held by friction at any torque that was "
-        f"there, which creeps. ngspice {swept.attrs['ngspice_version']}."
+        f"Motor andersen2002. Drive: {drive_words(drive).replace(f'{HIGH / 1e3:g} kHz', band)}, shaft held. Lines: "
+        f"branches of steady states, dashed where they are unstable. Triangles: transients in steps of {STEP:g} Hz (a) "
+        f"and {2.0 * STEP:g} Hz (b), each of which continues the one before; hollow where the mean still varies. Where "
+        f"the contact is never open and only sticks, a held shaft can have any of a range of torques. "
+        f"ngspice {branches['(a) fixed distance'][0].attrs['ngspice_version']}."
     )
-    write(figure, folder / "frequency_sweep.png", "Up or down: near the contact resonance the motor remembers", caption)
-    if not differs.any():
-        return ["the sweeps up and down agree everywhere"]
-    place = int(np.flatnonzero(differs)[len(np.flatnonzero(differs)) // 2])
-    values = [float(one["normal_force_n"][place]) for one in stall]
-    story = (
-        f"up and down differ from {low:.4g} to {high:.4g} kHz: at {kilohertz[place]:.4g} kHz the mean normal force is "
-        f"{values[0]:.1f} N on the way up, {values[1]:.1f} N on the way down"
-    )
-    return [story]
+    write(figure, folder / "frequency_sweep.png", "Frequency response near the contact resonance", caption)
+    force = sweeps["(a) fixed distance"]["normal_force_n"].values
+    up, down = force[: len(grid)], force[: len(grid) - 1 : -1]
+    differs = np.flatnonzero(np.abs(up - down) > 0.5)
+    where = ", ".join(f"{fold / 1e3:.2f} kHz" for fold in folds) or "no frequency"
+    stories = [f"fixed distance: folds at {where}"]
+    if differs.size:
+        low, high = grid[differs[[0, -1]]]
+        stories.append(f"sweeps up and down differ from {low / 1e3:.2f} to {high / 1e3:.2f} kHz")
+    return stories
 
 
-def _no_load(swept: xarray.Dataset) -> np.ndarray:
-    """Return the speed at which the load torque is zero, over frequency; NaN outside the calculated speeds."""
-    torques = swept["load_torque_n_m"].values
-    return np.array([np.interp(0.0, -row, SPEEDS, left=np.nan, right=np.nan) for row in torques])
+def _swept(motor: pr.Motor, drive: pr.TwoPhaseDrive, grid: np.ndarray) -> xarray.Dataset:
+    """Let transients follow the frequency up and then down, with the shaft held."""
+    there_and_back = np.concatenate([grid, grid[::-1]])
+    return pr.speed_torque(
+        motor, drive, speeds=[0.0], over={"drive.frequency": there_and_back}, mode="settle", follow="drive.frequency",
+        **SETTLING,
+    ).isel(speed_rad_s=0)  # fmt: skip
+
+
+def _line(panel: Axes, branch: xarray.Dataset, name: str, factor: float) -> None:
+    """Draw a branch, dashed where it is unstable."""
+    kilohertz, values = branch["drive.frequency"].values / 1e3, factor * branch[name].values
+    stable = branch["stable"].values
+    unstable = ~stable | np.roll(~stable, 1) | np.roll(~stable, -1)  # up to the stable parts
+    known = [line.get_label() for line in panel.get_lines()]
+    for chosen, style, colour, label in ((stable, "-", BLUE, "stable"), (unstable, "--", BLACK, "unstable")):
+        shown = np.where(chosen, values, np.nan)
+        panel.plot(kilohertz, shown, style, color=colour, lw=1.3, label=None if label in known else label)
+
+
+def _markers(panel: Axes, swept: xarray.Dataset, name: str, factor: float) -> None:
+    """Draw the transients of the sweeps up and down, hollow where they did not settle."""
+    settled, count = swept["settled"].values, swept.sizes["drive.frequency"] // 2
+    for part, marker, colour, label in (
+        (slice(None, count), "^", ORANGE, "swept up"),
+        (slice(count, None), "v", VERMILION, "swept down"),
+    ):
+        kilohertz = swept["drive.frequency"].values[part] / 1e3
+        values = factor * swept[name].values[part]
+        for chosen, face in ((settled[part], colour), (~settled[part], "none")):
+            panel.plot(
+                kilohertz[chosen], values[chosen], marker=marker, ms=4, ls="", mec=colour, mfc=face,
+                label=label if face != "none" else None,
+            )  # fmt: skip
 
 
 if __name__ == "__main__":
