@@ -40,7 +40,8 @@ function chart(svg, { lines = [], points = [], xLabel, yLabel, log = false, equa
   const ys = [...shown.flatMap((line) => extent(line.y)), ...points.map((point) => point.y)];
   if (xs.length < 2) return;
   let [x0, x1] = widened(extent(xs), 0, false), [y0, y1] = widened(extent(ys), 0.06, log);
-  const left = 64, right = 10, bottom = 42, top = 10 + 18 * Math.ceil(shown.length / Math.max(1, Math.floor(width / 150)));
+  const left = 64, right = 10, bottom = 42, entry = 165; // of the legend, px
+  const columns = Math.max(1, Math.floor((width - left) / entry)), top = 10 + 18 * Math.ceil(shown.length / columns);
   if (equal) {
     const per = Math.max((x1 - x0) / (width - left - right), (y1 - y0) / (height - top - bottom));
     [x0, x1] = about(x0, x1, per * (width - left - right));
@@ -66,8 +67,7 @@ function chart(svg, { lines = [], points = [], xLabel, yLabel, log = false, equa
     for (let i = 0; i < line.x.length; i += every)
       if (Number.isFinite(line.y[i])) d.push(`${d.length ? "L" : "M"}${px(line.x[i]).toFixed(1)} ${py(line.y[i]).toFixed(1)}`);
     svg.append(element("path", { d: d.join(""), stroke: colour, "stroke-dasharray": line.dash ?? "", class: "line" }));
-    const column = Math.max(1, Math.floor(width / 150));
-    const lx = left + (number % column) * 150, ly = 14 + 18 * Math.floor(number / column);
+    const lx = left + (number % columns) * entry, ly = 14 + 18 * Math.floor(number / columns);
     svg.append(element("line", { x1: lx, x2: lx + 20, y1: ly - 4, y2: ly - 4, stroke: colour, "stroke-dasharray": line.dash ?? "", class: "line" }));
     svg.append(element("text", { x: lx + 25, y: ly }, line.name));
   });
@@ -219,7 +219,7 @@ function drawMotor(canvas, motor, waves, at, angle) {
   const size = Math.max(...waves.x.map(Math.abs), ...waves.y.map(Math.abs), 1e-9);
   const gain = 0.03 * height / size;
   const tipX = cx + gain * waves.x[i], tipY = cy + radius + 4 + gain * (Math.max(...waves.y) - waves.y[i]);
-  const floor = height - 46;
+  const floor = 0.9 * height - 34; // above the caption when the beam bends furthest
   if (motor.beam) {
     const { foot, shapes } = motor.beam;
     const most = Math.max(...motor.modes.map((_, n) => Math.max(...waves.modes[n].map(Math.abs)) * Math.max(...shapes[n].map(Math.abs))), 1e-9);
