@@ -27,8 +27,10 @@ from pyspice_runner.netlist.motor import Discretisation
 from pyspice_runner.run.kernel import simulator
 
 Array = NDArray[np.float64]
-COPIES_PER_DECK = 20  # measured: beyond, the parse trees of the B-sources no longer fit the cache of a core
-_LEAD = 4.5  # steps; the first uniform step begins after less than two, and ngspice 46 shortens the last two
+COPIES_PER_DECK = 30  # measured: beyond, the parse trees of the B-sources no longer fit the cache of a core
+# steps; the first uniform step begins after less than two and lets a slider that slips forget its start, and ngspice 46
+# shortens the last two
+_LEAD = 5.5
 _CONTACT = ("normal", "friction", "state", "slider", "xcontact.delta")
 
 
@@ -185,10 +187,10 @@ class PeriodMap:
         return traces
 
     def _window(self, time: Array) -> slice | None:
-        """Return the points of the period: the first uniform steps, as many as there are in it."""
+        """Return the points of the period: the first uniform steps but one, as many as there are in it."""
         uniform = np.abs(np.diff(time) - self.step) < 1e-6 * self.step
         uneven = np.flatnonzero(~uniform[: -2 if len(uniform) > 2 else None])
-        first = int(uneven[-1]) + 1 if uneven.size else 0
+        first = int(uneven[-1]) + 2 if uneven.size else 1
         if first + self.steps >= len(time) or not uniform[first : first + self.steps].all():
             return None
         return slice(first, first + self.steps + 1)

@@ -16,6 +16,7 @@ from math import ceil, log, pi
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import Akima1DInterpolator
 
 from pyspice_runner.analysis.period_map import PeriodMap, Trace
 from pyspice_runner.model import contact as contact_law
@@ -33,6 +34,7 @@ LEAST_DAMPING = 1.0 / 64.0
 GROWTH, FREE_STEPS = 3.0, 3  # by which the first few steps may grow: they pass from one kind of contact to another
 CHORD = 0.7  # contraction of steps by which an old derivative may still be good enough
 NEAR = 0.1  # of the size of the motion, how far from the solution its derivative may have been measured
+FELT = 0.1  # of a slider's displacement at the start of a run, what must be left of it at the beginning of the period
 SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs before Newton's method begins anew
 
 
@@ -86,14 +88,42 @@ class Point:
     def newton_step(self) -> Array:
         """Return the step of the scaled state that closes the gap.
 
-        Least squares, because a slider that slips before the period begins has no influence on it. Where the contact
-        sticks, the step is the shortest one.
+        Where the contact sticks, the step is the shortest one. A slider that is not free goes to where it is a period
+        later.
         """
         assert self.at_start is not None
         assert self.at_end is not None
-        left, sizes, right = np.linalg.svd(self.at_end - self.at_start)
+        free = self.free
+        left, sizes, right = np.linalg.svd((self.at_end - self.at_start)[np.ix_(free, free)])
         kept = (sizes > 1e-10 * sizes[0]) & (np.arange(len(sizes)) < len(sizes) - self.sticks)
-        return np.asarray(right.T @ np.where(kept, -(left.T @ self.gap) / np.where(kept, sizes, 1.0), 0.0))
+        assert self.trace is not None
+        time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
+        later = np.array([np.interp(self.begun + period, time, values) for values in self.trace.states])
+        step = np.asarray((later - self.state) / self.scale)
+        step[free] = right.T @ np.where(kept, -(left.T @ self.gap[free]) / np.where(kept, sizes, 1.0), 0.0)
+        return step
+
+    @property
+    def felt(self) -> NDArray[np.bool_]:
+        """Whether the period depends on each state at the start of the run.
+
+        A uniform step takes a slider that slips, or touches nothing, to its limit, wherever it was before. So the
+        period does not depend on where the slider starts if it slips there a period later.
+        """
+        felt = np.ones(self.plant.order, dtype=bool)
+        if self.trace is not None and self.plant.contact_states == ("slider",):
+            time = self.trace.time
+            later = time > self.begun + (time[-1] - time[0]) - 1.01 * (time[1] - time[0])
+            felt[self.plant.slider] = np.any(np.abs(self.trace.contact_state[later] - 1.0) < 0.5)
+        return felt
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Whether each state is one of Newton's unknowns: all but a slider whose start has no influence."""
+        free = self.felt
+        if self.at_start is not None and self.plant.contact_states == ("slider",):
+            free[self.plant.slider] &= self.at_start[self.plant.slider, self.plant.slider] > FELT
+        return free
 
     @property
     def sticks(self) -> bool:
@@ -102,22 +132,38 @@ class Point:
         return held and self.trace is not None and bool(np.all(np.abs(self.trace.contact_state - 1.0) < 0.5))
 
     def remaining(self, step: Array) -> float:
-        """Return the size of a Newton step: of the state, and of what it changes of the mean forces."""
+        """Return the size of a Newton step: of the state, the gap that it leaves, and its change of the mean forces."""
+        assert self.at_start is not None
+        assert self.at_end is not None
         assert self.force_slope is not None
         motor = self.plant.motor
-        size = float(np.sqrt(np.mean(step**2)))
+        step = np.where(self.free, step, 0.0)
+        left = self.gap + (self.at_end - self.at_start) @ step
+        size = float(np.sqrt(np.mean(np.maximum(np.abs(step), np.abs(left)) ** 2)))
         if self.plant.law is None:
             return size
         force = max(motor.contact.preload_n, abs(float(self.trace.forces[0])) if self.trace else 0.0)
         changes = np.abs(self.force_slope @ step) / np.array([force, motor.contact.friction * force])
         return max(size, float(changes.max()))
 
-    def moved(self, begun: float) -> Point:
-        """Return the point with its period begun at another time in s, at the state that its orbit has there."""
+    def moved(self, begun: float, step: float | None = None) -> Point:
+        """Return the point with its period begun at another time in s, at the state that its orbit has there.
+
+        Args:
+            begun: time in s at which a run begins.
+            step: time step in s on the map to which the point moves, if it is another one. Where the contact slips, the
+                slider is beyond its limit by a distance that is proportional to the step.
+        """
         assert self.trace is not None
         time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
         at = time[0] + (begun - time[0]) % period
-        state = np.array([np.interp(at, time, values) for values in self.trace.states])
+        state = Akima1DInterpolator(time, self.trace.states, axis=1)(at)
+        if step is not None and self.plant.contact_states == ("slider",):
+            depth = max(1e-6 * float(np.interp(at, time, self.trace.penetration_um)), 0.0)
+            limit = contact_law.limit_ratio(self.plant.motor.contact) * depth
+            slider = state[self.plant.slider]
+            held = np.clip(slider, -limit, limit)
+            state[self.plant.slider] = held + (slider - held) * step / (time[1] - time[0])
         return replace(self, state=state, begun=begun, trace=None, step=None)
 
     def guess(self, other: Point) -> None:
@@ -128,7 +174,7 @@ class Point:
 
     def restart(self, state: Array) -> None:
         """Begin anew from a state."""
-        self.state, self.at_start, self.at_end, self.measured_end = state.copy(), None, None, None
+        self.state, self.trace, self.at_start, self.at_end, self.measured_end = state.copy(), None, None, None, None
 
     def judge(self) -> None:
         """Decide by the size of the next step whether the point is solved."""
@@ -141,16 +187,18 @@ class Point:
         assert self.step is not None
         if trace is None:
             return False
-        before, old, gap = float(np.linalg.norm(self.step)), self.trace, self.gap
+        before, old, gap = float(np.linalg.norm(self.step[self.free])), self.trace, self.gap
         self.trace = trace
         step = self.newton_step()
-        after = float(np.linalg.norm(step))
-        if self.remaining(step) > TOLERANCE and after > (GROWTH if self.iterations <= FREE_STEPS else 1.0) * before:
+        after = float(np.linalg.norm(step[self.free]))
+        moved = bool(np.any(np.abs(self.step[~self.free]) > NEAR))  # the slider, which Newton's step does not know
+        allowed = GROWTH if self.iterations <= FREE_STEPS else 1.0
+        if self.remaining(step) > TOLERANCE and after > allowed * before and not moved:
             self.trace = old
             return False
         self.stale = self.damping < 1.0 or after > CHORD * before
         if not self.stale:
-            self._update(self.damping * self.step, gap)
+            self._update(np.where(self.free, self.damping * self.step, 0.0), gap)
             step = self.newton_step()
         self.state, self.step = trial, step
         self.damping = min(1.0, 2.0 * self.damping)
@@ -162,7 +210,9 @@ class Point:
     @property
     def far(self) -> bool:
         """Whether the derivative was measured too far from the state to tell the multipliers."""
-        return self.measured_at is None or float(np.abs((self.state - self.measured_at) / self.scale).max()) > NEAR
+        if self.measured_at is None:
+            return True
+        return float(np.abs(((self.state - self.measured_at) / self.scale)[self.free]).max()) > NEAR
 
     def _update(self, step: Array, gap: Array) -> None:
         """Correct the derivative by what the last step, from a state with another gap, has shown (Broyden 1965)."""
@@ -172,7 +222,10 @@ class Point:
         self.at_end = self.at_end + np.outer(missed, step) / float(step @ step)
 
     def differentiate(self, traces: Sequence[Trace | None]) -> None:
-        """Take the derivatives from the traces of the perturbed states."""
+        """Take the derivatives from the traces of the perturbed states.
+
+        For a state that is not felt the point's own trace is given.
+        """
         base, near = self.trace, [trace for trace in traces if trace is not None]
         if base is None or len(near) < len(traces):
             self.failed = True
@@ -193,8 +246,10 @@ class Point:
         """
         assert self.at_start is not None
         assert self.measured_end is not None
+        free = np.ix_(self.free, self.free)
         # a slider that slips at the beginning of the period depends on nothing of the start: its multiplier is 0
-        monodromy = self.measured_end @ np.linalg.pinv(self.at_start, rcond=1e-8)
+        monodromy = np.zeros_like(self.at_start)
+        monodromy[free] = self.measured_end[free] @ np.linalg.pinv(self.at_start[free], rcond=1e-8)
         values = np.linalg.eigvals(monodromy).astype(complex)
         if self.sticks:
             values = np.delete(values, np.argmin(np.abs(values - 1.0)))
@@ -237,7 +292,7 @@ def start_point(plant: Plant) -> Point:
     slide = contact_law.limit_ratio(motor.contact) * contact_law.static_penetration(motor.contact)
     if plant.contact_states == ("slider",):  # where it does not slip it has followed the tip since rest
         followed = sum(mode.tip_x * (r - rest) for mode, r, rest in zip(motor.modes, state, _rest(plant), strict=False))
-        state[2 * n] = float(np.clip(followed, -slide, slide))
+        state[plant.slider] = float(np.clip(followed, -slide, slide))
     along = max(abs(mode.tip_x) * v for mode, v in zip(motor.modes, fastest, strict=True))
     towards = max(abs(mode.tip_y) * v for mode, v in zip(motor.modes, fastest, strict=True))
     carrier = []
@@ -287,7 +342,9 @@ class Shooting:
         for point, trace in zip(points, traces, strict=False):
             point.trace = trace
             point.failed = trace is None
-        self._differentiate(new, traces[len(points) :])
+        found = iter(traces[len(points) :])
+        for point in new:
+            point.differentiate([next(found) for _ in range(point.plant.order)])
         for point in points:
             if not point.failed:
                 point.step = point.newton_step()
@@ -312,16 +369,12 @@ class Shooting:
         self._renew([point for point in renewed if not point.failed])
 
     def _renew(self, points: Sequence[Point]) -> None:
-        self._differentiate(points, self.map.traces([copy for point in points for copy in _perturbed(point)]))
+        found = iter(self.map.traces([copy for point in points for copy in _perturbed(point)]))
+        for point in points:
+            point.differentiate([next(found) if felt else point.trace for felt in point.felt])
         for point in points:
             if not point.failed:
                 point.step = point.newton_step()
-
-    def _differentiate(self, points: Sequence[Point], traces: Sequence[Trace | None]) -> None:
-        place = 0
-        for point in points:
-            point.differentiate(traces[place : place + point.plant.order])
-            place += point.plant.order
 
     def search(self) -> None:
         """Solve all points: from the free stator, from a solved neighbour, and after the motion has run for a while.
@@ -429,6 +482,6 @@ def _rest(plant: Plant) -> Array:
 
 
 def _perturbed(point: Point) -> list[Copy]:
-    """Return copies of a point, each with one state changed by :data:`PERTURBATION` of its scale."""
-    states = point.state + PERTURBATION * np.diag(point.scale)
+    """Return copies of a point, each with one of the felt states changed by :data:`PERTURBATION` of its scale."""
+    states = point.state + PERTURBATION * np.diag(point.scale)[point.felt]
     return [Copy(point.plant, state, point.begun) for state in states]

@@ -397,11 +397,11 @@ def _between(points: Sequence[Point], period_map: PeriodMap, *, own: bool) -> li
     """
     first: list[Point | None] = list(points)
     if not own:
-        first = _corrected([point.moved(0.0) if point.done else None for point in points], period_map)
+        first = _corrected([point.moved(0.0, period_map.step) if point.done else None for point in points], period_map)
     copies = [[point] if point is not None and point.done else [] for point in first]
     for number in range(1, OFFSETS):
         begun = number / OFFSETS * period_map.step
-        moved = [several[0].moved(begun) if several else None for several in copies]
+        moved = [several[0].moved(begun, period_map.step) if several else None for several in copies]
         for several, copy in zip(copies, _corrected(moved, period_map), strict=True):
             several += [] if copy is None else [copy]
     return copies

@@ -68,6 +68,11 @@ class Plant:
         return len(self.contact_states)
 
     @property
+    def slider(self) -> int:
+        """Where the first state of the contact is."""
+        return 2 * self.modes
+
+    @property
     def mount(self) -> Mount | None:
         """The mount; a free tip has none."""
         return self.motor.mount if self.law else None

@@ -16,8 +16,9 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.analysis.dynamometer import UNITS, Dynamometer, off_beat
 from pyspice_runner.analysis.speed_torque import operating_point
-from pyspice_runner.analysis.steady import SteadyState
+from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.cli import run
+from pyspice_runner.model.drive import Load
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.setup import Setup
 
@@ -84,6 +85,19 @@ def test_a_steady_state_is_what_a_run_settles_to(motor: pr.Motor, drive: pr.TwoP
                 assert getattr(state, name) == pytest.approx(settled[name], abs=0.01), name
             elif name.startswith(("power", "apparent", "current", "damping", "dielectric", "normal_force")):
                 assert getattr(state, name) == pytest.approx(settled[name], rel=5e-3), name
+
+
+def test_a_slider_that_slips_as_a_run_begins_leaves_no_trace_in_the_result() -> None:
+    # the contact slips one way for almost all of the period, so that speed changes neither mean normal force nor decay
+    setup = [
+        Setup(MOTOR.updated({"mount": None}), DriveSource(DRIVE), Load(speed, 0.0)) for speed in np.linspace(-10, 8, 10)
+    ]
+    states = steady_states(setup)
+    assert all(state.stable for state in states)
+    forces = np.array([state.normal_force_n for state in states])
+    assert np.ptp(forces) < 1e-4 * forces.mean()
+    largest = np.array([abs(state.floquet_multipliers[0]) for state in states])
+    assert np.ptp(largest) < 1e-4
 
 
 @pytest.mark.parametrize("law", ["brush", "coulomb"])
