@@ -2,7 +2,7 @@
 """The command ``piezomotor``.
 
 Standard output carries the result, with ``--json`` one JSON object and nothing else. Progress and messages go to
-standard error. Exit status: 0 success, 1 outside of a tolerance that was given, 2 refused input, 3 the simulator
+standard error. Exit status: 0 success, 1 outside of a tolerance that was given, 2 invalid input, 3 the simulator
 failed, 128 plus the number of the signal that interrupted it: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
 """
 
@@ -12,7 +12,7 @@ import errno
 import os
 import sys
 import warnings
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from rich.table import Table
@@ -36,6 +36,7 @@ from pyspice_runner.commands.speed_torque import speed_torque
 from pyspice_runner.commands.steady import steady
 from pyspice_runner.commands.sweep import sweep
 from pyspice_runner.commands.track import track
+from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.interrupts import raised
 
 app = typer.Typer(
@@ -68,14 +69,14 @@ for command in (
 app.command(name="map")(map_points)
 
 FIRST_STEPS = (
-    ("Try first", (("report andersen2002", "a motor on one page"),)),
+    ("Try first", (("report bimodal40", "a motor on one page"),)),
     (
         "Then",
         (
-            ("simulate andersen2002 --plot run.png", "one run, plotted"),
-            ("export andersen2002 --output motor.lib", "a .subckt for SPICE"),
-            ("drive andersen2002 --driver half-bridge", "its driver's losses"),
-            ("admittance andersen2002 --state preloaded", "its impedance"),
+            ("simulate bimodal40 --plot run.png", "one run, plotted"),
+            ("export bimodal40 --output motor.lib", "a .subckt for SPICE"),
+            ("drive bimodal40 --driver half-bridge", "its driver's losses"),
+            ("admittance bimodal40 --state preloaded", "its impedance"),
         ),
     ),
     (
@@ -89,8 +90,21 @@ FIRST_STEPS = (
 )
 
 
+def _say_versions(wanted: bool) -> None:
+    """Write the versions of the package and of ngspice, and exit."""
+    if wanted:
+        sys.stdout.write(f"pyspice-runner {pr.__version__}, ngspice {ngspice_version()}\n")
+        raise typer.Exit
+
+
 @app.callback()
-def first_steps(context: typer.Context) -> None:
+def first_steps(
+    context: typer.Context,
+    version: Annotated[  # noqa: ARG001
+        bool,
+        typer.Option("--version", callback=_say_versions, is_eager=True, help="Show the versions and exit."),
+    ] = False,
+) -> None:
     """A SPICE model of a standing-wave piezomotor, run on ngspice."""
     if context.invoked_subcommand is not None:
         return

@@ -107,10 +107,15 @@ def test_the_deck_that_simulate_writes_runs_by_itself(tmp_path: Path) -> None:
 def test_the_command_alone_prints_the_first_steps() -> None:
     done = command()
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.index("Try first") < done.stdout.index("piezomotor report andersen2002")
+    assert done.stdout.index("Try first") < done.stdout.index("piezomotor report bimodal40")
     lines = done.stdout.splitlines()
     assert len(lines) <= 24  # one screen
     assert all(line.startswith(("  piezomotor", "Try", "Then", "Help", "A SPICE")) for line in lines if line.strip())
+
+
+def test_the_versions_are_those_of_the_package_and_of_ngspice(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--version"]) == 0
+    assert re.fullmatch(rf"pyspice-runner {re.escape(pr.__version__)}, ngspice \d+\S*\n", capsys.readouterr().out)
 
 
 def parsed(words: list[str]) -> None:

@@ -49,7 +49,7 @@ def admittance(
 ) -> None:
     """Compute the stator's two-port admittance and the equivalent circuit of each mode. Writes .csv, .nc or .json.
 
-    Example: piezomotor admittance andersen2002 --state preloaded --plot admittance.png
+    Example: piezomotor admittance bimodal40 --state preloaded --plot admittance.png
     """
     check_targets(output, (".csv", ".nc", ".json"), plot)
     with busy("ngspice sweeps the frequency"):

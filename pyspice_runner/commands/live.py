@@ -31,7 +31,7 @@ def live(
 ) -> None:
     """Write a page in which ngspice runs the motor in the browser: one file, without installation or network.
 
-    Example: piezomotor live andersen2002 --output live.html
+    Example: piezomotor live bimodal40 --output live.html
     """
     from pyspice_runner.view.live import engine_facts, save_live_page
 

@@ -60,7 +60,7 @@ def show(
 ) -> None:
     """Show a motor: its modes, groups, contact and rotor, in SI units.
 
-    Example: piezomotor show andersen2002 --plot modes.png
+    Example: piezomotor show bimodal40 --plot modes.png
     """
     check_targets(output, (".json", ".csv"), plot)
     loaded = load_changed(motor, changes)
@@ -107,7 +107,7 @@ def export(
     A motor becomes .subckt piezomotor a b com shaft, a fit .subckt resonator p n. Writes .lib (ngspice and LTspice),
     .asy (LTspice symbol), .kicad_sym (KiCad symbol), .s2p or .s1p (Touchstone) or .toml; without --output, the .lib.
 
-    Example: piezomotor export andersen2002 --output motor.lib
+    Example: piezomotor export bimodal40 --output motor.lib
     """
     from pyspice_runner.model.circuit_file import is_circuit_file
     from pyspice_runner.model.thermal import Thermal

@@ -60,7 +60,7 @@ def report(
 
     The page is self-contained. Without --output it is MOTOR.html.
 
-    Example: piezomotor report andersen2002 --output report.html
+    Example: piezomotor report bimodal40 --output report.html
     """
     if measured is None:
         refuse_idle(context, "without --measured", "connection", "columns", "through")

@@ -66,7 +66,7 @@ def simulate(
 ) -> None:
     """Run a motor from rest under preload. Writes .csv or .nc (waveforms), .json (summary) or .cir (the deck).
 
-    Example: piezomotor simulate andersen2002 --voltage 100 --duration 20e-3 --output run.csv --plot run.png
+    Example: piezomotor simulate bimodal40 --voltage 100 --duration 20e-3 --output run.csv --plot run.png
     """
     check_contact(context, contact)
     check_targets(output, (".csv", ".nc", ".json", ".cir"), plot)

@@ -48,7 +48,7 @@ def steady(
 ) -> int:
     """Find the periodic steady state and its stability. Writes .json, .csv or .nc (one period), .cir (its deck).
 
-    Example: piezomotor steady andersen2002 --voltage 50 --frequency 51.7e3 --speed 3 --json
+    Example: piezomotor steady bimodal40 --voltage 90 --speed 30 --json
     """
     check_contact(context, contact)
     check_targets(output, (".json", ".csv", ".nc", ".cir"), plot)

@@ -116,7 +116,7 @@ def track(
 
     Writes .json (result), .csv (frequency, phase and speed of each period) or .cir (the deck).
 
-    Example: piezomotor track andersen2002 --tracker pll --disturb load --plot track.png
+    Example: piezomotor track bimodal40 --tracker pll --disturb load --plot track.png
     """
     _refuse_idle(context, tracker, disturb, driver)
     check_targets(output, (".json", ".csv", ".cir"), plot)
