@@ -20,7 +20,7 @@ from rich.text import Text
 
 import pyspice_runner as pr
 from pyspice_runner.commands.admittance import admittance
-from pyspice_runner.commands.common import INTERRUPTED, complain, say, silence, written
+from pyspice_runner.commands.common import INTERRUPTED, complain, say, say_versions, silence, written
 from pyspice_runner.commands.compare import compare
 from pyspice_runner.commands.drive import drive
 from pyspice_runner.commands.fit import fit
@@ -36,7 +36,6 @@ from pyspice_runner.commands.speed_torque import speed_torque
 from pyspice_runner.commands.steady import steady
 from pyspice_runner.commands.sweep import sweep
 from pyspice_runner.commands.track import track
-from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.interrupts import raised
 
 app = typer.Typer(
@@ -90,19 +89,12 @@ FIRST_STEPS = (
 )
 
 
-def _say_versions(wanted: bool) -> None:
-    """Write the versions of the package and of ngspice, and exit."""
-    if wanted:
-        sys.stdout.write(f"pyspice-runner {pr.__version__}, ngspice {ngspice_version()}\n")
-        raise typer.Exit
-
-
 @app.callback()
 def first_steps(
     context: typer.Context,
     version: Annotated[  # noqa: ARG001
         bool,
-        typer.Option("--version", callback=_say_versions, is_eager=True, help="Show the versions and exit."),
+        typer.Option("--version", callback=say_versions, is_eager=True, help="Show the versions and exit."),
     ] = False,
 ) -> None:
     """A SPICE model of a standing-wave piezomotor, run on ngspice."""

@@ -35,6 +35,7 @@ from rich.progress import (
 from rich.table import Table
 
 import pyspice_runner as pr
+from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.model.load import changed_motor
 from pyspice_runner.result import Result as _Result
@@ -49,6 +50,13 @@ _ELSEWHERE = " Choose another place."  # the end of the sentence about a file th
 INTERRUPTED = 130  # the status of a command that delivers what it has done; another signal than SIGINT changes it
 
 written: list[str] = []  # the files that this command has completed
+
+
+def say_versions(wanted: bool) -> None:
+    """Write the versions of the package and of ngspice, and exit."""
+    if wanted:
+        sys.stdout.write(f"pyspice-runner {pr.__version__}, ngspice {ngspice_version()}\n")
+        raise typer.Exit
 
 
 def complete_motor(incomplete: str) -> list[str]:
