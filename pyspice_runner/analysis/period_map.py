@@ -75,6 +75,7 @@ class PeriodMap:
         period: period in s.
         steps: number of uniform steps in it.
         timeout: wall time in s after which a run of ngspice is ended.
+        workers: number of decks that run at a time.
         runs: number of runs of ngspice.
         evaluations: number of states that were mapped.
         seconds: wall time in s that ngspice took, summed over the runs.
@@ -84,6 +85,7 @@ class PeriodMap:
     period: float
     steps: int
     timeout: float | None = None
+    workers: int = field(default_factory=cores)
     runs: int = 0
     evaluations: int = 0
     seconds: float = 0.0
@@ -134,7 +136,7 @@ class PeriodMap:
             return []
         self.evaluations += len(copies)
         self.simulated_s += len(copies) * duration
-        workers = cores()
+        workers = self.workers
         decks = ceil(len(copies) / COPIES_PER_DECK)
         decks = max(ceil(decks / workers) * workers if decks > 1 else 1, min(workers, len(copies) // 4))
         parts = [part.tolist() for part in np.array_split(np.arange(len(copies)), decks)]

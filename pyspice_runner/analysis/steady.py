@@ -249,9 +249,11 @@ def steady_states(
         law = setup.law.to_dict().values() if setup.law else ()
         groups.setdefault((drive.period, *law), []).append(place)
     starts = starts or [None] * len(setups)
+    workers = max(1, cores() // max(len(groups), 1))  # of each group, since the groups run side by side
 
     def solved(places: list[int]) -> list[SteadyState]:
-        return _solve([setups[place] for place in places], accuracy, waveforms, [starts[place] for place in places])
+        some = [setups[place] for place in places]
+        return _solve(some, accuracy, waveforms, [starts[place] for place in places], workers)
 
     found: dict[int, SteadyState] = {}
     with ThreadPoolExecutor(cores()) as pool:
@@ -294,7 +296,7 @@ def _drive(setup: Setup) -> Drive:
 
 
 def _solve(
-    setups: Sequence[Setup], accuracy: float, waveforms: bool, starts: Sequence[Point | None]
+    setups: Sequence[Setup], accuracy: float, waveforms: bool, starts: Sequence[Point | None], workers: int
 ) -> list[SteadyState]:
     """Solve points whose drives have the same period, under the same law."""
     period = _drive(setups[0]).period
@@ -303,7 +305,7 @@ def _solve(
     timeout = setups[0].solver.timeout
     steps = 2 * ceil(0.5 * period / finest - 1e-9)
     coarse = max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
-    maps = [PeriodMap(period, coarse, timeout)]
+    maps = [PeriodMap(period, coarse, timeout, workers)]
     plants: list[Plant] = []
     same: dict[int, Drive] = {}
     for setup in setups:
@@ -340,7 +342,7 @@ def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accurac
         if not pending:
             break
         before = level
-        maps.append(PeriodMap(maps[0].period, steps * 2**refinement, maps[0].timeout))
+        maps.append(PeriodMap(maps[0].period, steps * 2**refinement, maps[0].timeout, maps[0].workers))
         level = [[] for _ in points]
         for place, several in zip(
             pending, _between([points[place] for place in pending], maps[-1], own=False), strict=True
