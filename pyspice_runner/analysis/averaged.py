@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -111,20 +112,7 @@ class AveragedRun(Result):
 
     @property
     def _doubts(self) -> tuple[str, ...]:
-        found = []
-        check, opened = float(self.curves["check"].max()), float(self.curves["separated"].max())
-        if check > TRUSTED_CHECK:
-            found.append(
-                f"The harmonics that the averaged model leaves out move the tip by {check:.2g} of its static "
-                f"penetration or limit of stick; up to {TRUSTED_CHECK:g} is accurate. Give more harmonics, or use "
-                "simulate."
-            )
-        if opened > TRUSTED_OPEN:
-            found.append(
-                f"The contact is open for up to {100.0 * opened:.3g} % of the period, where the averaged model is less "
-                "accurate. Compare with simulate, or give more phases and harmonics."
-            )
-        return tuple(found)
+        return doubts(float(self.curves["check"].max()), float(self.curves["separated"].max()))
 
     @property
     def cautions(self) -> tuple[str, ...]:
@@ -166,6 +154,22 @@ class AveragedRun(Result):
             "audit": self.audit.to_dict(),
             **self.provenance,
         }
+
+
+def doubts(check: float, opened: float) -> tuple[str, ...]:
+    """Return what the greatest check and the greatest share of open contact say against an averaged run."""
+    found = []
+    if check > TRUSTED_CHECK:
+        found.append(
+            f"The harmonics that the averaged model leaves out move the tip by {check:.2g} of its static penetration "
+            f"or limit of stick; up to {TRUSTED_CHECK:g} is accurate. Give more harmonics, or use the full motor."
+        )
+    if opened > TRUSTED_OPEN:
+        found.append(
+            f"The contact is open for up to {100.0 * opened:.3g} % of the period, where the averaged model is less "
+            "accurate. Compare with the full motor, or give more phases and harmonics."
+        )
+    return tuple(found)
 
 
 @checked
@@ -227,7 +231,7 @@ def simulate_averaged(
     outcome = transient(
         bench, _vectors(motor, harmonics, thermal), step=drive.period, longest=duration / LONGEST_STEPS,
         duration=duration, timeout=timeout,
-        progress=None if progress is None else lambda reached: progress(reached / duration, float("nan")),
+        progress=None if progress is None else _telling(progress, duration),
     )  # fmt: skip
     columns, residual = _columns(motor, outcome, harmonics)
     return AveragedRun(
@@ -246,13 +250,23 @@ def simulate_averaged(
                 "thermal": None if thermal is None else thermal.model_dump(),
             },
             "deck_sha256": outcome.deck_sha256,
-            **_ceramic(motor, outcome.vectors(), harmonics),
+            **averaged_ceramic(motor, outcome.vectors(), harmonics),
         },
         deck=outcome.deck,
     )  # fmt: skip
 
 
-def _ceramic(motor: Motor, samples: Mapping[str, Array], harmonics: int) -> dict[str, Any]:
+def _telling(progress: Callable[[float, float], object], duration: float) -> Callable[[float], None]:
+    begun = perf_counter()
+
+    def tell(reached: float) -> None:
+        done = min(reached / duration, 1.0)
+        progress(done, (perf_counter() - begun) * (1.0 - done) / max(done, 1e-9))
+
+    return tell
+
+
+def averaged_ceramic(motor: Motor, samples: Mapping[str, Array], harmonics: int) -> dict[str, Any]:
     """Return strain, stress and temperature rise at the end: static bending and all amplitudes at once are a bound."""
     normal = float(samples["v(xmotor.normal)"][-1])
     amplitudes = []

@@ -6,6 +6,7 @@ The circuit holds the tracker's own filter; stator, detector and oscillator are 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from math import pi, radians
 from typing import Any
@@ -80,6 +81,30 @@ def loop_design(
         start_frequency=tracker.bandwidth_hz / 10**_DECADES, stop_frequency=tracker.bandwidth_hz * 10**_DECADES,
     ).phasors()  # fmt: skip
     return _crossing(tracker, loop_filter, vectors["frequency"].real, -vectors["v(control)"])
+
+
+def averaged_loop(
+    tracker: Tracker, loop_filter: LoopFilter, bench: Bench, guess: Mapping[str, float]
+) -> LoopDesign:  # fmt: skip
+    """Return the loop gain with an averaged motor, from ``.ac`` about its operating point.
+
+    Args:
+        tracker: the tracker.
+        loop_filter: the filter.
+        bench: of the averaged motor with the loop open.
+        guess: voltages of nodes near the operating point.
+
+    Raises:
+        SimulationError: as of :func:`loop_design`.
+    """
+    vectors = ac(
+        bench, ["v(phase)"], guess=guess, variation="dec", number_of_points=POINTS_PER_DECADE,
+        start_frequency=tracker.bandwidth_hz / 10**_DECADES, stop_frequency=tracker.bandwidth_hz * 10**_DECADES,
+    ).phasors()  # fmt: skip
+    frequency = vectors["frequency"].real
+    impedance = np.array([loop_filter.impedance(2j * pi * at) for at in frequency.tolist()])
+    pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
+    return _crossing(tracker, loop_filter, frequency, -pump * impedance * vectors["v(phase)"])
 
 
 def _crossing(tracker: Tracker, loop_filter: LoopFilter, frequency: Array, gain: NDArray[np.complex128]) -> LoopDesign:

@@ -13,13 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.analysis.loop import LoopDesign, loop_design
+from pyspice_runner.analysis.averaged import averaged_ceramic, doubts
+from pyspice_runner.analysis.loop import LoopDesign, averaged_loop, loop_design
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.model.tracking import StatorLag
+from pyspice_runner.netlist.averaged import HARMONICS, check_averaged
+from pyspice_runner.netlist.averaged_tracker import averaged_tracked_bench, check_averaged_tracker
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.trackers import (
@@ -33,7 +36,7 @@ from pyspice_runner.netlist.trackers import (
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_contact
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
-from pyspice_runner.run.kernel import Outcome
+from pyspice_runner.run.kernel import Outcome, transient
 from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.steps import MOST_POINTS
@@ -45,6 +48,9 @@ LOCKED_DEG = 20.0  # closer to the phase wanted is locked: a resonator has 94 % 
 LOST_DEG = 60.0  # farther, a tracker that was locked has lost it: half the amplitude
 SMOOTHED_PERIODS = 20  # over which phase and speed are averaged
 STALL_TIME_S = 6e-3
+LONGEST = 1e5  # s, of an averaged run
+LONGEST_STEPS = 50  # of its duration: ngspice's longest step
+POINTS_TO_COME = 1000  # at which the speed of an averaged run is read to judge what is to come
 
 
 @dataclass(frozen=True, repr=False)
@@ -68,7 +74,7 @@ class Tracking(Result):
         to_come: by how much the speed would still change if the run went on, relative, judged from what came after the
             disturbance; ``None`` where that is too short to tell, or for a held shaft.
         lag: resonance and loaded quality factor of the mode that were designed for.
-        loop: the phase-locked loop's design; ``None`` for other trackers.
+        loop: the phase-locked loop's design; ``None`` for other trackers, and for an averaged one that is not locked.
         settings: motor, tracker, disturbance and run, JSON-ready.
         time_s: middle of each period.
         frequency_hz: frequency of each period.
@@ -79,6 +85,9 @@ class Tracking(Result):
         deck: the netlist that was run.
         audit: outcome of the physical audit; it has findings only where ``audit=False`` was given.
         ceramic: strain, stress and temperature rise of the ceramic, and ``warnings``; empty where not measured.
+        temperature_k: of the stator above that at which its parameters hold; of an averaged run only. Its points are
+            those that ngspice chose.
+        doubts: what the check of the averaged model says against the run.
     """
 
     locked: bool
@@ -105,6 +114,8 @@ class Tracking(Result):
     deck: str = field(repr=False)
     audit: Audit = field(default_factory=Audit)
     ceramic: dict[str, Any] = field(default_factory=dict)
+    temperature_k: Array | None = field(default=None, repr=False)
+    doubts: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result, JSON-ready."""
@@ -124,6 +135,7 @@ class Tracking(Result):
             "solver_seconds": self.solver_seconds,
             "ngspice_version": self.ngspice_version,
             "audit": self.audit.to_dict(),
+            **({} if self.temperature_k is None else {"temperature_k": float(self.temperature_k[-1])}),
             **self.ceramic,
         }
 
@@ -137,14 +149,15 @@ class Tracking(Result):
     @property
     def cautions(self) -> tuple[str, ...]:
         """Findings of the audit, and whether the speed has not settled."""
-        moving = self.settled is False
+        moving = self.settled is False and self.settings["disturbance"]["kind"] != "warm-up"
         told = ["The speed has not settled at the end of the run: run it longer."] * moving
-        return (*self.audit.findings, *told, *self.ceramic.get("warnings", ()))
+        return (*self.audit.findings, *self.doubts, *told, *self.ceramic.get("warnings", ()))
 
     def columns(self) -> dict[str, Array]:
-        """Return frequency, phase and speed of each period, over the time."""
+        """Return frequency, phase and speed of each period, over the time; of an averaged run the temperature too."""
         names = ("time_s", "frequency_hz", "phase_deg", "rotor_speed_rad_s")
-        return {name: getattr(self, name) for name in names}
+        heated = {} if self.temperature_k is None else {"temperature_k": self.temperature_k}
+        return {name: getattr(self, name) for name in names} | heated
 
     def summary(self) -> dict[str, str]:
         """Return whether and when it locked, the phase error, and the speeds before and after the disturbance."""
@@ -180,16 +193,20 @@ def track(
     step: float | None = None,
     driver: Driver | None = None,
     sliders: int = SLIDERS,
+    averaged: bool = False,
     timeout: float | None = None,
     audit: bool = True,
 ) -> Tracking:
     """Let a tracker follow a mode of a motor from rest, and disturb it.
 
+    The averaged motor takes seconds for minutes of motor time, with a ``"pll"`` or no tracker; ``docs/averaged.md``.
+
     Args:
         motor: the motor.
         tracker: the tracker and its two-phase drive; ``tracker.offset`` is by how much it starts off.
         disturb: ``"start"``: nothing but the start; ``"target"``: a step of the phase wanted; ``"load"``: a torque;
-            ``"preload"``: another static normal force; ``"temperature"``: a drift of all frequencies.
+            ``"preload"``: another static normal force; ``"temperature"``: a drift of all frequencies; ``"warm-up"``, of
+            the averaged motor: the losses heat the stator.
         mode: index of the mode to follow, from 0; by default the last.
         contact: law of the contact; ``None`` for a free tip.
         begin: when the disturbance begins, s; by default when the tracker has settled.
@@ -198,13 +215,16 @@ def track(
         preload_change: relative change of the preload.
         drift: relative drift of the frequencies.
         drift_time: time that it takes, s.
-        thermal: coefficients of what drifts along with the frequencies; by default nothing does.
+        thermal: coefficients of what drifts along with the frequencies; by default nothing does. Of a warm-up, all
+            values; by default those of :class:`Thermal`.
         target_step: step of the phase that a phase-locked loop is to hold, degrees.
         speed: if given, the shaft is held at this speed, rad/s.
         step: largest time step, s; by default 1/200 of the period of the fastest motion.
         driver: driver circuit through which the tracker drives the motor. Its voltages and phase are then those of the
             drive; the tracker sets its frequency, and senses behind it, at the pins.
         sliders: number of sliders of the brush.
+        averaged: whether the averaged motor is tracked. ``loop`` is then that of its ``.ac`` at the end of the run, at
+            the speed that is reached; ``None`` if the tracker is not locked.
         timeout: wall time in s after which a run is ended.
         audit: whether a run whose contact fails the physical audit is an error. If not, ``audit`` of the
             result has the findings.
@@ -215,18 +235,13 @@ def track(
     """
     law = law_of(contact, sliders)
     mode = len(motor.modes) - 1 if mode is None else mode
-    if mode not in range(len(motor.modes)):
-        raise ParameterError(f"mode = {mode} is not valid; {motor.name} has the modes 0 to {len(motor.modes) - 1}.")
-    if contact is None and disturb in ("load", "preload"):
-        raise ParameterError(f"disturb = {disturb!r} needs a rotor; give a contact law.")
-    if disturb == "target" and tracker.kind != "pll":
-        raise ParameterError(
-            f"disturb = 'target' is not valid for the tracker {tracker.kind!r}; only a pll has a target."
-        )
-    if speed is not None and disturb == "load":
-        raise ParameterError(
-            "speed and disturb = 'load' exclude each other: a shaft held at a speed takes any torque. Give one."
-        )
+    _check_together(motor, tracker, mode, disturb, contact, speed)
+    if averaged:
+        check_averaged(contact)
+        if step is not None:
+            raise ParameterError("step has no effect on an averaged run, whose steps ngspice chooses. Leave it out.")
+    elif disturb == "warm-up":
+        raise ParameterError("disturb = 'warm-up' takes minutes of motor time: give averaged=True, or 'temperature'.")
     lag = tracked_lag(motor, tracker, mode, contact=law is not None)
     loop_filter = tracker_filter(tracker, lag)
     source = TrackedSource(tracker, mode, loop_filter, driver)
@@ -234,14 +249,16 @@ def track(
     begin = _settled(tracker, disturb) if begin is None else begin
     stall = None
     if disturb == "load" and load_torque is None:
-        stall = _stall_torque(setup)
+        stall = _stall_torque(setup)  # of the full motor
         load_torque = 0.5 * stall
     disturbance = Disturbance(
         disturb, begin, load_torque or 0.0, preload_change, drift, drift_time,
-        thermal if disturb == "temperature" else None, target_step if disturb == "target" else 0.0,
+        thermal if disturb in ("temperature", "warm-up") else None, target_step if disturb == "target" else 0.0,
     )  # fmt: skip
     if duration is None:
         duration = begin if disturb == "start" else disturbance.end_s + {"temperature": 2e-3}.get(disturb, 12e-3)
+    if averaged:
+        return _averaged(setup, replace(source, disturbance=disturbance), disturbance, duration, lag, stall)
     setup = replace(setup, source=replace(source, disturbance=disturbance), disturbance=disturbance)
     _check_duration(setup, duration)
     seen = disturbance.end_s + 2 * SMOOTHED_PERIODS / tracker.frequency
@@ -271,6 +288,24 @@ def track(
     )
     window = Window(vectors["time"], 1.0 / found.end_frequency_hz)
     return replace(found, audit=audited, ceramic=ceramic(motor, setup.discretisation, vectors, power, window))
+
+
+def _check_together(
+    motor: Motor, tracker: Tracker, mode: int, disturb: DisturbanceKind, contact: ContactLaw | None, speed: float | None
+) -> None:  # fmt: skip
+    """Raise a ParameterError for arguments that exclude each other."""
+    if mode not in range(len(motor.modes)):
+        raise ParameterError(f"mode = {mode} is not valid; {motor.name} has the modes 0 to {len(motor.modes) - 1}.")
+    if contact is None and disturb in ("load", "preload"):
+        raise ParameterError(f"disturb = {disturb!r} needs a rotor; give a contact law.")
+    if disturb == "target" and tracker.kind != "pll":
+        raise ParameterError(
+            f"disturb = 'target' is not valid for the tracker {tracker.kind!r}; only a pll has a target."
+        )
+    if speed is not None and disturb == "load":
+        raise ParameterError(
+            "speed and disturb = 'load' exclude each other: a shaft held at a speed takes any torque. Give one."
+        )
 
 
 @checked
@@ -342,6 +377,55 @@ def measured_loop_gain(
     return complex(-after / before)
 
 
+def _averaged(
+    setup: Setup, source: TrackedSource, disturbance: Disturbance, duration: float, lag: StatorLag, stall: float | None
+) -> Tracking:  # fmt: skip
+    """Track the averaged motor."""
+    motor, tracker = setup.motor, source.tracker
+    check_averaged_tracker(source, disturbance)
+    least = 2 * SMOOTHED_PERIODS / tracker.frequency
+    if not least <= duration <= LONGEST:
+        raise ParameterError(f"duration = {duration:g} s is not valid: it must be from {least:.3g} to {LONGEST:g} s.")
+    bench = averaged_tracked_bench(motor, source, disturbance, setup.load)
+    outcome = transient(
+        bench, ["all"], step=source.period, duration=duration, longest=duration / LONGEST_STEPS,
+        timeout=setup.solver.timeout,
+    )  # fmt: skip
+    vectors = outcome.vectors()
+    own, volts, time = motor.modes[source.mode], tracker.phasors(), vectors["time"]
+    velocity = _complex(vectors, f"v(xmotor.xmode{source.mode + 1}_1.v_{{}})")
+    force = own.coupling_a_n_per_v * volts["a"] + own.coupling_b_n_per_v * volts["b"]
+    periods = _Periods(
+        time, vectors["v(tuned)"], np.degrees(np.angle(velocity / force)), vectors["v(shaft)"], np.gradient(time)
+    )
+    last = outcome.last()
+    drifting = disturbance.drifting
+    found = _judge(replace(setup, source=source, disturbance=disturbance), duration, lag, None, periods, stall, outcome)
+    loop = None
+    if found.locked:
+        held = averaged_tracked_bench(
+            motor, replace(source, tracker=tracker.model_copy(update={"target_deg": last["v(target)"]})),
+            Disturbance("start"), Load(last["v(shaft)"]), frozen=(last["v(control)"], last.get("v(temperature)", 0.0)),
+            thermal=drifting,
+        )  # fmt: skip
+        guess = {name[2:-1]: value for name, value in last.items() if name.startswith("v(xmotor.")}
+        loop = averaged_loop(tracker, source.loop_filter, held, guess)
+    found.settings["run"] = {
+        name: found.settings["run"][name] for name in ("duration_s", "contact", "speed_rad_s", "mode", "deck_sha256")
+    } | {"averaged": True}
+    return replace(
+        found,
+        loop=loop,
+        temperature_k=vectors["v(temperature)"] if drifting else np.zeros(len(time)),
+        doubts=doubts(float(vectors["v(xmotor.check)"].max()), float(vectors["v(xmotor.open)"].max())),
+        ceramic=averaged_ceramic(motor, vectors, HARMONICS),
+    )
+
+
+def _complex(vectors: dict[str, Array], name: str) -> Any:
+    return vectors[name.format("re")] + 1j * vectors[name.format("im")]
+
+
 def _settled(tracker: Tracker, disturb: str) -> float:
     """Return a time after which a tracker should have settled, or for a start, how long to watch it."""
     if tracker.kind == "pll":
@@ -365,8 +449,12 @@ def _stall_torque(setup: Setup) -> float:
     return float(setup.motor.rotor.radius_m * friction)
 
 
-def _to_come(time: Array, speed: Array, begin: float) -> float | None:
-    """Return by how much the speed, a value for each period, would still change after the disturbance, relative."""
+def _to_come(periods: _Periods, begin: float) -> float | None:
+    """Return by how much the speed would still change after the disturbance, relative."""
+    time, speed = periods.time, periods.speed
+    if periods.weight is not None:
+        time = np.linspace(begin, time[-1], POINTS_TO_COME)
+        speed = np.interp(time, periods.time, speed)
     since = time >= begin
     change = change_to_come(time[since], speed[since], float(np.mean(np.diff(time[since]))))
     scale = abs(float(np.mean(speed[-SMOOTHED_PERIODS:]))) + ROUNDING_RAD_S
@@ -393,6 +481,15 @@ class _Periods:
     frequency: Array
     phase: Array
     speed: Array
+    weight: Array | None = None  # time that each point stands for, of an averaged run; None for periods
+
+    def smoothed(self, values: Array) -> Array:
+        """Return means over 20 periods; an averaged run has no ripple."""
+        return values if self.weight is not None else _smoothed(values)
+
+    def mean(self, values: Array, where: Any) -> float:
+        """Return a mean over the time."""
+        return float(np.average(values[where], weights=None if self.weight is None else self.weight[where]))
 
 
 def _periods(vectors: dict[str, Array], mode: int) -> _Periods:
@@ -435,15 +532,17 @@ def _judge(
     assert disturbance is not None
     tracker = source.tracker
     wanted = tracker.wanted_deg + disturbance.target_step_deg * (time > disturbance.begin_s)
-    error = _smoothed(periods.phase - wanted)
-    speed = _smoothed(periods.speed)
-    disturbed = disturbance.kind != "start"
+    error = periods.smoothed(periods.phase - wanted)
+    speed = periods.smoothed(periods.speed)
+    disturbed = disturbance.kind not in ("start", "warm-up")
     begin = disturbance.begin_s if disturbed else float(time[-1])
+    averaged = periods.weight is not None
     before = np.flatnonzero(time <= begin)
-    if before.size < 2 * SMOOTHED_PERIODS:
+    earliest = int(np.searchsorted(time, SMOOTHED_PERIODS / tracker.frequency)) if averaged else SMOOTHED_PERIODS
+    if begin < 2 * SMOOTHED_PERIODS / tracker.frequency if averaged else before.size < 2 * SMOOTHED_PERIODS:
         raise ParameterError(f"begin = {begin:g} s is not valid; the disturbance needs 40 periods before it.")
     far = np.flatnonzero(np.abs(error[before]) > LOCKED_DEG)
-    first = int(far[-1]) + 1 if far.size else SMOOTHED_PERIODS
+    first = int(far[-1]) + 1 if far.size else earliest
     # locked for the last tenth before the disturbance at least
     acquired = first < before.size and time[first] <= 0.9 * begin
     lock_time = float(time[first]) if acquired else None
@@ -452,7 +551,7 @@ def _judge(
     kept = bool(acquired and np.all(np.abs(error[since]) < LOST_DEG))
     tracked = tracker.kind != "none"
     locked = bool(tracked and kept and np.all(np.abs(error[last]) < LOCKED_DEG))
-    end_phase = float(np.mean((periods.phase)[last]))
+    end_phase = periods.mean(periods.phase, last)
     detuning = lag.detuning_hz(min(max(end_phase, -89.9), 89.9)) - lag.detuning_hz(float(wanted[-1]))
     speed_before = float(speed[before[-1]])
     since_begin = speed[before[-1] :] if disturbed else speed[-1:]
@@ -460,13 +559,13 @@ def _judge(
         locked=locked,
         lock_time_s=lock_time if tracked else None,
         kept_lock=kept,
-        rms_phase_error_deg=sqrt(float(np.mean((periods.phase - wanted)[since] ** 2))),
+        rms_phase_error_deg=sqrt(periods.mean((periods.phase - wanted) ** 2, since)),
         worst_phase_error_deg=float(np.abs(error[since]).max()),
         residual_detuning_hz=detuning,
-        end_frequency_hz=float(np.mean(periods.frequency[last])),
+        end_frequency_hz=periods.mean(periods.frequency, last),
         speed_before_rad_s=speed_before,
         speed_after_rad_s=float(speed[-1]),
-        to_come=_to_come(time, periods.speed, begin if disturbed else 0.0) if setup.load.speed is None else None,
+        to_come=_to_come(periods, begin if disturbed else 0.0) if setup.load.speed is None else None,
         speed_lost_rad_s=float(speed_before - since_begin.min()),
         stall_torque_n_m=stall,
         lag=lag,

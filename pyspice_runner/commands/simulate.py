@@ -19,7 +19,6 @@ from pyspice_runner.commands.common import (
     PlotOption,
     SetOption,
     TimeoutOption,
-    busy,
     caution,
     check_targets,
     deliver,
@@ -74,10 +73,10 @@ def simulate(
     excitation = drive.stated(loaded)
     if averaged:
         refuse_idle(context, "with --averaged", *_OF_CYCLES)
-        with busy("ngspice runs the averaged motor"):
+        with run_progress("ngspice runs the averaged motor") as progress:
             mean = pr.simulate_averaged(
                 loaded, excitation, duration, contact=contact, speed=speed, load_torque=load_torque,
-                timeout=timeout,
+                progress=progress, timeout=timeout,
             )  # fmt: skip
         warn_of(mean.cautions)
         title = f"{loaded.name}, averaged, {excitation.label}, {duration:.6g} s"

@@ -61,6 +61,7 @@ class DisturbName(StrEnum):
     load = "load"
     preload = "preload"
     temperature = "temperature"
+    warm_up = "warm-up"
 
 
 def track(
@@ -105,6 +106,9 @@ def track(
     contact: ContactOption = DEFAULT_LAW,
     begin: Annotated[float | None, typer.Option(help="Start of the disturbance, s.")] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated time, s.")] = None,
+    averaged: Annotated[
+        bool, typer.Option("--averaged", help="Track the averaged motor: minutes of motor time in seconds.")
+    ] = False,
     timeout: TimeoutOption = None,
     audit: AuditOption = True,
     changes: SetOption = None,
@@ -152,6 +156,7 @@ def track(
             drift_time=drift_time,
             target_step=target_step,
             thermal=pr.Thermal() if all_drift else None,
+            averaged=averaged,
             timeout=timeout,
             audit=audit,
         )
@@ -169,7 +174,7 @@ _OF_DISTURBANCES = {
     ("preload_change",): {DisturbName.preload},
     ("target_step",): {DisturbName.target},
     ("drift", "drift_time", "all_drift"): {DisturbName.temperature},
-    ("begin",): set(DisturbName) - {DisturbName.start},
+    ("begin",): set(DisturbName) - {DisturbName.start, DisturbName.warm_up},
 }
 
 
@@ -216,6 +221,8 @@ def _table(motor: pr.Motor, found: Tracking) -> Table:
     table.add_row("residual detuning", engineering(found.residual_detuning_hz, "Hz"))
     table.add_row("frequency at the end", f"{found.end_frequency_hz / 1e3:.6g} kHz")
     table.add_row("speed before, after", f"{found.speed_before_rad_s:.3g}, {found.speed_after_rad_s:.3g} rad/s{remark}")
+    if found.temperature_k is not None:
+        table.add_row("temperature rise at the end", f"{found.temperature_k[-1]:.3g} K")
     table.add_row("speed lost", f"{found.speed_lost_rad_s:.3g} rad/s")
     if found.stall_torque_n_m is not None:
         table.add_row("stall torque", engineering(found.stall_torque_n_m, "N·m"))

@@ -33,7 +33,7 @@ from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import dielectric_admittance, instantiate
 
 TrackerKind = Literal["none", "pll", "observe-current", "observe-power"]
-DisturbanceKind = Literal["start", "target", "load", "preload", "temperature"]
+DisturbanceKind = Literal["start", "target", "load", "preload", "temperature", "warm-up"]
 
 RAIL = 5.0  # V, range of the control voltage
 # Digital events shorten the steps; ngspice's error control is switched off, as with uniform steps. The nodes have some
@@ -85,6 +85,11 @@ class Tracker(Stated):
         return 2.0 * self.span * self.frequency / RAIL
 
     @property
+    def tuned_hz(self) -> dict[str, float]:
+        """Least and greatest frequency of the oscillator."""
+        return {"least": self.frequency * (1.0 - self.span), "greatest": self.frequency * (1.0 + self.span)}
+
+    @property
     def start_v(self) -> float:
         """Control voltage at the start."""
         return RAIL / 2.0 + self.offset * self.frequency / self.gain_hz_per_v
@@ -104,7 +109,8 @@ class Disturbance:
     """A disturbance of a tracked motor.
 
     Attributes:
-        kind: ``"start"``: only the start; ``"target"``, ``"load"``, ``"preload"`` or ``"temperature"``.
+        kind: ``"start"``: only the start; ``"target"``, ``"load"``, ``"preload"`` or ``"temperature"``; ``"warm-up"``
+            by the losses, of the averaged motor only.
         begin_s: time in s at which it begins.
         load_torque_n_m: load torque after the step.
         preload_change: relative change of the static normal force.
@@ -145,9 +151,16 @@ class Disturbance:
         return self.thermal or Thermal(coupling_drift_per_k=0.0, capacitance_drift_per_k=0.0)
 
     @property
+    def drifting(self) -> Thermal | None:
+        """Coefficients by which the motor drifts; ``None`` if it does not."""
+        return {"temperature": self.coefficients, "warm-up": self.thermal or Thermal()}.get(self.kind)
+
+    @property
     def end_s(self) -> float:
         """Time in s at which it has ended."""
-        return self.begin_s + {"start": 0.0, "target": 0.0, "temperature": self.drift_time_s}.get(self.kind, STEP_TIME)
+        return self.begin_s + {"start": 0.0, "warm-up": 0.0, "target": 0.0, "temperature": self.drift_time_s}.get(
+            self.kind, STEP_TIME
+        )
 
 
 def mode_force(motor: Motor, tracker: Tracker, mode: int) -> float:
@@ -184,6 +197,17 @@ def weights(motor: Motor, mode: int) -> dict[str, float]:
         "force_a": float(forces[0]), "force_b": float(forces[1]),
         "current_a": float(currents[0]), "current_b": float(currents[1]),
     }  # fmt: skip
+
+
+def sensing(motor: Motor, tracker: Tracker, mode: int) -> dict[str, float]:
+    """Return the copies of the clamped capacitances and the weights by which a tracker senses a mode."""
+    copies = {}
+    for group in GROUPS:
+        impedance = 1.0 / dielectric_admittance(motor, group, tracker.frequency)
+        capacitance = -1.0 / (2.0 * pi * tracker.frequency * impedance.imag)
+        copies[f"capacitance_{group}"] = capacitance * (1.0 + tracker.capacitance_error)
+        copies[f"resistance_{group}"] = impedance.real
+    return copies | weights(motor, mode)
 
 
 @dataclass(frozen=True)
@@ -262,8 +286,7 @@ class TrackedSource:
         circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
         instantiate(
             circuit, "oscillator", "tracker_oscillator", ("tuning", "sine", "cosine", "tuned"),
-            least=tracker.frequency * (1.0 - tracker.span), greatest=tracker.frequency * (1.0 + tracker.span),
-            rail=RAIL,
+            **tracker.tuned_hz, rail=RAIL,
         )  # fmt: skip
         lines = tuple(f"sensed_{group}" if driver else f"line_{group}" for group in GROUPS)
         controls = tuple(f"control_{group}" for group in GROUPS) if driver else lines
@@ -277,16 +300,10 @@ class TrackedSource:
         )  # fmt: skip
         if driver:
             add_driver(circuit, driver, dict(zip(GROUPS, lines, strict=True)), source=False)
-        copies = {}
-        for group in GROUPS:
-            impedance = 1.0 / dielectric_admittance(motor, group, tracker.frequency)
-            capacitance = -1.0 / (2.0 * pi * tracker.frequency * impedance.imag)
-            copies[f"capacitance_{group}"] = capacitance * (1.0 + tracker.capacitance_error)
-            copies[f"resistance_{group}"] = impedance.real
         instantiate(
             circuit, "sense", "tracker_sense",
             (lines[0], pins[0], lines[1], pins[1], circuit.gnd, "motional", "force", "ahead", "power"),
-            frequency=tracker.frequency, **copies, **weights(motor, self.mode),
+            frequency=tracker.frequency, **sensing(motor, tracker, self.mode),
         )  # fmt: skip
         circuit.V("inject", "tuning", "control", self.inject or "DC 0")
         _add_tracker(circuit, motor, tracker, self.mode, self.loop_filter, self.disturbance or Disturbance("start"))
@@ -352,16 +369,25 @@ def add_average(
         lag=lag.time_constant_s, detune=-tan(radians(tracker.target_deg)), gain=tracker.gain_hz_per_v,
         current=tracker.pump_current_a, polarity=tracker.polarity,
     )  # fmt: skip
-    instantiate(circuit, f"filter{suffix}", "tracker_filter", (control,), start=0.0, **_filter_values(loop_filter))
+    add_filter(circuit, loop_filter, 0.0, suffix=suffix)
     circuit.R(f"leak{suffix}", control, circuit.gnd, 1e15)  # a DC path for the operating point
 
 
-def _filter_values(loop_filter: LoopFilter) -> dict[str, float]:
-    return {
-        "resistance": loop_filter.resistance_ohm,
-        "capacitance": loop_filter.capacitance_f,
-        "ripple": loop_filter.ripple_f,
-    }
+def add_filter(circuit: Circuit, loop_filter: LoopFilter, start_v: float, *, suffix: str = "") -> None:
+    """Add a loop filter at the node ``control``, charged to a voltage."""
+    instantiate(
+        circuit, f"filter{suffix}", "tracker_filter", (f"control{suffix}",), start=start_v,
+        resistance=loop_filter.resistance_ohm, capacitance=loop_filter.capacitance_f, ripple=loop_filter.ripple_f,
+    )  # fmt: skip
+
+
+def target_course(tracker: Tracker, disturbance: Disturbance) -> str:
+    """Return the target phase in degrees over the time, as a source takes it."""
+    before, begin = tracker.target_deg, disturbance.begin_s
+    if disturbance.kind != "target":
+        return f"DC {before!r}"
+    after = before + disturbance.target_step_deg
+    return f"PWL(0 {before!r} {begin!r} {before!r} {begin + 1e-6!r} {after!r})"
 
 
 def _add_tracker(
@@ -371,21 +397,12 @@ def _add_tracker(
         circuit.V("control", "control", circuit.gnd, f"DC {tracker.start_v!r}")
         return
     if tracker.kind == "pll":
-        begin, before = disturbance.begin_s, tracker.target_deg
-        after = before + (disturbance.target_step_deg if disturbance.kind == "target" else 0.0)
-        wanted = (
-            f"DC {before!r}"
-            if after == before
-            else f"PWL(0 {before!r} {begin!r} {before!r} {begin + 1e-6!r} {after!r})"
-        )
-        circuit.V("target", "target", circuit.gnd, wanted)
+        circuit.V("target", "target", circuit.gnd, target_course(tracker, disturbance))
         instantiate(
             circuit, "detector", "tracker_detector", ("motional", "force", "ahead", "target", "control"),
             current=tracker.pump_current_a, polarity=tracker.polarity, rail=RAIL,
         )  # fmt: skip
-        instantiate(
-            circuit, "filter", "tracker_filter", ("control",), start=tracker.start_v, **_filter_values(loop_filter)
-        )
+        add_filter(circuit, loop_filter, tracker.start_v)
         return
     # about 1 V at the free resonance: the weighted motional current, or the power
     own, weight = motor.modes[mode], weights(motor, mode)

@@ -105,13 +105,29 @@ def transient(
     return _run(simulator(bench, vectors, timeout), "transient", timing, progress=progress, keep_partial=keep_partial)
 
 
-def ac(bench: Bench, vectors: Sequence[str], *, timeout: float | None = None, **sweep: Any) -> Outcome:
+def ac(
+    bench: Bench,
+    vectors: Sequence[str],
+    *,
+    guess: Mapping[str, float] | None = None,
+    timeout: float | None = None,
+    **sweep: Any,
+) -> Outcome:
     """Run a small-signal analysis of a bench; ``sweep`` is what PySpice's ``.ac()`` takes.
+
+    Args:
+        bench: the bench.
+        vectors: what to record.
+        guess: voltages of nodes with which the iteration to the operating point begins.
+        timeout: wall time in s after which ngspice is ended.
+        sweep: as said.
 
     Raises:
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    return _run(simulator(bench, vectors, timeout), "ac", sweep)
+    ready = simulator(bench, vectors, timeout)
+    ready.node_set(**(guess or {}))
+    return _run(ready, "ac", sweep)
 
 
 def _run(ready: BatchSimulator, analysis: str, arguments: Mapping[str, Any], **how: Any) -> Outcome:

@@ -303,6 +303,7 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
     "tracker_oscillator": {"ten_periods_s": (200e-6, 2e-5), "amplitude_v": (1.0, 1e-4)},
     "tracker_phases": {"mean_product_v2": (0.5 * 2.0 * 3.0 * 0.5, 1e-4)},
     "tracker_observer": {"control_end_v": (1.2, 1e-3)},
+    "tracker_averaged": {"control_v": (0.5, 1e-5), "frequency_hz": (46e3, 1e-6)},
     "tracker_average": {"phase_rad": (-2.0 * pi * 0.1, 1e-6), "pump_ua": (-20e-6 * 0.1, 1e-6)},
 }
 

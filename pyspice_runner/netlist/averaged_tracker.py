@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A phase-locked loop in front of the averaged motor: the tracker of ``trackers.py``, averaged over its pulses."""
+
+from __future__ import annotations
+
+from PySpice.Spice.Netlist import Circuit
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.drive import Load
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.thermal import Thermal
+from pyspice_runner.netlist.averaged import OPTIONS, add_averaged_motor
+from pyspice_runner.netlist.benches import add_cooling
+from pyspice_runner.netlist.library import read_library
+from pyspice_runner.netlist.motor import instantiate
+from pyspice_runner.netlist.sources import Bench
+from pyspice_runner.netlist.trackers import (
+    RAIL,
+    Disturbance,
+    TrackedSource,
+    add_disturbance,
+    add_filter,
+    sensing,
+    target_course,
+)
+
+AVERAGED_DISTURBANCES = ("start", "target", "load", "temperature", "warm-up")
+_AMPLITUDES = ("a_re", "a_im", "b_re", "b_im")
+
+
+def check_averaged_tracker(source: TrackedSource, disturbance: Disturbance) -> None:
+    """Check that a tracker and a disturbance have an averaged model.
+
+    Raises:
+        ParameterError: for an observer, a driver, or a change of the preload.
+    """
+    if source.tracker.kind not in ("pll", "none"):
+        raise ParameterError(
+            f"The tracker {source.tracker.kind!r} has no averaged model: it must be 'pll' or 'none'. Leave averaged "
+            "out."
+        )
+    if source.driver:
+        raise ParameterError(f"The driver {source.driver.name!r} has no averaged model. Leave averaged or driver out.")
+    if disturbance.kind not in AVERAGED_DISTURBANCES:
+        raise ParameterError(
+            f"disturb = {disturbance.kind!r} has no averaged model: it must be one of "
+            f"{', '.join(AVERAGED_DISTURBANCES)}."
+        )
+
+
+def averaged_tracked_bench(
+    motor: Motor,
+    source: TrackedSource,
+    disturbance: Disturbance,
+    load: Load,
+    *,
+    frozen: tuple[float, float] | None = None,
+    thermal: Thermal | None = None,
+    title: str = "",
+) -> Bench:
+    """Put a tracked averaged motor on a bench.
+
+    Nodes: ``tuned`` (Hz, the frequency), ``phase`` (rad, of the motional current against the target), ``control`` (V),
+    ``shaft`` (rad/s), ``temperature`` (K).
+
+    Args:
+        motor: the motor; instance ``Xmotor``.
+        source: the tracker, a phase-locked loop or none.
+        disturbance: what happens to the motor. ``"warm-up"``: its losses heat it.
+        load: on the shaft, in addition to the disturbance.
+        frozen: control voltage and temperature at which the loop is open, for ``.ac`` from the oscillator's input.
+        thermal: drift with that temperature; by default as the disturbance has it.
+        title: title line of the deck.
+    """
+    tracker = source.tracker
+    circuit = Circuit(title or f"{motor.name}: averaged over the period of the drive, tracked")
+    parts = ("tracker_averaged", "tracker_filter")
+    circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
+    start = {}
+    for group, volts in tracker.phasors().items():
+        for part, value in (("re", volts.real), ("im", volts.imag)):
+            node = f"{group}_{part}"
+            circuit.V(f"line_{node}", f"line_{node}", circuit.gnd, f"DC {value!r}")
+            start[node] = value
+    circuit.V("target", "target", circuit.gnd, target_course(tracker, disturbance))
+    if tracker.kind == "none" or frozen:
+        tuning, temperature = frozen or (tracker.start_v, 0.0)
+        circuit.V("tuning", "tuning", circuit.gnd, f"DC {tuning!r} AC 1")
+        circuit.V("control", "control", circuit.gnd, f"DC {tuning!r}")
+        if thermal:
+            circuit.V("temperature", "temperature", circuit.gnd, f"DC {temperature!r}")
+    else:
+        circuit.V("inject", "tuning", "control", "DC 0")
+        add_filter(circuit, source.loop_filter, tracker.start_v)
+    lines = [node for pin in _AMPLITUDES for node in (f"line_{pin}", pin)]
+    instantiate(
+        circuit, "tracker", "tracker_averaged",
+        (*lines, "target", "tuning", "control", "tuned", "phase"),
+        **sensing(motor, tracker, source.mode), **tracker.tuned_hz, current=tracker.pump_current_a,
+        polarity=tracker.polarity, rail=RAIL,
+    )  # fmt: skip
+    if disturbance.kind == "warm-up":
+        add_cooling(circuit, disturbance.thermal or Thermal())
+    add_disturbance(circuit, motor, disturbance)
+    if load.speed is not None:
+        circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
+    pins = (*_AMPLITUDES, "tuned", "shaft", "temperature", "heat")
+    add_averaged_motor(circuit, motor, pins, thermal=thermal or disturbance.drifting)
+    return Bench(circuit, OPTIONS, start)

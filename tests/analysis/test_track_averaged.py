@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A tracker in front of the averaged motor: the loop of the full motor, over minutes."""
+
+from __future__ import annotations
+
+import json
+from time import process_time
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.track import running_resonance
+from pyspice_runner.cli import run
+
+pytestmark = pytest.mark.xdist_group("trackers")
+
+
+def tracker(motor: pr.Motor, **values: Any) -> pr.Tracker:
+    drive = pr.Tracker(**{"kind": "pll", "voltage": 50.0, "ratio_b": 2.0, "frequency": 50e3, **values})
+    return drive.model_copy(update={"frequency": running_resonance(motor, drive).resonance_hz})
+
+
+@pytest.fixture(scope="module")
+def motor() -> pr.Motor:
+    """A light rotor, as in the tests of the full motor; at a fixed distance."""
+    return pr.load_motor("andersen2002").updated({"mount": None, "rotor.inertia_kg_m2": 1e-7})
+
+
+def test_the_first_milliseconds_are_those_of_the_full_motor(motor: pr.Motor) -> None:
+    """3 % RMS of the speed reached; the frequency within 0.1 %, a few of the steps by which an edge is seen late."""
+    chosen = tracker(motor, offset=0.03)
+    full, averaged = (pr.track(motor, chosen, duration=4e-3, averaged=averaged) for averaged in (False, True))
+    assert averaged.locked
+    at = np.linspace(0.3e-3, 3.9e-3, 100)
+    speeds = [np.interp(at, found.time_s, found.rotor_speed_rad_s) for found in (full, averaged)]
+    assert np.sqrt(np.mean((speeds[0] - speeds[1]) ** 2)) <= 0.03 * speeds[0].max()
+    frequencies = [np.interp(at, found.time_s, found.frequency_hz) for found in (full, averaged)]
+    assert np.sqrt(np.mean((frequencies[0] / frequencies[1] - 1.0) ** 2)) <= 1e-3
+
+
+def test_the_loop_has_the_phase_margin_that_was_measured_on_the_full_motor(motor: pr.Motor) -> None:
+    """63.8°, by a sine in front of the oscillator (docs/tracking.md), whose detector sees edges up to 1.8° late."""
+    found = pr.track(motor, tracker(motor, bandwidth_hz=1e3, ripple_ratio=2.0), averaged=True)
+    assert found.loop is not None
+    assert found.loop.phase_margin_deg == pytest.approx(63.8, abs=1.8)
+    assert found.loop.crossover_hz == pytest.approx(1e3, rel=0.02)
+
+
+def test_ten_minutes_of_warm_up_take_less_than_a_minute(motor: pr.Motor) -> None:
+    """The frequency follows the temperature by the coefficient of the thermal model; copies that drift along."""
+    thermal = pr.Thermal(capacitance_drift_per_k=0.0, coupling_drift_per_k=0.0)
+    begun = process_time()
+    chosen = tracker(motor, voltage=25.0)
+    found = pr.track(motor, chosen, disturb="warm-up", thermal=thermal, duration=600.0, averaged=True)
+    assert process_time() - begun + found.solver_seconds < 60.0
+    assert found.locked
+    assert found.temperature_k is not None
+    rise = float(found.temperature_k[-1])
+    assert rise > 20.0
+    early = float(np.interp(0.1, found.time_s, found.frequency_hz))
+    drift = thermal.frequency_drift_per_k * rise
+    # the static stiffness of the contact does not drift: 1 % of that of the mode
+    assert found.frequency_hz[-1] / early - 1.0 == pytest.approx(drift, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"disturb": "preload"}, "disturb = 'preload' has no averaged model"),
+        ({"contact": None}, "contact = None has no averaged model"),
+        ({"step": 1e-7}, "step has no effect"),
+        ({"duration": 1e-6}, "duration = 1e-06 s is not valid"),
+        ({"disturb": "warm-up", "averaged": False}, "give averaged=True"),
+    ],
+)
+def test_what_has_no_averaged_model_is_an_error(motor: pr.Motor, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(pr.ParameterError, match=message):
+        pr.track(motor, tracker(motor), **{"averaged": True, **changes})
+
+
+def test_an_observer_has_no_averaged_model(motor: pr.Motor) -> None:
+    with pytest.raises(pr.ParameterError, match="'observe-power' has no averaged model"):
+        pr.track(motor, tracker(motor, kind="observe-power"), averaged=True)
+
+
+def test_the_command_states_temperature_and_check(capsys: pytest.CaptureFixture[str]) -> None:
+    command = "track bimodal40 --averaged --disturb warm-up --target -20 --duration 60 --json"
+    assert run(command.split()) == 0
+    told = capsys.readouterr()
+    found = json.loads(told.out)
+    assert found["locked"]
+    assert found["temperature_k"] > 10.0
+    assert found["run"]["averaged"]
+    assert "The contact is open for up to" in told.err
