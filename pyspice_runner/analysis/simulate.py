@@ -21,6 +21,7 @@ from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import source_of
 from pyspice_runner.netlist.trackers import Tracker
+from pyspice_runner.netlist.waveforms import Burst, Waveform
 from pyspice_runner.result import Audit
 from pyspice_runner.run.accuracy import COST, TIP, Errors, estimate_errors
 from pyspice_runner.run.audit import audit_run
@@ -41,7 +42,7 @@ _FEWEST_KEPT = 10  # points of an interrupted run; fewer show nothing
 @checked
 def simulate(
     motor: Motor,
-    drive: Drive | Driver | Tracker,
+    drive: Drive | Driver | Tracker | Waveform | Burst,
     *,
     duration: float,
     contact: ContactLaw | None = "spring-slider",
@@ -66,7 +67,8 @@ def simulate(
 
     Args:
         motor: the motor.
-        drive: the voltages of both groups, or what makes them: a driver circuit, or a tracker of the last mode.
+        drive: the voltages of both groups, or what makes them: a driver circuit, or a tracker of the last mode; also a
+            waveform or a burst (:mod:`pyspice_runner.netlist.waveforms`).
         duration: simulated time in s.
         contact: law of the contact: ``"spring-slider"``, the paper's; ``"brush"``, which slips from the edge inwards;
             ``"coulomb"``, without a spring along the tangent; ``None`` for a free tip, which starts from r = 0.

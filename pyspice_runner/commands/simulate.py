@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -30,9 +31,10 @@ from pyspice_runner.commands.common import (
 from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, check_contact, law_named
 from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 from pyspice_runner.errors import Interrupted
+from pyspice_runner.netlist.waveforms import Burst, Waveform, read_waveform
 
 # options of a run cycle by cycle, which an averaged one does not have
-_OF_CYCLES = ("sliders", "step", "accuracy", "signals", "record_from", "record_every", "audit")
+_OF_CYCLES = ("waveform", "burst", "sliders", "step", "accuracy", "signals", "record_from", "record_every", "audit")
 
 
 @with_drive_options
@@ -52,6 +54,17 @@ def simulate(
     signals: Annotated[str | None, typer.Option(help="Columns to record, such as tip_x_m,tip_y_m.")] = None,
     record_from: Annotated[float, typer.Option(help="Time at which recording starts, s.")] = 0.0,
     record_every: Annotated[int, typer.Option(help="Record every n-th step.")] = 1,
+    waveform: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV file of the voltages: time_s, voltage_a_v, voltage_b_v; --frequency is that of its cycles.",
+            rich_help_panel="Drive",
+        ),
+    ] = None,
+    burst: Annotated[
+        int | None,
+        typer.Option(help="Two-phase: number of cycles after which the drive is off.", rich_help_panel="Drive"),
+    ] = None,
     averaged: Annotated[
         bool,
         typer.Option("--averaged", help="Average over the drive's period, for runs over seconds."),
@@ -71,6 +84,7 @@ def simulate(
     check_targets(output, (".csv", ".nc", ".json", ".cir"), plot)
     loaded = load_changed(motor, changes)
     excitation = drive.stated(loaded)
+    shaped = _shaped(context, excitation, waveform, burst)
     if averaged:
         refuse_idle(context, "with --averaged", *_OF_CYCLES)
         with run_progress("ngspice runs the averaged motor") as progress:
@@ -92,7 +106,7 @@ def simulate(
         try:
             run = pr.simulate(
                 loaded,
-                excitation,
+                shaped,
                 duration=duration,
                 contact=law_named(contact),
                 sliders=sliders,
@@ -113,7 +127,7 @@ def simulate(
     caution(run)
     summary = run.to_dict()
     partial = "" if run.complete else ", partial"
-    table = Table("quantity", "value", title=f"{loaded.name}, {excitation.label}, {run.time_s[-1]:.6g} s{partial}")
+    table = Table("quantity", "value", title=f"{loaded.name}, {shaped.label}, {run.time_s[-1]:.6g} s{partial}")
     rows: list[tuple[str, str, Callable[[Any], str]]] = [
         ("mean_rotor_speed_rad_s", "mean rotor speed", lambda value: f"{value:.4g} rad/s"),
         ("mean_torque_n_m", "mean torque", lambda value: f"{value:.4g} N·m"),
@@ -127,6 +141,21 @@ def simulate(
     table.add_row("points", f"{run.points} in {run.solver_seconds:.2f} s, ngspice {run.ngspice_version}")
     deliver(summary, table, as_json, (output, run.save), (plot, run.plot))
     raise typer.Exit(status)
+
+
+def _shaped(
+    context: typer.Context, drive: pr.TwoPhaseDrive | pr.TwoToneDrive, waveform: Path | None, burst: int | None
+) -> pr.TwoPhaseDrive | pr.TwoToneDrive | Waveform | Burst:
+    """Return the drive, or what a file or a number of cycles makes of it."""
+    if waveform is None and burst is None:
+        return drive
+    if not isinstance(drive, pr.TwoPhaseDrive):
+        raise pr.ParameterError("--waveform and --burst need a two-phase drive. Add --drive two-phase.")
+    if waveform is None:
+        assert burst is not None
+        return Burst(drive, burst)
+    refuse_idle(context, "with --waveform", "voltage", "phase", "ratio_b", "soft_start", "burst")
+    return read_waveform(waveform, drive.frequency)
 
 
 def _percentages(states: dict[str, float]) -> str:

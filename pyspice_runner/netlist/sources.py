@@ -185,7 +185,7 @@ class DriveSource:
         return {"kind": type(self.drive).__name__, "label": self.drive.label, **self.drive.model_dump()}
 
 
-def source_of(excitation: Excitation, motor: Motor, law: Law | None) -> Source:
+def source_of(excitation: Excitation | Source, motor: Motor, law: Law | None) -> Source:
     """Return the source for a drive, driver or tracker."""
     if isinstance(excitation, Drive):
         return DriveSource(excitation)
