@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 .DEFAULT_GOAL := help
-.PHONY: help setup demo figures docs test soak fuzz bench lint format clean kicad ngspice46
+.PHONY: help setup demo figures docs test soak fuzz bench lint format clean kicad ngspice46 verilog-a
 
 PY := .venv/bin/python
 JOBS ?= 2
@@ -49,6 +49,11 @@ kicad: setup ## open, check and run the KiCad example in KiCad 9, unpacked into 
 ngspice46: setup ## run decks and engine in ngspice 46, unpacked into .tools beside the system's
 	@sh scripts/backports.sh ngspice
 	PATH="$$PWD/.tools/ngspice/bin:$$PATH" $(PY) -m pytest -n $(JOBS) tests/engine tests/analysis/test_steady.py tests/analysis/test_controlled.py tests/netlist/test_library.py tests/netlist/test_decks.py tests/netlist/test_parameters.py tests/docs/test_convergence_page.py tests/tools/ngspice46.py
+
+verilog-a: ## compile the Verilog-A motor and run it in ngspice 46, beside the subcircuits (100 MB)
+	@sh scripts/setup.sh test dev compiled
+	@sh scripts/backports.sh ngspice
+	$(PY) -m pytest tests/tools/verilog_a.py
 
 lint: setup ## check style, format and types of the sources
 	$(PY) -m ruff check .

@@ -105,7 +105,8 @@ def export(
     """Write a motor, or the circuit of a fit, for other programs.
 
     A motor becomes .subckt piezomotor a b com shaft, a fit .subckt resonator p n. Writes .lib (ngspice and LTspice),
-    .asy (LTspice symbol), .kicad_sym (KiCad symbol), .s2p or .s1p (Touchstone) or .toml; without --output, the .lib.
+    .va (Verilog-A), .asy (LTspice symbol), .kicad_sym (KiCad symbol), .s2p or .s1p (Touchstone) or .toml; without
+    --output, the .lib.
 
     Example: piezomotor export bimodal40 --output motor.lib
     """
@@ -113,18 +114,23 @@ def export(
     from pyspice_runner.model.thermal import Thermal
     from pyspice_runner.netlist.averaged import averaged_library, check_averaged
     from pyspice_runner.netlist.motor import motor_library
+    from pyspice_runner.netlist.veriloga import motor_module
 
     if is_circuit_file(source):
         refuse_idle(context, "on the circuit of a fit", "contact", "sliders", "thermal", "averaged")
         _export_circuit(source, changes, as_json, output, plot, name or "resonator")
         return
     check_contact(context, contact)
-    check_targets(output, (".lib",) if averaged else (".lib", ".asy", ".kicad_sym", ".s2p", ".toml"), plot, [source])
+    check_targets(
+        output, (".lib",) if averaged else (".lib", ".va", ".asy", ".kicad_sym", ".s2p", ".toml"), plot, [source]
+    )
     loaded = load_changed(source, changes)
     drift = Thermal() if thermal else None
     if averaged:
         check_averaged(contact)
         text = averaged_library(loaded, name=name, thermal=drift)
+    elif output is not None and output.suffix == ".va":
+        text = motor_module(loaded, contact=contact, name=name, thermal=drift)
     else:
         text = motor_library(loaded, contact=contact, sliders=sliders, name=name, thermal=drift)
 

@@ -58,7 +58,7 @@ _OF_CONTACT = {
 _OF_ROTOR = ("inertia", "bearing")
 _DERIVED = ("deflection", "damping", "span", "start")  # parameters of a contact that the motor sets
 # for a loss tangent of 0: SPICE has no resistor of 0 ohm, and a tiny one costs precision
-_SMALLEST_LOSS = 1e-5
+SMALLEST_LOSS = 1e-5
 PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
 
 
@@ -550,7 +550,7 @@ def dielectric_admittance(motor: Motor, group: str, frequency_hz: float) -> comp
 
 def _loss_tangent(motor: Motor) -> float:
     """Return the loss tangent in the netlist."""
-    return max(motor.piezo.loss_tangent, _SMALLEST_LOSS)
+    return max(motor.piezo.loss_tangent, SMALLEST_LOSS)
 
 
 def instantiate(

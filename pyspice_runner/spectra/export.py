@@ -28,6 +28,7 @@ from pyspice_runner.netlist.symbols import (
     library_name,
     ltspice_symbol,
 )
+from pyspice_runner.netlist.veriloga import motor_module
 from pyspice_runner.spectra.touchstone import touchstone
 
 Writer = Callable[[Path], object]
@@ -76,16 +77,17 @@ def export_motor(
 ) -> Path:
     """Write a motor, by the ending of the file.
 
-    ``.lib`` (SPICE, ``.subckt piezomotor a b com shaft``), ``.asy`` (LTspice) and ``.kicad_sym`` (KiCad), which name
+    ``.lib`` (SPICE, ``.subckt piezomotor a b com shaft``), ``.va`` (Verilog-A, ``module piezomotor(a, b, com, shaft,
+    temperature)``), ``.asy`` (LTspice) and ``.kicad_sym`` (KiCad), which name
     the ``.lib`` of the same name beside them, ``.s2p`` (Touchstone of the stator, tip free) or ``.toml``
     (:func:`load_motor`).
 
     Args:
         motor: the motor.
         path: the file.
-        contact: law of the contact in the ``.lib``.
+        contact: law of the contact in the ``.lib`` or ``.va``.
         sliders: number of sliders of the brush in it.
-        name: name of the subcircuit in the ``.lib`` and the symbols; by default ``piezomotor``.
+        name: name of the subcircuit in the ``.lib``, the ``.va`` and the symbols; by default ``piezomotor``.
         thermal: drift with temperature, for the pins ``temperature`` and ``heat`` (``piezomotor_thermal`` by default).
         averaged: whether to write the averaged motor, ``.subckt piezomotor_averaged``, as a ``.lib``.
 
@@ -103,6 +105,7 @@ def export_motor(
         path,
         {
             ".lib": _text(lambda _: motor_library(motor, contact=contact, sliders=sliders, name=name, thermal=thermal)),
+            ".va": _text(lambda _: motor_module(motor, contact=contact, name=name, thermal=thermal)),
             ".asy": _text(lambda file: ltspice_symbol(subcircuit, pins, library_name(file), title)),
             ".kicad_sym": _text(lambda file: kicad_symbol(subcircuit, pins, library_name(file), title)),
             ".s2p": _text(lambda _: _stator(motor)),

