@@ -118,7 +118,7 @@ class Dynamometer:
         last = outcome.last()
         peaks = {group: last[f"v(xmeter_{group}.v_peak)"] for group in "ab"} if meters else {}
         end = self.setup.motion(last)
-        return Block(self, self._means(last), peaks, start, end, begun + self.duration, outcome.deck_sha256)
+        return Block(self, self.means(last), peaks, start, end, begun + self.duration, outcome.deck_sha256)
 
     def run_from_rest(self, speed: float, blocks: int) -> list[Block]:
         """Run successive blocks at once, for a source that stores what a run cannot go on from: a driver circuit."""
@@ -134,8 +134,8 @@ class Dynamometer:
         before = dict.fromkeys(vectors, 0.0)
         for number, edge in enumerate(edges):
             within = slice(*np.searchsorted(time, [number * self.duration, (number + 1) * self.duration]).tolist())
-            peaks = {group: float(np.abs(vectors[_ammeter(group)][within]).max()) for group in "ab"}
-            means = self._means({name: edge[name] - before[name] for name in edge})
+            peaks = {group: float(np.abs(vectors[ammeter(group)][within]).max()) for group in "ab"}
+            means = self.means({name: edge[name] - before[name] for name in edge})
             end = self.setup.motion(edge)
             begin = found[-1].end if found else start
             found.append(Block(self, means, peaks, begin, end, (number + 1) * self.duration, outcome.deck_sha256))
@@ -152,13 +152,13 @@ class Dynamometer:
             setup.motor, setup.source, speed=speed, law=setup.law, meters=meters,
             discretisation=setup.discretisation, start=start, begun=begun,
         )  # fmt: skip
-        vectors = [*self._integrals(meters), *setup.state_vectors()]
+        vectors = [*self.integrals(meters), *setup.state_vectors()]
         return transient(
-            bench, vectors if end_only else [*vectors, *map(_ammeter, "ab")], step=setup.step, duration=duration,
+            bench, vectors if end_only else [*vectors, *map(ammeter, "ab")], step=setup.step, duration=duration,
             record_from=duration - 1e-3 * setup.step if end_only else 0.0, timeout=setup.solver.timeout,
         )  # fmt: skip
 
-    def _means(self, integrals: Mapping[str, float]) -> dict[str, float]:
+    def means(self, integrals: Mapping[str, float]) -> dict[str, float]:
         """Return the means of a block from its integrals."""
         return {
             name.removeprefix("v(").removesuffix(")"): _MICRO * value / self.duration
@@ -185,7 +185,8 @@ class Dynamometer:
         modes = [str(index) for index in range(1, len(self.motor.modes) + 1)]
         return [*modes, "mount"] if self.motor.mount else modes
 
-    def _integrals(self, meters: bool) -> list[str]:
+    def integrals(self, meters: bool) -> list[str]:
+        """Return the vectors of the integrals that the instruments form."""
         integrals: dict[str, tuple[str, ...]] = {"xbrake": ("normal", "friction", "taken")}
         if meters:
             integrals["xcontactmeter"] = ("work", "press", "given", "square", "contact", "slip")
@@ -196,7 +197,8 @@ class Dynamometer:
         return [f"v({instrument}.v_{one})" for instrument, several in integrals.items() for one in several]
 
 
-def _ammeter(group: str) -> str:
+def ammeter(group: str) -> str:
+    """Return the vector of the current into a group."""
     return f"i(v.xmeter_{group}.vcurrent)"
 
 

@@ -221,12 +221,12 @@ class Point:
         missed = self.gap - gap - (self.at_end - self.at_start) @ step
         self.at_end = self.at_end + np.outer(missed, step) / float(step @ step)
 
-    def differentiate(self, traces: Sequence[Trace | None]) -> None:
-        """Take the derivatives from the traces of the perturbed states.
+    def differentiate(self, traces: Sequence[Trace | None], base: Trace | None = None) -> None:
+        """Take the derivatives from the traces of the perturbed states, and of the undisturbed one if it is another.
 
         For a state that is not felt the point's own trace is given.
         """
-        base, near = self.trace, [trace for trace in traces if trace is not None]
+        base, near = base or self.trace, [trace for trace in traces if trace is not None]
         if base is None or len(near) < len(traces):
             self.failed = True
             return

@@ -103,12 +103,12 @@ def speed_torque(
 
     Args:
         motor: the motor.
-        drive: the voltages of both groups, or a driver circuit, which each point then powers up from rest and lets
-            settle, since its own state is not part of the periodic solution.
+        drive: the voltages of both groups, or a driver circuit; its inductances and capacitances are states of the
+            periodic solution. A full bridge and a driver of the user's own are powered up from rest and settle.
         speeds: at which the shaft is held, rad/s.
         over: further axes: dotted path → values; the motor's as in :meth:`Motor.updated`, the drive's as
             ``drive.voltage``, those of a driver's parts as ``drive.bridge.dead_time``.
-        mode: ``"steady"``, which takes ideal voltages with a common period; ``"settle"``, which takes any drive; or
+        mode: ``"steady"``, which takes drivers and voltages with a common period; ``"settle"``, which takes any; or
             ``"ramp"``: the speed rises slowly through the whole range, and in a second run it falls. The mean of both
             is returned; half their difference is ``torque_drift_n_m``.
         follow: axis along which points go on from the one before: ``"speed_rad_s"`` or one of ``over``. With
@@ -219,14 +219,16 @@ def _branch(
 
 
 def _way(mode: Method, drive: Drive | Driver) -> Method:
-    """Return how the points are measured: a driver circuit, whose state is not in the periodic solution, settles."""
-    return "settle" if mode == "hold" or (mode == "steady" and isinstance(drive, Driver)) else mode
+    """Return how the points are measured: a driver whose states are not known settles."""
+    unknown = isinstance(drive, Driver) and (drive.own or drive.kind == "full-bridge")
+    return "settle" if mode == "hold" or (mode == "steady" and unknown) else mode
 
 
 def _check_driver(drive: Drive | Driver, mode: str, follow: str | None) -> None:
-    if isinstance(drive, Driver) and (mode != "settle" or follow):
+    if isinstance(drive, Driver) and (mode == "ramp" or follow):
         raise ParameterError(
-            "A driver circuit is powered up anew at each point: mode must be 'settle', and follow must be left out."
+            "A driver circuit does not go on from another point: mode must be 'steady' or 'settle', and follow must be "
+            "left out."
         )
 
 
@@ -264,7 +266,7 @@ def operating_point(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    mode = "settle" if mode == "hold" or (mode == "steady" and isinstance(drive, Driver)) else mode
+    mode = _way(mode, drive)  # type: ignore[assignment]
     if mode not in ("steady", "settle"):
         raise ParameterError(f"mode = {quoted(mode)} is not valid: it must be 'steady' or 'settle'.")
     (speed,) = axis("speed", [speed])

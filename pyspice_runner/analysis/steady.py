@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.analysis.driven import DrivenAnswer, check_driven, driven_answers
 from pyspice_runner.analysis.dynamometer import UNITS
 from pyspice_runner.analysis.period_map import PeriodMap, cores
 from pyspice_runner.analysis.period_means import average, current, extrapolated, means, quantities, speed, tip
@@ -31,6 +32,8 @@ from pyspice_runner.model.strength import exceeded
 from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
 from pyspice_runner.netlist.copies import Copy, Plant, drive_voltage
+from pyspice_runner.netlist.driven import DrivenPlant
+from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_point
@@ -56,7 +59,7 @@ class SteadyState(Result):
 
     Attributes:
         motor: the motor.
-        drive: the voltages of both groups.
+        drive: the voltages of both groups, or the driver.
         speed_rad_s: mean speed of the rotor.
         quantities: by name: ``torque_n_m``, ``load_torque_n_m``, ``normal_force_n`` and the others of
             :data:`.dynamometer.UNITS`; NaN without a solution.
@@ -75,7 +78,7 @@ class SteadyState(Result):
     """
 
     motor: Motor = field(repr=False)
-    drive: Drive
+    drive: Drive | Driver
     speed_rad_s: float
     quantities: dict[str, float]
     torque_error_n_m: float
@@ -180,7 +183,7 @@ class SteadyState(Result):
 @checked
 def steady_state(
     motor: Motor,
-    drive: Drive,
+    drive: Drive | Driver,
     *,
     speed: float | None = None,
     load_torque: float = 0.0,
@@ -195,7 +198,8 @@ def steady_state(
 
     Args:
         motor: the motor.
-        drive: the voltages of both groups. The tones of a two-tone drive must have a common period.
+        drive: the voltages of both groups, or a driver: ideal, linear or half-bridge with any network. The tones of a
+            two-tone drive must have a common period.
         speed: at which the shaft is held, rad/s; ``None`` leaves it free but for its bearing and the load.
         load_torque: torque in N·m that a load draws from the free shaft.
         contact: law of the contact, as in ``simulate``; ``None`` for a free tip.
@@ -214,8 +218,8 @@ def steady_state(
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
     setup = Setup(
-        motor, DriveSource(drive), Load(speed, load_torque), law_of(contact, sliders),
-        Solver(step, None, True, timeout, audit),
+        motor, drive if isinstance(drive, Driver) else DriveSource(drive), Load(speed, load_torque),
+        law_of(contact, sliders), Solver(step, None, True, timeout, audit),
     )  # fmt: skip
     return steady_states([setup], accuracy=accuracy, waveforms=True)[0]
 
@@ -244,7 +248,12 @@ def steady_states(
     if not 1e-6 <= accuracy <= 0.1:
         raise ParameterError(f"accuracy = {accuracy:g} is not valid: it must be a number from 1e-6 to 0.1.")
     groups: dict[tuple[Any, ...], list[int]] = {}
+    behind: dict[tuple[Any, ...], list[int]] = {}
     for place, setup in enumerate(setups):
+        if not isinstance(setup.source, DriveSource):
+            check_driven(setup)
+            behind.setdefault((setup.source.period, setup.source.uniform, setup.step), []).append(place)
+            continue
         drive = _drive(setup)
         law = setup.law.to_dict().values() if setup.law else ()
         groups.setdefault((drive.period, *law), []).append(place)
@@ -259,6 +268,9 @@ def steady_states(
     with ThreadPoolExecutor(cores()) as pool:
         for places, states in zip(groups.values(), pool.map(solved, groups.values()), strict=True):
             found |= zip(places, states, strict=True)
+    for places in behind.values():
+        answers = driven_answers([setups[place] for place in places])
+        found |= {place: _driven(setups[place], answer) for place, answer in zip(places, answers, strict=True)}
     return [found[place] for place in range(len(setups))]
 
 
@@ -269,10 +281,7 @@ def _drive(setup: Setup) -> Drive:
         ParameterError: if not.
     """
     source = setup.source
-    if not isinstance(source, DriveSource):
-        raise ParameterError(
-            "A steady state by shooting takes ideal voltage sources; simulate a driver until it settles, by simulate."
-        )
+    assert isinstance(source, DriveSource)
     if setup.load.speed is None and setup.motor.rotor.bearing_friction_n_m:
         raise ParameterError(
             f"rotor.bearing_friction_n_m = {setup.motor.rotor.bearing_friction_n_m:g} N·m: the steady state of a free "
@@ -471,6 +480,39 @@ def _state(
     return SteadyState(
         setup.motor, drive, found["speed"], result, error, last.multipliers, True, last.residual, point.iterations,
         point.method, period_map.step, audit, waves, provenance, point,
+    )  # fmt: skip
+
+
+def _driven(setup: Setup, answer: DrivenAnswer) -> SteadyState:
+    """Return the steady state of a motor behind a driver."""
+    point, driver = answer.point, setup.source
+    assert isinstance(driver, Driver)
+    provenance: dict[str, Any] = {
+        "motor": setup.motor.to_dict(),
+        "drive": driver.to_dict(),
+        "run": setup.to_dict(),
+        "ngspice_version": ngspice_version(),
+        "simulated_s": sum(one.simulated_s for one in answer.maps),
+        "deck_sha256": hashlib.sha256("".join(one.hashes() for one in answer.maps).encode()).hexdigest(),
+        "period_maps": sum(one.evaluations for one in answer.maps),
+        "solver_seconds": sum(one.seconds for one in answer.maps),
+    }
+    found = answer.found or dict.fromkeys(UNITS, float("nan"))
+    audit = Audit(done=False)
+    if answer.found:
+        audit = Audit(audit_point(setup.motor, found, answer.step))
+        if setup.solver.audit:
+            audit.withhold("steady state behind a driver")
+    held = setup.load.speed
+    turning = held
+    if held is None and answer.found and point.trace is not None:
+        assert isinstance(point.plant, DrivenPlant)
+        turning = float(point.trace.states[point.plant.inner - 1].mean())
+    return SteadyState(
+        setup.motor, driver, float("nan") if turning is None else turning, found, answer.error,
+        point.multipliers if answer.found else np.zeros(0, complex), bool(answer.found), point.residual,
+        point.iterations, point.method if answer.found else "", answer.step, audit,
+        provenance=provenance | {"audit": audit.to_dict()},
     )  # fmt: skip
 
 

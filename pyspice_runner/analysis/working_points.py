@@ -28,6 +28,7 @@ from pyspice_runner.model.drive import Drive, Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import as_number, checked, quoted
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, Law
+from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import DriveSource, unit_in, updated
 from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.setup import Setup
@@ -256,6 +257,7 @@ def _plain(value: Any) -> Any:
 
 def _row(state: SteadyState, limits: Mapping[str, float]) -> dict[str, Any]:
     """Return the quantities of a point."""
+    assert not isinstance(state.drive, Driver)
     tones = (state.drive.tones_a, state.drive.tones_b)
     row: dict[str, Any] = {
         "speed_rad_s": state.speed_rad_s,

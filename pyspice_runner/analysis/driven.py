@@ -1,0 +1,362 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The steady state of a motor behind a driver circuit, whose inductances and capacitances are states like the motor's.
+
+The switching edges are at fixed phases of the drive, but ngspice chooses its steps there, and a small change of the
+state may change them. The derivative of the map is therefore measured at uniform steps, with the stage replaced by the
+harmonics of its output; it neglects how the output of the stage depends on its current. Newton's method with it
+converges linearly, to a fixed point of the map with the stage itself.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from math import ceil, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.analysis.dynamometer import Block, Dynamometer, ammeter, quantities
+from pyspice_runner.analysis.period_map import PeriodMap, Trace, cores
+from pyspice_runner.analysis.shooting import PERTURBATION, Point, Shooting, start_point
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.drive import Tone, TwoPhaseDrive
+from pyspice_runner.netlist.copies import Copy, copy_name
+from pyspice_runner.netlist.driven import (
+    LEAD,
+    DrivenPlant,
+    driven_bench,
+    driven_states,
+    driven_vectors,
+)
+from pyspice_runner.netlist.drivers import Driver
+from pyspice_runner.netlist.motor import Discretisation, require_linear
+from pyspice_runner.run.kernel import simulator, transient
+from pyspice_runner.run.setup import Setup
+
+Array = NDArray[np.float64]
+_CONTACT = ("normal", "friction", "state", "slider", "xcontact.delta")
+HARMONICS = (1, 2, 3, 5, 7, 9)  # of a stage's output for the derivative
+FADED = 1e-6  # part of the largest singular value below which a state at the start has no influence but by rounding
+FEWEST_PERIODS = 10  # of the transient from which a curve starts
+SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs if Newton's method fails
+_MORE = 4.5  # steps beyond the period: ngspice 46 shortens the last two of a run
+_EVEN = 20  # a number of steps that has LEAD of a period in it
+
+
+@dataclass
+class DrivenMap(PeriodMap):
+    """The map over one period of a driver.
+
+    Attributes:
+        uniform: whether ngspice's steps are uniform; otherwise it shortens them at edges.
+        outputs: by the identity of a plant, the harmonics of the outputs of its stage in its last period.
+    """
+
+    uniform: bool = False
+    outputs: dict[int, dict[str, tuple[Tone, ...]]] = field(default_factory=dict)
+
+    @property
+    def discretisation(self) -> Discretisation:
+        """How motors are adapted to the step."""
+        return Discretisation(self.step, self.uniform)
+
+    def traces(self, copies: Sequence[Copy]) -> list[Trace | None]:
+        """Return the traces of the copies over a period; ``None`` where ngspice does not find one."""
+        return self._evaluated(copies, self.duration, whole=True)
+
+    @property
+    def duration(self) -> float:
+        """Length in s of a run over a period."""
+        return (1.0 + LEAD) * self.period + (_MORE * self.step if self.uniform else 0.0)
+
+    def _run(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
+        bench = driven_bench(copies, self.discretisation)
+        self._hashes.add(hashlib.sha256(str(bench.circuit.raw_spice).encode()).hexdigest())
+        names: list[str] = []
+        for number, copy in enumerate(copies):
+            assert isinstance(copy.plant, DrivenPlant)
+            instance = copy_name(number)
+            names += driven_vectors(copy.plant, instance)
+            if whole:
+                names += (f"v({instance}.xmotor.{name})" for name in _CONTACT)
+            if whole and not self.uniform:
+                names += (f"v({instance}.out_{group})" for group in "ab")
+        result = simulator(bench, list(dict.fromkeys(names)), self.timeout).verified(
+            "transient", **self._timing(duration, whole)
+        )
+        self.runs += 1
+        self.seconds += result.seconds
+        samples = {name: np.asarray(values.real) for name, values in result.raw.vectors.items()}
+        time = samples["time"]
+        first, last = self.ends(time) if whole else (len(time) - 1, len(time) - 1)
+        even = np.linspace(time[first], time[last], self.steps + 1) if whole else time[-1:]
+        traces: list[Trace | None] = []
+        for number, copy in enumerate(copies):
+            assert isinstance(copy.plant, DrivenPlant)
+            instance = copy_name(number)
+            states = driven_states(copy.plant, samples, instance, self.discretisation)
+            contact = [samples[f"v({instance}.xmotor.{name})"] for name in _CONTACT] if whole else [time] * 5
+            rows = [np.interp(even, time, row) for row in (*states, *contact)]
+            traces.append(Trace(even, np.array(rows[: len(states)]), *rows[len(states) :]))
+            if whole and not self.uniform:
+                within = slice(first, last + 1)
+                self.outputs[id(copy.plant)] = {
+                    group: self._harmonics(time[within], samples[f"v({instance}.out_{group})"][within])
+                    for group in "ab"
+                }
+        return traces
+
+    def ends(self, time: Array) -> tuple[int, int]:
+        """Return the first and the last point of the period."""
+        first = int(np.abs(time - LEAD * self.period).argmin())
+        return first, first + self.steps if self.uniform else len(time) - 1
+
+    def _harmonics(self, time: Array, voltage: Array) -> tuple[Tone, ...]:
+        """Return the harmonics of a voltage over a period."""
+        tones = []
+        for number in HARMONICS:
+            wave = np.exp(-2j * pi * number * time / self.period)
+            phasor = 2.0 * np.trapezoid(voltage * wave, time) / self.period
+            tones.append(Tone(float(abs(phasor)), number / self.period, float(np.angle(phasor)) + 0.5 * pi))
+        return tuple(tones)
+
+
+class DrivenShooting(Shooting):
+    """Newton's method with the derivative of the motor behind the harmonics of its stage's output."""
+
+    def __init__(self, points: Sequence[Point], period_map: DrivenMap, timeout: float | None = None) -> None:
+        super().__init__(points, period_map)
+        self.outputs = period_map.outputs
+        self.even = period_map if period_map.uniform else DrivenMap(
+            period_map.period, _EVEN * ceil(period_map.steps / 2 / _EVEN), timeout, uniform=True
+        )  # fmt: skip
+
+    def _evaluate(self, points: Sequence[Point]) -> None:
+        for point, trace in zip(
+            points, self.map.traces([Copy(point.plant, point.state) for point in points]), strict=True
+        ):
+            point.trace = trace
+            point.failed = trace is None
+        self.measure([point for point in points if point.at_end is None and not point.failed])
+        for point in points:
+            if not point.failed:
+                point.step = point.newton_step()
+                point.judge()
+
+    def _renew(self, points: Sequence[Point]) -> None:
+        self.measure(points)
+        for point in points:
+            if not point.failed:
+                point.step = point.newton_step()
+
+    def measure(self, points: Sequence[Point]) -> None:
+        """Measure the derivatives of points that have a trace."""
+        copies: list[Copy] = []
+        for point in points:
+            plant = point.plant
+            assert isinstance(plant, DrivenPlant)
+            if not plant.driver.uniform:
+                plant = replace(plant, stage=self.outputs[id(plant)])
+            states = np.vstack([point.state, point.state + PERTURBATION * np.diag(point.scale)])
+            copies += [Copy(plant, state) for state in states]
+        traces = self.even.traces(copies)
+        for point in points:
+            count = point.plant.order + 1
+            base, *near = traces[:count]
+            del traces[:count]
+            point.failed = base is None
+            if base is not None:
+                point.differentiate(near, base)
+
+
+class DrivenPoint(Point):
+    """A point whose fast states, plates and the capacitance across them, fade between start and period."""
+
+    @property
+    def felt(self) -> NDArray[np.bool_]:
+        """All states: those that fade are told by the singular values."""
+        return np.ones(self.plant.order, dtype=bool)
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """All states are Newton's unknowns."""
+        return self.felt
+
+    def newton_step(self) -> Array:
+        """Return the step of the scaled state that closes the gap, by least squares."""
+        assert self.at_start is not None
+        assert self.at_end is not None
+        left, sizes, right = np.linalg.svd(self.at_end - self.at_start)
+        kept = (sizes > FADED * sizes[0]) & (np.arange(len(sizes)) < len(sizes) - self.sticks)
+        return np.asarray(right.T @ np.where(kept, -(left.T @ self.gap) / np.where(kept, sizes, 1.0), 0.0))
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Floquet multipliers, the largest first, without the 1 of a contact that sticks."""
+        assert self.at_start is not None
+        assert self.measured_end is not None
+        values = np.linalg.eigvals(self.measured_end @ np.linalg.pinv(self.at_start, rcond=FADED)).astype(complex)
+        if self.sticks:
+            values = np.delete(values, np.argmin(np.abs(values - 1.0)))
+        return np.asarray(values[np.argsort(-np.abs(values))])
+
+    def _update(self, step: Array, gap: Array) -> None:
+        """Keep the derivative: what it neglects would mix with the noise of the steps at the edges."""
+
+
+@dataclass(frozen=True)
+class DrivenAnswer:
+    """What was found of one operating point.
+
+    Attributes:
+        point: the point at the last step; ``done`` tells whether it is solved.
+        found: the quantities of :data:`.dynamometer.UNITS`; empty without a solution.
+        error: difference of the torque between the last two steps, N·m.
+        step: the last step in s.
+        maps: the maps that were used.
+    """
+
+    point: Point
+    found: dict[str, float]
+    error: float
+    step: float
+    maps: tuple[DrivenMap, ...]
+
+
+def check_driven(setup: Setup) -> None:
+    """Raise a ParameterError for a source whose steady state is not found by shooting."""
+    source = setup.source
+    settle = "Take mode = 'settle', or simulate it until it settles."
+    if not isinstance(source, Driver):
+        raise ParameterError(f"A tracker ({source.label}) has feedback: its voltages have no fixed period. {settle}")
+    if source.own:
+        raise ParameterError(
+            f"The driver {source.name} is a subcircuit of your own, whose states are not known. {settle}"
+        )
+    if source.kind == "full-bridge":
+        raise ParameterError(f"A full bridge with its transformer has no steady state by shooting. {settle}")
+    if setup.law is None:
+        raise ParameterError(f"contact = None is not valid behind a driver. Give a law. {settle}")
+    if setup.load.speed is None and setup.motor.rotor.bearing_friction_n_m:
+        raise ParameterError(f"A free shaft on a bearing with dry friction is not found by shooting. {settle}")
+    require_linear(setup.motor, "A steady state behind a driver")
+
+
+def driven_answers(setups: Sequence[Setup]) -> list[DrivenAnswer]:
+    """Solve operating points of motors behind drivers of the same frequency.
+
+    The first point of each curve starts from a short transient, the others from that point's solution.
+    """
+    drivers: dict[int, tuple[Driver, TwoPhaseDrive]] = {}
+    points: list[DrivenPoint] = []
+    for setup in setups:
+        driver = setup.source
+        assert isinstance(driver, Driver)
+        stage = TwoPhaseDrive(
+            voltage=driver.voltage, frequency=driver.frequency, phase_deg=driver.phase_deg, ratio_b=driver.ratio_b
+        )
+        _, drive = drivers.setdefault(id(driver), (driver, stage))
+        plant = DrivenPlant(setup.motor, drive, setup.load, setup.law, driver)
+        points.append(DrivenPoint(plant, np.zeros(plant.order), _scale(plant)))
+    first = setups[0]
+    maps = tuple(
+        DrivenMap(
+            first.source.period, finer * _EVEN * ceil(first.source.period / first.step / _EVEN), first.solver.timeout,
+            uniform=first.source.uniform,
+        )
+        for finer in (1, 2)
+    )  # fmt: skip
+    _search(points, maps[0])
+    coarse = _metered(setups, points, maps[0])
+    shooting = DrivenShooting(points, maps[1])
+    shooting.solve([point for point in points if point.done])
+    shooting.measure([point for point in points if point.done])
+    fine = _metered(setups, points, maps[1])
+    return [
+        DrivenAnswer(point, one, abs(one["torque_n_m"] - other["torque_n_m"]), maps[1].step, maps)
+        if one and other
+        else DrivenAnswer(point, {}, float("nan"), maps[1].step, maps)
+        for point, one, other in zip(points, fine, coarse, strict=True)
+    ]
+
+
+def _scale(plant: DrivenPlant) -> Array:
+    """Return the size of each state: voltages by the stage's, currents by that of the clamped capacitance."""
+    volts = max(plant.driver.amplitude(group) for group in "ab")
+    amperes = 2.0 * pi * plant.driver.frequency * max(plant.motor.piezo.capacitance_a_f, 1e-12) * volts
+    stores = [amperes if store.coil else volts for store in plant.stores]
+    return np.array([*start_point(plant).scale, *(volts,) * len(plant.plates), *stores])
+
+
+def _search(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
+    shooting = DrivenShooting(points, period_map)
+    curves: dict[tuple[int, int], list[DrivenPoint]] = {}
+    for point in points:
+        curves.setdefault((id(point.plant.motor), id(point.plant.drive)), []).append(point)
+    seeds = [curve[len(curve) // 2] for curve in curves.values()]
+    _settle(seeds, period_map, 0.0)
+    shooting.solve(seeds)
+    for seed, curve in zip(seeds, curves.values(), strict=True):
+        for point in curve:
+            if point is not seed and seed.done:
+                point.guess(seed)
+    shooting.solve([point for point in points if point.guessed])
+    for point in points:
+        point.method = ("neighbour" if point.guessed else "newton") if point.done else ""
+    for decays in SETTLING:
+        lost = [point for point in points if not point.done]
+        _settle(lost, period_map, decays)
+        shooting.solve(lost)
+        for point in lost:
+            point.method = "settled" if point.done else ""
+
+
+def _settle(points: Sequence[DrivenPoint], period_map: DrivenMap, decays: float) -> None:
+    """Let points run from rest for so many decay times of their slowest mode."""
+    if not points:
+        return
+    times = [2.0 * mode.mass_kg / mode.damping_n_s_per_m for point in points for mode in point.plant.motor.modes]
+    periods = max(FEWEST_PERIODS, ceil(decays * max(times) / period_map.period))
+    copies = [Copy(point.plant, np.zeros(point.plant.order)) for point in points]
+    for point, end in zip(points, period_map.settled(copies, periods), strict=True):
+        point.restart(point.state if end is None else end)
+
+
+def _metered(setups: Sequence[Setup], points: Sequence[Point], period_map: DrivenMap) -> list[dict[str, float]]:
+    """Return the quantities of solved points over a period with the meters of the dynamometer; of others nothing."""
+    places = [place for place, point in enumerate(points) if point.done]
+
+    def measured(place: int) -> dict[str, float]:
+        return _quantities(setups[place], points[place], period_map)
+
+    with ThreadPoolExecutor(cores()) as pool:
+        found = dict(zip(places, pool.map(measured, places), strict=True))
+    return [found.get(place, {}) for place in range(len(points))]
+
+
+class _Period(Dynamometer):
+    """A dynamometer that runs for one period."""
+
+    @property
+    def periods(self) -> int:
+        return 1
+
+
+def _quantities(setup: Setup, point: Point, period_map: DrivenMap) -> dict[str, float]:
+    bench = _Period(setup.with_step(period_map.step))
+    vectors = [*bench.integrals(meters=True), *bench.setup.state_vectors(), *(ammeter(group) for group in "ab")]
+    inside = {name: re.sub(r"^(v|i)\((v\.)?", rf"\1(\2{copy_name(0)}.", name) for name in vectors}
+    found = transient(
+        driven_bench([Copy(point.plant, point.state)], period_map.discretisation, meters=True), list(inside.values()),
+        step=period_map.step, duration=period_map.duration, timeout=period_map.timeout,
+    ).vectors()  # fmt: skip
+    first, last = period_map.ends(found["time"])
+    start, end = ({name: float(found[own][at]) for name, own in inside.items()} for at in (first, last))
+    means = bench.means({name: end[name] - start[name] for name in end})
+    peaks = {group: float(np.abs(found[inside[ammeter(group)]][first : last + 1]).max()) for group in "ab"}
+    block = Block(bench, means, peaks, bench.setup.motion(start), bench.setup.motion(end), bench.duration, "")
+    return quantities([block])
