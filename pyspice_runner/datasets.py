@@ -177,6 +177,12 @@ class WorkingPoints(DatasetResult):
         return found
 
     @property
+    def limits(self) -> dict[str, float]:
+        """Greatest absolute value allowed, by the name of the quantity."""
+        found: dict[str, float] = json.loads(self.dataset.attrs["limits"])
+        return found
+
+    @property
     def axes(self) -> list[str]:
         """Names of the axes."""
         return [str(name) for name in self.dataset["stable"].dims]
@@ -215,8 +221,9 @@ class WorkingPoints(DatasetResult):
         for name in self.axes:
             found[f"best {name}"] = f"{best[name]:.6g} {data[name].attrs['units']}"
         for words, name in (("torque", "torque_n_m"), ("speed", "speed_rad_s"), ("shaft power", "shaft_power_w"),
-                            ("current", "current_a")):  # fmt: skip
-            if name in best:
+                            ("current", "current_a"), ("stress of the ceramic", "ceramic_stress_pa"),
+                            ("temperature", "temperature_c")):  # fmt: skip
+            if best.get(name) is not None:
                 found[words] = engineering(best[name], data[name].attrs["units"] if name in data else "")
         efficiency = best["efficiency"]
         return found | {"efficiency": "–" if efficiency is None else _percent(efficiency)}

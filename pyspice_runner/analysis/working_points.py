@@ -52,6 +52,7 @@ OUTCOME = {
     **UNITS,
     "current_a": ("A", "RMS current of the group that draws more"),
     "voltage_v": ("V", "greatest voltage at a group"),
+    "temperature_c": ("°C", "steady temperature of the stator; not known without its thermal resistance"),
     "torque_error_n_m": ("N·m", "estimated error of the torque by the time step"),
     "largest_multiplier": ("1", "largest Floquet multiplier; a disturbance decays where it is below 1"),
     "converged": ("1", "whether a steady state was found"),
@@ -87,7 +88,7 @@ def working_points(
             ``drive.ratio_b``, ``drive.voltage``, ``contact.preload_n``; also ``speed`` and ``load_torque``.
         objective: what is to be greatest: ``"torque"``, ``"speed"``, ``"efficiency"`` or ``"power"`` at the shaft.
         limits: name of a quantity → greatest absolute value allowed, such as ``{"current_a": 0.1}``: ``voltage_v``,
-            ``current_a`` or a quantity of :func:`speed_torque`.
+            ``current_a``, ``temperature_c`` or a quantity of :func:`speed_torque`, as ``ceramic_stress_pa``.
         speed: at which the shaft is held, rad/s. Without speed and load torque it is held still for the torque, free
             for the speed, and held at half of the free rotor's speed under the given drive for efficiency and power.
         load_torque: torque in N·m that a load draws from the free shaft.
@@ -111,7 +112,7 @@ def working_points(
         raise ParameterError(
             f"objective = {quoted(objective)} is not valid: it must be one of {', '.join(get_args(Objective))}."
         )
-    bounds = _limits(limits or {})
+    bounds = _limits(limits or {}, motor)
     axes = {path: axis(path, values) for path, values in over.items()}
     count = prod(len(values) for values in axes.values())
     if not axes or count > MOST_POINTS:
@@ -151,11 +152,20 @@ class _Base:
         return Setup(motor, DriveSource(drive), load, self.law, self.solver)
 
 
-def _limits(limits: Mapping[str, float]) -> dict[str, float]:
+def _limits(limits: Mapping[str, float], motor: Motor) -> dict[str, float]:
     known = [name for name in OUTCOME if name not in _FLAGS]
+    missing: dict[str, str] = {}
+    if motor.structure is None:
+        missing |= dict.fromkeys(("ceramic_stress_pa", "ceramic_strain"), "motor is described without its beam")
+    if motor.limits is None:
+        missing |= dict.fromkeys(("temperature_c", "temperature_rise_k"), "motor has no table of limits")
     for name, value in limits.items():
         if name not in known:
             raise ParameterError(f"limits: {quoted(name)} is not known: it must be one of {', '.join(known)}.")
+        if name in missing:
+            raise ParameterError(
+                f"limits: {name} is not known of {motor.name}: the {missing[name]}. Leave the limit out."
+            )
         number = as_number(value)
         if number is None or not number > 0.0:
             raise ParameterError(f"limits: {name} = {quoted(value)} is not valid: it must be a number > 0.")
@@ -264,6 +274,7 @@ def _row(state: SteadyState, limits: Mapping[str, float]) -> dict[str, Any]:
         **state.quantities,
         "current_a": max(state.current_a_rms_a, state.current_b_rms_a),
         "voltage_v": max(sum(abs(tone.amplitude) for tone in group) for group in tones),
+        "temperature_c": state.motor.limits.ambient_c + state.temperature_rise_k if state.motor.limits else np.nan,
         "torque_error_n_m": state.torque_error_n_m,
         "largest_multiplier": float(np.abs(state.floquet_multipliers).max(initial=0.0)) if state.converged else np.nan,
         "converged": state.converged,

@@ -671,6 +671,7 @@ def _(result: WorkingPoints) -> Sheet:
         "efficiency": ("efficiency", LABELS["efficiency"]),
         "power": ("shaft_power_w", LABELS["shaft_power_w"]),
         "current": ("current_a", LABELS["current_rms_a"]),
+        "temperature": ("temperature_c", Label("temperature", "°C")),
     }
     panels: dict[str, Panel] = {}
     for name, (quantity, label) in labels.items():
@@ -683,7 +684,10 @@ def _(result: WorkingPoints) -> Sheet:
 
 
 def _contours(result: WorkingPoints, quantity: str, label: Label, ax: Axes) -> None:
-    """Draw contours over two axes; marks show points that are unstable or not converged, and the best one."""
+    """Draw contours over two axes; marks show points that are unstable or not converged, and the best one.
+
+    The region outside the limits is hatched.
+    """
     data = result.dataset
     across, along = result.axes
     x, y = data[along].values, data[across].values
@@ -693,6 +697,14 @@ def _contours(result: WorkingPoints, quantity: str, label: Label, ax: Axes) -> N
         ax.get_figure().colorbar(filled, ax=ax)  # type: ignore[union-attr]
     converged = data["converged"].transpose(across, along).values
     unstable = converged & ~data["stable"].transpose(across, along).values
+    outside = np.zeros_like(converged)
+    for name, limit in result.limits.items():
+        outside |= np.abs(data[name].transpose(across, along).values) > limit
+    for marked, hatch, words in ((outside, "//", "outside the limits"), (unstable, "xx", "")):
+        if min(values.shape) > 1 and marked.any():
+            ax.contourf(x, y, marked, levels=[0.5, 1.5], colors="none", hatches=[hatch])
+            if words:
+                ax.fill_between([], [], fc="none", ec="black", hatch=hatch, lw=0.0, label=words)
     for marked, mark, words in ((unstable, "x", "not stable"), (~converged, "s", "not converged")):
         rows, columns = np.nonzero(marked)
         if rows.size:

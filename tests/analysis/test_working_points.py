@@ -49,6 +49,18 @@ def test_the_best_point_is_the_greatest_within_the_limits() -> None:
     assert none.piezomotor.cautions == ("No point is stable and within the limits.",)
 
 
+def test_temperature_is_that_of_the_losses_and_a_limit() -> None:
+    data = mapped()
+    assert MOTOR.limits is not None
+    heat = (data["dielectric_loss_w"] + data["damping_loss_w"]).values
+    expected = MOTOR.limits.ambient_c + MOTOR.limits.thermal_resistance_k_per_w * heat
+    assert data["temperature_c"].values == pytest.approx(expected)
+    below = 0.5 * (data["temperature_c"].values.min() + data["temperature_c"].values.max())
+    over = {"drive.frequency": [46e3], "drive.voltage": [70.0, 100.0]}
+    best = pr.working_points(MOTOR, DRIVE, over=over, limits={"temperature_c": below}).piezomotor.best
+    assert best["temperature_c"] < below
+
+
 def test_the_amplitude_of_group_b_is_an_axis() -> None:
     data = pr.working_points(MOTOR, DRIVE, over={"drive.ratio_b": [0.5]}, speed=6.0)
     assert float(data["voltage_v"][0]) == 100.0
@@ -62,6 +74,11 @@ def test_wrong_requests_say_what_is_allowed() -> None:
         pr.working_points(MOTOR, DRIVE, over={"drive.voltage": [1.0]}, limits={"volts": 1.0})
     with pytest.raises(pr.ParameterError, match=r"limits: current_a = -1 is not valid: it must be a number > 0"):
         pr.working_points(MOTOR, DRIVE, over={"drive.voltage": [1.0]}, limits={"current_a": -1.0})
+    with pytest.raises(pr.ParameterError, match=r"ceramic_stress_pa is not known of .* described without its beam"):
+        pr.working_points(MOTOR, DRIVE, over={"drive.voltage": [1.0]}, limits={"ceramic_stress_pa": 1e6})
+    cold = MOTOR.updated({"limits": None})
+    with pytest.raises(pr.ParameterError, match=r"temperature_c is not known of .* no table of limits"):
+        pr.working_points(cold, DRIVE, over={"drive.voltage": [1.0]}, limits={"temperature_c": 100.0})
     with pytest.raises(pr.ParameterError, match="over has 0 points"):
         pr.working_points(MOTOR, DRIVE, over={})
 
