@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import xarray
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 from style import BLACK, BLUE, VERMILION, canvas, draft, main, write
 
 import pyspice_runner as pr
@@ -117,7 +118,8 @@ def _contours(panel: Axes, data: xarray.Dataset, name: str, choice: Choice) -> N
     (along, (x, to_x)), (across, (y, to_y)) = ((path, AXES[path]) for path in choice.over)
     places = to_x * data[along].values, to_y * data[across].values
     values = scale * data[quantity].transpose(across, along).values
-    lines = panel.contour(*places, values, levels=np.linspace(0.0, values.max(), 9)[1:-1], colors=BLUE, linewidths=1.0)
+    levels = MaxNLocator(8).tick_values(0.0, values.max())[1:]
+    lines = panel.contour(*places, values, levels=levels, colors=BLUE, linewidths=1.0)
     panel.clabel(lines, fontsize=7)
     outside = np.any(
         [(data[one] > limit).transpose(across, along) for one, limit in choice.limits(pr.load_motor(name)).items()],
