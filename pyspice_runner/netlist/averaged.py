@@ -449,6 +449,7 @@ def averaged_bench(
     phases: int = PHASES,
     harmonics: int = HARMONICS,
     thermal: Thermal | None = None,
+    modulated: Mapping[str, float] | None = None,
     title: str = "",
 ) -> Bench:
     """Drive an averaged motor by ideal amplitudes, its shaft free, loaded or held.
@@ -461,12 +462,15 @@ def averaged_bench(
         phases: as in :class:`AveragedSubCircuit`.
         harmonics: as in :class:`AveragedSubCircuit`.
         thermal: drift of the motor; its losses then heat it through ``Xcooling``.
+        modulated: settings that ``.ac`` modulates → by how much.
         title: title line of the deck.
     """
     circuit = Circuit(title or f"{motor.name}: averaged over the period of the drive")
+    sources = {name: _course(course) for name, course in settings.items()}
+    sources |= {name: f"{sources[name]} AC {size!r}" for name, size in (modulated or {}).items()}
     nodes = {"frequency": "set_frequency", "voltage_a": "set_a", "voltage_b": "set_b", "phase_deg": "set_phase"}
     for name, node in nodes.items():
-        circuit.V(node, node, circuit.gnd, _course(settings[name]))
+        circuit.V(node, node, circuit.gnd, sources[name])
     angle = f"{pi / 180.0!r}*V(set_phase)"
     values = {"a_re": "V(set_a)", "a_im": "0", "b_re": f"V(set_b)*cos({angle})", "b_im": f"V(set_b)*sin({angle})"}
     for node, value in values.items():
@@ -475,7 +479,7 @@ def averaged_bench(
     if load.speed is not None:
         circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
     else:
-        circuit.I("load", "shaft", circuit.gnd, _course(settings["load_torque"]))
+        circuit.I("load", "shaft", circuit.gnd, sources["load_torque"])
     circuit.raw_spice += "Gposition 0 position shaft 0 1\nCposition position 0 1 ic=0\nRposition position 0 1t\n"
     if thermal is not None:
         add_cooling(circuit, thermal)

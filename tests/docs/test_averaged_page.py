@@ -36,3 +36,21 @@ def test_no_point_that_passes_the_check_is_off_by_more_than_it_may() -> None:
     rows = [line.split("|") for line in LINES if line.startswith("| ") and "| yes |" in line]
     assert len(rows) > 10
     assert max(abs(float(cells[6])) for cells in rows) <= 100.0 * ALLOWED
+
+
+EVENTS = [(name, event) for name, *_ in SCRIPT["MOVING"] for event in SCRIPT["TRANSIENTS"]]
+
+
+@pytest.mark.parametrize("case", [*(pytest.param(case, marks=pytest.mark.soak) for case in EVENTS[:-2]), EVENTS[-2]])
+def test_a_transient_of_the_page_is_what_is_measured(case: tuple[str, str]) -> None:
+    (row,) = SCRIPT["transients"]((case,))
+    (line,) = (line for line in LINES if line.startswith(f"| {row.name} | {row.drive.label} | {row.event} |"))
+    assert float(line.split("|")[5]) == pytest.approx(100.0 * row.error, abs=0.1)
+    assert row.error <= SCRIPT["ALLOWED_TRANSIENT"]
+
+
+def test_no_transient_is_off_by_more_than_three_per_cent() -> None:
+    starts = tuple(f"| {name} |" for name, *_ in SCRIPT["MOVING"])
+    errors = [float(line.split("|")[5]) for line in LINES if line.startswith(starts) and line.count("|") == 6]
+    assert len(errors) == len(EVENTS)
+    assert max(errors) <= 100.0 * SCRIPT["ALLOWED_TRANSIENT"]

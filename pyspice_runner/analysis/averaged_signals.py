@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Small signals of the averaged motor: ``.ac`` about the operating point that a transient has reached."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.analysis.averaged import doubts
+from pyspice_runner.analysis.small_signals import INPUTS, OUTPUTS, unit
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.drive import Load, TwoPhaseDrive, check_together
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
+from pyspice_runner.netlist.averaged import averaged_bench
+from pyspice_runner.result import Result
+from pyspice_runner.run.kernel import ac, transient
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+HIGHEST = 0.1  # of the drive's frequency; a side band has a relative error of half the ratio
+SETTLED = 0.5  # s, of the transient
+MOST_POINTS = 1000  # in a decade
+LONGEST_STEPS = 50
+
+
+@dataclass(frozen=True, repr=False)
+class AveragedSignals(Result):
+    """Transfer functions of the averaged motor; inputs, outputs and units are those of :func:`small_signals`.
+
+    Attributes:
+        modulation_hz: frequencies of the modulation, Hz.
+        transfers: (output, input) → complex transfer function.
+        speed_rad_s: speed at the operating point.
+        doubts: what the check of the averaged model says.
+        provenance: motor, drive and settings, JSON-ready.
+        deck: the netlist of the last input.
+    """
+
+    modulation_hz: Array
+    transfers: dict[tuple[str, str], Complex]
+    speed_rad_s: float
+    doubts: tuple[str, ...]
+    provenance: dict[str, Any] = field(repr=False)
+    deck: str = field(repr=False)
+
+    def transfer(self, output: str, of: str) -> Complex:
+        """Return the transfer function from an input to an output, over :attr:`modulation_hz`.
+
+        Raises:
+            ParameterError: for a name that is not known, or the load torque of a held shaft.
+        """
+        if (output, of) not in self.transfers:
+            raise ParameterError(
+                f"There is no transfer from {of} to {output}: inputs are {', '.join(INPUTS)} (the last of a free "
+                f"shaft), outputs are {', '.join(OUTPUTS)}."
+            )
+        return self.transfers[output, of]
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What the check of the averaged model says."""
+        return self.doubts
+
+    def columns(self) -> Mapping[str, Array]:
+        """Return real and imaginary part of each transfer function over the modulation frequency."""
+        found = {"modulation_frequency_hz": self.modulation_hz}
+        for (output, of), values in self.transfers.items():
+            found |= {f"{output}_per_{of}_re": values.real, f"{output}_per_{of}_im": values.imag}
+        return found
+
+    def summary(self) -> dict[str, str]:
+        """Return the transfer functions at the lowest frequency."""
+        found = {"speed": f"{self.speed_rad_s:.4g} rad/s"}
+        for (output, of), values in self.transfers.items():
+            found[f"{output} per {of}"] = f"{abs(values[0]):.4g} {unit(output, of)}"
+        return found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return frequencies and transfer functions, JSON-ready."""
+        return {
+            "speed_rad_s": self.speed_rad_s,
+            "cautions": list(self.cautions),
+            **{name: values.tolist() for name, values in self.columns().items()},
+            **self.provenance,
+        }
+
+
+@checked
+def averaged_signals(
+    motor: Motor,
+    drive: TwoPhaseDrive,
+    *,
+    start: float,
+    stop: float,
+    points: int = 10,
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    timeout: float | None = None,
+) -> AveragedSignals:
+    """Return the transfer functions of the averaged motor from amplitude, phase, frequency and load.
+
+    A transient of half a second settles the motor; from there ngspice finds the operating point.
+
+    Args:
+        motor: the motor.
+        drive: the drive.
+        start: lowest frequency of the modulation, Hz.
+        stop: highest; up to a tenth of the drive's.
+        points: number in a decade.
+        speed: at which the shaft is held, rad/s; ``None`` leaves it free.
+        load_torque: torque in N·m that a load draws from the free shaft.
+        timeout: wall time in s after which a run of ngspice is ended.
+
+    Raises:
+        ParameterError: for an invalid value.
+        SimulationError: if ngspice fails.
+    """
+    check_together(motor, drive)
+    load = Load(speed, load_torque)
+    load.check(motor)
+    if not 0.0 < start < stop <= HIGHEST * drive.frequency:
+        raise ParameterError(
+            f"start = {start:g} Hz, stop = {stop:g} Hz are not valid: they must rise from > 0 to "
+            f"{HIGHEST * drive.frequency:.4g} Hz, a tenth of the drive's frequency."
+        )
+    if not 1 <= points <= MOST_POINTS:
+        raise ParameterError(f"points = {points} is out of range: it must be from 1 to {MOST_POINTS} in a decade.")
+    settings = {
+        "frequency": [(0.0, drive.frequency)], "voltage_a": [(0.0, drive.voltage)],
+        "voltage_b": [(0.0, drive.voltage_b)], "phase_deg": [(0.0, drive.phase_deg)],
+        "load_torque": [(0.0, load_torque)],
+    }  # fmt: skip
+    settled = transient(
+        averaged_bench(motor, settings, load=load), ["all"], step=drive.period, duration=SETTLED,
+        longest=SETTLED / LONGEST_STEPS, record_from=SETTLED * (1.0 - 1.0 / LONGEST_STEPS), timeout=timeout,
+    ).last()  # fmt: skip
+    guess = {name[2:-1]: value for name, value in settled.items() if name.startswith("v(xmotor.")}
+    if speed is None:
+        guess["shaft"] = settled["v(shaft)"]
+    sizes: dict[str, dict[str, float]] = {
+        "amplitude": {"voltage_a": 1.0, "voltage_b": drive.ratio_b}, "phase": {"phase_deg": 180.0 / pi},
+        "frequency": {"frequency": 1.0}, **({"load_torque": {"load_torque": 1.0}} if speed is None else {}),
+    }  # fmt: skip
+    parts = ("re", "im")
+    vectors = ["v(shaft)", "v(xmotor.friction)", *(f"i(v{group}_{part})" for group in "ab" for part in parts)]
+    vectors += [f"v(xmotor.xmode{index}_1.v_{part})" for index in range(1, len(motor.modes) + 1) for part in parts]
+    transfers: dict[tuple[str, str], Complex] = {}
+    for of, modulated in sizes.items():
+        outcome = ac(
+            averaged_bench(motor, settings, load=load, modulated=modulated), vectors, guess=guess, timeout=timeout,
+            variation="dec", number_of_points=points, start_frequency=start, stop_frequency=stop,
+        )  # fmt: skip
+        for output, values in _outputs(motor, outcome.phasors(), settled, of).items():
+            transfers[output, of] = values
+    return AveragedSignals(
+        outcome.phasors()["frequency"].real, transfers, settled["v(shaft)"],
+        doubts(settled["v(xmotor.check)"], settled["v(xmotor.open)"]),
+        {"motor": motor.to_dict(), "drive": drive.model_dump(), "held_speed_rad_s": speed,
+         "load_torque_n_m": load_torque},
+        outcome.deck,
+    )  # fmt: skip
+
+
+def _outputs(motor: Motor, found: Mapping[str, Complex], settled: Mapping[str, float], of: str) -> dict[str, Complex]:
+    """Return the outputs of a modulation; amplitudes and phases are those of a complex amplitude's deviation."""
+    torque = motor.rotor.radius_m * found["v(xmotor.friction)"]
+    outputs = {"speed": found["v(shaft)"], "torque": torque}
+    for group in "ab":
+        own = float(group == "b" and of == "phase")  # the voltage of the group turns too
+        real, imaginary = (f"i(v{group}_{part})" for part in ("re", "im"))
+        current = complex(settled[real], settled[imaginary])
+        along, across = _deviations(current, found[real], found[imaginary])
+        outputs[f"current_amplitude_{group}"] = along
+        outputs[f"current_phase_{group}"] = across / abs(current) - own
+        motional = 0.0 + 0.0j
+        parts = [np.zeros_like(torque), np.zeros_like(torque)]
+        for index, mode in enumerate(motor.modes, start=1):
+            coupling = getattr(mode, f"coupling_{group}_n_per_v")
+            names = [f"v(xmotor.xmode{index}_1.v_{part})" for part in ("re", "im")]
+            motional += coupling * complex(*(settled[name] for name in names))
+            parts = [part + coupling * found[name] for part, name in zip(parts, names, strict=True)]
+        outputs[f"motional_phase_{group}"] = _deviations(motional, *parts)[1] / abs(motional) - own
+    return {name: outputs[name] for name in OUTPUTS}
+
+
+def _deviations(carrier: complex, real: Complex, imaginary: Complex) -> tuple[Complex, Complex]:
+    """Return the parts of a deviation along and across a complex amplitude."""
+    unit_re, unit_im = carrier.real / abs(carrier), carrier.imag / abs(carrier)
+    return unit_re * real + unit_im * imaginary, unit_re * imaginary - unit_im * real
