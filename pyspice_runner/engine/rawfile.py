@@ -45,14 +45,11 @@ class RawFile:
     def beyond(self, largest: float, names: Sequence[str]) -> str | None:
         """Return the first of these vectors with a value that is not finite or larger in magnitude than a limit."""
         columns = {name: self.find(name) for name in names}
-        for chunk in self._chunks():
-            for name, values in columns.items():
-                if values is None:
-                    continue
-                with np.errstate(over="ignore", invalid="ignore"):  # in the magnitude of a complex value
-                    within = np.abs(values[chunk]) <= largest
-                if not within.all():
-                    return name
+        with np.errstate(over="ignore", invalid="ignore"):  # in the magnitude of a complex value
+            for chunk in self._chunks():
+                for name, values in columns.items():
+                    if values is not None and not (np.abs(values[chunk]) <= largest).all():
+                        return name
         return None
 
     def thinned(self, every: int) -> dict[str, NDArray[np.generic]]:

@@ -59,6 +59,8 @@ def _statements(deck: str) -> list[str]:
 
 
 def _without_expressions(line: str) -> str:
+    if not any(mark in line for mark in "{}'\""):
+        return line
     kept, depth = [], 0
     for piece in re.split(r"([{}])", re.sub(r"'[^']*'|\"[^\"]*\"", "0", line)):
         if piece == "{":
@@ -78,6 +80,8 @@ def _names(words: list[str]) -> list[str]:
 
 def _unknown_option(lines: list[str]) -> str | None:
     for line in lines:
+        if not line.startswith(".opt"):
+            continue
         keyword, *words = re.split(r"[\s,]+", line)
         if keyword not in (".option", ".options", ".opt"):
             continue
