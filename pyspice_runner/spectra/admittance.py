@@ -299,21 +299,22 @@ def _motional_arm(
     frequency: NDArray[np.float64], y: NDArray[np.complex128], fs: float, bandwidth: float
 ) -> tuple[float, float, float]:
     """Fit R, L, C of one arm in front of a smooth background; the background is solved for linearly."""
-    offset = frequency / fs - 1.0
-    background = np.vander(offset, 4)
     near = np.exp(-0.5 * ((frequency - fs) / (2.0 * bandwidth)) ** 2)
+    # the background has complex coefficients; what it cannot follow is the part outside the span of its columns
+    background, _ = np.linalg.qr(np.vander(frequency / fs - 1.0, 4) * near[:, None])
+
+    def outside(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        return values - background @ (background.T @ values)
+
+    target = outside(y * near)
 
     def split(parameters: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         centre, quality = fs * (1.0 + parameters[0]), np.exp(parameters[1])
         ratio = frequency / centre
-        arm = 1.0 / (1.0 + 1j * quality * (ratio - 1.0 / ratio))
-        basis = np.column_stack([arm, background]) * near[:, None]
-        # one real conductance for the arm, complex coefficients for the background
-        stacked = np.block([[basis.real[:, :1], background * near[:, None], np.zeros_like(background)],
-                            [basis.imag[:, :1], np.zeros_like(background), background * near[:, None]]])  # fmt: skip
-        target = np.concatenate([(y * near).real, (y * near).imag])
-        solution, *_ = np.linalg.lstsq(stacked, target, rcond=None)
-        return float(solution[0]), target - stacked @ solution
+        arm = outside(near / (1.0 + 1j * quality * (ratio - 1.0 / ratio)))
+        conductance = np.vdot(arm, target).real / np.vdot(arm, arm).real
+        error = target - conductance * arm
+        return float(conductance), np.concatenate([error.real, error.imag])
 
     def residual(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         return split(parameters)[1] / float(np.abs(y).max())
