@@ -50,7 +50,9 @@ def map_points(
     objective: Annotated[ObjectiveKind, typer.Option(help="What the best point has most of.")] = ObjectiveKind.torque,
     limit: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Greatest value allowed: current_a=0.1, voltage_v=80. Repeatable."),
+        typer.Option(
+            metavar="NAME=VALUE", help="Greatest value allowed: current_a=0.1, temperature_c=100. Repeatable."
+        ),
     ] = None,
     speed: Annotated[
         float | None, typer.Option(help="Speed at which the shaft is held, rad/s; default: by the objective.")
