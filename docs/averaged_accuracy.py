@@ -83,8 +83,8 @@ Transfer functions by `.ac` against the small signals of the steady state (`smal
 modulation from {SLOWEST:g} Hz to a tenth of the drive's frequency. The table has the greatest errors of magnitude and
 phase up to three modulation frequencies. Amplitude and load act on the speed within 3 % and 3 degrees to 1 kHz. Above,
 errors grow at the second motor, whose contact sticks for most of the period. At the first motor the frequency of the
-drive has little effect on the speed at low modulation: steady states 100 Hz to either side give 3.2e-4 rad/s/Hz, `.ac` at
-1 Hz 2.8e-4, and `small_signals` 9e-3, where it divides a small error by the modulation frequency.
+drive has little effect on the speed at low modulation: steady states 100 Hz to either side give 3.2e-4 rad/s/Hz, `.ac`
+at 1 Hz 2.8e-4, and `small_signals` 9e-3, where it divides a small error by the modulation frequency.
 """
 
 
