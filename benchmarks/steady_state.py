@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Steady states: cost of a curve over the number of points.
+"""Steady states: cost of a curve over the number of points, and the same curve by scipy.
 
-.venv/bin/python -m benchmarks.steady_state cost 1 3 10 30 100
+.venv/bin/python -m benchmarks.steady_state cost 1 10 100 1000
+.venv/bin/python -m benchmarks.steady_state scipy 5
 """
 
 from __future__ import annotations
@@ -10,10 +11,20 @@ import os
 import resource
 import sys
 import time
+from math import pi, radians, sin, sqrt
+from typing import Any
 
 import numpy as np
+from numba import njit
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
 
 import pyspice_runner as pr
+
+PULL = 50e-9  # s, time constant by which the slider returns to its limit
+STEPS = 4000  # of the Runge-Kutta method in a period; 5 ns, a tenth of PULL
+SCALE = np.array([1e-6, 1e-6, 0.3, 0.3, 1e-7])  # of displacements, velocities and slider
+SETTLED = 1e-3  # change of the mean torque from block to block, relative to the friction torque
 
 
 def cpu_seconds() -> float:
@@ -43,5 +54,144 @@ def cost(counts: list[int]) -> None:
         print(f"{count:6d}  {wall:6.2f}  {cpu:5.2f}  {cpu / count:13.3f}  {memory:.0f}", flush=True)
 
 
+@njit
+def rates(t: float, z: Any, p: Any, dz: Any) -> float:  # type: ignore[misc]
+    """The equations of motion of two modes and the contact on a held shaft; return the friction force."""
+    x, vx = p[8] * z[0] + p[9] * z[1], p[8] * z[2] + p[9] * z[3]
+    y, vy = p[10] * z[0] + p[11] * z[1], p[10] * z[2] + p[11] * z[3]
+    sigma = p[17] + y
+    h = p[16] - sigma
+    distance = sqrt(x * x + h * h)
+    delta = (2.0 * p[16] * sigma - sigma * sigma - x * x) / (p[16] + distance)
+    fx = fy = friction = 0.0
+    dz[4] = -z[4] / PULL
+    if delta > 0.0:
+        ex, ey = x / distance, h / distance
+        normal, limit = p[18] * delta * sqrt(delta), p[19] * delta
+        held = min(max(z[4], -limit), limit)
+        dz[4] = vx * ey + vy * ex - p[16] * p[20] - (z[4] - held) / PULL
+        rest = 1.0 - abs(held) / limit
+        friction = p[21] * normal * (1.0 - rest * sqrt(rest)) * (1.0 if held > 0.0 else -1.0)
+        fx, fy = normal * ex - friction * ey, -normal * ey - friction * ex
+    ua, ub = p[22] * sin(p[23] * t), p[22] * sin(p[23] * t + p[24])
+    for n in range(2):
+        dz[n] = z[2 + n]
+        force = p[12 + n] * ua + p[14 + n] * ub - p[4 + n] * z[2 + n] - p[2 + n] * z[n]
+        dz[2 + n] = (force + p[8 + n] * fx + p[10 + n] * fy) / p[n]
+    return friction
+
+
+@njit
+def period(z: Any, p: Any) -> float:  # type: ignore[misc]
+    """Advance a state over one period by the classical Runge-Kutta method; return the mean friction force."""
+    h = 2.0 * pi / p[23] / STEPS
+    k1, k2, k3, k4 = np.empty(5), np.empty(5), np.empty(5), np.empty(5)
+    total = 0.0
+    for n in range(STEPS):
+        t = n * h
+        total += rates(t, z, p, k1)
+        rates(t + 0.5 * h, z + 0.5 * h * k1, p, k2)
+        rates(t + 0.5 * h, z + 0.5 * h * k2, p, k3)
+        rates(t + h, z + h * k3, p, k4)
+        z += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return total / STEPS
+
+
+def parameters(motor: pr.Motor, drive: pr.TwoPhaseDrive, speed: float) -> np.ndarray:
+    """Return motor, drive and speed as the equations take them."""
+    names = ("mass_kg", "stiffness_n_per_m", "damping_n_s_per_m", None, "tip_x", "tip_y", "coupling_a_n_per_v")
+    pairs = [getattr(mode, name) if name else 0.0 for name in (*names, "coupling_b_n_per_v") for mode in motor.modes]
+    law, radius = motor.contact, motor.rotor.radius_m
+    seat = (law.preload_n / law.normal_stiffness_n_per_m15) ** (2.0 / 3.0)
+    seat += law.preload_n * sum(mode.tip_y**2 / mode.stiffness_n_per_m for mode in motor.modes)
+    compliance = law.tangential_compliance_tip_m_per_n23 + law.tangential_compliance_rotor_m_per_n23
+    limit = law.friction * compliance * law.normal_stiffness_n_per_m15 ** (2.0 / 3.0)
+    waves = [drive.voltage, 2.0 * pi * drive.frequency, radians(drive.phase_deg)]
+    return np.array([*pairs, radius, seat, law.normal_stiffness_n_per_m15, limit, speed, law.friction, *waves])
+
+
+def settled(p: np.ndarray, start: np.ndarray, periods: int, friction: float) -> float:
+    """Return the mean friction force of LSODA's blocks of so many periods, once it stays the same."""
+    length, before, begun, z = periods * 2.0 * pi / p[23], np.inf, 0.0, start
+    derivative = np.empty(5)
+
+    def right(t: float, state: np.ndarray) -> np.ndarray:
+        rates(t, state, p, derivative)
+        return derivative.copy()
+
+    while True:
+        run = solve_ivp(right, (begun, begun + length), z, method="LSODA", rtol=1e-6, atol=1e-6 * SCALE)
+        forces = [rates(t, state, p, derivative) for t, state in zip(run.t, run.y.T, strict=True)]
+        mean = float(np.trapezoid(forces, run.t)) / length
+        if abs(mean - before) < SETTLED * friction:
+            return mean
+        before, begun, z = mean, begun + length, run.y[:, -1]
+
+
+def shot(p: np.ndarray, start: np.ndarray) -> tuple[float, bool]:
+    """Return the mean friction force of the fixed point of the period that scipy finds."""
+
+    def gap(scaled: np.ndarray) -> np.ndarray:
+        z = scaled * SCALE
+        period(z, p)
+        return z / SCALE - scaled
+
+    found = root(gap, start / SCALE, method="hybr", options={"eps": 1e-6, "xtol": 1e-6})
+    return float(period(found.x * SCALE, p)), bool(np.abs(gap(found.x)).max() < 1e-3)
+
+
+def scipy_too(count: int) -> None:
+    """Print times and torques of a curve by this package, by LSODA until it settles, and by shooting with scipy."""
+    motor = pr.load_motor("andersen2002").updated({"mount": None})
+    drive = pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3, phase_deg=90.0)
+    speeds = np.linspace(-5.0, 12.0, count)
+    law, radius = motor.contact, motor.rotor.radius_m
+    friction = law.friction * law.preload_n
+    rest = [-law.preload_n * mode.tip_y / mode.stiffness_n_per_m for mode in motor.modes]
+    start = np.array([*rest, 0.0, 0.0, 0.0])
+    decay = max(2.0 * mode.mass_kg / mode.damping_n_s_per_m for mode in motor.modes)
+    periods = round(decay * drive.frequency)
+    shot(parameters(motor, drive, 0.0), start)  # compiles
+    pr.steady_state(motor, drive, speed=0.0)
+    began = time.perf_counter()
+    curve = pr.speed_torque(motor, drive, speeds=speeds)
+    ours = curve["torque_n_m"].values
+    print(f"ours: {(time.perf_counter() - began) / count:.3f} s a point, {curve.attrs['method']}", flush=True)
+
+    def report(name: str, torques: list[float], seconds: float, found: list[bool]) -> None:
+        worst = max((abs(a - b) for a, b, good in zip(torques, ours, found, strict=True) if good), default=np.nan)
+        away = 100.0 * worst / (friction * radius)
+        print(
+            f"{name}: {seconds / count:.3f} s a point, {sum(found)} of {count} found, up to {away:.2f} % away",
+            flush=True,
+        )
+
+    began = time.perf_counter()
+    several = [
+        shot(parameters(motor, drive, speed), _warm(parameters(motor, drive, speed), start, periods))
+        for speed in speeds
+    ]
+    report(
+        "shooting by scipy",
+        [radius * f for f, _ in several],
+        time.perf_counter() - began,
+        [good for _, good in several],
+    )
+    began = time.perf_counter()
+    blocks = [settled(parameters(motor, drive, speed), start, periods, friction) for speed in speeds]
+    report("LSODA, settled", [radius * f for f in blocks], time.perf_counter() - began, [True] * count)
+
+
+def _warm(p: np.ndarray, start: np.ndarray, periods: int) -> np.ndarray:
+    """Let the motion run for a decay time: from rest scipy's method often fails."""
+    z = start.copy()
+    for _ in range(periods):
+        period(z, p)
+    return z
+
+
 if __name__ == "__main__":
-    cost([int(text) for text in sys.argv[2:]])
+    if sys.argv[1] == "cost":
+        cost([int(text) for text in sys.argv[2:]])
+    else:
+        scipy_too(int(sys.argv[2]))

@@ -1,34 +1,72 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Steady states of random motors, compared with settling: ``python -m tests.random_steady --count 200``.
+"""Steady states of random motors, compared with settling and long runs: ``python -m tests.random_steady --count 200``.
 
 Motors and drives are those of the soak (:mod:`tests.soak`), whose parameters are drawn from the whole ranges that they
-declare. The outcome of a case is written at once, so that an interrupted study can be resumed.
+declare; most drives of two tones get a common period. The outcome of a case is written at once, so that an interrupted
+study can be resumed.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import re
 import time
 from collections import Counter
+from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from pydantic import ValidationError
+
 import pyspice_runner as pr
+from pyspice_runner.analysis.dynamometer import Dynamometer
+from pyspice_runner.analysis.period_map import PeriodMap
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.analysis.steady import SteadyState
-from tests.soak import case
+from pyspice_runner.model.drive import check_together
+from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.copies import Copy
+from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.run.setup import Setup
+from tests.soak import Case, case
 
 RECORD = Path(__file__).with_suffix(".json")
 SEED = 16
 LONGEST = 10.0  # s, of a run of ngspice
 AGREES = 5e-3  # of the friction torque, besides the error that the steady state states
 FOUND = ("newton", "damped", "neighbour", "settled")
+RATIOS = (Fraction(2), Fraction(3), Fraction(3, 2), Fraction(4, 3), Fraction(5, 2), Fraction(7, 4))  # of two tones
+BEATING = 0.1  # share of the drives of two tones whose frequencies stay as drawn, without a common period
+QUICK = 0.3  # s that ngspice may take for a decay time of the slowest mode, if the case is left to settle as well
+STAYING = 40  # periods for which a motion is shown to stay where it was found, at half of its step
+POINT = 2e-5  # s that ngspice takes for a step
+
+
+def subject_of(index: int) -> Case:
+    """Draw a case; most drives of two tones get frequencies with a ratio of small whole numbers."""
+    subject = case(SEED, index)
+    drive = subject.drive
+    rng = np.random.default_rng((SEED, index, 1))
+    if not isinstance(drive, pr.TwoToneDrive) or rng.random() < BEATING:
+        return subject
+    low, high = sorted(("frequency_1", "frequency_2"), key=lambda name: getattr(drive, name))
+    ratio = RATIOS[rng.integers(len(RATIOS))]
+    for name, value in ((low, getattr(drive, high) / float(ratio)), (high, getattr(drive, low) * float(ratio))):
+        try:
+            changed = pr.TwoToneDrive(**{**drive.model_dump(), name: value})
+            check_together(subject.motor, changed)
+        except (ValidationError, pr.ParameterError):
+            continue
+        return replace(subject, drive=changed)
+    return subject
 
 
 def outcome(index: int) -> dict[str, Any] | None:
     """Return what came of a case; ``None`` for one without a plain drive or a contact."""
-    subject = case(SEED, index)
+    subject = subject_of(index)
     if not isinstance(subject.drive, pr.TwoPhaseDrive | pr.TwoToneDrive) or subject.settings.get("contact") is None:
         return None
     point: dict[str, Any] = {"speed": subject.settings.get("speed") or 0.0, "contact": subject.settings["contact"]}
@@ -38,27 +76,52 @@ def outcome(index: int) -> dict[str, Any] | None:
     except (pr.ParameterError, pr.SimulationError) as error:
         slow = "did not finish within" in str(error)
         how = "refused" if isinstance(error, pr.ParameterError) else "too slow" if slow else "failed"
-        return {"index": index, "method": how, "verdict": str(error)[:120]}
+        return {"index": index, "method": how, "verdict": re.sub(r"/\S+", "…", str(error))[:120]}
     method = state.method or "not found"
     return {"index": index, "method": method, "verdict": _verdict(subject, state, point) if state.converged else ""}
 
 
-def _verdict(subject: Any, state: SteadyState, point: dict[str, Any]) -> str:
-    """Return the deviation of a steady state from the result of settling."""
+def _verdict(subject: Case, state: SteadyState, point: dict[str, Any]) -> str:
+    """Return how a steady state compares with settling, if that is quick, or with a long run from it."""
     if not state.stable:
         return "unstable"
     if state.audit.findings:
         return "fails the audit"
+    setup = Setup(subject.motor, DriveSource(subject.drive), law=Law(point["contact"]))
+    if POINT * Dynamometer(setup).duration / setup.step < QUICK:
+        try:
+            settled = operating_point(subject.motor, subject.drive, mode="settle", **point)
+        except (pr.ParameterError, pr.SimulationError):
+            settled = {"settled": False}
+        if settled["settled"]:
+            return "agrees" if _close(state, settled["torque_n_m"], settled["normal_force_n"]) else "differs"
+    return _staying(state)
+
+
+def _close(state: SteadyState, torque: float, force: float) -> bool:
+    contact = state.motor.contact
+    scale = contact.friction * max(contact.preload_n, force)
+    allowed = AGREES * scale * state.motor.rotor.radius_m + state.torque_error_n_m
+    return abs(state.torque_n_m - torque) <= allowed
+
+
+def _staying(state: SteadyState) -> str:
+    """Run the full model from the steady state for many periods at half of its step, and compare its means."""
+    point = state.solution
+    assert point is not None
+    plant, period = point.plant, point.plant.drive.period
+    finer = PeriodMap(period, 2 * round(period / state.step_s), LONGEST)
     try:
-        settled = operating_point(subject.motor, subject.drive, mode="settle", **point)
-    except (pr.ParameterError, pr.SimulationError):
-        return "settling failed or took too long"
-    if not settled["settled"]:
-        return "not settled in time"
-    contact = subject.motor.contact
-    force = max(contact.preload_n, settled["normal_force_n"])
-    allowed = AGREES * contact.friction * force * subject.motor.rotor.radius_m + state.torque_error_n_m
-    return "agrees" if abs(state.torque_n_m - settled["torque_n_m"]) <= allowed else "differs"
+        (end,) = finer.settled([Copy(plant, point.state)], STAYING)
+        (trace,) = finer.traces([Copy(plant, end)]) if end is not None else (None,)
+    except pr.SimulationError:
+        return "the long run takes too long"
+    if trace is None:
+        return "the long run fails"
+    force, friction = trace.forces.tolist()
+    if point.sticks:  # a standing shaft is held at any torque
+        return "stays" if abs(force - state.normal_force_n) <= AGREES * state.normal_force_n else "leaves"
+    return "stays" if _close(state, friction * plant.motor.rotor.radius_m, force) else "leaves"
 
 
 def read() -> list[dict[str, Any]]:

@@ -10,11 +10,11 @@ import pytest
 from tests import random_steady
 
 
-def test_no_steady_state_of_the_record_differs_from_settling() -> None:
+def test_no_steady_state_of_the_record_differs_from_settling_or_from_a_long_run() -> None:
     record = random_steady.read()
     found = [one for one in record if one["method"] in random_steady.FOUND]
-    assert len(record) >= 170
-    assert not [one for one in found if one["verdict"] == "differs"]
+    assert len(record) >= 200
+    assert not [one for one in found if one["verdict"] in ("differs", "leaves")]
     methods = Counter(one["method"] for one in record)
     assert methods["not found"] + methods["failed"] <= 0.05 * (len(record) - methods["refused"])
 
@@ -25,4 +25,4 @@ def test_cases_of_the_record_come_out_as_recorded() -> None:
     for one in agreeing[:5]:
         again = random_steady.outcome(one["index"])
         assert again is not None
-        assert again["verdict"] in ("agrees", "settling failed or took too long"), one["index"]
+        assert again["verdict"] in ("agrees", "stays"), one["index"]

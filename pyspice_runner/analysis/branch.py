@@ -29,7 +29,7 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive, Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, Law
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, Law, law_of
 from pyspice_runner.netlist.copies import Copy, Plant
 from pyspice_runner.netlist.sources import DriveSource, unit_in, updated
 from pyspice_runner.run.settings import Solver
@@ -68,7 +68,7 @@ def steady_branch(
     stop: float,
     speed: float | None = None,
     load_torque: float = 0.0,
-    contact: ContactLaw = "spring-slider",
+    contact: ContactLaw | None = "spring-slider",
     sliders: int = SLIDERS,
     step: float | None = None,
     points: int = MOST_POINTS,
@@ -85,7 +85,7 @@ def steady_branch(
         stop: value at which it ends. It also ends where it comes back to ``start``.
         speed: at which the shaft is held, rad/s; ``None`` leaves it free.
         load_torque: torque in N·m that a load draws from the free shaft.
-        contact: law of the contact, as in :func:`simulate`.
+        contact: law of the contact, as in :func:`simulate`; ``None`` for a free tip.
         sliders: number of sliders of the brush.
         step: longest time step in s; by default that of :func:`simulate`.
         points: greatest number of points.
@@ -105,7 +105,7 @@ def steady_branch(
     if not 2 <= points <= MOST_POINTS:
         raise ParameterError(f"points = {points} is not valid: it must be a whole number from 2 to {MOST_POINTS}.")
     family = _Family(
-        motor, drive, follow, Load(speed, load_torque), Law(contact, sliders), Solver(step, None, True, timeout, False),
+        motor, drive, follow, Load(speed, load_torque), law_of(contact, sliders), Solver(step, None, True, timeout, False),
         start, stop,
     )  # fmt: skip
     for value in (start, stop):  # both ends are checked before any run
@@ -134,7 +134,7 @@ class _Family:
     drive: Drive
     follow: str
     load: Load
-    law: Law
+    law: Law | None
     solver: Solver
     start: float
     stop: float

@@ -13,9 +13,11 @@ import xarray
 import pyspice_runner as pr
 from pyspice_runner.analysis.branch import folds
 from pyspice_runner.analysis.period_map import PeriodMap
+from pyspice_runner.model import duffing
 from pyspice_runner.model.drive import Load
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.copies import Copy, Plant
+from pyspice_runner.netlist.decks import SOFTENING
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.setup import Setup
 
@@ -87,6 +89,30 @@ def test_the_folds_are_where_sweeps_up_and_down_jump() -> None:
         jump = int(np.abs(np.diff(swept["separated"].values[:, 0])).argmax())
         ends = swept["drive.frequency"].values[jump : jump + 2]
         assert min(ends) - step <= fold <= max(ends) + step, (fold, ends)  # required: one step
+
+
+@pytest.mark.slow
+def test_the_branch_of_a_free_stator_that_softens_is_duffings_curve_through_both_folds() -> None:
+    motor = pr.load_motor("bimodal40").updated(SOFTENING)
+    mode, voltage = motor.modes[1], 50.0
+    force = voltage * abs(mode.coupling_a_n_per_v - mode.coupling_b_n_per_v)
+    drive = pr.TwoPhaseDrive(voltage=voltage, frequency=mode.frequency_hz, phase_deg=180.0)
+    low, high = 0.982 * mode.frequency_hz, 1.002 * mode.frequency_hz
+    data = pr.steady_branch(motor, drive, follow="drive.frequency", start=low, stop=high, speed=0.0, contact=None)
+    assert data.attrs["ended"] == "It reaches stop."
+    exact = duffing.folds(mode, force, low, high)
+    assert exact is not None
+    # harmonics of γ a²/32 = 1e-3 of the shift by softening, 500 Hz
+    assert sorted(data.piezomotor.folds) == pytest.approx(exact, abs=1.5)
+    for at in range(data.sizes["point"]):
+        frequency, state = float(data["drive.frequency"][at]), data["start_state"].values[at]
+        if min(abs(frequency - fold) for fold in exact) < 5.0:
+            continue  # two amplitudes meet
+        roots = duffing.amplitudes(mode, force, frequency)
+        amplitude = np.hypot(state[1], state[len(motor.modes) + 1] / (2.0 * np.pi * frequency))
+        place = int(np.abs(roots - amplitude).argmin())
+        assert amplitude == pytest.approx(roots[place], rel=2e-3)  # harmonics, as above
+        assert bool(data["stable"][at]) == (place != 1)  # the middle one is unstable
 
 
 def test_folds_are_the_extrema_of_the_parameter() -> None:
