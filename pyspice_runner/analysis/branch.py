@@ -105,8 +105,8 @@ def steady_branch(
     if not 2 <= points <= MOST_POINTS:
         raise ParameterError(f"points = {points} is not valid: it must be a whole number from 2 to {MOST_POINTS}.")
     family = _Family(
-        motor, drive, follow, Load(speed, load_torque), law_of(contact, sliders), Solver(step, None, True, timeout, False),
-        start, stop,
+        motor, drive, follow, Load(speed, load_torque), law_of(contact, sliders),
+        Solver(step, None, True, timeout, False), start, stop,
     )  # fmt: skip
     for value in (start, stop):  # both ends are checked before any run
         family.setup(value)

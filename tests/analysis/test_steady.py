@@ -123,6 +123,14 @@ def test_a_free_rotor_runs_where_the_curve_of_held_ones_crosses_the_load() -> No
     assert free.speed_rad_s == pytest.approx(float(crossing), rel=1e-3)
 
 
+def test_a_free_rotor_under_load_reaches_its_steady_speed() -> None:
+    load, motor = 5e-3, MOTOR.updated({"mount": None})  # on the mount it settles ten times as slowly
+    free = pr.steady_state(motor, DRIVE, load_torque=load)
+    run = pr.simulate(motor, DRIVE, duration=14e-3, load_torque=load, signals=("rotor_speed_rad_s",))
+    late = run.time_s > 13e-3  # ten time constants of the rotor; 46 periods
+    assert float(run.rotor_speed_rad_s[late].mean()) == pytest.approx(free.speed_rad_s, rel=0.01)  # required: 1 %
+
+
 def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_take() -> None:
     mount = {"mount.stiffness_n_per_m": 2e4, "mount.mass_kg": 0.05, "mount.damping_n_s_per_m": 50.0}
     motor = PAPER.updated(mount)
