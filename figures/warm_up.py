@@ -68,7 +68,7 @@ def draw(folder: Path) -> list[str]:
         f"{100.0 * OFFSET:g} % above resonance and holds the motional current at −{-TARGET:g}°. Speeds in (a) "
         f"differ by {error:.1f} % RMS of the greatest. (b): {WHOLE:g} s of motor time in {took:.1f} s; phase margin at "
         f"the end {whole.loop.phase_margin_deg:.0f}° at {whole.loop.crossover_hz:.0f} Hz. The copies of the clamped "
-        "capacitances do not warm up, so that the phase drifts. Thermal model: defaults of Thermal."
+        "capacitances do not warm up, so that the phase drifts. Thermal model: that of the set, Thermal.of(motor)."
     )
     write(figure, folder / "warm_up.png", "Ten minutes of warm-up with a phase-locked loop", caption)
     drift = whole.frequency_hz[-1] - start.end_frequency_hz

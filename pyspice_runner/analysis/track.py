@@ -216,7 +216,7 @@ def track(
         drift: relative drift of the frequencies.
         drift_time: time that it takes, s.
         thermal: coefficients of what drifts along with the frequencies; by default nothing does. Of a warm-up, all
-            values; by default those of :class:`Thermal`.
+            values; by default those of :meth:`Thermal.of`.
         target_step: step of the phase that a phase-locked loop is to hold, degrees.
         speed: if given, the shaft is held at this speed, rad/s.
         step: largest time step, s; by default 1/200 of the period of the fastest motion.
@@ -253,7 +253,8 @@ def track(
         load_torque = 0.5 * stall
     disturbance = Disturbance(
         disturb, begin, load_torque or 0.0, preload_change, drift, drift_time,
-        thermal if disturb in ("temperature", "warm-up") else None, target_step if disturb == "target" else 0.0,
+        {"temperature": thermal, "warm-up": thermal or Thermal.of(motor)}.get(disturb),
+        target_step if disturb == "target" else 0.0,
     )  # fmt: skip
     if duration is None:
         duration = begin if disturb == "start" else disturbance.end_s + {"temperature": 2e-3}.get(disturb, 12e-3)

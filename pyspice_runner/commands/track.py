@@ -155,7 +155,7 @@ def track(
             drift=drift,
             drift_time=drift_time,
             target_step=target_step,
-            thermal=pr.Thermal() if all_drift else None,
+            thermal=pr.Thermal.of(loaded) if all_drift else None,
             averaged=averaged,
             timeout=timeout,
             audit=audit,

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from pyspice_runner.model.motor import Provenance, Structure
+from pyspice_runner.model.motor import Motor, Provenance, Structure
 from pyspice_runner.model.parameters import quantity
 from pyspice_runner.model.refusal import Stated
 
@@ -56,6 +56,16 @@ class Thermal(Stated):
         ge=-200.0,
         le=500.0,
     )
+
+    @classmethod
+    def of(cls, motor: Motor) -> Thermal:
+        """Return the defaults with the motor's own thermal resistance and heat capacity, where its set has them."""
+        own = {}
+        if motor.limits is not None:
+            own["thermal_resistance_k_per_w"] = motor.limits.thermal_resistance_k_per_w
+        if motor.structure is not None:
+            own["heat_capacity_j_per_k"] = heat_capacity(motor.structure)
+        return cls(**own)
 
     @property
     def time_constant(self) -> float:
