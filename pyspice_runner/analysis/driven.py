@@ -298,21 +298,26 @@ def _search(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
     for point in points:
         curves.setdefault((id(point.plant.motor), id(point.plant.drive)), []).append(point)
     seeds = [curve[len(curve) // 2] for curve in curves.values()]
-    _settle(seeds, period_map, 0.0)
-    shooting.solve(seeds)
+    for decays in (0.0, *SETTLING):
+        _retry([seed for seed in seeds if not seed.done], shooting, period_map, decays)
     for seed, curve in zip(seeds, curves.values(), strict=True):
         for point in curve:
             if point is not seed and seed.done:
                 point.guess(seed)
-    shooting.solve([point for point in points if point.guessed])
-    for point in points:
-        point.method = ("neighbour" if point.guessed else "newton") if point.done else ""
+    near = [point for point in points if point.guessed]
+    shooting.solve(near)
+    for point in near:
+        point.method = "neighbour" if point.done else ""
     for decays in SETTLING:
-        lost = [point for point in points if not point.done]
-        _settle(lost, period_map, decays)
-        shooting.solve(lost)
-        for point in lost:
-            point.method = "settled" if point.done else ""
+        _retry([point for point in points if not point.done], shooting, period_map, decays)
+
+
+def _retry(points: Sequence[DrivenPoint], shooting: DrivenShooting, period_map: DrivenMap, decays: float) -> None:
+    """Solve points after so many decay times of the slowest mode from rest."""
+    _settle(points, period_map, decays)
+    shooting.solve(points)
+    for point in points:
+        point.method = ("settled" if decays else "newton") if point.done else ""
 
 
 def _settle(points: Sequence[DrivenPoint], period_map: DrivenMap, decays: float) -> None:
