@@ -248,22 +248,26 @@ class _Linear:
         drive = plant.drive
         assert isinstance(drive, TwoPhaseDrive)
         frequency = drive.frequency
-        probes = [
-            (place, shift * frequency + at)
-            for at in modulation.tolist()
-            for place, shift in (("a", 1), ("a", -1), ("b", 1), ("b", -1), *((("shaft", 0),) if plant.turns else ()))
-        ]
-        responses = dict(zip(probes, self._responses(probes, modulation.repeat(4 + plant.turns)), strict=True))
+        sides = (("a", 1), ("a", -1), ("b", 1), ("b", -1), *((("shaft", 0),) if plant.turns else ()))
+        turning = np.concatenate([[0.0], modulation])
+        probes = [(place, shift * frequency + at) for at in turning.tolist() for place, shift in sides]
+        responses = dict(zip(probes, self._responses(probes, turning.repeat(len(sides))), strict=True))
         carriers = self._carriers()
         transfers: dict[tuple[str, str], list[complex]] = {}
         hot = {}
         image = {}
+        # A constant phase of both groups changes no output. What it seems to change is an error of the derivatives,
+        # which the integral from frequency to phase would amplify.
+        up, down = ({group: responses[group, side * frequency] for group in "ab"} for side in (1, -1))
+        resting = _outputs(self._modulated(drive, up, down, None)["frequency"], carriers, "frequency", plant)
         for at in modulation.tolist():
             up = {group: responses[group, frequency + at] for group in "ab"}
             down = {group: responses[group, at - frequency] for group in "ab"}
-            for of, response in self._modulated(drive, at, up, down, responses.get(("shaft", at))).items():
-                for output, value in _outputs(response, carriers, of, at, plant).items():
-                    transfers.setdefault((output, of), []).append(value)
+            for of, response in self._modulated(drive, up, down, responses.get(("shaft", at))).items():
+                for output, value in _outputs(response, carriers, of, plant).items():
+                    # phase = 2π ∫ frequency
+                    found = (value - resting[output]) / (1j * at) if of == "frequency" else value
+                    transfers.setdefault((output, of), []).append(found)
             hot[frequency + at] = np.array([[up[into].at(f"current_{of}", 1) for into in "ab"] for of in "ab"])
             below = np.array([[down[into].at(f"current_{of}", -1) for into in "ab"] for of in "ab"])
             hot[frequency - at] = below.conj()
@@ -328,10 +332,10 @@ class _Linear:
 
     @staticmethod
     def _modulated(
-        drive: TwoPhaseDrive, at: float, up: Mapping[str, _Response], down: Mapping[str, _Response],
+        drive: TwoPhaseDrive, up: Mapping[str, _Response], down: Mapping[str, _Response],
         shaft: _Response | None,
     ) -> dict[str, _Response]:  # fmt: skip
-        """Return the responses to modulations e^{jωt}, made of side bands.
+        """Return the responses to modulations e^{jωt}, made of side bands; ``frequency`` is that to the phase of both.
 
         With u = Im(U e^{jΩt}), modulating U by a factor 1 + m e^{jωt} adds m e^{jωt}(U e^{jΩt} − U* e^{−jΩt})/2j, and
         modulating its phase by ψ e^{jωt} adds ψ e^{jωt}(U e^{jΩt} + U* e^{−jΩt})/2.
@@ -350,7 +354,7 @@ class _Linear:
         found = {
             "amplitude": grown("a") + grown("b"),
             "phase": turned("b"),
-            "frequency": (turned("a") + turned("b")) * (1.0 / (1j * at)),  # phase = 2π ∫ frequency
+            "frequency": turned("a") + turned("b"),
         }
         return found if shaft is None else found | {"load_torque": shaft * -1.0}
 
@@ -379,10 +383,8 @@ class _Response:
         return self + other * -1.0
 
 
-def _outputs(
-    response: _Response, carriers: Mapping[str, complex], of: str, at: float, plant: Plant
-) -> dict[str, complex]:
-    """Return the outputs of a response to an input."""
+def _outputs(response: _Response, carriers: Mapping[str, complex], of: str, plant: Plant) -> dict[str, complex]:
+    """Return the outputs of a response to an input; ``frequency`` stands for the phase of both groups."""
     found = {
         "speed": response.at("speed", 0),
         "torque": plant.motor.rotor.radius_m * response.at("friction", 0),
@@ -393,7 +395,7 @@ def _outputs(
             above, below = response.at(name, 1), response.at(name, -1)
             if kind == "current":
                 found[f"current_amplitude_{group}"] = (above * carrier.conjugate() + below * carrier) / abs(carrier)
-            own = {"phase": float(group == "b"), "frequency": 1.0 / (1j * at)}.get(of, 0.0)
+            own = {"phase": float(group == "b"), "frequency": 1.0}.get(of, 0.0)
             found[f"{words}_phase_{group}"] = -1j * above / carrier + 1j * below / carrier.conjugate() - own
     return {name: found[name] for name in OUTPUTS}
 
