@@ -36,6 +36,7 @@ from tests.soak import Case, case
 RECORD = Path(__file__).with_suffix(".json")
 SEED = 16
 LONGEST = 10.0  # s, of a run of ngspice
+LONGEST_CHECK = 120.0  # s, of a run that checks a steady state
 AGREES = 5e-3  # of the friction torque, besides the error that the steady state states
 FOUND = ("newton", "damped", "neighbour", "settled")
 RATIOS = (Fraction(2), Fraction(3), Fraction(3, 2), Fraction(4, 3), Fraction(5, 2), Fraction(7, 4))  # of two tones
@@ -110,14 +111,17 @@ def _staying(state: SteadyState) -> str:
     point = state.solution
     assert point is not None
     plant, period = point.plant, point.plant.drive.period
-    finer = PeriodMap(period, 2 * round(period / state.step_s), LONGEST)
+    finer = PeriodMap(period, 2 * round(period / state.step_s), LONGEST_CHECK)
     try:
         (end,) = finer.settled([Copy(plant, point.state)], STAYING)
         (trace,) = finer.traces([Copy(plant, end)]) if end is not None else (None,)
     except pr.SimulationError:
         return "the long run takes too long"
-    if trace is None:
+    if end is None:
         return "the long run fails"
+    if trace is None:  # ngspice shortens steps at an impact, so that means over them are not those of the map
+        modes = slice(2 * plant.modes)  # displacements and velocities
+        return "stays" if (np.abs(end - point.state)[modes] <= AGREES * point.scale[modes]).all() else "leaves"
     force, friction = trace.forces.tolist()
     if point.sticks:  # a standing shaft is held at any torque
         return "stays" if abs(force - state.normal_force_n) <= AGREES * state.normal_force_n else "leaves"

@@ -24,6 +24,7 @@ from pyspice_runner.cli import run
 from pyspice_runner.model.drive import Tone
 from pyspice_runner.model.tracking import predicted_margin_deg, propose_filter, stator_lag
 from pyspice_runner.netlist.copies import Copy, Probe, copies_bench
+from pyspice_runner.netlist.motor import dielectric_admittance
 from pyspice_runner.run.kernel import transient
 
 pytestmark = pytest.mark.xdist_group("small signals")  # they are shared
@@ -111,6 +112,12 @@ def modulated(of: str, numbers: Sequence[int], rest: int, window: int) -> dict[t
     def component(values: NDArray[np.float64], frequency: float) -> complex:
         return complex(2.0 * np.average(values * np.exp(-2j * pi * frequency * time), weights=weights))
 
+    def voltage(group: str, copy: Copy) -> NDArray[np.float64]:
+        own = {"a": (DRIVE.voltage, 0.0), "b": (DRIVE.voltage_b, radians(DRIVE.phase_deg))}[group]
+        tones = [Tone(own[0], DRIVE.frequency, own[1])]
+        tones += [probe.tone for probe in copy.probes if probe.place == group]
+        return np.asarray(sum(tone.amplitude * np.sin(2.0 * pi * tone.frequency * time + tone.phase) for tone in tones))
+
     result: dict[tuple[str, int], complex] = {}
     for number, at in frequencies.items():
         result["speed", number] = component(change[0], at)
@@ -120,6 +127,20 @@ def modulated(of: str, numbers: Sequence[int], rest: int, window: int) -> dict[t
             carrier = component(couplings @ mean[2:], DRIVE.frequency)
             above, below = (component(couplings @ change[2:], DRIVE.frequency + side) for side in (at, -at))
             result[f"motional_phase_{group}", number] = -1j * (above / carrier - (below / carrier).conjugate())
+            # the copies have no clamped capacitances, whose currents the known voltages determine
+            first, second = (voltage(group, copy) for copy in copies)
+            clamped = [
+                component(values, frequency) * dielectric_admittance(MOTOR, group, frequency)
+                for values, frequency in (
+                    (0.5 * (first + second), DRIVE.frequency),
+                    (0.5 * (first - second), DRIVE.frequency + at),
+                    (0.5 * (first - second), DRIVE.frequency - at),
+                )
+            ]
+            carrier, above, below = (one + two for one, two in zip((carrier, above, below), clamped, strict=True))
+            result[f"current_phase_{group}", number] = -1j * (above / carrier - (below / carrier).conjugate())
+            grown = above * carrier.conjugate() + below.conjugate() * carrier
+            result[f"current_amplitude_{group}", number] = grown / abs(carrier)
     return {(name, number): value / strength(of, frequencies[number]) for (name, number), value in result.items()}
 
 
@@ -127,7 +148,7 @@ def compare(of: str, numbers: Sequence[int], rest: int, window: int) -> None:
     for (output, number), value in modulated(of, numbers, rest, window).items():
         place = int(np.argmin(np.abs(signals().modulation_hz - DRIVE.frequency / number)))
         ours = complex(signals().transfer(output, of)[place])
-        if output.startswith("motional_phase"):  # the transient shows it against the drive without modulation
+        if "_phase_" in output:  # the transient shows it against the drive without modulation
             ours += {"phase": float(output[-1] == "b"), "frequency": number / (1j * DRIVE.frequency)}.get(of, 0.0)
         assert abs(ours - value) < 0.02 * abs(value), (of, number, output, ours, value)  # required
 
