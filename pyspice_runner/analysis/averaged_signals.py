@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.analysis.averaged import doubts
-from pyspice_runner.analysis.small_signals import INPUTS, OUTPUTS, unit
+from pyspice_runner.analysis.small_signals import OUTPUTS, Transfers, unit
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Load, TwoPhaseDrive, check_together
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.averaged import averaged_bench
-from pyspice_runner.result import Result
 from pyspice_runner.run.kernel import ac, transient
 
 Array = NDArray[np.float64]
@@ -30,7 +29,7 @@ LONGEST_STEPS = 50
 
 
 @dataclass(frozen=True, repr=False)
-class AveragedSignals(Result):
+class AveragedSignals(Transfers):
     """Transfer functions of the averaged motor; inputs, outputs and units are those of :func:`small_signals`.
 
     Attributes:
@@ -49,30 +48,10 @@ class AveragedSignals(Result):
     provenance: dict[str, Any] = field(repr=False)
     deck: str = field(repr=False)
 
-    def transfer(self, output: str, of: str) -> Complex:
-        """Return the transfer function from an input to an output, over :attr:`modulation_hz`.
-
-        Raises:
-            ParameterError: for a name that is not known, or the load torque of a held shaft.
-        """
-        if (output, of) not in self.transfers:
-            raise ParameterError(
-                f"There is no transfer from {of} to {output}: inputs are {', '.join(INPUTS)} (the last of a free "
-                f"shaft), outputs are {', '.join(OUTPUTS)}."
-            )
-        return self.transfers[output, of]
-
     @property
     def cautions(self) -> tuple[str, ...]:
         """What the check of the averaged model says."""
         return self.doubts
-
-    def columns(self) -> Mapping[str, Array]:
-        """Return real and imaginary part of each transfer function over the modulation frequency."""
-        found = {"modulation_frequency_hz": self.modulation_hz}
-        for (output, of), values in self.transfers.items():
-            found |= {f"{output}_per_{of}_re": values.real, f"{output}_per_{of}_im": values.imag}
-        return found
 
     def summary(self) -> dict[str, str]:
         """Return the transfer functions at the lowest frequency."""

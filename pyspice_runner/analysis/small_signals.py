@@ -52,8 +52,35 @@ HIGHEST = 0.45  # of the drive's frequency
 _SIGNALS = ("speed", "friction", "current_a", "current_b", "motional_a", "motional_b")
 
 
+class Transfers(Result):
+    """Transfer functions over a modulation frequency: what small signals of the full and the averaged motor share."""
+
+    modulation_hz: Array
+    transfers: dict[tuple[str, str], Complex]
+
+    def transfer(self, output: str, of: str) -> Complex:
+        """Return the transfer function from an input to an output, over :attr:`modulation_hz`.
+
+        Raises:
+            ParameterError: for a name that is not known, or the load torque of a held shaft.
+        """
+        if (output, of) not in self.transfers:
+            raise ParameterError(
+                f"There is no transfer from {of} to {output}: inputs are {', '.join(INPUTS)} (the last of a free "
+                f"shaft), outputs are {', '.join(OUTPUTS)}."
+            )
+        return self.transfers[output, of]
+
+    def columns(self) -> Mapping[str, Array]:
+        """Return real and imaginary part of each transfer function over the modulation frequency."""
+        found = {"modulation_frequency_hz": self.modulation_hz}
+        for (output, of), values in self.transfers.items():
+            found |= {f"{output}_per_{of}_re": values.real, f"{output}_per_{of}_im": values.imag}
+        return found
+
+
 @dataclass(frozen=True, repr=False)
-class SmallSignals(Result):
+class SmallSignals(Transfers):
     """Transfer functions of a running motor, and the admittance that its groups have for a small additional voltage.
 
     The phases of currents are those against the voltage of the same group; phases of motional currents, which the
@@ -78,26 +105,6 @@ class SmallSignals(Result):
     hot_admittance_s: Complex
     cold_admittance_s: Complex
     image_admittance_s: Complex = field(repr=False)
-
-    def transfer(self, output: str, of: str) -> Complex:
-        """Return the transfer function from an input to an output, over :attr:`modulation_hz`.
-
-        Raises:
-            ParameterError: for a name that is not known, or the load torque of a held shaft.
-        """
-        if (output, of) not in self.transfers:
-            raise ParameterError(
-                f"There is no transfer from {of} to {output}: inputs are {', '.join(INPUTS)} (the last of a free "
-                f"shaft), outputs are {', '.join(OUTPUTS)}."
-            )
-        return self.transfers[output, of]
-
-    def columns(self) -> Mapping[str, Array]:
-        """Return real and imaginary part of each transfer function over the modulation frequency."""
-        found = {"modulation_frequency_hz": self.modulation_hz}
-        for (output, of), values in self.transfers.items():
-            found |= {f"{output}_per_{of}_re": values.real, f"{output}_per_{of}_im": values.imag}
-        return found
 
     def to_dict(self) -> dict[str, Any]:
         """Return frequencies, transfer functions, admittances and the steady state, JSON-ready."""

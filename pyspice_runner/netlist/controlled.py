@@ -7,21 +7,19 @@ with both.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
 from typing import Any
 
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.model.drive import Load, TwoPhaseDrive, check_together
+from pyspice_runner.model.drive import Load, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import averaged_bench
-from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS, transient_options
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.motor import Discretisation
-from pyspice_runner.netlist.sources import FREE, PAPER_LAW, Bench, Pins, motor_bench
+from pyspice_runner.netlist.sources import FREE, PAPER_LAW, Bench, Pins, UniformSource, motor_bench
 
 COMMANDS = {"frequency": "vset_frequency", "voltage_a": "vset_a", "voltage_b": "vset_b", "phase_deg": "vset_phase"}
 SAMPLED = ("v(position)", "v(sum_re)", "v(sum_im)")  # angle in rad; integrals of the current's amplitude, 1 V = 1 uA.s
@@ -29,7 +27,7 @@ _TURNS = f"{2.0 * pi!r}*V(turns)"
 
 
 @dataclass(frozen=True)
-class CommandedSource:
+class CommandedSource(UniformSource):
     """Two sines whose frequency, amplitudes and phase are the values of DC sources; the phase is continuous.
 
     Attributes:
@@ -37,39 +35,11 @@ class CommandedSource:
     """
 
     drive: TwoPhaseDrive
-    uniform = True
-    continues = False  # the oscillator stores its phase
-    rise_time = 0.0
-    points_per_period = UNIFORM_POINTS
-    fewest_points = FEWEST_POINTS_PER_PERIOD
-    vectors = ()
 
     @property
     def label(self) -> str:
         """The same as of the drive at the start."""
         return f"{self.drive.label} at the start, then as commanded"
-
-    @property
-    def frequencies(self) -> tuple[float, ...]:
-        """The same as of the drive at the start."""
-        return self.drive.frequencies
-
-    @property
-    def period(self) -> float:
-        """The same as of the drive at the start."""
-        return self.drive.period
-
-    def check(self, motor: Motor) -> None:
-        """Raise a ParameterError for a frequency far from the modes, or a voltage above what a stator withstands."""
-        check_together(motor, self.drive)
-
-    def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
-        """Return the options of a run with uniform steps."""
-        return transient_options(motor, law.name if law else None)
-
-    def measured_period(self, samples: Mapping[str, Any]) -> float:  # noqa: ARG002
-        """Return the period at the start."""
-        return self.period
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add the commands, the oscillator and the two sources ``Va`` and ``Vb``."""
@@ -92,10 +62,6 @@ class CommandedSource:
     def initial_voltages(self) -> tuple[float, float]:
         """Return U_A and U_B at t = 0."""
         return self.drive.initial_voltages()
-
-    def current(self, group: str) -> tuple[str, float]:
-        """Return the current of the group's source, which ngspice counts from the pin into the source."""
-        return f"i(v{group})", -1.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return kind, label and values of the drive at the start."""

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.model.drive import Drive, Load, check_together
+from pyspice_runner.model.drive import Drive, Load, TwoPhaseDrive, check_together
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import unit_of
 from pyspice_runner.model.thermal import Thermal
@@ -119,6 +119,44 @@ class Source(Protocol):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the source with every setting, JSON-ready."""
+
+
+class UniformSource:
+    """What ideal voltages with uniform steps have in common; a subclass has ``drive`` and ``add``."""
+
+    drive: TwoPhaseDrive
+    uniform = True
+    continues = False
+    rise_time = 0.0
+    points_per_period = UNIFORM_POINTS
+    fewest_points = FEWEST_POINTS_PER_PERIOD
+    vectors = ()
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """The frequency of the drive in Hz."""
+        return self.drive.frequencies
+
+    @property
+    def period(self) -> float:
+        """Its period in s, over which means are taken."""
+        return self.drive.period
+
+    def check(self, motor: Motor) -> None:
+        """Raise a ParameterError for a frequency far from the modes, or a voltage above what a stator withstands."""
+        check_together(motor, self.drive)
+
+    def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
+        """Return the options of a run with uniform steps."""
+        return transient_options(motor, law.name if law else None)
+
+    def measured_period(self, samples: Mapping[str, Any]) -> float:  # noqa: ARG002
+        """Return the period of the drive."""
+        return self.period
+
+    def current(self, group: str) -> tuple[str, float]:
+        """Return the current of the group's source, which ngspice counts from the pin into the source."""
+        return f"i(v{group})", -1.0
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ The voltages are functions of time in behavioural sources, which force no time p
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -18,10 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import TwoPhaseDrive, check_together
+from pyspice_runner.model.drive import TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS, transient_options
-from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.sources import UniformSource
 
 MOST_POINTS = 20_000  # ngspice searches them at every step
 MOST_BURSTS = 100
@@ -31,38 +30,8 @@ _EVER = 1e9  # s
 _ON_A_LINE = 6
 
 
-class _Ideal:
-    """What ideal voltages at both groups have in common. A subclass has ``drive`` and ``voltages``."""
-
-    drive: TwoPhaseDrive
-    uniform = True
-    continues = False
-    rise_time = 0.0
-    points_per_period = UNIFORM_POINTS
-    fewest_points = FEWEST_POINTS_PER_PERIOD
-    vectors = ()
-
-    @property
-    def frequencies(self) -> tuple[float, ...]:
-        """The frequency of the drive in Hz."""
-        return self.drive.frequencies
-
-    @property
-    def period(self) -> float:
-        """Its period in s, over which means are taken."""
-        return self.drive.period
-
-    def check(self, motor: Motor) -> None:
-        """Raise a ParameterError for a frequency far from the modes, or a voltage above what a stator withstands."""
-        check_together(motor, self.drive)
-
-    def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
-        """Return the options of a run with uniform steps."""
-        return transient_options(motor, law.name if law else None)
-
-    def measured_period(self, samples: Mapping[str, Any]) -> float:  # noqa: ARG002
-        """Return the period of the drive."""
-        return self.period
+class _Shaped(UniformSource):
+    """Voltages that are functions of time: a subclass has ``drive`` and ``voltages``."""
 
     def voltages(self) -> tuple[str, str]:
         """Return both voltages over ``time``, as ngspice writes expressions."""
@@ -74,13 +43,9 @@ class _Ideal:
             circuit.raw_spice += f"Bdrive_{group} drive_{group} 0 V={voltage}\n"
             circuit.V(group, pin, f"drive_{group}", "DC 0")
 
-    def current(self, group: str) -> tuple[str, float]:
-        """Return the current of the group's source, which ngspice counts from the pin into the source."""
-        return f"i(v{group})", -1.0
-
 
 @dataclass(frozen=True)
-class Burst(_Ideal):
+class Burst(_Shaped):
     """A two-phase drive that is on for some cycles, once or at regular intervals.
 
     Its amplitude falls within the last twentieth of the last cycle, and rises likewise at the start of a further burst.
@@ -145,7 +110,7 @@ class Burst(_Ideal):
 
 
 @dataclass(frozen=True)
-class Waveform(_Ideal):
+class Waveform(_Shaped):
     """Voltages at given times, linear in between; after the last time they stay.
 
     Attributes:
