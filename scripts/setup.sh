@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
 # Installs what is missing and nothing else: ngspice, Python's venv module, this package (editable) in .venv, and for
-# the tests Chromium.
+# the tests Chromium and a C compiler.
 #
 #   scripts/setup.sh report     what `make demo` needs
 #   scripts/setup.sh docs       what `make docs` needs
@@ -93,6 +93,16 @@ need_browser() { # for the tests, which open the report in it
     have apt-get || die "The tests need Chromium. Install it, then try again."
     # Ubuntu's package of the other name brings the snap
     if grep -qi '^ID=ubuntu' /etc/os-release; then apt_install chromium-browser; else apt_install chromium; fi
+}
+
+need_compiler() { # for the tests, which build a .fmu
+    for compiler in cc gcc clang; do
+        if have $compiler; then
+            return
+        fi
+    done
+    have apt-get || die "The tests need a C compiler. Install gcc, then try again."
+    apt_install gcc libc6-dev
 }
 
 # --- Python ---
@@ -190,5 +200,5 @@ alone() { # waits for another set-up of this tree, which would make .venv at the
 
 alone
 need_ngspice
-case " $* " in *" test "*) need_browser ;; esac
+case " $* " in *" test "*) need_browser; need_compiler ;; esac
 need_package "$@"

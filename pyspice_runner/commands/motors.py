@@ -95,7 +95,7 @@ def export(
     ] = "",
     thermal: Annotated[bool, typer.Option("--thermal", help="Add drift with temperature, and its two pins.")] = False,
     averaged: Annotated[
-        bool, typer.Option("--averaged", help="Write the motor averaged over the drive's period (.lib).")
+        bool, typer.Option("--averaged", help="Write the motor averaged over the drive's period (.lib, .fmu).")
     ] = False,
     changes: SetOption = None,
     as_json: JsonOption = False,
@@ -105,14 +105,15 @@ def export(
     """Write a motor, or the circuit of a fit, for other programs.
 
     A motor becomes .subckt piezomotor a b com shaft, a fit .subckt resonator p n. Writes .lib (ngspice and LTspice),
-    .va (Verilog-A), .asy (LTspice symbol), .kicad_sym (KiCad symbol), .s2p or .s1p (Touchstone) or .toml; without
-    --output, the .lib.
+    .va (Verilog-A), .fmu (averaged motor for control tools, FMI 2.0), .asy (LTspice symbol), .kicad_sym (KiCad symbol),
+    .s2p or .s1p (Touchstone) or .toml; without --output, the .lib.
 
     Example: piezomotor export bimodal40 --output motor.lib
     """
     from pyspice_runner.model.circuit_file import is_circuit_file
     from pyspice_runner.model.thermal import Thermal
     from pyspice_runner.netlist.averaged import averaged_library, check_averaged
+    from pyspice_runner.netlist.fmu import fmu_texts
     from pyspice_runner.netlist.motor import motor_library
     from pyspice_runner.netlist.veriloga import motor_module
 
@@ -121,12 +122,14 @@ def export(
         _export_circuit(source, changes, as_json, output, plot, name or "resonator")
         return
     check_contact(context, contact)
-    check_targets(
-        output, (".lib",) if averaged else (".lib", ".va", ".asy", ".kicad_sym", ".s2p", ".toml"), plot, [source]
-    )
+    of_averaged, of_full = (".lib", ".fmu"), (".lib", ".va", ".fmu", ".asy", ".kicad_sym", ".s2p", ".toml")
+    check_targets(output, of_averaged if averaged else of_full, plot, [source])
     loaded = load_changed(source, changes)
-    drift = Thermal() if thermal else None
-    if averaged:
+    drift = Thermal.of(loaded) if thermal else None
+    if output is not None and output.suffix == ".fmu":
+        check_averaged(contact)
+        text = fmu_texts(loaded, name=name, thermal=drift)["modelDescription.xml"]
+    elif averaged:
         check_averaged(contact)
         text = averaged_library(loaded, name=name, thermal=drift)
     elif output is not None and output.suffix == ".va":

@@ -68,6 +68,25 @@ def check_averaged(contact: str | None) -> None:
         )
 
 
+def require_averaged(motor: Motor) -> None:
+    """Check that a motor has no property that the averaged motor in C and in Verilog-A leaves out.
+
+    Raises:
+        ParameterError: for a mode that is not linear, or a loss of contact or bearing that they do not have.
+    """
+    require_linear(motor, "The averaged motor")
+    left_out = {
+        "contact.sliding_ratio": (motor.contact.sliding_ratio, 1.0),
+        "contact.series_compliance_m_per_n": (motor.contact.series_compliance_m_per_n, 0.0),
+        "rotor.bearing_friction_n_m": (motor.rotor.bearing_friction_n_m, 0.0),
+    }
+    for name, (value, neutral) in left_out.items():
+        if value != neutral:
+            raise ParameterError(
+                f"{name} = {value:g}: this export of the averaged motor does not have it; set it to {neutral:g}."
+            )
+
+
 def _orders(name: str, harmonics: int) -> list[str]:
     """Return the nodes of a quantity: its mean, and real and imaginary part of each harmonic."""
     return [f"{name}_0", *(f"{name}_{part}{order}" for order in range(1, harmonics + 1) for part in ("re", "im"))]
@@ -328,6 +347,14 @@ class AveragedSubCircuit(Assembly):
         self.raw_spice += f"Bcheck check 0 V=sqrt({'+'.join(squares)}+1e-24)\n"
 
 
+def default_two_phase(motor: Motor) -> TwoPhaseDrive:
+    """Return the recommended drive, or 50 V at the highest resonance where that drive has two tones."""
+    drive = default_drive(motor)
+    if not isinstance(drive, TwoPhaseDrive):  # two tones have no common amplitude
+        drive = TwoPhaseDrive(voltage=50.0, frequency=max(mode.frequency_hz for mode in motor.modes))
+    return drive
+
+
 def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = None) -> str:
     """Return a self-contained library of one averaged motor: header, parts and ``.subckt piezomotor_averaged``.
 
@@ -340,9 +367,7 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
         ParameterError: for an invalid name.
     """
     circuit = AveragedSubCircuit(motor, thermal=thermal, name=check_name(name) if name else SUBCIRCUIT)
-    drive = default_drive(motor)
-    if not isinstance(drive, TwoPhaseDrive):  # two tones have no common amplitude
-        drive = TwoPhaseDrive(voltage=50.0, frequency=max(mode.frequency_hz for mode in motor.modes))
+    drive = default_two_phase(motor)
     b = rect(drive.voltage, radians(drive.phase_deg))
     ranges = {item.name: item for item in read_library(_CONTACT).parameters}
     ranges |= {item.name: item for item in read_library("piezomotor_rotor").parameters}

@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+import tempfile
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.engine.compiler import compile_library
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.model.circuit_file import circuit_toml
 from pyspice_runner.model.equivalent import EquivalentCircuit
@@ -18,6 +22,7 @@ from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import averaged_library, check_averaged
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw
 from pyspice_runner.netlist.equivalent import RESONATOR, circuit_library
+from pyspice_runner.netlist.fmu import C_FILES, fmu_texts
 from pyspice_runner.netlist.library import check_name
 from pyspice_runner.netlist.motor import SUBCIRCUIT, THERMAL_SUBCIRCUIT, motor_library
 from pyspice_runner.netlist.symbols import (
@@ -80,7 +85,8 @@ def export_motor(
     ``.lib`` (SPICE, ``.subckt piezomotor a b com shaft``), ``.va`` (Verilog-A, ``module piezomotor(a, b, com, shaft,
     temperature)``), ``.asy`` (LTspice) and ``.kicad_sym`` (KiCad), which name
     the ``.lib`` of the same name beside them, ``.s2p`` (Touchstone of the stator, tip free) or ``.toml``
-    (:func:`load_motor`).
+    (:func:`load_motor`). ``.fmu`` is the averaged motor for control tools: FMI 2.0 for co-simulation, with C sources
+    and a binary for Linux on x86-64, which the system's C compiler builds.
 
     Args:
         motor: the motor.
@@ -89,15 +95,22 @@ def export_motor(
         sliders: number of sliders of the brush in it.
         name: name of the subcircuit in the ``.lib``, the ``.va`` and the symbols; by default ``piezomotor``.
         thermal: drift with temperature, for the pins ``temperature`` and ``heat`` (``piezomotor_thermal`` by default).
-        averaged: whether to write the averaged motor, ``.subckt piezomotor_averaged``, as a ``.lib``.
+        averaged: whether to write the averaged motor, ``.subckt piezomotor_averaged``, as a ``.lib``; a ``.fmu`` always
+            contains it.
 
     Raises:
         ParameterError: for another ending, a place that cannot be written, or a name that is not possible.
-        SimulationError: if ngspice fails to compute the two-port.
+        SimulationError: if ngspice fails to compute the two-port, or there is no C compiler for a ``.fmu``.
     """
-    if averaged:
+    if averaged or Path(path).suffix == ".fmu":
         check_averaged(contact)
-        return save_by_ending(path, {".lib": _text(lambda _: averaged_library(motor, name=name, thermal=thermal))})
+        return save_by_ending(
+            path,
+            {
+                ".lib": _text(lambda _: averaged_library(motor, name=name, thermal=thermal)),
+                ".fmu": lambda file: _write_fmu(fmu_texts(motor, name=name, thermal=thermal), file),
+            },
+        )
     title = f"standing-wave piezomotor {motor.name}"
     subcircuit = check_name(name) if name else (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT)
     pins = MOTOR_PINS + (THERMAL_PINS if thermal else ())
@@ -136,6 +149,21 @@ def circuit_writers(
 
 def _text(make: Callable[[Path], str]) -> Writer:
     return lambda path: path.write_text(make(path), encoding="utf-8", newline="\n")
+
+
+def _write_fmu(texts: dict[str, str], path: Path) -> None:
+    """Compile the sources of a Functional Mock-up Unit, and write them with the binary into an archive."""
+    identifier = ElementTree.fromstring(texts["modelDescription.xml"]).attrib["modelName"]
+    with tempfile.TemporaryDirectory(prefix="piezomotor-") as folder:
+        for name, text in texts.items():
+            (Path(folder) / Path(name).name).write_text(text, encoding="utf-8", newline="\n")
+        binary = Path(folder) / f"{identifier}.so"
+        compile_library(Path(folder), C_FILES, binary)
+        contents = {name: text.encode() for name, text in texts.items()}
+        contents[f"binaries/linux64/{identifier}.so"] = binary.read_bytes()
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in contents.items():
+            archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)  # without the time of the export
 
 
 def _grid(circuit: EquivalentCircuit) -> NDArray[np.float64]:

@@ -1,0 +1,126 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later
+ *
+ * The averaged motor in C: the equations of piezomotor_averaged.lib, in SI units; docs/averaged.md derives them.
+ *
+ *   struct motor motor;
+ *   motor_default(&motor);                       parameters and inputs of the motor for which the file was exported
+ *   motor.value.amplitude_a = 110.0;
+ *   motor_rest(&motor);                          preloaded rest
+ *   if (motor_advance(&motor, 1e-3) != 0) ...    1 ms of the motor's time; then read motor.value.speed
+ *
+ * A motor is one struct motor without pointers: a copy of it is a complete copy of its state. There are no other
+ * variables, so that several threads may each run a motor.
+ *
+ * piezomotor_start.h is written by the export: MODES, MOUNTED, START and NAME.
+ *
+ * SOURCE generalised averaging of the motor of Andersen, Helbo, Blanke, 2002; docs/averaged.md
+ * OMITS  motion of the contact between two phases, partial slip before gross slip, roughness, wear, adhesion; the current
+ *        C dU/dt of a changing amplitude, because inputs are constant between two calls
+ */
+#ifndef PIEZOMOTOR_AVERAGED_H
+#define PIEZOMOTOR_AVERAGED_H
+
+#include "piezomotor_start.h"
+
+enum {
+    PHASES = 64,           /* of a period, at which the contact is evaluated */
+    HARMONICS = 3,         /* that move the tip */
+    ORDERS = HARMONICS + 3 /* of the contact's force: the mean, these harmonics, and two more that are checked */
+};
+
+/* Every line: name, unit, least and greatest value, meaning. The export reads these lines too. */
+#define INPUTS(ENTRY) \
+    ENTRY(amplitude_a, "V", -1e4, 1e4, "amplitude of the voltage of group A") \
+    ENTRY(amplitude_b, "V", -1e4, 1e4, "amplitude of the voltage of group B") \
+    ENTRY(phase, "deg", -1e6, 1e6, "phase of the voltage of group B ahead of group A") \
+    ENTRY(frequency, "Hz", 1, 1e8, "drive frequency") \
+    ENTRY(load_torque, "N.m", -1e3, 1e3, "torque that the load draws from the shaft") \
+    ENTRY(ambient_temperature, "K", -200, 500, "temperature of the surroundings above that at which the parameters hold")
+
+#define OUTPUTS(ENTRY) \
+    ENTRY(speed, "rad/s", "rotor speed") \
+    ENTRY(position, "rad", "angle of the rotor") \
+    ENTRY(current_amplitude_a, "A", "amplitude of the current into group A") \
+    ENTRY(current_phase_a, "deg", "phase of the current into group A ahead of the voltage of group A") \
+    ENTRY(current_amplitude_b, "A", "amplitude of the current into group B") \
+    ENTRY(current_phase_b, "deg", "phase of the current into group B ahead of the voltage of group B") \
+    ENTRY(temperature, "K", "temperature of the stator above that at which the parameters hold") \
+    ENTRY(check, "1", "motion at the harmonics left out, relative to penetration and limit of stick; accurate below 0.02") \
+    ENTRY(separated, "1", "share of the period in which the contact is open") \
+    ENTRY(slip, "1", "share of the period in which the contact slips") \
+    ENTRY(torque, "N.m", "mean torque of the contact on the rotor") \
+    ENTRY(normal_force, "N", "mean normal force") \
+    ENTRY(electrical_power, "W", "real power into both groups") \
+    ENTRY(heat, "W", "losses of the stator: dielectric and modal damping") \
+    ENTRY(tip_x_amplitude, "m", "amplitude of the tip's fundamental, tangential") \
+    ENTRY(tip_y_amplitude, "m", "amplitude of the tip's fundamental, towards the rotor")
+
+#define PARAMETERS(ENTRY) \
+    ENTRY(preload, "N", 1e-6, 1e5, "static normal force F_0") \
+    ENTRY(friction, "1", 1e-4, 5, "coefficient of friction") \
+    ENTRY(normal_stiffness, "N/m^1.5", 1e3, 1e13, "K_N of the Hertz law") \
+    ENTRY(compliance, "m/N^(2/3)", 2.2e-10, 1e-2, "tangential compliance K_t of tip and rotor together") \
+    ENTRY(normal_damping, "s/m", 0, 1e6, "Hunt-Crossley damping: the normal force grows by this times the approach velocity") \
+    ENTRY(radius, "m", 1e-4, 10, "radius of the rotor") \
+    ENTRY(inertia, "kg.m2", 1e-13, 1e3, "moment of inertia") \
+    ENTRY(bearing, "N.m.s", 0, 1e3, "viscous bearing coefficient") \
+    ENTRY(capacitance_a, "F", 1e-15, 1e-3, "clamped capacitance of group A at 100 kHz") \
+    ENTRY(capacitance_b, "F", 1e-15, 1e-3, "clamped capacitance of group B at 100 kHz") \
+    ENTRY(loss, "1", 0, 0.5, "dielectric loss tangent") \
+    ENTRY(frequency_drift, "1/K", -0.01, 0.01, "relative drift of the resonance frequencies") \
+    ENTRY(coupling_drift, "1/K", -0.01, 0.01, "relative drift of the couplings") \
+    ENTRY(capacitance_drift, "1/K", -0.02, 0.02, "relative drift of the clamped capacitances") \
+    ENTRY(heat_capacity, "J/K", 1e-9, 1e6, "heat capacity of the stator") \
+    ENTRY(thermal_resistance, "K/W", 1e-3, 1e6, "thermal resistance to the surroundings")
+
+/* of the stator's carrier on plate springs; without effect where MOUNTED is 0 */
+#define MOUNT_PARAMETERS(ENTRY) \
+    ENTRY(mount_stiffness, "N/m", 1, 1e13, "stiffness of the mount") \
+    ENTRY(mount_mass, "kg", 1e-9, 1e3, "mass of the carrier") \
+    ENTRY(mount_damping, "N.s/m", 1e-9, 1e9, "damping of the mount")
+
+/* of each mode */
+#define MODE_PARAMETERS(ENTRY) \
+    ENTRY(mass, "kg", 1e-12, 1e3, "modal mass") \
+    ENTRY(damping, "N.s/m", 1e-12, 1e9, "modal damping") \
+    ENTRY(stiffness, "N/m", 1e-3, 1e15, "modal stiffness") \
+    ENTRY(coupling_a, "N/V", -1e4, 1e4, "force per volt of group A") \
+    ENTRY(coupling_b, "N/V", -1e4, 1e4, "force per volt of group B") \
+    ENTRY(tip_x, "1", -1e4, 1e4, "tangential tip displacement per modal coordinate") \
+    ENTRY(tip_y, "1", -1e4, 1e4, "tip displacement towards the rotor per modal coordinate")
+
+#define FIELD(name, ...) double name;
+struct values {
+    INPUTS(FIELD)
+    OUTPUTS(FIELD)
+    PARAMETERS(FIELD)
+    MOUNT_PARAMETERS(FIELD)
+    struct mode { MODE_PARAMETERS(FIELD) } mode[MODES];
+};
+#undef FIELD
+
+typedef struct { double re, im; } phasor;
+
+/* the states; those of a mode are its static deflection (m) and the amplitudes (m) of its harmonics */
+enum {
+    SPEED, POSITION, TEMPERATURE,
+    SLIDER,                     /* displacement of the slider at the end of the period, m */
+    CARRIER, CARRIER_VELOCITY,  /* m, m/s, towards the rotor */
+    DEFLECTION,
+    AMPLITUDE = DEFLECTION + MODES,
+    STATES = AMPLITUDE + MODES * HARMONICS
+};
+
+struct motor {
+    struct values value;
+    phasor state[STATES];  /* a real state has im = 0 */
+    phasor wheel[PHASES][ORDERS]; /* exp(2 pi j h n / PHASES) */
+};
+
+void motor_default(struct motor *motor);
+void motor_rest(struct motor *motor);
+void motor_measure(struct motor *motor);                /* fills the outputs in motor->value */
+double motor_step(const struct motor *motor);           /* internal time step in s */
+int motor_advance(struct motor *motor, double duration); /* 0, or -1 if the state is no longer finite */
+
+#endif

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The averaged motor as a Functional Mock-up Unit: C sources and model description of FMI 2.0 for co-simulation.
+
+The C files in ``behavioral/`` are written by hand. ``piezomotor_averaged.h`` declares every variable once, with unit,
+range and meaning. This module reads these lines and writes ``modelDescription.xml`` and ``piezomotor_start.h``, which
+has the values of a motor.
+
+Source: Functional Mock-up Interface for Model Exchange and Co-Simulation, version 2.0.2, Modelica Association.
+"""
+
+from __future__ import annotations
+
+import re
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from math import pi
+from xml.etree import ElementTree
+
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.thermal import Thermal
+from pyspice_runner.netlist.averaged import SUBCIRCUIT, default_two_phase, require_averaged
+from pyspice_runner.netlist.library import check_name, data_path
+
+C_FILES = ("piezomotor_averaged.c", "piezomotor_fmi2.c")  # what a compiler is given
+_HEADER, _START = "piezomotor_averaged.h", "piezomotor_start.h"
+STEP_SIZE = 1e-3  # s, of the default experiment: a controller at 1 kHz
+_GROUPS = ("INPUTS", "OUTPUTS", "PARAMETERS", "MOUNT_PARAMETERS", "MODE_PARAMETERS")  # in the order of struct values
+# SI base units with their exponents; FMI 2.0 has whole exponents only, so that two units have no such definition
+_UNITS: dict[str, dict[str, float]] = {
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1}, "A": {"A": 1}, "Hz": {"s": -1}, "K": {"K": 1}, "s": {"s": 1},
+    "deg": {"rad": 1, "factor": pi / 180.0}, "rad": {"rad": 1}, "rad/s": {"rad": 1, "s": -1}, "m": {"m": 1},
+    "N": {"kg": 1, "m": 1, "s": -2}, "N.m": {"kg": 1, "m": 2, "s": -2}, "N.m.s": {"kg": 1, "m": 2, "s": -1},
+    "W": {"kg": 1, "m": 2, "s": -3}, "kg": {"kg": 1}, "kg.m2": {"kg": 1, "m": 2}, "N/m": {"kg": 1, "s": -2},
+    "N.s/m": {"kg": 1, "s": -1}, "N/V": {"m": -1, "s": 1, "A": 1}, "F": {"kg": -1, "m": -2, "s": 4, "A": 2},
+    "J/K": {"kg": 1, "m": 2, "s": -2, "K": -1}, "K/W": {"kg": -1, "m": -2, "s": 3, "K": 1}, "1/K": {"K": -1},
+    "s/m": {"m": -1, "s": 1}, "N/m^1.5": {}, "m/N^(2/3)": {},
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable of the unit.
+
+    Attributes:
+        name: name, such as ``speed`` or ``mode[1].mass``.
+        unit: unit; ``1`` for none.
+        least: least value, empty for an output.
+        greatest: greatest value.
+        meaning: one line.
+        causality: ``input``, ``output`` or ``parameter``.
+        reference: place in the C structure.
+        start: value before a run; ``None`` for an output.
+    """
+
+    name: str
+    unit: str
+    least: str
+    greatest: str
+    meaning: str
+    causality: str
+    reference: int
+    start: float | None
+
+
+@cache
+def _declared() -> Mapping[str, tuple[tuple[str, str, str, str, str], ...]]:
+    """Return the lines of the header: group → name, unit, least and greatest value, meaning."""
+    text = (data_path("behavioral") / _HEADER).read_text(encoding="utf-8")
+    found = {}
+    for group in _GROUPS:
+        block = re.search(rf"#define {group}\(ENTRY\)(.*?[^\\])\n", text, re.S)
+        assert block is not None, group
+        lines = re.findall(r'ENTRY\((\w+), "(\S+)", (?:(\S+), (\S+), )?"([^"]+)"\)', block[1])
+        found[group] = tuple((name, unit, least, greatest, meaning) for name, unit, least, greatest, meaning in lines)
+    return found
+
+
+def variables(motor: Motor, thermal: Thermal | None = None) -> list[Variable]:
+    """Return the variables of a motor, in the order of the C structure.
+
+    Args:
+        motor: the motor.
+        thermal: drift with temperature; without it nothing drifts, and the motor's own heat capacity holds.
+    """
+    values = _values(motor, thermal)
+    found: list[Variable] = []
+    for group in _GROUPS:
+        for number in range(1, len(motor.modes) + 1) if group == "MODE_PARAMETERS" else (0,):
+            for name, unit, least, greatest, meaning in _declared()[group]:
+                full = f"mode[{number}].{name}" if number else name
+                causality = {"INPUTS": "input", "OUTPUTS": "output"}.get(group, "parameter")
+                start = None if causality == "output" else values[full]
+                text = f"{meaning}, mode {motor.modes[number - 1].name}" if number else meaning
+                found.append(Variable(full, unit, least, greatest, text, causality, len(found), start))
+    return found
+
+
+def _values(motor: Motor, thermal: Thermal | None) -> dict[str, float]:
+    """Return the start values of inputs and parameters; the inputs are those of the recommended drive."""
+    drive, contact = default_two_phase(motor), motor.contact
+    body = thermal or Thermal.of(motor)
+    mount = motor.mount
+    values = {
+        "amplitude_a": drive.voltage, "amplitude_b": drive.voltage_b, "phase": drive.phase_deg,
+        "frequency": drive.frequency, "load_torque": 0.0, "ambient_temperature": body.ambient_k,
+        "preload": contact.preload_n, "friction": contact.friction,
+        "normal_stiffness": contact.normal_stiffness_n_per_m15, "compliance": contact_law.total_compliance(contact),
+        "normal_damping": contact_law.normal_damping(contact), "radius": motor.rotor.radius_m,
+        "inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s,
+        "capacitance_a": motor.piezo.capacitance_a_f, "capacitance_b": motor.piezo.capacitance_b_f,
+        "loss": motor.piezo.loss_tangent,
+        "frequency_drift": thermal.frequency_drift_per_k if thermal else 0.0,
+        "coupling_drift": thermal.coupling_drift_per_k if thermal else 0.0,
+        "capacitance_drift": thermal.capacitance_drift_per_k if thermal else 0.0,
+        "heat_capacity": body.heat_capacity_j_per_k, "thermal_resistance": body.thermal_resistance_k_per_w,
+        "mount_stiffness": mount.stiffness_n_per_m if mount else 1.0,
+        "mount_mass": mount.mass_kg if mount else 1.0, "mount_damping": mount.damping_n_s_per_m if mount else 1.0,
+    }  # fmt: skip
+    for number, mode in enumerate(motor.modes, start=1):
+        of_mode = {
+            "mass": mode.mass_kg, "damping": mode.damping_n_s_per_m, "stiffness": mode.stiffness_n_per_m,
+            "coupling_a": mode.coupling_a_n_per_v, "coupling_b": mode.coupling_b_n_per_v, "tip_x": mode.tip_x,
+            "tip_y": mode.tip_y,
+        }  # fmt: skip
+        values |= {f"mode[{number}].{name}": value for name, value in of_mode.items()}
+    return {name: float(f"{value:.10g}") for name, value in values.items()}
+
+
+def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None) -> dict[str, str]:
+    """Return the text files of a Functional Mock-up Unit: path in the archive → text. The binary is not among them.
+
+    Args:
+        motor: the motor.
+        name: model identifier; by default ``piezomotor_averaged``.
+        thermal: drift with temperature; without it nothing drifts, and the motor's own heat capacity holds.
+
+    Raises:
+        ParameterError: for an invalid name, or a motor that has no averaged model.
+    """
+    identifier = check_name(name) if name else SUBCIRCUIT
+    require_averaged(motor)
+    known = variables(motor, thermal)
+    behavioral = data_path("behavioral")
+    sources = {file: (behavioral / file).read_text(encoding="utf-8") for file in (*C_FILES, _HEADER)}
+    start = _start_header(motor, known)
+    guid = str(uuid.uuid5(uuid.NAMESPACE_URL, "\n".join((identifier, *sources.values(), start))))
+    sources[_START] = start.replace("#define MODES", f'#define GUID "{guid}"\n#define MODES', 1)
+    return {
+        "modelDescription.xml": _model_description(motor, known, identifier, guid),
+        **{f"sources/{file}": text for file, text in sources.items()},
+    }
+
+
+def _start_header(motor: Motor, known: list[Variable]) -> str:
+    rows = [f"    {0.0 if item.start is None else item.start!r}, /* {item.name} */ \\" for item in known]
+    lines = [
+        "/* SPDX-License-Identifier: GPL-3.0-or-later",
+        " *",
+        f" * The values of the motor {motor.name}, written by its export, in the order of struct values.",
+        " */",
+        f"#define MODES {len(motor.modes)}",
+        f"#define MOUNTED {int(motor.mount is not None)}",
+        "#define START { \\",
+        *rows,
+        "}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _model_description(motor: Motor, known: list[Variable], identifier: str, guid: str) -> str:
+    root = ElementTree.Element("fmiModelDescription", {
+        "fmiVersion": "2.0", "modelName": identifier, "guid": f"{guid}",
+        "description": f"standing-wave piezomotor {motor.name}, averaged over the period of the drive",
+        "license": "GPL-3.0-or-later", "generationTool": "pyspice-runner", "variableNamingConvention": "structured",
+    })  # fmt: skip
+    simulation = ElementTree.SubElement(root, "CoSimulation", {
+        "modelIdentifier": identifier, "canHandleVariableCommunicationStepSize": "true",
+        "canNotUseMemoryManagementFunctions": "true", "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
+    })  # fmt: skip
+    files = ElementTree.SubElement(simulation, "SourceFiles")
+    for file in C_FILES:
+        ElementTree.SubElement(files, "File", {"name": file})
+    shown = [item for item in known if motor.mount or not item.name.startswith("mount_")]
+    units = ElementTree.SubElement(root, "UnitDefinitions")
+    for unit in sorted({item.unit for item in shown} - {"1"}):
+        base = ElementTree.SubElement(units, "Unit", {"name": unit})
+        if _UNITS[unit]:
+            ElementTree.SubElement(base, "BaseUnit", {key: f"{value!r}" for key, value in _UNITS[unit].items()})
+    ElementTree.SubElement(root, "DefaultExperiment", {"startTime": "0", "stopTime": "1", "stepSize": f"{STEP_SIZE:g}"})
+    listed = ElementTree.SubElement(root, "ModelVariables")
+    for item in shown:
+        kind = {
+            "input": {"causality": "input", "variability": "continuous"},
+            "output": {"causality": "output", "variability": "continuous", "initial": "calculated"},
+            "parameter": {"causality": "parameter", "variability": "fixed", "initial": "exact"},
+        }[item.causality]
+        variable = ElementTree.SubElement(listed, "ScalarVariable", {
+            "name": item.name, "valueReference": str(item.reference), "description": item.meaning, **kind,
+        })  # fmt: skip
+        real = {} if item.unit == "1" else {"unit": item.unit}
+        if item.start is not None:
+            real |= {"min": item.least, "max": item.greatest, "start": f"{item.start!r}"}
+        ElementTree.SubElement(variable, "Real", real)
+    structure = ElementTree.SubElement(root, "ModelStructure")
+    places = [str(place) for place, item in enumerate(shown, start=1) if item.causality == "output"]
+    for part in ("Outputs", "InitialUnknowns"):
+        unknowns = ElementTree.SubElement(structure, part)
+        for place in places:
+            ElementTree.SubElement(unknowns, "Unknown", {"index": place})
+    ElementTree.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"

@@ -1,0 +1,348 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The exported Functional Mock-up Unit in FMPy, against ``simulate_averaged`` and against itself."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import re
+import threading
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy import extract, read_model_description
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave
+from fmpy.validation import validate_fmu
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.averaged import simulate_averaged
+from pyspice_runner.cli import run
+from pyspice_runner.engine.compiler import compile_library
+from pyspice_runner.netlist.fmu import C_FILES, fmu_texts, variables
+
+pytestmark = pytest.mark.xdist_group("fmu")
+SAMPLE = 1e-3  # s
+# of a quantity, over its greatest magnitude; ngspice's own error is a few tenths of a per cent
+WITHIN = 0.01
+
+
+class Unit:
+    """An instance in FMPy, its variables by their names."""
+
+    def __init__(self, file: Path, **start: float) -> None:
+        description = read_model_description(str(file))
+        self.places = {item.name: item.valueReference for item in description.modelVariables}
+        folder = file.parent / "unzipped"
+        if not folder.exists():  # a binary that is loaded must not be written again
+            extract(str(file), str(folder))
+        self.fmu = FMU2Slave(
+            guid=description.guid, unzipDirectory=str(folder),
+            modelIdentifier=description.coSimulation.modelIdentifier, instanceName="motor",
+        )  # fmt: skip
+        self.fmu.instantiate()
+        self.begin(**start)
+
+    def begin(self, **start: float) -> None:
+        self.time = 0.0
+        self.fmu.setupExperiment(startTime=0.0)
+        self.fmu.enterInitializationMode()
+        self.set(**start)
+        self.fmu.exitInitializationMode()
+
+    def set(self, **values: float) -> None:
+        self.fmu.setReal([self.places[name] for name in values], list(values.values()))
+
+    def get(self, *names: str) -> list[float]:
+        return list(self.fmu.getReal([self.places[name] for name in names]))
+
+    def advance(self, step: float = SAMPLE) -> None:
+        self.fmu.doStep(currentCommunicationPoint=self.time, communicationStepSize=step)
+        self.time += step
+
+
+@pytest.fixture(scope="module")
+def motor() -> pr.Motor:
+    return pr.load_motor("bimodal40")
+
+
+@pytest.fixture(scope="module")
+def file(motor: pr.Motor, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return pr.export_motor(motor, tmp_path_factory.mktemp("fmu") / "motor.fmu")
+
+
+@pytest.fixture
+def unit(file: Path) -> Iterator[Unit]:
+    one = Unit(file)
+    yield one
+    one.fmu.freeInstance()
+
+
+def speed_loop(unit: Unit, duration: float) -> tuple[list[tuple[float, float]], np.ndarray]:
+    """Control the speed at 1 kHz; return the course of the amplitude, as stairs, and the speed at each sample."""
+    integral, stairs, speeds = 0.0, [], []
+    for number in range(round(duration / SAMPLE)):
+        (speed,) = unit.get("speed")
+        error = 20.0 - speed
+        voltage = min(max(45.0 + 3.0 * error + integral, 0.0), 110.0)
+        integral += 0.1 * error
+        unit.set(amplitude_a=voltage, amplitude_b=voltage)
+        unit.advance()
+        stairs += [(number * SAMPLE, voltage), ((number + 1) * SAMPLE - 1e-6, voltage)]
+        speeds.append(unit.get("speed")[0])
+    return stairs, np.array(speeds)
+
+
+# --- the description ---
+
+
+def test_the_checker_of_fmpy_finds_nothing_in_what_the_command_writes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target = tmp_path / "motor.fmu"
+    words = [
+        "export",
+        "andersen2002-unintended-mode",
+        "--averaged",
+        "--thermal",
+        "--name",
+        "stage",
+        "--set",
+        "mount=none",
+    ]
+    assert run([*words, "--output", str(target), "--json"]) == 0
+    assert "<fmiModelDescription" in json.loads(capsys.readouterr().out)["library"]
+    assert validate_fmu(str(target)) == []
+    with zipfile.ZipFile(target) as archive:
+        assert {
+            "binaries/linux64/stage.so", "sources/piezomotor_averaged.c", "sources/piezomotor_fmi2.c",
+            "sources/piezomotor_averaged.h", "sources/piezomotor_start.h", "modelDescription.xml",
+        } == set(archive.namelist())  # fmt: skip
+
+
+def test_the_checker_of_fmpy_finds_nothing_in_a_motor_on_a_mount(file: Path) -> None:
+    assert validate_fmu(str(file)) == []
+
+
+def test_every_variable_has_a_description_a_unit_and_a_range(file: Path, motor: pr.Motor) -> None:
+    description = read_model_description(str(file))
+    assert len(description.modelVariables) == len(variables(motor))
+    dimensionless = {"check", "separated", "slip", "friction", "loss", "tip_x", "tip_y"}
+    for item in description.modelVariables:
+        assert item.description
+        bare = item.name.rpartition(".")[2]
+        assert (item.unit is None) == (bare in dimensionless), item
+        assert (item.min is None) == (item.causality == "output")
+
+
+def test_the_start_values_are_those_of_the_motor(motor: pr.Motor) -> None:
+    changed = motor.updated({"contact.preload_n": 5.5, "rotor.inertia_kg_m2": 2e-6})
+    start = {item.name: item.start for item in variables(changed)}
+    assert (start["preload"], start["inertia"], start["frequency"]) == (5.5, 2e-6, 40.1e3)
+    assert start["mode[2].stiffness"] == pytest.approx(motor.modes[1].stiffness_n_per_m, rel=1e-9)
+
+
+def test_a_motor_that_has_no_average_is_an_error(motor: pr.Motor, tmp_path: Path) -> None:
+    with pytest.raises(pr.ParameterError, match="has no averaged model: it must be 'spring-slider'"):
+        pr.export_motor(motor, tmp_path / "motor.fmu", contact="coulomb")
+    with pytest.raises(pr.ParameterError, match="The averaged motor takes linear modes only: set both to 0"):
+        fmu_texts(motor.updated({"modes.0.softening_per_m2": 1e9}))
+    with pytest.raises(pr.ParameterError, match=r"contact\.sliding_ratio = 0\.8: this export .* set it to 1"):
+        fmu_texts(motor.updated({"contact.sliding_ratio": 0.8}))
+
+
+def test_without_a_compiler_the_export_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert run(["export", "bimodal40", "--output", str(tmp_path / "motor.fmu")]) == 3
+    assert "No C compiler was found on the PATH (cc, gcc, clang)" in capfd.readouterr().err
+    assert not (tmp_path / "motor.fmu").exists()
+
+
+# --- runs ---
+
+
+@pytest.mark.parametrize("duration", [0.01, pytest.param(1.0, marks=pytest.mark.soak)])
+def test_spin_up_with_a_speed_controller_is_that_of_simulate_averaged(
+    unit: Unit, motor: pr.Motor, duration: float
+) -> None:
+    stairs, speeds = speed_loop(unit, duration)
+    expected = simulate_averaged(motor, pr.default_drive(motor), duration, courses={"voltage": stairs})
+    time = SAMPLE * np.arange(1, len(speeds) + 1)
+    error = np.interp(time, expected.time_s, expected.rotor_speed_rad_s) - speeds
+    assert np.abs(error).max() < WITHIN * speeds.max()
+
+
+COLUMNS = {
+    "speed": "rotor_speed_rad_s", "position": "rotor_position_rad", "torque": "torque_n_m", "heat": "heat_w",
+    "current_amplitude_a": "current_amplitude_a_a", "current_amplitude_b": "current_amplitude_b_a",
+    "electrical_power": "electrical_power_w", "normal_force": "normal_force_n", "temperature": "temperature_k",
+    "tip_x_amplitude": "tip_x_amplitude_m", "tip_y_amplitude": "tip_y_amplitude_m", "check": "check",
+    "slip": "slip", "separated": "separated",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["andersen2002", "andersen2002-unintended-mode"])
+def test_all_outputs_under_load_warmth_and_detuning_are_those_of_simulate_averaged(name: str, tmp_path: Path) -> None:
+    held = name == "andersen2002"
+    thermal = pr.Thermal(heat_capacity_j_per_k=1e-3, ambient_k=10.0)  # so small that 20 ms warm it by some kelvin
+    motor = pr.load_motor(name).updated({"mount": None} if held else {})
+    drive = pr.default_drive(motor)
+    unit = Unit(pr.export_motor(motor, tmp_path / "motor.fmu", thermal=thermal))
+    unit.set(load_torque=2e-4)
+    for number in range(20):
+        if number == 10:
+            unit.set(frequency=1.001 * drive.frequency)
+        unit.advance()
+    detuned = {"frequency": [(0.01, drive.frequency), (0.01 + 1e-6, 1.001 * drive.frequency)]}
+    expected = simulate_averaged(motor, drive, 0.02, load_torque=2e-4, thermal=thermal, courses=detuned)
+    assert expected.temperature_k[-1] > 12.0
+    for ours, column in COLUMNS.items():
+        values = getattr(expected, column)
+        assert unit.get(ours)[0] == pytest.approx(values[-1], abs=WITHIN * np.abs(values).max()), ours
+    unit.fmu.freeInstance()
+
+
+def test_phase_of_the_currents_and_power_agree(unit: Unit) -> None:
+    unit.advance(5e-3)
+    names = ("amplitude_a", "current_amplitude_a", "current_phase_a", "amplitude_b", "current_amplitude_b")
+    u_a, i_a, phase_a, u_b, i_b, phase_b, power = unit.get(*names, "current_phase_b", "electrical_power")
+    cosines = np.cos(np.radians([phase_a, phase_b]))
+    assert power == pytest.approx(0.5 * (u_a * i_a * cosines[0] + u_b * i_b * cosines[1]), rel=1e-12)
+
+
+def trajectory(unit: Unit) -> list[list[float]]:
+    found = []
+    for number in range(15):
+        unit.set(amplitude_a=100.0 - number, load_torque=1e-4 * number)
+        unit.advance()
+        found.append(unit.get(*COLUMNS))
+    return found
+
+
+def test_a_run_after_a_reset_is_identical(unit: Unit) -> None:
+    first = trajectory(unit)
+    unit.fmu.reset()
+    unit.begin()
+    assert trajectory(unit) == first
+
+
+def test_two_instances_in_two_threads_run_as_one_alone_does(file: Path, unit: Unit) -> None:
+    alone = trajectory(unit)
+    together: list[list[list[float]]] = []
+    units = [Unit(file), Unit(file)]
+    threads = [threading.Thread(target=lambda one=one: together.append(trajectory(one))) for one in units]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert together == [alone, alone]
+    for one in units:
+        one.fmu.freeInstance()
+
+
+def test_a_state_that_was_kept_is_continued(unit: Unit) -> None:
+    unit.advance(3e-3)
+    kept = unit.fmu.getFMUState()
+    content = unit.fmu.serializeFMUState(kept)
+    first = trajectory(unit)
+    for state in (kept, unit.fmu.deserializeFMUState(content)):
+        unit.fmu.setFMUState(state)
+        unit.time = 3e-3
+        assert trajectory(unit) == first
+        unit.fmu.freeFMUState(state)
+
+
+def test_a_quarter_of_the_internal_step_changes_the_speed_by_less_than_1e_5(motor: pr.Motor, tmp_path: Path) -> None:
+    """The method is of second order, so that a quarter of the step shows 15/16 of the error."""
+    for path, text in fmu_texts(motor).items():
+        (tmp_path / Path(path).name).write_text(text, encoding="utf-8")
+    speeds = []
+    for part in (1.0, 4.0):
+        core = (tmp_path / C_FILES[0]).read_text(encoding="utf-8")
+        assert "STEP_OF_FASTEST 0.7" in core
+        (tmp_path / "core.c").write_text(f"#define STEP_OF_FASTEST {0.7 / part}\n{core}", encoding="utf-8")
+        (tmp_path / "run.c").write_text(RUN, encoding="utf-8")
+        compile_library(tmp_path, ["core.c", "run.c"], tmp_path / f"run{part}.so")
+        speed = ctypes.CDLL(str(tmp_path / f"run{part}.so")).speed_at
+        speed.restype = ctypes.c_double
+        speeds.append([speed(count) for count in (1, 5, 20)])
+    assert speeds[0] == pytest.approx(speeds[1], rel=1e-5)
+
+
+RUN = """
+#include "piezomotor_averaged.h"
+__attribute__((visibility("default"))) double speed_at(int count)
+{
+    struct motor motor;
+    motor_default(&motor);
+    motor_rest(&motor);
+    for (int n = 0; n < count; n++)
+        if (motor_advance(&motor, 1e-3) != 0)
+            return -1.0;
+    return motor.value.speed;
+}
+"""
+
+# --- invalid input ---
+
+INVALID: dict[str, tuple[Callable[[Unit], object], str]] = {
+    "nan": (
+        lambda unit: unit.set(amplitude_a=float("nan")),
+        r"fmi2SetReal: amplitude_a = nan V is not valid: it must be between -10000 and 10000\.",
+    ),
+    "negative frequency": (
+        lambda unit: unit.set(frequency=-40e3),
+        r"frequency = -40000 Hz is not valid: it must be between 1 and 1e\+08\.",
+    ),
+    "infinite torque": (lambda unit: unit.set(load_torque=float("inf")), r"load_torque = inf N\.m is not valid"),
+    "step 0": (lambda unit: unit.advance(0.0), r"the step size 0 s is not valid: it must be more than 0 and at most"),
+    "negative step": (lambda unit: unit.advance(-1e-3), r"the step size -0\.001 s is not valid"),
+    "step nan": (lambda unit: unit.advance(float("nan")), r"the step size -?nan s is not valid"),
+    "endless step": (lambda unit: unit.advance(1e9), r"the step size 1e\+09 s is not valid"),
+    "another time": (
+        lambda unit: unit.fmu.doStep(currentCommunicationPoint=5.0, communicationStepSize=1e-3),
+        r"the communication point 5 s is not valid: the instance is at 0 s\.",
+    ),
+    "parameter during a run": (
+        lambda unit: unit.set(preload=5.0),
+        r"the parameter preload cannot change during a run\. Reset the instance first\.",
+    ),
+    "an output": (lambda unit: unit.set(speed=1.0), r"value reference 6 is not that of an input or a parameter"),
+    "unknown variable": (lambda unit: unit.fmu.getReal([10_000]), r"value reference 10000 is not valid"),
+    "another type": (lambda unit: unit.fmu.getBoolean([0]), r"all variables are of type Real"),
+    "second start": (
+        lambda unit: unit.fmu.enterInitializationMode(),
+        r"fmi2EnterInitializationMode is not valid now: the instance is running\.",
+    ),
+    "state of another motor": (lambda unit: unit.fmu.deserializeFMUState(b"12"), r"2 bytes are not a state"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", INVALID)
+def test_invalid_input_is_an_error_with_a_message_and_a_reset_helps(
+    case: str, unit: Unit, capsys: pytest.CaptureFixture[str]
+) -> None:
+    act, message = INVALID[case]
+    with pytest.raises(FMICallException, match=r"status 3 \(error\)"):
+        act(unit)
+    assert re.search(message, capsys.readouterr().out)
+    with pytest.raises(FMICallException):
+        unit.advance()
+    assert "the instance is in error; reset it." in capsys.readouterr().out
+    unit.fmu.reset()
+    unit.begin()
+    unit.advance()
+
+
+def test_another_guid_is_an_error(unit: Unit, capsys: pytest.CaptureFixture[str]) -> None:
+    other = FMU2Slave(
+        guid="0", unzipDirectory=unit.fmu.unzipDirectory, modelIdentifier="piezomotor_averaged", instanceName="motor"
+    )
+    with pytest.raises(Exception, match="Failed to instantiate"):
+        other.instantiate()
+    assert "the guid is 0, it must be" in capsys.readouterr().out
