@@ -16,7 +16,6 @@ from math import ceil, log, pi
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import Akima1DInterpolator
 
 from pyspice_runner.analysis.period_map import PeriodMap, Trace
 from pyspice_runner.model import contact as contact_law
@@ -154,6 +153,8 @@ class Point:
             step: time step in s on the map to which the point moves, if it is another one. Where the contact slips, the
                 slider is beyond its limit by a distance that is proportional to the step.
         """
+        from scipy.interpolate import Akima1DInterpolator  # takes long to load
+
         assert self.trace is not None
         time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
         at = time[0] + (begun - time[0]) % period

@@ -65,7 +65,6 @@ from itertools import combinations, pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
-from scipy.linalg import eigh
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.parameters import Beam, Damping, Mode, Patch, Tip
@@ -164,6 +163,8 @@ def solve_resonator(
     mass *= np.outer(scale, scale)
 
     # M φ = (1/ω²) K φ with the largest 1/ω²: accurate for the low modes, however many shapes there are.
+    from scipy.linalg import eigh  # takes long to load
+
     inverse_squares, vectors = eigh(mass, stiffness, subset_by_index=(shapes - count, shapes - 1))
     order = np.argsort(inverse_squares)[::-1]
     inverse_squares = inverse_squares[order]

@@ -19,7 +19,6 @@ from math import cbrt, log1p, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from pyspice_runner.model.parameters import Contact, Mode, Mount, Rotor
 
@@ -138,7 +137,7 @@ def linearised_resonances(
     """
     carrier = [] if mount is None else [mount]
     springs: list[Mode | Mount] = [*modes, *carrier]
-    mass = np.diag([*(spring.mass_kg for spring in springs), rotor.inertia_kg_m2 / rotor.radius_m**2])
+    masses = np.array([*(spring.mass_kg for spring in springs), rotor.inertia_kg_m2 / rotor.radius_m**2])
     normal = np.array([*(mode.tip_y for mode in modes), *(1.0 for _ in carrier), 0.0])
     tangential = np.array([*(mode.tip_x for mode in modes), *(0.0 for _ in carrier), -1.0])
     stiffness = (
@@ -146,5 +145,5 @@ def linearised_resonances(
         + normal_stiffness_at_preload(contact) * np.outer(normal, normal)
         + tangential_stiffness_at_preload(contact) * np.outer(tangential, tangential)
     )
-    squares = eigh(stiffness, mass, eigvals_only=True)
+    squares = np.linalg.eigvalsh(stiffness / np.sqrt(np.outer(masses, masses)))
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * pi))

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Load
@@ -189,6 +188,8 @@ def plate_voltage(time_s: Array, voltage_v: Array, lag_s: float) -> Array:
     """
     if not lag_s > 0.0:
         return voltage_v
+    from scipy.linalg import solve_banded  # takes long to load
+
     h = np.diff(time_s)
     kept = np.exp(-h / lag_s)
     lag = (1.0 - kept) * lag_s / np.where(h > 0.0, h, 1.0)
