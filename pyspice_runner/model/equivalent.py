@@ -31,6 +31,7 @@ from pyspice_runner.model.dielectric import loss_ladder
 LADDER_SPAN = 100.0  # of the constant loss, to both sides of the reference frequency
 LADDER_BRANCHES = 9  # two a decade
 _WINDOW = 2.0  # bandwidths on each side of a resonance in which its extrema are looked for
+_ONE_ARM = 3.0  # bandwidths over which a circuit of one arm is fitted to a resonance
 _GRID = 401  # points over that window: 100 a bandwidth
 
 
@@ -180,26 +181,61 @@ class EquivalentCircuit:
         return tuple(self._characterise(arm, pole) for arm, pole in zip(self.arms, self._antiresonances(), strict=True))
 
     def definitions(self) -> tuple[dict[str, dict[str, float] | None], ...]:
-        """Return, of every arm, the values that follow from each pair of frequencies, as instruments and standards do.
+        """Return, of every arm, the values by each definition of standards and instruments.
 
-        The pairs are ``"fs, fp"`` (IEEE 176: greatest conductance and resistance), ``"fm, fn"`` (analysers: greatest
-        and
-        least admittance) and ``"fr, fa"`` (zero phase). With the pair's f₁ < f₂ and the clamped capacitance C0,
-        C1 = C0 ((f₂/f₁)² − 1), L1 = 1/(4π²f₁²C1), R1 = 1/Re Y(f₁), of ``"fm, fn"`` 1/|Y(f₁)|, Q = √(L1/C1)/R1 and
-        k_eff = √(1 − (f₁/f₂)²). ``None`` stands for a pair that losses or neighbours hide.
+        Three follow from pairs of frequencies: ``"fs, fp"`` (IEEE 176: greatest conductance and resistance),
+        ``"fm, fn"`` (greatest and least admittance) and ``"fr, fa"`` (zero phase). With the pair's f₁ < f₂ and the
+        clamped capacitance C0, C1 = C0 ((f₂/f₁)² − 1), L1 = 1/(4π²f₁²C1), R1 = 1/Re Y(f₁), of ``"fm, fn"`` 1/|Y(f₁)|.
+        ``"half power"`` is that of analysers (Keysight E4990A Help, ``CALC:EPAR:S4?``): R1 = 1/Re Y(fs),
+        Q = fs/(f₂ − f₁) of the frequencies with half that conductance, L1 = QR1/2πfs. ``"one arm"`` is the circuit of
+        one arm and C0 whose impedance fits best by least squares, over three bandwidths about the arm's frequency.
+
+        In the pairs ``resonance_hz`` and ``antiresonance_hz`` are f₁ and f₂; in the other two they are those of the
+        circuit with these values, without its losses. Q = √(L1/C1)/R1 and k_eff = √(1 − (f₁/f₂)²). ``None`` stands for
+        a definition that losses or neighbours hide.
         """
         found = []
-        for item in self.characteristics():
+        for arm, item in zip(self.arms, self.characteristics(), strict=True):
             pairs = {"fs, fp": (item.fs, item.fp), "fm, fn": (item.fm, item.fn), "fr, fa": (item.fr, item.fa)}
-            found.append({name: self._from_pair(name, *pair) for name, pair in pairs.items()})
+            values = {name: self._from_pair(name, *pair) for name, pair in pairs.items()}
+            found.append({**values, "half power": self._half_power(arm, item.fs), "one arm": self._one_arm(arm)})
         return tuple(found)
 
     def _from_pair(self, name: str, low: float | None, high: float | None) -> dict[str, float] | None:
         if low is None or high is None or low >= high:
             return None
         y = complex(self.device_admittance(low))
-        resistance = 1.0 / (abs(y) if name == "fm, fn" else y.real)
         capacitance = self.clamped_capacitance_f * ((high / low) ** 2 - 1.0)
+        return self._defined(low, high, 1.0 / (abs(y) if name == "fm, fn" else y.real), capacitance)
+
+    def _half_power(self, arm: MotionalArm, fs: float | None) -> dict[str, float] | None:
+        if fs is None:
+            return None
+        greatest = float(self.device_admittance(fs).real)
+        width = arm.series_resonance_hz / arm.quality_factor
+        high = _crossing(lambda f: 0.5 * greatest - self.device_admittance(f).real, fs + 0.5 * width, width)
+        low = _crossing(lambda f: self.device_admittance(f).real - 0.5 * greatest, fs - 0.5 * width, width)
+        if low is None or high is None or not low < fs < high:
+            return None
+        return self._lossless(fs, 1.0 / greatest, (high - low) * greatest / (2.0 * pi * fs**2))
+
+    def _one_arm(self, arm: MotionalArm) -> dict[str, float] | None:
+        frequency, half = arm.series_resonance_hz, 0.5 * _ONE_ARM * arm.series_resonance_hz / arm.quality_factor
+        if half >= frequency:
+            return None
+        w = 2.0 * pi * np.linspace(frequency - half, frequency + half, _GRID)
+        z = 1.0 / (self.device_admittance(w / (2.0 * pi)) - 1j * w * self.clamped_capacitance_f)
+        ratio = w / (2.0 * pi * frequency)
+        by_l, by_c = np.linalg.lstsq(np.column_stack([ratio, -1.0 / ratio]), z.imag, rcond=None)[0].tolist()
+        if min(by_l, by_c) <= 0.0:
+            return None
+        return self._lossless(frequency * sqrt(by_c / by_l), float(z.real.mean()), 1.0 / (2.0 * pi * frequency * by_c))
+
+    def _lossless(self, frequency: float, resistance: float, capacitance: float) -> dict[str, float]:
+        high = frequency * sqrt(1.0 + capacitance / self.clamped_capacitance_f)
+        return self._defined(frequency, high, resistance, capacitance)
+
+    def _defined(self, low: float, high: float, resistance: float, capacitance: float) -> dict[str, float]:
         inductance = 1.0 / ((2.0 * pi * low) ** 2 * capacitance)
         return {
             "resonance_hz": low,

@@ -60,6 +60,8 @@ SEARCHED_ARMS = 8  # tried when their number is not given
 MOST_RANK = 2  # of the coupling; a column gives each pole of Y its complex residue, so that more tell little
 PLAUSIBLE_LEADS = 5.0, 1e-5  # Ω and H of a fixture with cables: some 1 µH and less than 1 Ω a metre
 _NOISE_STEPS = 3.0  # medians of the steps of ln Y; a greater step is not noise, which exceeds 3 medians in 0.2 %
+_BESIDE = np.array([0.05, 0.2, 0.8])  # of that margin, where arms outside the band are tried
+_QUALITY_BESIDE = 50.0  # of these
 _MARGIN = 0.25  # of the span, by which an arm may lie outside the band
 _LOWEST_QUALITY, _HIGHEST_QUALITY = 0.6, 1e6
 _UNDETERMINED = 0.3  # standard error of ln √(L/C) of an arm that is none
@@ -396,7 +398,12 @@ class Problem:
             column = column * np.minimum(1.0, np.sqrt(share * own / np.maximum(column**2, 1e-300)))
             parameters = solution.parameters.copy()
             parameters[GLOBALS + 2 : last : 3] = -np.log(own - column**2)
-            starts.append(replace(solution, parameters=np.concatenate([parameters, [0.0], column])))
+            # one arm alone shares with the clamped capacitance only, which loses little itself
+            clamped = (0.1, -0.1) if arms == 1 else (0.0,)
+            starts += [
+                replace(solution, parameters=np.concatenate([parameters, [size], column]), clamped=arms == 1)
+                for size in clamped
+            ]
         return self.descend(self._race(starts), tolerance=_COUPLED)
 
     def wider(self, solution: Solution) -> list[Solution]:
@@ -444,6 +451,12 @@ class Problem:
                 break  # more arms bring nothing, or none of them rings
             if len(costs) >= 2 and costs[-2] < _MISFIT**2 * len(self.w) and len(self.resonances(plain)) < arms:
                 break  # no analyser shows what is left, and what follows it rings nowhere
+        if (
+            solutions[0].arms == 1
+            and solutions[0].cost > _MISFIT**2 * len(self.w)
+            and not any(map(self.settled, solutions))
+        ):
+            solutions.insert(1, self.coupled(solutions[0]))
         return solutions
 
     def _grown(self, plain: Solution, coupled: Solution) -> Solution:
@@ -542,6 +555,24 @@ class Problem:
             half *= 2
         return sorted(found, key=lambda item: -item[0])
 
+    def _beside(self, solution: Solution) -> list[tuple[float, Vector]]:
+        """Return arms outside the band that the residuals ask for: standard deviations, parameters."""
+        m = self._model(solution.parameters, solution.arms)
+        residual, outer = self._residual(m.y)
+        chain = outer * (m.y / m.device) ** 2
+        deviation = max(sqrt(solution.cost / (2 * len(self.w))), _FLOOR)
+        distance = _BESIDE * _MARGIN * (self.w[-1] - self.w[0])
+        found = []
+        for place in np.concatenate([self.w[0] - distance, self.w[-1] + distance]):
+            if place <= 0.5 * self.w[0]:
+                continue
+            effect = chain / (1.0 / _QUALITY_BESIDE + 1j * (self.w / place - place / self.w))
+            asked, norm = float(np.sum((-residual * effect.conj()).real)), float(np.sum(np.abs(effect) ** 2))
+            conductance = max(asked / norm, 1e-12)
+            arm = np.log([place, _QUALITY_BESIDE / conductance, _QUALITY_BESIDE])
+            found.append((asked / (sqrt(norm) * deviation), arm))
+        return found
+
     def _race(self, starts: Sequence[Solution]) -> Solution:
         """Descend a little from every start, and return the one that came lowest."""
         return min((self.descend(start, steps=30, tolerance=1e-3) for start in starts), key=COST)
@@ -557,13 +588,16 @@ class Problem:
         """Return starts with one more arm, where the residuals ask for it most."""
         last = GLOBALS + 3 * solution.arms
         head, tail = solution.parameters[:last], np.zeros(solution.rank)
+        asked = self.missing(solution)
+        if solution.rank:
+            asked = sorted(asked + self._beside(solution), key=lambda item: -item[0])
         return [
             replace(
                 solution,
                 parameters=np.concatenate([head, arm, solution.parameters[last:], tail]),
                 arms=solution.arms + 1,
             )
-            for _, arm in self.missing(solution)[:2]
+            for _, arm in asked[:2]
         ]
 
     def _smaller(self, solution: Solution) -> list[Solution]:
