@@ -94,5 +94,14 @@ def write_json(path: Path, document: Mapping[str, Any]) -> None:
     path.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
+def cache_folder() -> Path | None:
+    """Return the user's cache folder, which may not exist yet; ``None`` for a user without a home folder."""
+    stated = os.environ.get("XDG_CACHE_HOME")
+    try:
+        return Path(stated) if stated else Path.home() / ".cache"
+    except RuntimeError:  # neither HOME nor an entry of this user in the passwd file
+        return None
+
+
 def _either(endings: list[str]) -> str:
     return " or ".join([", ".join(endings[:-1]), endings[-1]]) if len(endings) > 1 else endings[0]

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.netlist.copies import Copy, Plant, copies_bench, copy_name
 from pyspice_runner.netlist.motor import Discretisation
-from pyspice_runner.run.kernel import simulator
+from pyspice_runner.run.kernel import run_bench, simulator
 
 Array = NDArray[np.float64]
 COPIES_PER_DECK = 30  # measured: beyond, the parse trees of the B-sources no longer fit the cache of a core
@@ -76,20 +76,24 @@ class PeriodMap:
         steps: number of uniform steps in it.
         timeout: wall time in s after which a run of ngspice is ended.
         workers: number of decks that run at a time.
+        compiled: whether the motors are compiled modules.
         runs: number of runs of ngspice.
         evaluations: number of states that were mapped.
         seconds: wall time in s that ngspice took, summed over the runs.
         simulated_s: simulated time in s, summed over the states.
+        ngspice_version: of the last run; empty before the first.
     """
 
     period: float
     steps: int
     timeout: float | None = None
     workers: int = field(default_factory=cores)
+    compiled: bool = False
     runs: int = 0
     evaluations: int = 0
     seconds: float = 0.0
     simulated_s: float = 0.0
+    ngspice_version: str = ""
     _hashes: set[str] = field(default_factory=set, repr=False)
     _texts: dict[int, tuple[str, str]] = field(default_factory=dict, repr=False)
 
@@ -102,6 +106,10 @@ class PeriodMap:
     def discretisation(self) -> Discretisation:
         """How motors are adapted to the step."""
         return Discretisation(self.step)
+
+    def with_steps(self, steps: int) -> PeriodMap:
+        """Return a map over the same period with another number of steps."""
+        return PeriodMap(self.period, steps, self.timeout, self.workers, self.compiled)
 
     def traces(self, copies: Sequence[Copy]) -> list[Trace | None]:
         """Return the traces of the copies over a period; ``None`` where ngspice does not find one.
@@ -118,7 +126,8 @@ class PeriodMap:
 
     def deck(self, copy: Copy) -> str:
         """Return the deck that runs one copy over a period."""
-        ready = simulator(copies_bench([copy], self.discretisation), _vectors(0, copy.plant, whole=True))
+        bench = copies_bench([copy], self.discretisation, compiled=self.compiled)
+        ready = simulator(bench, _vectors(0, copy.plant, whole=True))
         return str(ready.prepare("transient", **self._timing(self.period + _LEAD * self.step, whole=True)))
 
     def hashes(self) -> str:
@@ -166,22 +175,23 @@ class PeriodMap:
         return [*self._deck(copies[:half], duration, whole), *self._deck(copies[half:], duration, whole)]
 
     def _run(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
-        bench = copies_bench(copies, self.discretisation, self._texts, plates=False)
+        bench = copies_bench(copies, self.discretisation, self._texts, plates=False, compiled=self.compiled)
         self._hashes.add(hashlib.sha256(str(bench.circuit.raw_spice).encode()).hexdigest())
         names = [_vectors(number, copy.plant, whole=whole) for number, copy in enumerate(copies)]
-        ready = simulator(bench, [name for own in names for name in own], self.timeout)
-        result = ready.verified("transient", **self._timing(duration, whole))
+        every = [name for own in names for name in own]
+        outcome = run_bench(bench, every, self.timeout, "transient", self._timing(duration, whole))
         self.runs += 1
-        self.seconds += result.seconds
-        raw = result.raw.vectors
-        time = np.asarray(raw["time"].real)
+        self.seconds += outcome.seconds
+        self.ngspice_version = outcome.ngspice_version
+        raw = outcome.vectors()
+        time = raw["time"]
         window = self._window(time) if whole else slice(-1, None)
         if window is None:
             raise _Uneven
         traces: list[Trace | None] = []
         for copy, own in zip(copies, names, strict=True):
             units = copy.plant.units(self.discretisation)
-            values = np.array([raw[name].real[window] for name in own])
+            values = np.array([raw[name][window] for name in own])
             order = copy.plant.order
             contact = np.zeros((len(_CONTACT), values.shape[1]))
             contact[: len(values) - order] = values[order:]

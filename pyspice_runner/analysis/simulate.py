@@ -26,6 +26,7 @@ from pyspice_runner.result import Audit
 from pyspice_runner.run.accuracy import COST, TIP, Errors, estimate_errors
 from pyspice_runner.run.audit import audit_run
 from pyspice_runner.run.ceramic import ceramic
+from pyspice_runner.run.engines import Engine, is_compiled
 from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.setup import Setup
@@ -59,6 +60,7 @@ def simulate(
     progress: Callable[[float, float], object] | None = None,
     timeout: float | None = None,
     audit: bool = True,
+    engine: Engine = "spice",
 ) -> Waveforms:
     """Run a motor from its preloaded operating point, at rest, the drive coming on at t = 0.
 
@@ -92,6 +94,9 @@ def simulate(
         timeout: wall time in s after which the run is ended.
         audit: whether a run that fails the physical audit (:mod:`.audit`) is an error. If not, ``provenance["audit"]``
             has what was found.
+        engine: ``"spice"``, in which ngspice interprets the B-sources of the motor; ``"compiled"``, a compiled
+            Verilog-A module, which takes a compiler and ngspice 46 (:mod:`~pyspice_runner.run.engines`); ``"auto"``,
+            the compiled one if it was seen on this machine to move as the other does.
 
     Raises:
         ParameterError: for an invalid value.
@@ -99,9 +104,11 @@ def simulate(
         Interrupted: when interrupted; ``partial`` has what was done, marked as not complete.
     """
     law = law_of(contact, sliders)
+    reason = "A motor that its losses heat has no compiled form." if thermal else ""
+    reason = reason or ("A tracker needs the B-sources." if isinstance(drive, Tracker) else "")
     setup = Setup(
         motor, source_of(drive, motor, law), Load(speed, load_torque), law,
-        Solver(step, accuracy, exact_resonance, timeout, audit), thermal,
+        Solver(step, accuracy, exact_resonance, timeout, audit, is_compiled(engine, motor, law, reason)), thermal,
     )  # fmt: skip
     if accuracy is not None and step is None:
         setup = setup.with_step(setup.shortest_period / points_per_period(accuracy))

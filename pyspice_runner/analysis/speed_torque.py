@@ -38,6 +38,7 @@ from pyspice_runner.netlist.motor import Motion
 from pyspice_runner.netlist.sources import source_of, unit_in, updated
 from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import audit_point
+from pyspice_runner.run.engines import BEHIND_DRIVER, Engine, is_compiled
 from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.steps import MOST_POINTS
@@ -90,6 +91,7 @@ def speed_torque(
     progress: Progress | None = None,
     timeout: float | None = None,
     audit: bool = True,
+    engine: Engine = "spice",
 ) -> xarray.Dataset:
     """Measure torque, power and losses over speed, in all four quadrants.
 
@@ -128,6 +130,8 @@ def speed_torque(
         timeout: wall time in s after which ngspice is ended, a block.
         audit: whether a point that fails the physical audit (:mod:`.audit`) is an error. If not, ``audit_passed`` is
             false there, and the attribute ``audit`` has what was found.
+        engine: of the steady states, as in ``simulate``. A point that settles, and one behind a driver, runs with the
+            B-sources; the attribute ``method`` has which points settled.
 
     Returns:
         The quantities over the axes, the speed last, with units and provenance.
@@ -144,9 +148,12 @@ def speed_torque(
     _check(axes, mode, follow)
     _check_driver(drive, mode, follow)
     if mode == "steady" and follow is not None:
+        is_compiled(engine, motor, Law(contact, sliders), "A branch is followed with the B-sources.")
         return _branch(motor, drive, axes, follow, contact=contact, sliders=sliders, step=step, timeout=timeout)
-    law, solver = Law(contact, sliders), Solver(step, timeout=timeout, audit=audit)
+    law = Law(contact, sliders)
+    solver = _solver(motor, drive, law, mode, engine, step=step, timeout=timeout, audit=audit)
     settings = {**law.to_dict(), "step_s": step, "tolerance": tolerance, "patience": patience}
+    settings["engine"] = "compiled" if solver.compiled else "spice"
     combinations = [dict(zip(axes, values, strict=True)) for values in product(*(a.tolist() for a in axes.values()))]
     benches: dict[tuple[float, ...], Dynamometer] = {}
     points = []
@@ -192,6 +199,13 @@ def speed_torque(
         raise Interrupted("The curve was interrupted.", dataset) from None
     fault.partial = dataset
     raise fault
+
+
+def _solver(motor: Motor, drive: Drive | Driver, law: Law, mode: str, engine: Engine, **settings: Any) -> Solver:
+    """Return how points are solved; compiled modules serve steady states at ideal voltages only."""
+    reason = "" if mode == "steady" else f"The meters of mode = {mode!r} need the B-sources."
+    reason = BEHIND_DRIVER if isinstance(drive, Driver) else reason
+    return Solver(**settings, compiled=is_compiled(engine, motor, law, reason))
 
 
 def _branch(
@@ -246,6 +260,7 @@ def operating_point(
     patience: int = PATIENCE,
     timeout: float | None = None,
     audit: bool = True,
+    engine: Engine = "spice",
 ) -> dict[str, Any]:
     """Return the quantities of :func:`speed_torque` at one speed, plain and JSON-ready; ``sweep`` takes it as analysis.
 
@@ -261,6 +276,7 @@ def operating_point(
         patience: as in :func:`speed_torque`.
         timeout: as in :func:`speed_torque`.
         audit: as in :func:`speed_torque`; ``audit`` of the result has what was found.
+        engine: as in :func:`speed_torque`.
 
     Raises:
         ParameterError: for an invalid value.
@@ -270,13 +286,15 @@ def operating_point(
     if mode not in ("steady", "settle"):
         raise ParameterError(f"mode = {quoted(mode)} is not valid: it must be 'steady' or 'settle'.")
     (speed,) = axis("speed", [speed])
-    bench = _dynamometer(motor, drive, {}, Law(contact, sliders), Solver(step, timeout=timeout, audit=audit))
+    law = Law(contact, sliders)
+    solver = _solver(motor, drive, law, mode, engine, step=step, timeout=timeout, audit=audit)
+    bench = _dynamometer(motor, drive, {}, law, solver)
     Load(float(speed)).check(motor)
     settling = Settling(tolerance, patience)
     found = _steady([(bench, float(speed))], None) if mode == "steady" else {}
     _withhold_failed([(bench, float(speed))], found)
     outcome = found[0] if found else _settle(bench, float(speed), None, settling)[0]
-    return _reported(motor, outcome)
+    return _reported(bench, outcome)
 
 
 def operating_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -> list[dict[str, Any] | None]:
@@ -292,13 +310,15 @@ def operating_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -
             "sliders": SLIDERS,
             "step": None,
             "timeout": None,
+            "engine": "spice",
             **settings,
         }
         try:
-            solver = Solver(given["step"], timeout=given["timeout"])
-            bench = _dynamometer(motor, drive, {}, Law(given["contact"], given["sliders"]), solver)
+            law = Law(given["contact"], given["sliders"])
+            solver = _solver(motor, drive, law, "steady", given["engine"], step=given["step"], timeout=given["timeout"])
+            bench = _dynamometer(motor, drive, {}, law, solver)
             Load(float(given["speed"])).check(motor)
-        except (ParameterError, TypeError, ValueError):
+        except (ParameterError, SimulationError, TypeError, ValueError):
             continue
         benches[place] = bench, float(given["speed"])
     try:
@@ -308,15 +328,18 @@ def operating_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -
     answers: list[dict[str, Any] | None] = [None] * len(points)
     for number, place in enumerate(benches):
         if number in found and not found[number]["findings"]:
-            answers[place] = _reported(benches[place][0].motor, found[number])
+            answers[place] = _reported(benches[place][0], found[number])
     return answers
 
 
-def _reported(motor: Motor, outcome: dict[str, Any]) -> dict[str, Any]:
+def _reported(bench: Dynamometer, outcome: dict[str, Any]) -> dict[str, Any]:
     """Return the outcome of a point as :func:`operating_point` reports it."""
+    motor = bench.motor
+    compiled = bench.setup.solver.compiled and outcome["method"] != "settle"
     kept = {name: value for name, value in outcome.items() if name not in ("audit_passed", "findings")}
     warnings = list(exceeded(motor, outcome["ceramic_stress_pa"], outcome["temperature_rise_k"]))
-    return {**kept, "warnings": warnings, "audit": Audit(outcome["findings"]).to_dict()}
+    engine = "compiled" if compiled else "spice"
+    return {**kept, "engine": engine, "warnings": warnings, "audit": Audit(outcome["findings"]).to_dict()}
 
 
 # --- steady states ---

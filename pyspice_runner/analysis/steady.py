@@ -37,6 +37,7 @@ from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_point
+from pyspice_runner.run.engines import BEHIND_DRIVER, Engine, is_compiled
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.setup import Setup
@@ -193,6 +194,7 @@ def steady_state(
     accuracy: float = ACCURACY,
     timeout: float | None = None,
     audit: bool = True,
+    engine: Engine = "spice",
 ) -> SteadyState:
     """Find the periodic steady state of a motor by shooting.
 
@@ -209,6 +211,7 @@ def steady_state(
             halved, twice at most.
         timeout: wall time in s after which a run of ngspice is ended.
         audit: whether a result that fails the physical audit is an error. If not, the result carries the finding.
+        engine: as in ``simulate``; a motor behind a driver has no compiled form here.
 
     Returns:
         The steady state. ``converged`` is false if none was found; then its quantities are NaN.
@@ -217,9 +220,11 @@ def steady_state(
         ParameterError: for an invalid value, or for tones without a common period.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
+    law = law_of(contact, sliders)
+    compiled = is_compiled(engine, motor, law, BEHIND_DRIVER if isinstance(drive, Driver) else "")
     setup = Setup(
-        motor, drive if isinstance(drive, Driver) else DriveSource(drive), Load(speed, load_torque),
-        law_of(contact, sliders), Solver(step, None, True, timeout, audit),
+        motor, drive if isinstance(drive, Driver) else DriveSource(drive), Load(speed, load_torque), law,
+        Solver(step, None, True, timeout, audit, compiled),
     )  # fmt: skip
     return steady_states([setup], accuracy=accuracy, waveforms=True)[0]
 
@@ -256,7 +261,7 @@ def steady_states(
             continue
         drive = _drive(setup)
         law = setup.law.to_dict().values() if setup.law else ()
-        groups.setdefault((drive.period, *law), []).append(place)
+        groups.setdefault((drive.period, setup.solver.compiled, *law), []).append(place)
     starts = starts or [None] * len(setups)
     workers = max(1, cores() // max(len(groups), 1))  # of each group, since the groups run side by side
 
@@ -314,7 +319,7 @@ def _solve(
     timeout = setups[0].solver.timeout
     steps = 2 * ceil(0.5 * period / finest - 1e-9)
     coarse = max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
-    maps = [PeriodMap(period, coarse, timeout, workers)]
+    maps = [PeriodMap(period, coarse, timeout, workers, setups[0].solver.compiled)]
     plants: list[Plant] = []
     same: dict[int, Drive] = {}
     for setup in setups:
@@ -351,7 +356,7 @@ def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accurac
         if not pending:
             break
         before = level
-        maps.append(PeriodMap(maps[0].period, steps * 2**refinement, maps[0].timeout, maps[0].workers))
+        maps.append(maps[0].with_steps(steps * 2**refinement))
         level = [[] for _ in points]
         for place, several in zip(
             pending, _between([points[place] for place in pending], maps[-1], own=False), strict=True
@@ -457,7 +462,7 @@ def _state(
         "motor": setup.motor.to_dict(),
         "drive": setup.source.to_dict(),
         "run": setup.to_dict(),
-        "ngspice_version": ngspice_version(),
+        "ngspice_version": maps[0].ngspice_version,
         "simulated_s": sum(period_map.simulated_s for period_map in maps) / points,
         "deck_sha256": hashlib.sha256("".join(period_map.hashes() for period_map in maps).encode()).hexdigest(),
         "period_maps": sum(period_map.evaluations for period_map in maps),
@@ -558,7 +563,7 @@ def _waveforms(setup: Setup, point: Point, period_map: PeriodMap, provenance: di
         drive_period_s=period_map.period,
         rotor_radius_m=setup.motor.rotor.radius_m,
         solver_seconds=period_map.seconds,
-        ngspice_version=ngspice_version(),
+        ngspice_version=period_map.ngspice_version,
         provenance=provenance,
         deck=period_map.deck(Copy(plant, point.state, point.begun)),
     )

@@ -13,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from enum import StrEnum
 from math import isfinite
 from pathlib import Path
 from textwrap import fill
@@ -86,6 +87,20 @@ SetOption = Annotated[
 MOST_VALUES = 1_000_000  # of an axis
 CIRCUIT_ENDINGS = (".lib", ".asy", ".kicad_sym", ".s1p", ".toml")  # of exported equivalent circuits
 TimeoutOption = Annotated[float | None, typer.Option(help="Stop ngspice after this time, s.")]
+
+
+class EngineKind(StrEnum):
+    """What runs the motor."""
+
+    spice = "spice"
+    compiled = "compiled"
+    auto = "auto"
+
+
+EngineOption = Annotated[
+    EngineKind,
+    typer.Option(help="spice: B-sources; compiled: Verilog-A, in ngspice 46; auto: compiled where it was verified."),
+]
 AuditOption = Annotated[
     bool, typer.Option("--audit/--no-audit", help="Whether a result that fails the physical audit is an error.")
 ]

@@ -14,6 +14,8 @@ import pyspice_runner as pr
 from pyspice_runner.commands.common import (
     INTERRUPTED,
     AuditOption,
+    EngineKind,
+    EngineOption,
     JsonOption,
     MotorArgument,
     OutputOption,
@@ -34,7 +36,18 @@ from pyspice_runner.errors import Interrupted
 from pyspice_runner.netlist.waveforms import Burst, Waveform, read_waveform
 
 # options of a run cycle by cycle, which an averaged one does not have
-_OF_CYCLES = ("waveform", "burst", "sliders", "step", "accuracy", "signals", "record_from", "record_every", "audit")
+_OF_CYCLES = (
+    "waveform",
+    "burst",
+    "sliders",
+    "step",
+    "accuracy",
+    "signals",
+    "record_from",
+    "record_every",
+    "audit",
+    "engine",
+)
 
 
 @with_drive_options
@@ -71,6 +84,7 @@ def simulate(
     ] = False,
     timeout: TimeoutOption = None,
     audit: AuditOption = True,
+    engine: EngineOption = EngineKind.spice,
     changes: SetOption = None,
     as_json: JsonOption = False,
     output: OutputOption = None,
@@ -120,6 +134,7 @@ def simulate(
                 progress=progress,
                 timeout=timeout,
                 audit=audit,
+                engine=engine.value,
             )
         except Interrupted as interrupt:
             run, status = interrupt.partial, INTERRUPTED
@@ -138,7 +153,8 @@ def simulate(
     for key, name, written in rows:
         if summary[key] is not None:
             table.add_row(name, written(summary[key]) + run.remark(key))
-    table.add_row("points", f"{run.points} in {run.solver_seconds:.2f} s, ngspice {run.ngspice_version}")
+    made = ", compiled motor" if run.provenance["run"]["engine"] == "compiled" else ""
+    table.add_row("points", f"{run.points} in {run.solver_seconds:.2f} s, ngspice {run.ngspice_version}{made}")
     deliver(summary, table, as_json, (output, run.save), (plot, run.plot))
     raise typer.Exit(status)
 

@@ -14,6 +14,8 @@ import pyspice_runner as pr
 from pyspice_runner.commands.common import (
     INTERRUPTED,
     AuditOption,
+    EngineKind,
+    EngineOption,
     JsonOption,
     MotorArgument,
     OutputOption,
@@ -72,6 +74,7 @@ def speed_torque(
     step: Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")] = None,
     timeout: TimeoutOption = None,
     audit: AuditOption = True,
+    engine: EngineOption = EngineKind.spice,
     changes: SetOption = None,
     as_json: JsonOption = False,
     output: OutputOption = None,
@@ -104,6 +107,7 @@ def speed_torque(
                 step=step,
                 timeout=timeout,
                 audit=audit,
+                engine=engine.value,
                 progress=progress,
             )
         except (Interrupted, pr.SimulationError) as fault:

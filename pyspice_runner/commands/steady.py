@@ -11,6 +11,8 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
     AuditOption,
+    EngineKind,
+    EngineOption,
     JsonOption,
     MotorArgument,
     OutputOption,
@@ -41,6 +43,7 @@ def steady(
     accuracy: Annotated[float, typer.Option(help="Error allowed of the torque, relative to mu F0 R.")] = 2e-3,
     timeout: TimeoutOption = None,
     audit: AuditOption = True,
+    engine: EngineOption = EngineKind.spice,
     changes: SetOption = None,
     as_json: JsonOption = False,
     output: OutputOption = None,
@@ -56,7 +59,7 @@ def steady(
     with busy("ngspice runs periods of the drive"):
         result = pr.steady_state(
             loaded, drive.stated(loaded), speed=speed, load_torque=load, contact=contact, sliders=sliders,
-            step=step, accuracy=accuracy, timeout=timeout, audit=audit,
+            step=step, accuracy=accuracy, timeout=timeout, audit=audit, engine=engine.value,
         )  # fmt: skip
     warn_of(result.audit.findings)
     table = Table("quantity", "value", title=f"{loaded.name}: {result.drive.label}")

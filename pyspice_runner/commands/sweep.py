@@ -17,6 +17,8 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
     INTERRUPTED,
+    EngineKind,
+    EngineOption,
     JsonOption,
     MotorArgument,
     OutputOption,
@@ -113,6 +115,7 @@ def sweep(
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
     load_torque: Annotated[float | None, typer.Option(help="Simulate: torque of a load, N.m.")] = None,
     timeout: TimeoutOption = None,
+    engine: EngineOption = EngineKind.spice,
     changes: SetOption = None,
     as_json: JsonOption = False,
     output: OutputOption = None,
@@ -127,7 +130,9 @@ def sweep(
     check_contact(context, contact)
     if analysis is AnalysisKind.operating_point:
         refuse_idle(context, "on --analysis operating-point", "duration", "load_torque")
-    if analysis is not AnalysisKind.drive:
+    if analysis is AnalysisKind.drive:
+        refuse_idle(context, "on --analysis drive", "engine")
+    else:
         refuse_idle(context, "without --analysis drive", "driver", "part", "mosfet")
     if not tolerance:
         refuse_idle(context, "without --tolerance", "distribution", "samples", "sampling", "seed")
@@ -143,6 +148,7 @@ def sweep(
             raise pr.ParameterError(f"{path} is given to --over and to --tolerance. Give it to one of them.")
         axes[path] = pr.Tolerance(_percent(path, text), distribution.value)
     settings: dict[str, Any] = {"speed": speed, "duration": duration, "load_torque": load_torque, "timeout": timeout}
+    settings["engine"] = None if engine is EngineKind.spice else engine.value  # which is the default of the run
     if contact == "brush":
         settings["sliders"] = sliders
     run = {name: value for name, value in settings.items() if value is not None}

@@ -64,11 +64,13 @@ class Result:
         raw: the vectors.
         seconds: wall time of the ngspice process.
         log: the log of ngspice.
+        ngspice_version: version of ngspice.
     """
 
     raw: RawFile
     seconds: float
     log: str
+    ngspice_version: str
 
 
 def find_ngspice() -> str:
@@ -89,11 +91,16 @@ def ngspice_version() -> str:
     Raises:
         SimulationError: if ngspice is missing, does not answer, or is older than version 36.
     """
-    return _version_of(find_ngspice())
+    return version_of(find_ngspice())
 
 
 @cache
-def _version_of(executable: str) -> str:
+def version_of(executable: str) -> str:
+    """Return the version of the ngspice at a path.
+
+    Raises:
+        SimulationError: if it does not answer, or is older than version 36.
+    """
     try:
         answer = subprocess.run(
             [executable, "--version"],
@@ -125,6 +132,8 @@ def run_deck(
     timeout: float | None = None,
     progress: Callable[[float], object] | None = None,
     keep_partial: bool = False,
+    executable: str = "",
+    modules: Sequence[Path] = (),
 ) -> Result:
     """Run a netlist and return its vectors, or raise.
 
@@ -137,22 +146,23 @@ def run_deck(
         timeout: wall time in s after which the run is ended.
         progress: called some times a second with the time in s that a transient has reached.
         keep_partial: whether a run that is interrupted returns the points that it has.
+        executable: path of ngspice; by default that on the PATH.
+        modules: compiled modules that the deck loads by their names.
 
     Raises:
         SimulationError: with ngspice's own words and, as ``deck``, the file kept for inspection.
         Interrupted: for ``keep_partial``, when interrupted; ``partial`` is a :class:`Result` that ended too early.
     """
-    executable = find_ngspice()
-    ngspice_version()
+    executable = executable or find_ngspice()
+    version = version_of(executable)
     with held() as listening:  # while ngspice runs; an interrupt before or after waits until its files are cleared away
-        try:
-            folder = Path(tempfile.mkdtemp(prefix="piezomotor-"))
-        except OSError as error:
-            raise SimulationError(f"Cannot write the netlist: {error.strerror}. {_FREE_SPACE}") from error
+        folder = _new_folder()
         deck_path = folder / "deck.cir"
         keep = False
         try:
             deck_path.write_text(deck, encoding="utf-8")
+            for module in modules:
+                (folder / module.name).symlink_to(module)
             fault = silent_fault(deck)
             if fault:
                 raise _Unsound(fault, "")
@@ -162,7 +172,7 @@ def run_deck(
             except KeyboardInterrupt as interrupt:
                 if not keep_partial:
                     raise
-                raise _interrupted(folder / "out.raw", vectors, time.perf_counter() - started) from interrupt
+                raise _interrupted(folder / "out.raw", vectors, time.perf_counter() - started, version) from interrupt
             raw = _verified(folder / "out.raw", status, log, vectors)
             _check_end(raw, "time", stop_time, "s", log)
             _check_end(raw, "frequency", stop_frequency, "Hz", log)
@@ -181,7 +191,15 @@ def run_deck(
         finally:
             if not keep:
                 shutil.rmtree(folder, ignore_errors=True)
-    return Result(raw, seconds, log)
+    return Result(raw, seconds, log, version)
+
+
+def _new_folder() -> Path:
+    """Return a new folder for one run."""
+    try:
+        return Path(tempfile.mkdtemp(prefix="piezomotor-"))
+    except OSError as error:
+        raise SimulationError(f"Cannot write the netlist: {error.strerror}. {_FREE_SPACE}") from error
 
 
 class _Unsound(Exception):
@@ -251,7 +269,7 @@ def _wait(
             progress(float(last))
 
 
-def _interrupted(path: Path, vectors: Sequence[str], seconds: float) -> KeyboardInterrupt:
+def _interrupted(path: Path, vectors: Sequence[str], seconds: float, version: str) -> KeyboardInterrupt:
     """Return the interrupt to raise, with the complete points of the run if there are any."""
     try:
         raw = read_rawfile(path, partial=True)
@@ -259,7 +277,7 @@ def _interrupted(path: Path, vectors: Sequence[str], seconds: float) -> Keyboard
         return KeyboardInterrupt()
     if any(raw.find(name) is None for name in vectors) or raw.beyond(LARGEST, vectors):
         return KeyboardInterrupt()
-    return Interrupted("The run was interrupted.", Result(raw, seconds, ""))
+    return Interrupted("The run was interrupted.", Result(raw, seconds, "", version))
 
 
 def _read(log_file: IO[bytes]) -> str:

@@ -7,7 +7,8 @@ netlist that did not parse.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from PySpice.Probe.WaveForm import AcAnalysis, DcAnalysis, OperatingPoint, TransientAnalysis, WaveForm
@@ -29,6 +30,8 @@ class BatchSimulator(CircuitSimulator):
     Args:
         circuit: a PySpice circuit.
         timeout: wall time in s after which a run is ended.
+        executable: path of ngspice; by default that on the PATH.
+        modules: compiled modules that the circuit loads by their names.
         **kwargs: PySpice's ``temperature`` and ``nominal_temperature``.
 
     Raises:
@@ -38,7 +41,10 @@ class BatchSimulator(CircuitSimulator):
 
     SIMULATOR = "ngspice"
 
-    def __init__(self, circuit: Circuit, *, timeout: float | None = None, **kwargs: Any) -> None:
+    def __init__(
+        self, circuit: Circuit, *, timeout: float | None = None, executable: str = "", modules: Sequence[Path] = (),
+        **kwargs: Any,
+    ) -> None:  # fmt: skip
         if timeout is not None and not timeout > 0.0:
             raise ParameterError(f"timeout = {timeout:g} s is not valid: it must be a number > 0 s.")
         super().__init__(circuit, **kwargs)
@@ -46,6 +52,7 @@ class BatchSimulator(CircuitSimulator):
             if keyword not in kwargs:  # both are then ngspice's 27 degrees, and the deck stays short
                 self._options.pop(option)
         self._timeout = timeout
+        self._executable, self._modules = executable, tuple(modules)
         self._saved_nodes: list[str] = []  # PySpice's own is a set, which Python orders anew in every process
         self.result: Result | None = None
 
@@ -92,6 +99,8 @@ class BatchSimulator(CircuitSimulator):
             timeout=self._timeout,
             progress=progress,
             keep_partial=keep_partial,
+            executable=self._executable,
+            modules=self._modules,
         )
         return self.result
 

@@ -21,6 +21,7 @@ from pyspice_runner.model.drive import Drive, Load, Tone
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mount
 from pyspice_runner.netlist.benches import transient_options
+from pyspice_runner.netlist.compiled import Signal, loading, module_of, module_signals, module_start, module_subcircuit
 from pyspice_runner.netlist.contact import SLIDERS, Law
 from pyspice_runner.netlist.motor import Discretisation, Motion, MotorSubCircuit, dielectric_branches, plate_nodes
 from pyspice_runner.netlist.sources import Bench
@@ -93,11 +94,16 @@ class Plant:
         """Number of states."""
         return 2 * self.modes + self.sliders + 2 * (self.mount is not None) + self.turns
 
-    def motor_text(self, discretisation: Discretisation, name: str, *, plates: bool = True) -> str:
+    def motor_text(
+        self, discretisation: Discretisation, name: str, *, plates: bool = True, compiled: bool = False
+    ) -> str:
         """Return the subcircuits of the motor, with the state as parameters of the X line: r1 …, v1 …, u, z, s, w.
 
-        ``plates`` tells whether it has the clamped capacitances.
+        ``plates`` tells whether it has the clamped capacitances. A compiled module has them, and no such parameters.
         """
+        if compiled:
+            assert self.law is not None
+            return module_subcircuit(self.motor, self.law, discretisation, name)
         still = (0.0,) * self.modes
         definition = MotorSubCircuit(
             self.motor, contact=self.law.name if self.law else None,
@@ -133,6 +139,17 @@ class Plant:
             values |= {"z": float(displacement) / _MICRO, "s": float(velocity)}
         values["w"] = float(state[-1]) if self.load.speed is None else self.load.speed
         return values
+
+    def motion(self, state: Array) -> Motion:
+        """Return a state as a motion, without the plates."""
+        n = self.modes
+        lift, rise = state[self.carrier] if self.mount else (0.0, 0.0)
+        held = self.load.speed
+        return Motion(
+            tuple(state[:n].tolist()), tuple(state[n : 2 * n].tolist()),
+            float(state[2 * n]) if self.contact_states == ("slider",) else 0.0,
+            float(state[-1]) if held is None else held, (), (), carrier_m=float(lift), carrier_m_s=float(rise),
+        )  # fmt: skip
 
     def start_nodes(
         self, state: Array, begun: float, probes: Sequence[Probe] = (), *, plates: bool = True
@@ -219,6 +236,7 @@ def copies_bench(
     texts: dict[int, tuple[str, str]] | None = None,
     *,
     plates: bool = True,
+    compiled: bool = False,
 ) -> Bench:
     """Return the bench of many copies: instances ``Xc0``, ``Xc1``, …, shafts on the nodes ``xc0_shaft``, ….
 
@@ -231,6 +249,7 @@ def copies_bench(
             New ones are added to it.
         plates: whether the motors have their clamped capacitances. Without them the currents of the sources are those
             of the modes alone, and the motion is the same.
+        compiled: whether the motors are compiled modules; these have their plates.
     """
     first = copies[0].plant
     texts = {} if texts is None else texts
@@ -238,6 +257,9 @@ def copies_bench(
     sources: dict[tuple[Any, ...], int] = {}
     written: set[int] = set()
     start: dict[str, float] = {}
+    signals: dict[str, Signal] = {}
+    modules = {module_of(copy.plant.modes): None for copy in copies} if compiled else {}
+    lines += [loading(module) for module in modules]
     for number, copy in enumerate(copies):
         plant, instance = copy.plant, copy_name(number)
         motor = id(plant.motor)
@@ -245,7 +267,7 @@ def copies_bench(
             written.add(motor)
             if motor not in texts:
                 name = f"motor{len(texts)}"
-                texts[motor] = name, plant.motor_text(discretisation, name, plates=plates)
+                texts[motor] = name, plant.motor_text(discretisation, name, plates=plates, compiled=compiled)
             lines.append(texts[motor][1])
         at_pins = tuple(probe for probe in copy.probes if probe.place != "shaft")
         key = (id(plant.drive), copy.begun, at_pins)
@@ -260,21 +282,29 @@ def copies_bench(
         for place, probe in enumerate(copy.probes):
             if probe.place == "shaft":
                 lines.append(f"I{shaft}_{place} 0 {shaft} {_sine(probe.tone, copy.begun)}")
-        start_values = plant.start_values(copy.state, discretisation)
+        start_values = {} if compiled else plant.start_values(copy.state, discretisation)
         values = " ".join(f"{name}={value:.17g}" for name, value in start_values.items())
         pins = f"a{sources[key]} b{sources[key]} 0 {shaft}"
         lines.append(f"{instance} {pins} {texts[motor][0]} {values}")
-        start |= {
-            f"{instance}.{node}": value
-            for node, value in plant.start_nodes(copy.state, copy.begun, copy.probes, plates=plates).items()
-        }
+        inside = plant.start_nodes(copy.state, copy.begun, copy.probes, plates=plates or compiled)
+        if compiled:
+            inside |= module_start(plant.motor, discretisation, plant.motion(copy.state))
+            start |= {shaft: float(copy.state[-1])} if plant.turns else {}
+            signals |= module_signals(plant.motor, discretisation, instance)
+        start |= {f"{instance}.{node}": value for node, value in inside.items()}
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name}")
     circuit.raw_spice += "\n".join(lines) + "\n"
+    return Bench(circuit, _options(copies), start, tuple(modules), signals)
+
+
+def _options(copies: Sequence[Copy]) -> dict[str, str]:
+    """Return the options that suit all copies."""
+    first = copies[0].plant
     options = dict(transient_options(first.motor, first.law.name if first.law else None))
     for copy in copies:
         own = transient_options(copy.plant.motor, first.law.name if first.law else None)
         options |= {name: own[name] for name in ("vntol", "abstol") if float(own[name]) < float(options[name])}
-    return Bench(circuit, options, start)
+    return options
 
 
 def _drive_lines(plant: Plant, probes: Sequence[Probe], begun: float, number: int) -> list[str]:

@@ -27,9 +27,18 @@ from pyspice_runner.netlist.benches import (
     start_voltages,
     transient_options,
 )
+from pyspice_runner.netlist.compiled import (
+    Module,
+    Signal,
+    loading,
+    module_of,
+    module_signals,
+    module_start,
+    module_subcircuit,
+)
 from pyspice_runner.netlist.contact import SLIDERS, Law
 from pyspice_runner.netlist.drivers import Driver
-from pyspice_runner.netlist.motor import Discretisation, Motion, add_motor, plate_nodes
+from pyspice_runner.netlist.motor import SUBCIRCUIT, Discretisation, Motion, add_motor, plate_nodes
 from pyspice_runner.netlist.trackers import Disturbance, Tracker, add_disturbance, tracked_source
 
 GROUPS = ("a", "b")
@@ -46,11 +55,15 @@ class Bench:
         circuit: the circuit.
         options: ngspice's options for it.
         start: initial voltages in V by node, in addition to those of its devices (``ic=``).
+        modules: Verilog-A modules that it loads, compiled.
+        signals: vectors that are sums of others, by name.
     """
 
     circuit: Circuit
     options: Mapping[str, str]
     start: Mapping[str, float] = field(default_factory=dict)
+    modules: tuple[Module, ...] = ()
+    signals: Mapping[str, Signal] = field(default_factory=dict)
 
 
 class Source(Protocol):
@@ -267,6 +280,7 @@ def motor_bench(
     start: Motion | None = None,
     begun: float = 0.0,
     title: str = "",
+    compiled: bool = False,
 ) -> Bench:
     """Return the bench of a motor with source and load; the motor is ``Xmotor`` on the nodes a, b, 0, shaft.
 
@@ -281,6 +295,7 @@ def motor_bench(
         start: initial motion; by default preloaded rest, with the plates at the first voltages of the source.
         begun: time in s since the source was switched on.
         title: title line of the deck.
+        compiled: whether the motor is a compiled module (:mod:`.compiled`), without drift or disturbance.
 
     Raises:
         ParameterError: for a source that does not suit the motor.
@@ -293,6 +308,9 @@ def motor_bench(
         circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
     elif load.torque:
         circuit.I("load", "shaft", circuit.gnd, f"DC {float(load.torque)!r}")
+    if compiled:
+        assert law is not None
+        return _compiled_bench(circuit, motor, source, law, discretisation, start)
     if thermal is not None:
         add_cooling(circuit, thermal)
         nodes = ("temperature", "heat", *nodes)
@@ -304,6 +322,27 @@ def motor_bench(
         start=start, thermal=thermal, approach=disturbance is not None and disturbance.kind == "preload",
     )  # fmt: skip
     return Bench(circuit, source.options(motor, law), _start(source, law, start))
+
+
+def _compiled_bench(
+    circuit: Circuit,
+    motor: Motor,
+    source: Source,
+    law: Law,
+    discretisation: Discretisation | None,
+    start: Motion | None,
+) -> Bench:
+    """Add the motor as a compiled module to a circuit, and return the bench."""
+    module = module_of(len(motor.modes))
+    text = module_subcircuit(motor, law, discretisation, SUBCIRCUIT)
+    circuit.raw_spice += f"{loading(module)}\n{text}\nXmotor a b 0 shaft {SUBCIRCUIT}\n"
+    first = _start(source, law, start)
+    if start is not None:
+        first["shaft"] = start.speed_rad_s
+        inside = module_start(motor, discretisation, start)
+        first |= {f"xmotor.{node}": value for node, value in inside.items()}
+    signals = module_signals(motor, discretisation, "xmotor")
+    return Bench(circuit, source.options(motor, law), first, (module,), signals)
 
 
 def dynamometer_bench(

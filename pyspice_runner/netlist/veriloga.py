@@ -12,10 +12,11 @@ from collections.abc import Mapping
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import ContactLaw, contact_values
 from pyspice_runner.netlist.library import check_name, data_path
-from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, coarsest_step
+from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, Discretisation, coarsest_step
 
 LAWS = {"spring-slider": 0, "coulomb": 1}  # values of the parameter law
 _BLOCKS = ("parameters of mode", "states of mode", "motion of mode", "mode")
@@ -42,10 +43,8 @@ def motor_module(
             "Export a .lib for the other laws."
         )
     module = check_name(name) if name else SUBCIRCUIT
-    text = (data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8")
-    for block in _BLOCKS:
-        text = _repeated(text, block, len(motor.modes))
-    for parameter, value in _values(motor, contact, thermal).items():
+    text = module_source(len(motor.modes))
+    for parameter, value in module_values(motor, contact, thermal=thermal).items():
         text, count = re.subn(
             rf"(?m)^(.*parameter (?:real|integer) {parameter} = )\S+( from .*)$", rf"\g<1>{value!r}\g<2>", text
         )
@@ -56,6 +55,14 @@ def motor_module(
     return re.sub(
         r"(?m)^// STEP .*$", f"// STEP   at most {coarsest_step(motor):.2g} s; slider_time is half of it", text
     )
+
+
+def module_source(modes: int) -> str:
+    """Return the module with some number of modes and with the defaults of ``behavioral/piezomotor.va``."""
+    text = (data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8")
+    for block in _BLOCKS:
+        text = _repeated(text, block, modes)
+    return text
 
 
 def _repeated(text: str, block: str, count: int) -> str:
@@ -71,11 +78,25 @@ def _repeated(text: str, block: str, count: int) -> str:
     return text[: whole.start()] + "".join(copies) + text[whole.end() :]
 
 
-def _values(motor: Motor, contact: ContactLaw, thermal: Thermal | None) -> Mapping[str, float | int]:
-    """Return the value of every parameter of the module but those that stay at their neutral defaults."""
+def module_values(
+    motor: Motor,
+    contact: ContactLaw,
+    *,
+    thermal: Thermal | None = None,
+    discretisation: Discretisation | None = None,
+) -> Mapping[str, float | int]:
+    """Return the value of every parameter of the module but those that stay at their neutral defaults.
+
+    Args:
+        motor: the motor.
+        contact: law of the contact.
+        thermal: drift per kelvin.
+        discretisation: adaptation to a run's time step, if any.
+    """
     law = contact_values(
-        contact, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=0.0
-    )
+        contact, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=0.0,
+        slider_time=discretisation.slider_time if discretisation else None,
+    )  # fmt: skip
     touching = {_OF_CONTACT.get(name, name): value for name, value in law.items() if name not in ("deflection", "span")}
     values: dict[str, float | int] = {
         **{name: _digits(value) for name, value in touching.items()},
@@ -92,9 +113,10 @@ def _values(motor: Motor, contact: ContactLaw, thermal: Thermal | None) -> Mappi
         "loss": max(motor.piezo.loss_tangent, SMALLEST_LOSS),
     }
     if motor.mount is not None:
+        mass, stiffness = _written(motor.mount, discretisation)
         values |= {
-            "mount_stiffness": motor.mount.stiffness_n_per_m,
-            "mount_mass": motor.mount.mass_kg,
+            "mount_stiffness": stiffness,
+            "mount_mass": mass,
             "mount_damping": motor.mount.damping_n_s_per_m,
         }
     if thermal is not None:
@@ -104,10 +126,11 @@ def _values(motor: Motor, contact: ContactLaw, thermal: Thermal | None) -> Mappi
             "drift_c": thermal.capacitance_drift_per_k,
         }
     for number, mode in enumerate(motor.modes, start=1):
+        mass, stiffness = _written(mode, discretisation)
         of_mode = {
-            "mass": mode.mass_kg,
+            "mass": mass,
             "damping": mode.damping_n_s_per_m,
-            "stiffness": mode.stiffness_n_per_m,
+            "stiffness": stiffness,
             "coupling_a": mode.coupling_a_n_per_v,
             "coupling_b": mode.coupling_b_n_per_v,
             "tip_x": mode.tip_x,
@@ -117,6 +140,11 @@ def _values(motor: Motor, contact: ContactLaw, thermal: Thermal | None) -> Mappi
         }
         values |= {f"{parameter}_{number}": _digits(value) for parameter, value in of_mode.items()}
     return values
+
+
+def _written(mode: Mode | Mount, discretisation: Discretisation | None) -> tuple[float, float]:
+    """Return mass (kg) and stiffness (N/m) to write for a mode or a carrier."""
+    return discretisation.mode(mode) if discretisation else (mode.mass_kg, mode.stiffness_n_per_m)
 
 
 def _digits(value: float) -> float:

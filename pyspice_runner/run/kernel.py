@@ -6,14 +6,18 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.engine.ngspice import Result, ngspice_version
+from pyspice_runner.engine.ngspice import Result
+from pyspice_runner.engine.openvaf import compile_module, find_osdi_ngspice
 from pyspice_runner.engine.pyspice import BatchSimulator
-from pyspice_runner.errors import Interrupted
+from pyspice_runner.errors import Interrupted, SimulationError
+from pyspice_runner.files import cache_folder
+from pyspice_runner.netlist.compiled import Signal
 from pyspice_runner.netlist.sources import Bench
 
 Array = NDArray[np.float64]
@@ -26,10 +30,12 @@ class Outcome:
     Attributes:
         result: what ngspice gave; the vectors are views of its file.
         deck: the netlist that was run.
+        signals: the vectors that were asked for and are sums of others, by name.
     """
 
     result: Result
     deck: str = field(repr=False)
+    signals: Mapping[str, Signal] = field(default_factory=dict, repr=False)
 
     @property
     def deck_sha256(self) -> str:
@@ -44,12 +50,12 @@ class Outcome:
     @property
     def ngspice_version(self) -> str:
         """Version of ngspice."""
-        return ngspice_version()
+        return self.result.ngspice_version
 
     def vectors(self, every: int = 1) -> dict[str, Array]:
         """Return the real vectors by name, ``time`` first; every so-many-th point of them."""
         raw = self.result.raw.vectors if every == 1 else self.result.raw.thinned(every)
-        return {name: np.asarray(values, dtype=float) for name, values in raw.items()}
+        return self._signals({name: np.asarray(values, dtype=float) for name, values in raw.items()})
 
     def phasors(self) -> dict[str, NDArray[np.complex128]]:
         """Return the complex vectors of an AC analysis by name."""
@@ -57,16 +63,48 @@ class Outcome:
 
     def last(self) -> dict[str, float]:
         """Return the value of every vector at the end of the run: its final state, if the states were recorded."""
-        return {name: float(values[-1].real) for name, values in self.result.raw.vectors.items()}
+        ends = {name: values[-1:].real for name, values in self.result.raw.vectors.items()}
+        return {name: float(values[0]) for name, values in self._signals(ends).items()}
+
+    def _signals(self, vectors: dict[str, Array]) -> dict[str, Array]:
+        """Add the sums to vectors."""
+        for name, signal in self.signals.items():
+            vectors[name] = signal_of(signal, vectors)
+        return vectors
+
+
+def signal_of(signal: Signal, vectors: Mapping[str, Array]) -> Array:
+    """Return a sum of vectors."""
+    first = next(iter(vectors.values()))
+    total = np.full(len(first), signal.offset)
+    for name, factor in signal.terms.items():
+        total += factor * vectors[f"v({name})" if name.startswith("@") else name]
+    return total
 
 
 def simulator(bench: Bench, vectors: Sequence[str], timeout: float | None = None) -> BatchSimulator:
-    """Return PySpice's simulator of a bench, with its options, its start and what is to be recorded."""
-    ready = BatchSimulator(bench.circuit, timeout=timeout)
+    """Return PySpice's simulator of a bench, with its options, its start and what is to be recorded.
+
+    Raises:
+        SimulationError: if the bench has a module to be compiled and the compiler or an ngspice for it is missing.
+    """
+    ready = BatchSimulator(
+        bench.circuit, timeout=timeout, executable=find_osdi_ngspice() if bench.modules else "",
+        modules=[compile_module(module.name, module.source, modules_folder()) for module in bench.modules],
+    )  # fmt: skip
     ready.options(**bench.options)
     ready.initial_condition(**{node: voltage for node, voltage in bench.start.items() if voltage})
-    ready.save(*vectors)
+    for name in vectors:
+        ready.save(*(bench.signals[name].terms if name in bench.signals else (name,)))
     return ready
+
+
+def modules_folder() -> Path:
+    """Return the folder in which compiled modules are kept, in the user's cache."""
+    folder = cache_folder()
+    if folder is None:
+        raise SimulationError("This user has no home folder for compiled modules. Set HOME or XDG_CACHE_HOME.")
+    return folder / "piezomotor" / "modules"
 
 
 def transient(
@@ -102,7 +140,7 @@ def transient(
         "step_time": step, "end_time": duration, "start_time": record_from, "max_time": longest or step,
         "use_initial_condition": True,
     }  # fmt: skip
-    return _run(simulator(bench, vectors, timeout), "transient", timing, progress=progress, keep_partial=keep_partial)
+    return run_bench(bench, vectors, timeout, "transient", timing, progress=progress, keep_partial=keep_partial)
 
 
 def ac(
@@ -125,15 +163,29 @@ def ac(
     Raises:
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
+    return run_bench(bench, vectors, timeout, "ac", sweep, guess)
+
+
+def run_bench(
+    bench: Bench,
+    vectors: Sequence[str],
+    timeout: float | None,
+    analysis: str,
+    arguments: Mapping[str, Any],
+    guess: Mapping[str, float] | None = None,
+    **how: Any,
+) -> Outcome:
+    """Run an analysis of a bench; the arguments are PySpice's, and those of ``BatchSimulator.verified``.
+
+    Raises:
+        SimulationError: if ngspice fails or its result cannot be trusted.
+    """
     ready = simulator(bench, vectors, timeout)
     ready.node_set(**(guess or {}))
-    return _run(ready, "ac", sweep)
-
-
-def _run(ready: BatchSimulator, analysis: str, arguments: Mapping[str, Any], **how: Any) -> Outcome:
+    signals = {name: bench.signals[name] for name in vectors if name in bench.signals}
     deck = str(ready.prepare(analysis, **arguments))
     ready.reset_analysis()
     try:
-        return Outcome(ready.verified(analysis, **how, **arguments), deck)
+        return Outcome(ready.verified(analysis, **how, **arguments), deck, signals)
     except Interrupted as interrupt:
-        raise Interrupted(str(interrupt), Outcome(interrupt.partial, deck)) from None
+        raise Interrupted(str(interrupt), Outcome(interrupt.partial, deck, signals)) from None

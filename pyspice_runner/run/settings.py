@@ -21,6 +21,7 @@ class Solver:
             (:class:`~pyspice_runner.netlist.motor.Discretisation`); only with uniform steps.
         timeout: wall time in s after which ngspice is ended.
         audit: whether a result that fails the physical audit (:mod:`.audit`) is an error.
+        compiled: whether the motor is a compiled module instead of B-sources (:mod:`.engines`).
 
     Raises:
         ParameterError: by the constructor, for an accuracy out of range.
@@ -31,6 +32,7 @@ class Solver:
     exact_resonance: bool = True
     timeout: float | None = None
     audit: bool = True
+    compiled: bool = False
 
     def __post_init__(self) -> None:
         if self.accuracy is not None and not LEAST_ACCURACY <= self.accuracy <= MOST_ACCURACY:

@@ -94,6 +94,7 @@ class Setup:
         return motor_bench(
             self.motor, self.source, load=self.load, law=self.law, discretisation=self.discretisation,
             thermal=self.thermal, disturbance=self.disturbance, start=start, begun=begun, title=title,
+            compiled=self.solver.compiled,
         )  # fmt: skip
 
     def run(
@@ -120,4 +121,5 @@ class Setup:
             "load_torque_n_m": self.load.torque,
             "step_s": self.step,
             "exact_resonance": self.discretisation.exact_resonance,
+            "engine": "compiled" if self.solver.compiled else "spice",
         }

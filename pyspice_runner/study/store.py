@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.files import cache_folder
 
 _ABANDONED = 3600.0  # s; an unfinished file of this age belongs to a process that was killed
 
@@ -90,13 +91,12 @@ class Store:
 
 
 def _cache_folder() -> Path:
-    stated = os.environ.get("XDG_CACHE_HOME")
-    try:
-        return Path(stated) if stated else Path.home() / ".cache"
-    except RuntimeError:  # neither HOME nor an entry of this user in the passwd file
+    folder = cache_folder()
+    if folder is None:
         raise ParameterError(
             "This user has no home folder for the store. Set HOME or XDG_CACHE_HOME, or name a folder for the store."
-        ) from None
+        )
+    return folder
 
 
 def fingerprint(document: Any) -> str:

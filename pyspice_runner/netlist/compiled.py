@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The motor as a compiled Verilog-A module in a bench, with the pins and the vectors of the B-source subcircuit.
+
+The module is that of :mod:`.veriloga` with its states as further ports, because a simulator sets initial voltages of
+ports only. Its parameters are on the ``.model`` line, so that motors with the same number of modes share one
+compilation. Its coordinates are relative to rest under the preload; :func:`module_signals` has the vectors of the
+subcircuit in terms of those of the module.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.motor import PLATES, Discretisation, Motion, plate_nodes
+from pyspice_runner.netlist.veriloga import LAWS, module_source, module_values
+
+_HEAD = re.compile(r"module piezomotor\(([^)]*)\);\n +inout [^;]*;\n")
+_STATES = re.compile(r"(?m)^    electrical ([^;]+);$")
+# ports of the module that are nodes of the subcircuit under another name
+_NODES = {"pressing": "normal", "share": "xbearing.share"} | {
+    f"{plate}_{group}": node for group in "ab" for plate, node in zip(PLATES, plate_nodes(group), strict=True)
+}
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A vector as a sum of others: ``offset + Σ factor · vector``.
+
+    Attributes:
+        terms: factor by vector.
+        offset: in the unit of the vector.
+    """
+
+    terms: Mapping[str, float]
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Module:
+    """A Verilog-A module to compile.
+
+    Attributes:
+        name: its name, and that of the compiled file without the ending.
+        source: its text.
+    """
+
+    name: str
+    source: str
+
+    @property
+    def file(self) -> str:
+        """Name of the compiled file, as the deck has it."""
+        return f"{self.name}.osdi"
+
+
+def missing_form(law: Law | None) -> str:
+    """Return why a motor with this law has no compiled form, as a sentence; empty if it has one."""
+    if law is None:
+        return "contact = None (a free tip) has no compiled form: its circuit is linear."
+    if law.name not in LAWS:
+        return f"contact = {law.name!r} has no compiled form; there is one of {', '.join(LAWS)}."
+    return ""
+
+
+@cache
+def module_of(modes: int) -> Module:
+    """Return the module for motors with some number of modes: the exported one, with its states as ports."""
+    name = f"piezomotor_{modes}_modes"
+    text = module_source(modes)
+    ports = ", ".join((*_pins(text), *_states(text)))
+    return Module(name, _HEAD.sub(f"module {name}({ports});\n    inout {ports};\n", text, count=1))
+
+
+def _pins(text: str) -> tuple[str, ...]:
+    found = _HEAD.search(text)
+    assert found is not None
+    return tuple(found[1].split(", "))
+
+
+def _states(text: str) -> tuple[str, ...]:
+    """Return the states of a module, in the order of their declarations."""
+    first, *others = _STATES.findall(text)
+    assert tuple(first.split(", ")) == _pins(text)
+    return tuple(name for line in others for name in line.split(", "))
+
+
+@cache
+def _nodes(modes: int) -> tuple[str, ...]:
+    """Return the nodes inside the motor at the ports of the module behind its pins."""
+    return tuple(_NODES.get(name, name) for name in _states(module_source(modes)))
+
+
+def module_subcircuit(motor: Motor, law: Law, discretisation: Discretisation | None, name: str) -> str:
+    """Return ``.subckt NAME a b com shaft`` with the module as its only device, ``n1``, and the module's model.
+
+    Raises:
+        ParameterError: for a law that the module does not have.
+    """
+    reason = missing_form(law)
+    if reason:
+        raise ParameterError(reason)
+    module = module_of(len(motor.modes))
+    values = " ".join(
+        f"{parameter}={value!r}"
+        for parameter, value in module_values(motor, law.name, discretisation=discretisation).items()
+    )
+    nodes = " ".join(_nodes(len(motor.modes)))
+    return "\n".join(
+        (
+            f".model {name}_device {module.name} {values}",
+            f".subckt {name} a b com shaft",
+            f"N1 a b com shaft 0 {nodes} {name}_device",
+            f".ends {name}",
+        )
+    )
+
+
+def loading(module: Module) -> str:
+    """Return the control section that loads the compiled file.
+
+    The start file of ngspice 46 asks for eight threads, which share out even a single device: a run on two cores takes
+    up to 50 times as long as with one thread.
+    """
+    return f".control\npre_osdi {module.file}\nset num_threads=1\n.endc"
+
+
+def module_signals(motor: Motor, discretisation: Discretisation | None, instance: str) -> dict[str, Signal]:
+    """Return the vectors of the B-source motor that have another name or origin in the module.
+
+    Args:
+        motor: the motor.
+        discretisation: with which the module's values were written.
+        instance: name of the motor in the circuit, in lower case.
+    """
+    numbers = range(1, len(motor.modes) + 1)
+    preload = motor.contact.preload_n
+    written = [
+        discretisation.mode(mode) if discretisation else (mode.mass_kg, mode.stiffness_n_per_m) for mode in motor.modes
+    ]
+    found: dict[str, Signal] = {}
+    for number, mode, (_, stiffness) in zip(numbers, motor.modes, written, strict=True):
+        elastic = Signal({f"v({instance}.displacement_{number})": 1e-6 * stiffness}, -mode.tip_y * preload)
+        found[f"v({instance}.xmode{number}.elastic)"] = elastic
+        velocity = Signal({f"v({instance}.velocity_{number})": 1.0})
+        found[f"i(v.{instance}.xmode{number}.vvelocity)"] = velocity
+    for axis in "xy":
+        shapes = [getattr(mode, f"tip_{axis}") for mode in motor.modes]
+        terms = {
+            f"v({instance}.displacement_{number})": shape
+            for number, shape in zip(numbers, shapes, strict=True)
+            if shape
+        }
+        bending = sum(
+            shape * mode.tip_y / stiffness
+            for shape, mode, (_, stiffness) in zip(shapes, motor.modes, written, strict=True)
+        )
+        if axis == "x":  # which is 0 where it differs from 0 only by rounding
+            bending = bending if contact_law.static_sway(motor.contact, motor.modes) else 0.0
+        found[f"v({instance}.{axis})"] = Signal(terms, -1e6 * bending * preload)
+    for node, variable in (("friction", "tangential"), ("state", "state"), ("xcontact.delta", "delta")):
+        found[f"v({instance}.{node})"] = Signal({f"@n.{instance}.n1[{variable}]": 1.0})
+    if motor.mount:
+        stiffness = (discretisation.mode(motor.mount) if discretisation else (0.0, motor.mount.stiffness_n_per_m))[1]
+        found[f"v({instance}.xmount.elastic)"] = Signal({f"v({instance}.carrier)": 1e-6 * stiffness})
+        found[f"i(v.{instance}.xmount.vvelocity)"] = Signal({f"v({instance}.carrier_velocity)": 1.0})
+    return found
+
+
+def module_start(motor: Motor, discretisation: Discretisation | None, start: Motion) -> dict[str, float]:
+    """Return the initial voltages of the nodes inside the motor for a motion, but for the plates and the shaft."""
+    nodes = {"slider": 1e6 * start.slider_m}
+    for index, mode in enumerate(motor.modes):
+        stiffness = discretisation.mode(mode)[1] if discretisation else mode.stiffness_n_per_m
+        bending = mode.tip_y * motor.contact.preload_n / stiffness
+        nodes[f"displacement_{index + 1}"] = 1e6 * (start.displacements_m[index] + bending)
+        nodes[f"velocity_{index + 1}"] = start.velocities_m_s[index]
+    if motor.mount:
+        nodes |= {"carrier": 1e6 * start.carrier_m, "carrier_velocity": start.carrier_m_s}
+    if motor.rotor.bearing_friction_n_m:
+        nodes["xbearing.share"] = start.bearing
+    return nodes

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The engines that run a motor: B-sources, which ngspice interprets, or a compiled Verilog-A module.
+
+A compiler may make wrong code of a module without a message; OpenVAF has been seen to. So a compiled motor is compared
+with the B-sources on the machine that is to use it, once for each compiler, ngspice, and text of motor and module: a
+short run of a motor in which every term of the equations counts. The verdict is kept beside the compiled modules.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import tempfile
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from pyspice_runner.engine.ngspice import version_of
+from pyspice_runner.engine.openvaf import compiler_version, find_compiler, find_osdi_ngspice
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.model.drive import Load, TwoPhaseDrive
+from pyspice_runner.model.load import load_motor
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.netlist.compiled import missing_form, module_of
+from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.run.kernel import modules_folder
+from pyspice_runner.run.settings import Solver
+from pyspice_runner.run.setup import Setup
+
+Engine = Literal["spice", "compiled", "auto"]
+
+BEHIND_DRIVER = "The periodic solution behind a driver is found with the B-sources."  # a reason for is_compiled
+TOLERANCE = 2e-4  # of a signal, RMS relative to its size; both engines take the same steps and agree to 5e-5
+COMPARED = ("current_a_a", "current_b_a", "tip_x_m", "tip_y_m", "friction_force_n", "rotor_speed_rad_s")
+_PERIODS = 12  # of the drive: the contact opens, sticks and slips
+_DRIVE = TwoPhaseDrive(voltage=150.0, frequency=40.1e3, phase_deg=120.0)
+_LOAD = 1e-3  # N·m
+_SKEW = 0.1  # of the tip's motion in one direction, in the other
+_LOSSES = {
+    "contact.preload_n": 2.0,
+    "contact.series_compliance_m_per_n": 2e-9,
+    "rotor.bearing_friction_n_m": 2e-3,
+    "rotor.bearing_presliding_rad": 3e-5,
+    "modes.0.softening_per_m2": 1e11,
+    "modes.0.damping_growth_per_m2": 1e12,
+}
+_FALLING = {"contact.sliding_ratio": 0.8, "contact.stribeck_velocity_m_s": 0.05}  # friction of the spring-slider
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The outcome of a comparison.
+
+    Attributes:
+        differences: RMS difference over RMS of each signal of :data:`COMPARED`.
+    """
+
+    differences: Mapping[str, float]
+
+    @property
+    def worst(self) -> tuple[str, float]:
+        """The signal that differs most, and by how much."""
+        return max(self.differences.items(), key=lambda item: item[1])
+
+    @property
+    def passed(self) -> bool:
+        """Whether the compiled motor moves as the B-sources do."""
+        return self.worst[1] <= TOLERANCE
+
+    @property
+    def fault(self) -> str:
+        """What is wrong, as a sentence; empty if nothing is."""
+        if self.passed:
+            return ""
+        name, difference = self.worst
+        return (
+            f"The compiled motor does not move as the B-sources do: {name} of a comparison of {_PERIODS} periods "
+            f"differs by {100.0 * difference:.3g} %, more than {100.0 * TOLERANCE:g} %. The compiler makes wrong code "
+            "of the module."
+        )
+
+
+def is_compiled(engine: Engine, motor: Motor, law: Law | None, reason: str = "") -> bool:
+    """Return whether a motor is to be run as a compiled module.
+
+    Args:
+        engine: ``"spice"``, ``"compiled"``, or ``"auto"``: compiled if that is possible and was verified here.
+        motor: the motor.
+        law: law of the contact; ``None`` for a free tip.
+        reason: why the settings of the analysis have no compiled form, as a sentence; empty if they have.
+
+    Raises:
+        ParameterError: for ``"compiled"`` and something that has no compiled form.
+        SimulationError: for ``"compiled"`` without compiler or ngspice for it, or with a compiler whose motor does not
+            move as the B-sources do.
+    """
+    if engine == "spice":
+        return False
+    reason = reason or missing_form(law)
+    if reason:
+        if engine == "auto":
+            return False
+        raise ParameterError(f'engine = "compiled" is not valid here: {reason} Take engine = "spice" or "auto".')
+    assert law is not None
+    try:
+        fault = verdict(len(motor.modes), law).fault
+    except SimulationError:
+        if engine == "auto":
+            return False
+        raise
+    if fault and engine == "compiled":
+        raise SimulationError(f'{fault} Take engine = "spice".')
+    return not fault
+
+
+def verdict(modes: int, law: Law) -> Verdict:
+    """Return the verdict on the compiled motor with some number of modes, on this machine.
+
+    Raises:
+        SimulationError: if compiler or ngspice are missing or fail.
+    """
+    return _verdict(modes, law, tools(), modules_folder())
+
+
+def tools() -> str:
+    """Return which compiler and which ngspice run compiled modules here.
+
+    Raises:
+        SimulationError: if one of them is missing.
+    """
+    executable, compiler = find_osdi_ngspice(), find_compiler()
+    return f"{compiler_version(compiler)}, ngspice {version_of(executable)} {executable}, {platform.machine()}"
+
+
+@cache
+def _verdict(modes: int, law: Law, used: str, folder: Path) -> Verdict:
+    setups = [_setup(modes, law, compiled=compiled) for compiled in (False, True)]
+    texts = [f"{bench.circuit} {bench.start}" for bench in (setup.bench() for setup in setups)]
+    told = "\n".join((used, module_of(modes).source, *texts))
+    path = folder / "verdicts" / f"{hashlib.sha256(told.encode()).hexdigest()[:32]}.json"
+    with suppress(OSError, ValueError, TypeError, KeyError):
+        known = json.loads(path.read_text(encoding="utf-8"))
+        return Verdict({name: float(known[name]) for name in COMPARED})
+    found = _compared(*setups)
+    with suppress(OSError):  # a verdict that cannot be kept is found again
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, begun = tempfile.mkstemp(dir=path.parent, prefix=".")
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            json.dump(found.differences, file)
+        Path(begun).replace(path)
+    return found
+
+
+def _setup(modes: int, law: Law, *, compiled: bool) -> Setup:
+    """Return the run that is compared: ``bimodal40`` with all losses, its modes repeated at other frequencies.
+
+    Every mode moves the tip in both directions.
+    """
+    motor = load_motor("bimodal40").updated({**_LOSSES, **(_FALLING if law.name == "spring-slider" else {})})
+    several = []
+    for number in range(modes):
+        mode = motor.modes[number % 2]
+        changed = {
+            "name": f"mode{number + 1}",
+            "stiffness_n_per_m": mode.stiffness_n_per_m * (1 + number // 2),
+            "tip_x": mode.tip_x + _SKEW * mode.tip_y,
+            "tip_y": mode.tip_y + _SKEW * mode.tip_x,
+        }
+        several.append(mode.model_copy(update=changed))
+    return Setup(
+        motor.model_copy(update={"modes": tuple(several)}), DriveSource(_DRIVE), Load(None, _LOAD), law,
+        Solver(compiled=compiled),
+    )  # fmt: skip
+
+
+def _compared(spice: Setup, compiled: Setup) -> Verdict:
+    """Run both and return how far apart their signals are."""
+    times, columns = [], []
+    for setup in (spice, compiled):
+        recording = setup.recording()
+        vectors = [*recording.vectors(COMPARED), *setup.source.vectors]
+        samples = setup.run(_PERIODS / _DRIVE.frequency, vectors).vectors()
+        waves = recording.columns(samples, COMPARED)
+        times.append(waves["time_s"])
+        columns.append(waves)
+    inside = times[0] < times[1][-3]  # ngspice 46 divides the last step
+    differences = {}
+    for name in COMPARED:
+        expected = columns[0][name][inside]
+        away = np.interp(times[0][inside], times[1], columns[1][name]) - expected
+        size = float(np.sqrt(np.mean(expected**2)))
+        differences[name] = float(np.sqrt(np.mean(away**2))) / size
+    return Verdict(differences)

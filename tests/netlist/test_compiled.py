@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The bench of a motor as a compiled module: its ports, its values and its vectors. ``make verilog-a`` runs it."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.netlist.compiled import loading, missing_form, module_of, module_signals, module_subcircuit
+from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.motor import Discretisation
+from pyspice_runner.netlist.sources import DriveSource, motor_bench
+from pyspice_runner.run.kernel import signal_of
+from pyspice_runner.run.state import state_vectors
+
+MOTOR = pr.load_motor("andersen2002-unintended-mode")
+
+
+def test_every_state_of_the_module_is_a_port() -> None:
+    """A simulator sets initial voltages of ports only."""
+    source = module_of(3).source
+    ports = re.search(r"module piezomotor_3_modes\(([^)]*)\);\n    inout ([^;]*);\n", source)
+    assert ports is not None
+    assert ports[1] == ports[2]
+    declared = ", ".join(re.findall(r"(?m)^    electrical ([^;]+);$", source))
+    assert ports[1] == declared
+    assert "displacement_3, velocity_3" in ports[1]
+    assert "displacement_4" not in ports[1]
+
+
+def test_the_instance_has_a_node_for_every_port() -> None:
+    text = module_subcircuit(MOTOR, Law(), None, "piezomotor")
+    instance = next(line for line in text.splitlines() if line.startswith("N1 ")).split()
+    ports = re.search(r"module \w+\(([^)]*)\)", module_of(3).source)
+    assert ports is not None
+    assert len(instance) - 2 == len(ports[1].split(", "))
+    assert len(set(instance)) == len(instance)
+
+
+def test_modes_are_written_to_be_exact_at_resonance_and_the_slider_follows_in_half_a_step() -> None:
+    step = 1e-7
+    text = module_subcircuit(MOTOR, Law(), Discretisation(step), "piezomotor")
+    values = dict(re.findall(r"(\w+)=(\S+)", text))
+    mode = MOTOR.modes[1]
+    half = np.pi * mode.frequency_hz * step
+    assert float(values["mass_2"]) == pytest.approx(mode.mass_kg * np.cos(half) ** 2, rel=1e-9)
+    assert float(values["stiffness_2"]) == pytest.approx(4 * mode.mass_kg / step**2 * np.sin(half) ** 2, rel=1e-9)
+    assert float(values["slider_time"]) == step / 2
+
+
+def test_a_deck_asks_for_one_thread() -> None:
+    """The start file of ngspice 46 asks for eight, which make a single device many times slower."""
+    bench = motor_bench(MOTOR, DriveSource(pr.default_drive(MOTOR)), compiled=True)
+    assert "\nset num_threads=1\n" in loading(bench.modules[0])
+    assert loading(bench.modules[0]) in str(bench.circuit)
+    assert bench.modules == (module_of(3),)
+
+
+def test_the_vectors_of_rest_are_those_of_the_subcircuits() -> None:
+    """All displacements of the module are relative to rest under the preload, those of the subcircuits to no load."""
+    motor = MOTOR.updated({"modes.0.tip_x": 0.3})
+    rest = {name: np.zeros(1) for name in state_vectors(motor, Law())}
+    signals = module_signals(motor, None, "xmotor")
+    for signal in signals.values():
+        rest |= {name: np.zeros(1) for name in signal.terms if not name.startswith("@")}
+    preload = motor.contact.preload_n
+    for number, mode in enumerate(motor.modes, start=1):
+        elastic = signal_of(signals[f"v(xmotor.xmode{number}.elastic)"], rest)
+        assert elastic[0] == pytest.approx(-mode.tip_y * preload)
+    for axis in "xy":
+        shapes = [getattr(mode, f"tip_{axis}") * mode.tip_y / mode.stiffness_n_per_m for mode in motor.modes]
+        assert signal_of(signals[f"v(xmotor.{axis})"], rest)[0] == pytest.approx(-1e6 * preload * sum(shapes))
+
+
+@pytest.mark.parametrize("law", [None, Law("brush")])
+def test_a_contact_without_a_compiled_form_is_named(law: Law | None) -> None:
+    assert "has no compiled form" in missing_form(law)
+    if law:
+        with pytest.raises(pr.ParameterError, match=r"contact = 'brush' has no compiled form"):
+            module_subcircuit(MOTOR, law, None, "piezomotor")

