@@ -19,7 +19,7 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.motor import PLATES, Discretisation, Motion, plate_nodes
-from pyspice_runner.netlist.veriloga import LAWS, module_source, module_values
+from pyspice_runner.netlist.veriloga import WRITTEN, module_source, module_values
 
 _HEAD = re.compile(r"module piezomotor\(([^)]*)\);\n +inout [^;]*;\n")
 _STATES = re.compile(r"(?m)^    electrical ([^;]+);$")
@@ -64,16 +64,25 @@ def missing_form(law: Law | None) -> str:
     """Return why a motor with this law has no compiled form, as a sentence; empty if it has one."""
     if law is None:
         return "contact = None (a free tip) has no compiled form: its circuit is linear."
-    if law.name not in LAWS:
-        return f"contact = {law.name!r} has no compiled form; there is one of {', '.join(LAWS)}."
+    if law.name not in WRITTEN:
+        return f"contact = {law.name!r} has no compiled form; there is one of {', '.join(WRITTEN)}."
     return ""
 
 
-@cache
-def module_of(modes: int) -> Module:
+def module_of(modes: int, law: Law) -> Module:
     """Return the module for motors with some number of modes: the exported one, with its states as ports."""
-    name = f"piezomotor_{modes}_modes"
-    text = module_source(modes)
+    return _module(modes, _cells(law))
+
+
+def _cells(law: Law) -> int:
+    """Return the number of sliders of a brush, 0 for another law."""
+    return law.sliders if law.name == "brush" else 0
+
+
+@cache
+def _module(modes: int, sliders: int) -> Module:
+    name = f"piezomotor_{modes}_modes" + (f"_{sliders}_sliders" if sliders else "")
+    text = module_source(modes, sliders)
     ports = ", ".join((*_pins(text), *_states(text)))
     return Module(name, _HEAD.sub(f"module {name}({ports});\n    inout {ports};\n", text, count=1))
 
@@ -92,9 +101,10 @@ def _states(text: str) -> tuple[str, ...]:
 
 
 @cache
-def _nodes(modes: int) -> tuple[str, ...]:
+def _nodes(modes: int, sliders: int) -> tuple[str, ...]:
     """Return the nodes inside the motor at the ports of the module behind its pins."""
-    return tuple(_NODES.get(name, name) for name in _states(module_source(modes)))
+    names = _NODES | {f"cell_{number}": f"xcontact.q{number}" for number in range(1, sliders + 1)}
+    return tuple(names.get(name, name) for name in _states(module_source(modes, sliders)))
 
 
 def module_subcircuit(motor: Motor, law: Law, discretisation: Discretisation | None, name: str) -> str:
@@ -106,12 +116,12 @@ def module_subcircuit(motor: Motor, law: Law, discretisation: Discretisation | N
     reason = missing_form(law)
     if reason:
         raise ParameterError(reason)
-    module = module_of(len(motor.modes))
+    module = module_of(len(motor.modes), law)
     values = " ".join(
         f"{parameter}={value!r}"
         for parameter, value in module_values(motor, law.name, discretisation=discretisation).items()
     )
-    nodes = " ".join(_nodes(len(motor.modes)))
+    nodes = " ".join(_nodes(len(motor.modes), _cells(law)))
     return "\n".join(
         (
             f".model {name}_device {module.name} {values}",

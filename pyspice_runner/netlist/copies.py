@@ -21,7 +21,15 @@ from pyspice_runner.model.drive import Drive, Load, Tone
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mount
 from pyspice_runner.netlist.benches import transient_options
-from pyspice_runner.netlist.compiled import Signal, loading, module_of, module_signals, module_start, module_subcircuit
+from pyspice_runner.netlist.compiled import (
+    Module,
+    Signal,
+    loading,
+    module_of,
+    module_signals,
+    module_start,
+    module_subcircuit,
+)
 from pyspice_runner.netlist.contact import SLIDERS, Law
 from pyspice_runner.netlist.motor import Discretisation, Motion, MotorSubCircuit, dielectric_branches, plate_nodes
 from pyspice_runner.netlist.sources import Bench
@@ -55,6 +63,12 @@ class Plant:
     def modes(self) -> int:
         """Number of modes."""
         return len(self.motor.modes)
+
+    @property
+    def module(self) -> Module:
+        """The Verilog-A module of the motor."""
+        assert self.law is not None
+        return module_of(self.modes, self.law)
 
     @property
     def contact_states(self) -> tuple[str, ...]:
@@ -258,7 +272,7 @@ def copies_bench(
     written: set[int] = set()
     start: dict[str, float] = {}
     signals: dict[str, Signal] = {}
-    modules = {module_of(copy.plant.modes): None for copy in copies} if compiled else {}
+    modules = {copy.plant.module: None for copy in copies} if compiled else {}
     lines += [loading(module) for module in modules]
     for number, copy in enumerate(copies):
         plant, instance = copy.plant, copy_name(number)

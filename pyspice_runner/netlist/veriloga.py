@@ -2,7 +2,8 @@
 """A motor as a Verilog-A module: ``behavioral/piezomotor.va`` with the values and the number of modes of a motor.
 
 The file in ``behavioral/`` is written by hand and is the module of the set ``bimodal40``. The text of its first mode is
-repeated for every mode of the motor, and the default of each parameter is replaced.
+repeated for every mode of the motor, and the default of each parameter is replaced. The friction of a brush is in
+``behavioral/piezomotor_brush.va``, whose first cell is repeated for every slider.
 """
 
 from __future__ import annotations
@@ -14,36 +15,45 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.contact import ContactLaw, contact_values
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, contact_library, contact_values
 from pyspice_runner.netlist.library import check_name, data_path
 from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, Discretisation, coarsest_step
 
 LAWS = {"spring-slider": 0, "coulomb": 1}  # values of the parameter law
+WRITTEN = (*LAWS, "brush")  # the laws that have a Verilog-A form
 _BLOCKS = ("parameters of mode", "states of mode", "motion of mode", "mode")
+_CELLS = ("states of cell", "cell")
 _OF_CONTACT = {"mu": "friction", "damping": "normal_damping"}  # parameters of the contact with other names outside
 
 
 def motor_module(
-    motor: Motor, *, contact: ContactLaw = "spring-slider", name: str = "", thermal: Thermal | None = None
+    motor: Motor,
+    *,
+    contact: ContactLaw = "spring-slider",
+    sliders: int = SLIDERS,
+    name: str = "",
+    thermal: Thermal | None = None,
 ) -> str:
     """Return a motor as the Verilog-A ``module piezomotor(a, b, com, shaft, temperature)``.
 
     Args:
         motor: the motor.
-        contact: ``"spring-slider"`` or ``"coulomb"``.
+        contact: ``"spring-slider"``, ``"coulomb"`` or ``"brush"``.
+        sliders: number of sliders of the brush.
         name: name of the module; by default ``piezomotor``.
         thermal: drift per kelvin at the pin ``temperature``; without it nothing drifts.
 
     Raises:
         ParameterError: for a law that the module does not have, or an invalid name.
     """
-    if contact not in LAWS:
+    if contact not in WRITTEN:
         raise ParameterError(
-            f"contact = {contact!r} is not valid for a .va file: it must be one of {', '.join(LAWS)}. "
-            "Export a .lib for the other laws."
+            f"contact = {contact!r} is not valid for a .va file: it must be one of {', '.join(WRITTEN)}. "
+            "Export a .lib for a law of your own."
         )
+    contact_library(contact, sliders)  # says which numbers of sliders are valid
     module = check_name(name) if name else SUBCIRCUIT
-    text = module_source(len(motor.modes))
+    text = module_source(len(motor.modes), sliders if contact == "brush" else 0)
     for parameter, value in module_values(motor, contact, thermal=thermal).items():
         text, count = re.subn(
             rf"(?m)^(.*parameter (?:real|integer) {parameter} = )\S+( from .*)$", rf"\g<1>{value!r}\g<2>", text
@@ -57,12 +67,40 @@ def motor_module(
     )
 
 
-def module_source(modes: int) -> str:
-    """Return the module with some number of modes and with the defaults of ``behavioral/piezomotor.va``."""
+def module_source(modes: int, sliders: int = 0) -> str:
+    """Return the module with some number of modes and with the defaults of ``behavioral/piezomotor.va``.
+
+    Args:
+        modes: number of modes.
+        sliders: number of sliders of a brush; 0 for the other laws.
+    """
     text = (data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8")
     for block in _BLOCKS:
         text = _repeated(text, block, modes)
+    if not sliders:
+        return text
+    brush = (data_path("behavioral") / "piezomotor_brush.va").read_text(encoding="utf-8")
+    for block in _CELLS:
+        brush = _repeated(brush, block, sliders)
+    brush = re.sub(r"(localparam integer sliders = )\d+", rf"\g<1>{sliders}", brush)
+    states = _part("states of the cells")
+    found = states.search(brush)
+    assert found is not None
+    text = text.replace(
+        "    // end of the states of the modes\n", f"    // end of the states of the modes\n{found[0]}", 1
+    )
+    for name in ("parameters of the friction", "friction"):
+        part = _part(name)
+        found = part.search(brush)
+        assert found is not None, name
+        text, count = part.subn(lambda _, written=found[0]: written, text)  # type: ignore[misc]
+        assert count == 1, name
     return text
+
+
+def _part(name: str) -> re.Pattern[str]:
+    """Return what finds the lines between two comments, these included."""
+    return re.compile(rf"(?ms)^ *// {name}\n.*?^ *// end of the {name.removeprefix('the ')}\n")
 
 
 def _repeated(text: str, block: str, count: int) -> str:
@@ -97,10 +135,10 @@ def module_values(
         contact, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=0.0,
         slider_time=discretisation.slider_time if discretisation else None,
     )  # fmt: skip
-    touching = {_OF_CONTACT.get(name, name): value for name, value in law.items() if name not in ("deflection", "span")}
+    touching = {_OF_CONTACT.get(name, name): value for name, value in law.items() if name != "deflection"}
     values: dict[str, float | int] = {
         **{name: _digits(value) for name, value in touching.items()},
-        "law": LAWS[contact],
+        **({"law": LAWS[contact]} if contact in LAWS else {}),
         "normal_damping": _digits(touching.get("normal_damping", 0.0)),
         "series_compliance": motor.contact.series_compliance_m_per_n,
         "inertia": motor.rotor.inertia_kg_m2,

@@ -144,7 +144,7 @@ def tools() -> str:
 def _verdict(modes: int, law: Law, used: str, folder: Path) -> Verdict:
     setups = [_setup(modes, law, compiled=compiled) for compiled in (False, True)]
     texts = [f"{bench.circuit} {bench.start}" for bench in (setup.bench() for setup in setups)]
-    told = "\n".join((used, module_of(modes).source, *texts))
+    told = "\n".join((used, module_of(modes, law).source, *texts))
     path = folder / "verdicts" / f"{hashlib.sha256(told.encode()).hexdigest()[:32]}.json"
     with suppress(OSError, ValueError, TypeError, KeyError):
         known = json.loads(path.read_text(encoding="utf-8"))

@@ -118,7 +118,7 @@ def export_motor(
         path,
         {
             ".lib": _text(lambda _: motor_library(motor, contact=contact, sliders=sliders, name=name, thermal=thermal)),
-            ".va": _text(lambda _: motor_module(motor, contact=contact, name=name, thermal=thermal)),
+            ".va": _text(lambda _: motor_module(motor, contact=contact, sliders=sliders, name=name, thermal=thermal)),
             ".asy": _text(lambda file: ltspice_symbol(subcircuit, pins, library_name(file), title)),
             ".kicad_sym": _text(lambda file: kicad_symbol(subcircuit, pins, library_name(file), title)),
             ".s2p": _text(lambda _: _stator(motor)),

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.netlist.compiled import loading, missing_form, module_of, module_signals, module_subcircuit
 from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import Discretisation
 from pyspice_runner.netlist.sources import DriveSource, motor_bench
 from pyspice_runner.run.kernel import signal_of
@@ -21,7 +23,7 @@ MOTOR = pr.load_motor("andersen2002-unintended-mode")
 
 def test_every_state_of_the_module_is_a_port() -> None:
     """A simulator sets initial voltages of ports only."""
-    source = module_of(3).source
+    source = module_of(3, Law()).source
     ports = re.search(r"module piezomotor_3_modes\(([^)]*)\);\n    inout ([^;]*);\n", source)
     assert ports is not None
     assert ports[1] == ports[2]
@@ -34,7 +36,7 @@ def test_every_state_of_the_module_is_a_port() -> None:
 def test_the_instance_has_a_node_for_every_port() -> None:
     text = module_subcircuit(MOTOR, Law(), None, "piezomotor")
     instance = next(line for line in text.splitlines() if line.startswith("N1 ")).split()
-    ports = re.search(r"module \w+\(([^)]*)\)", module_of(3).source)
+    ports = re.search(r"module \w+\(([^)]*)\)", module_of(3, Law()).source)
     assert ports is not None
     assert len(instance) - 2 == len(ports[1].split(", "))
     assert len(set(instance)) == len(instance)
@@ -56,7 +58,7 @@ def test_a_deck_asks_for_one_thread() -> None:
     bench = motor_bench(MOTOR, DriveSource(pr.default_drive(MOTOR)), compiled=True)
     assert "\nset num_threads=1\n" in loading(bench.modules[0])
     assert loading(bench.modules[0]) in str(bench.circuit)
-    assert bench.modules == (module_of(3),)
+    assert bench.modules == (module_of(3, Law()),)
 
 
 def test_the_vectors_of_rest_are_those_of_the_subcircuits() -> None:
@@ -75,9 +77,10 @@ def test_the_vectors_of_rest_are_those_of_the_subcircuits() -> None:
         assert signal_of(signals[f"v(xmotor.{axis})"], rest)[0] == pytest.approx(-1e6 * preload * sum(shapes))
 
 
-@pytest.mark.parametrize("law", [None, Law("brush")])
-def test_a_contact_without_a_compiled_form_is_named(law: Law | None) -> None:
-    assert "has no compiled form" in missing_form(law)
-    if law:
-        with pytest.raises(pr.ParameterError, match=r"contact = 'brush' has no compiled form"):
-            module_subcircuit(MOTOR, law, None, "piezomotor")
+def test_a_contact_without_a_compiled_form_is_named(tmp_path: Path) -> None:
+    assert missing_form(None).startswith("contact = None (a free tip) has no compiled form")
+    (tmp_path / "law.lib").write_text(read_library("piezomotor_coulomb").text, encoding="utf-8")
+    own = Law(str(tmp_path / "law.lib"))
+    assert "has no compiled form; there is one of spring-slider, coulomb, brush." in missing_form(own)
+    with pytest.raises(pr.ParameterError, match="has no compiled form"):
+        module_subcircuit(MOTOR, own, None, "piezomotor")

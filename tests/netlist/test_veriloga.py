@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.netlist.contact import contact_values
 from pyspice_runner.netlist.library import data_path, read_library
 from pyspice_runner.netlist.veriloga import motor_module
 
@@ -47,9 +48,10 @@ def test_the_file_is_the_module_of_bimodal40() -> None:
 
 def test_constants_stand_inside_the_time_derivative() -> None:
     """A constant before ddt has been seen to compile to wrong dynamics in OpenVAF, without a message."""
-    text = (data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8")
-    assert "ddt(" in text
-    assert not re.search(r"\* *ddt\(", text)
+    for name in ("piezomotor.va", "piezomotor_brush.va"):
+        text = (data_path("behavioral") / name).read_text(encoding="utf-8")
+        assert "ddt(" in text
+        assert not re.search(r"\* *ddt\(", text)
 
 
 @pytest.mark.parametrize("name", SAME)
@@ -84,5 +86,25 @@ def test_options_of_a_motor_become_parameters() -> None:
 def test_a_module_takes_a_name_and_no_law_that_it_does_not_have(tmp_path: Path) -> None:
     file = pr.export_motor(pr.load_motor("andersen2002"), tmp_path / "m.va", name="left")
     assert "\nmodule left(a, b, com, shaft, temperature);\n" in file.read_text(encoding="utf-8")
-    with pytest.raises(pr.ParameterError, match=r"contact = .brush. is not valid for a \.va file"):
-        pr.export_motor(pr.load_motor("andersen2002"), tmp_path / "m.va", contact="brush")
+    law = tmp_path / "law.lib"
+    law.write_text(read_library("piezomotor_coulomb").text, encoding="utf-8")
+    with pytest.raises(pr.ParameterError, match=r"contact = .* is not valid for a \.va file"):
+        pr.export_motor(pr.load_motor("andersen2002"), tmp_path / "m.va", contact=str(law))
+
+
+@pytest.mark.parametrize("sliders", [1, 8, 20])
+def test_a_brush_has_a_cell_for_every_slider(sliders: int, tmp_path: Path) -> None:
+    motor = pr.load_motor("bimodal40")
+    text = pr.export_motor(motor, tmp_path / "m.va", contact="brush", sliders=sliders).read_text(encoding="utf-8")
+    found = parameters(text)
+    (span,) = (item for item in read_library("piezomotor_brush").parameters if item.name == "span")
+    assert (float(found["span"]["least"]), float(found["span"]["greatest"])) == (span.least, span.greatest)
+    assert found["span"]["unit"] == span.unit
+    values = contact_values("brush", motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n)
+    assert float(found["span"]["value"]) == pytest.approx(values["span"], rel=1e-9)
+    assert not {"law", "sliding", "creep"} & set(found)
+    assert f"localparam integer sliders = {sliders};" in text
+    for number in range(1, sliders + 1):
+        assert text.count(f"I(cell_{number}) <+ ddt(1e-6 * V(cell_{number}))") == 1
+    assert f"cell_{sliders + 1}" not in text
+    assert text.count("I(slider) <+") == 1

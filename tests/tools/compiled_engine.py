@@ -34,7 +34,7 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
 
 
 def forget() -> None:
-    for known in (compiled.module_of, compiled._nodes, engines._verdict):
+    for known in (compiled._module, compiled._nodes, engines._verdict):
         known.cache_clear()
 
 
@@ -56,6 +56,8 @@ CASES: dict[str, tuple[pr.Motor, dict[str, Any]]] = {
     "three modes": (pr.load_motor("andersen2002-unintended-mode"), {}),
     "fixed distance": (pr.load_motor("andersen2002").updated({"mount": None}), {}),
     "Coulomb friction": (MOTOR, {"contact": "coulomb"}),
+    "brush": (MOTOR, {"contact": "brush"}),
+    "brush of three sliders": (MOTOR, {"contact": "brush", "sliders": 3}),
     "tip bent sideways": (MOTOR.updated({"modes.0.tip_x": 0.2, "modes.1.tip_y": 0.5}), {}),
 }
 
@@ -82,7 +84,15 @@ def test_a_driver_runs_with_the_compiled_motor() -> None:
     assert runs[1].mean_rotor_speed_rad_s == pytest.approx(runs[0].mean_rotor_speed_rad_s, rel=1e-4)
 
 
-@pytest.mark.parametrize("settings", [{"speed": 2.0}, {"load_torque": 1e-4}, {"speed": 1.0, "contact": "coulomb"}])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"speed": 2.0},
+        {"load_torque": 1e-4},
+        {"speed": 1.0, "contact": "coulomb"},
+        {"speed": 2.0, "contact": "brush", "sliders": 4},
+    ],
+)
 def test_the_steady_state_is_that_of_the_b_sources(settings: dict[str, Any]) -> None:
     motor = pr.load_motor("andersen2002")
     drive = pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3, phase_deg=90.0)
@@ -115,7 +125,7 @@ def test_a_curve_and_a_sweep_take_the_compiled_engine(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("modes", [1, 2, 3])
-@pytest.mark.parametrize("law", ["spring-slider", "coulomb"])
+@pytest.mark.parametrize("law", ["spring-slider", "coulomb", "brush"])
 def test_the_comparison_passes_by_far(modes: int, law: str) -> None:
     found = engines.verdict(modes, Law(law))
     assert found.worst[1] < 0.3 * engines.TOLERANCE  # measured: at most 5e-5
@@ -136,7 +146,7 @@ def plant(monkeypatch: pytest.MonkeyPatch, old: str, new: str) -> None:
     """Change the module, as a compiler would that makes something else of it."""
     text = compiled.module_source
     assert old in text(2)
-    monkeypatch.setattr(compiled, "module_source", lambda modes: text(modes).replace(old, new, 1))
+    monkeypatch.setattr(compiled, "module_source", lambda *of: text(*of).replace(old, new, 1))
 
 
 WRONG = {
@@ -183,7 +193,7 @@ def test_eight_threads_make_a_run_slow_and_a_deck_asks_for_one() -> None:
     assert "set num_threads=1" in deck
 
     def seconds(text: str, folder: Path) -> float:
-        module = compiled.module_of(2)
+        module = compiled.module_of(2, Law())
         folder.mkdir(parents=True)
         (folder / module.file).symlink_to(compile_module(module.name, module.source, modules_folder()))
         (folder / "deck.cir").write_text(text)

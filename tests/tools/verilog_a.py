@@ -65,6 +65,7 @@ CASES = {
         (100.0, 40.1e3, 120.0),
     ),
     "coulomb": ("bimodal40", {}, "coulomb", (90.0, 40.1e3, -120.0)),
+    "brush": ("bimodal40", {}, "brush", (90.0, 40.1e3, 120.0)),
 }  # fmt: skip
 
 
