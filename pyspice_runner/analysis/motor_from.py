@@ -10,12 +10,13 @@ measured                            fitted
 ==================================  ==============================================
 stall torque                        ``contact.friction``
 no-load speed                       the modal mass, one for all modes, unless stated
-resonance that the preload shifts   ``contact.normal_stiffness_n_per_m15``
+resonances under preload            ``contact.normal_stiffness_n_per_m15``, and the
+                                    tangential compliances of tip and rotor together
 ==================================  ==============================================
 
 With the Jacobian J of the measured logarithms, each over its relative deviation, the fitted ones have the covariance
 :math:`(J^T J)^{-1}`. A preloaded resonance gives the ratio of stiffness and mass; speed and torque separate the two
-poorly. Therefore the stiffness of the other motor's contact, which is that of its materials, counts as a measurement
+poorly. Therefore the stiffnesses of the other motor's contact, which are those of its materials, count as measurements
 with a deviation of 20 %.
 Everything else of contact and rotor is that of the other motor.
 """
@@ -30,6 +31,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from pyspice_runner.analysis.steady import steady_state
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -53,6 +55,7 @@ _LINEAR = 2e-4  # relative, by which losses shift a resonance against that of th
 Pairs = Sequence[tuple[float, float]]
 Vector = NDArray[np.float64]
 _STIFFNESS = "contact.normal_stiffness_n_per_m15"
+_COMPLIANCES = "contact.tangential_compliance_tip_m_per_n23", "contact.tangential_compliance_rotor_m_per_n23"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -147,7 +150,8 @@ def motor_from(
         torque_error: relative standard deviation of the stall torque.
         modes: number of modes; found if it is not given.
         connection: of a preloaded one-port.
-        tips: (tip_x, tip_y) of every mode, see :meth:`TwoPortFit.to_motor`.
+        tips: (tip_x, tip_y) of every mode, see :meth:`TwoPortFit.to_motor`. By default, if the mass is not known, those
+            of the other motor for one modal mass, where its groups drive the same modes alike or opposed.
         base: motor that contact and rotor are taken from, but for what is fitted.
         name: name of the new motor.
         progress: called with the number of the step and the greatest.
@@ -172,17 +176,21 @@ def motor_from(
         start["mass_kg"] = foundation.modes[0].mass_kg
     shift = None
     if preloaded is not None:
-        shift = _Shift(fit, preloaded.driven(connection) if preloaded.ports == 2 else preloaded)
-        measured["preloaded_resonance_hz"], errors["preloaded_resonance_hz"] = shift.measured, shift.error
+        shift = _Shift(preloaded.driven(connection) if preloaded.ports == 2 else preloaded)
+        measured |= shift.measured
+        errors |= shift.errors
+    if start or shift is not None:  # the contact decides on both
         start[_STIFFNESS] = foundation.contact.normal_stiffness_n_per_m15
+        start[_COMPLIANCES[0]] = foundation.contact.tangential_compliance_tip_m_per_n23
     # with the mass stated, the speed only checks the motor
     targets = [key for key in measured if key != "no_load_speed_rad_s" or mass_kg is None]
-    task = _Task(fit, foundation, drive, shift, {"mass_kg": mass_kg, "tips": tips, "name": name})
+    borrowed = _tips(fit, foundation) if tips is None and mass_kg is None else None
+    task = _Task(fit, foundation, drive, shift, {"mass_kg": mass_kg, "tips": tips or borrowed, "name": name})
 
     names, point = list(start), np.log(list(start.values()))
     wanted = np.log([measured[key] for key in targets])
     deviation = np.array([errors[key] for key in targets])
-    known = np.array([key == _STIFFNESS for key in names], dtype=bool)
+    known = np.array([key in (_STIFFNESS, *_COMPLIANCES) for key in names], dtype=bool)
 
     def residuals(logarithms: Vector) -> Vector:
         found = task.computed(dict(zip(names, np.exp(logarithms).tolist(), strict=True)), targets)
@@ -192,7 +200,13 @@ def motor_from(
     solution, covariance = _least_squares(residuals, point, progress) if names else (point, np.zeros((0, 0)))
     values = dict(zip(names, np.exp(solution).tolist(), strict=True))
     relative = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    motor, standard_errors = _annotated(task.motor(values), fit, values, relative, targets)
+    if _COMPLIANCES[0] in relative:
+        relative[_COMPLIANCES[1]] = relative[_COMPLIANCES[0]]
+    motor, standard_errors = _annotated(task.motor(values), fit, relative, targets)
+    if borrowed is not None:
+        origin = Provenance("assumed", f"those of {foundation.name}; state your own by tips")
+        places = {f"modes.{index}.{key}": origin for index in range(len(borrowed)) for key in ("tip_x", "tip_y")}
+        motor = motor.model_copy(update={"provenance": {**motor.provenance, **places}})
     if drive is not None:
         table = {"kind": "two-phase", "voltage": voltage, "frequency": frequency, "phase_deg": phase_deg}
         motor = motor.model_copy(update={"drive": {**(foundation.drive or {}), **table}})
@@ -217,6 +231,16 @@ def _drive(
     return TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase_deg)
 
 
+def _tips(fit: TwoPortFit, base: Motor) -> list[tuple[float, float]] | None:
+    """Return the tips of another motor's modes for one modal mass; ``None`` if its groups drive others."""
+    here = [mode.coupling_a_n_per_v_kg05 * mode.coupling_b_n_per_v_kg05 >= 0.0 for mode in fit.modes]
+    there = [mode.coupling_a_n_per_v * mode.coupling_b_n_per_v >= 0.0 for mode in base.modes]
+    if here != there:
+        return None
+    scales = [sqrt(base.modes[0].mass_kg / mode.mass_kg) for mode in base.modes]
+    return [(scale * mode.tip_x, scale * mode.tip_y) for scale, mode in zip(scales, base.modes, strict=True)]
+
+
 @dataclass(frozen=True)
 class _Task:
     """What makes a motor of the fitted values, and what it then does."""
@@ -229,17 +253,27 @@ class _Task:
 
     def motor(self, values: Mapping[str, float]) -> Motor:
         """Return the motor with these values."""
-        changed = self.foundation.updated({path: value for path, value in values.items() if path != "mass_kg"})
+        changed = self.foundation.updated(self.contact(values))
         calibration = {**self.calibration, "mass_kg": values.get("mass_kg", self.calibration["mass_kg"])}
         return self.fit.to_motor(**calibration, base=changed)
+
+    def contact(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the values that are the contact's; the compliances of tip and rotor keep their ratio."""
+        found = {path: value for path, value in values.items() if path != "mass_kg"}
+        if _COMPLIANCES[0] in found:
+            contact = self.foundation.contact
+            ratio = contact.tangential_compliance_rotor_m_per_n23 / contact.tangential_compliance_tip_m_per_n23
+            found[_COMPLIANCES[1]] = ratio * found[_COMPLIANCES[0]]
+        return found
 
     def computed(self, values: Mapping[str, float], keys: Sequence[str]) -> dict[str, float]:
         """Return what is measured, computed for these values; all above zero."""
         motor = self.motor(values)
         found = {}
+        resonances = {} if self.shift is None else self.shift.computed(motor)
         for key in keys:
-            if key == "preloaded_resonance_hz" and self.shift is not None:
-                found[key] = self.shift.computed(motor)
+            if key in resonances:
+                found[key] = resonances[key]
             elif key == "stall_torque_n_m" and self.drive is not None:
                 found[key] = steady_state(motor, self.drive, speed=0.0).torque_n_m
             elif self.drive is not None:
@@ -254,23 +288,26 @@ class _Task:
 
 
 class _Shift:
-    """The resonance that the preload shifts most, as a spectrum shows it."""
+    """The resonances of a stator that is pressed on its rotor."""
 
-    def __init__(self, fit: TwoPortFit, preloaded: Spectrum) -> None:
-        found = fit_spectrum(preloaded, leads=False)
-        free = np.array([mode.series_resonance_hz for mode in fit.modes])
-        distances = [float(np.min(np.abs(np.log(arm.series_resonance_hz / free)))) for arm in found.resonances]
-        if not distances:
+    def __init__(self, preloaded: Spectrum) -> None:
+        found = fit_spectrum(preloaded, leads=False).resonances
+        if not found:
             raise ParameterError(f"{preloaded.source or 'The preloaded spectrum'} shows no resonance in its band.")
-        arm = found.resonances[int(np.argmax(distances))]
-        self.measured = arm.series_resonance_hz
-        error = arm.standard_errors["series_resonance_hz"]
-        self.error = max((error or 0.0) / self.measured, _LINEAR)
+        names = [f"preloaded_resonance_{number}_hz" for number in range(1, len(found) + 1)]
+        self.measured = {name: arm.series_resonance_hz for name, arm in zip(names, found, strict=True)}
+        self.errors = {
+            name: max((arm.standard_errors["series_resonance_hz"] or 0.0) / arm.series_resonance_hz, _LINEAR)
+            for name, arm in zip(names, found, strict=True)
+        }
 
-    def computed(self, motor: Motor) -> float:
-        """Return the resonance in Hz, closest to the measured one, of a preloaded motor with a linear contact."""
+    def computed(self, motor: Motor) -> dict[str, float]:
+        """Return the resonances in Hz of a preloaded motor with a linear contact, each closest to a measured one."""
         found = linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
-        return float(min(found, key=lambda place: abs(np.log(place / self.measured))))
+        distances = np.abs(np.log(np.array(list(self.measured.values()))[:, None] / np.maximum(found, 1e-9)))
+        rows, columns = linear_sum_assignment(distances)
+        names = list(self.measured)
+        return {names[row]: float(found[column]) for row, column in zip(rows, columns, strict=True)}
 
 
 def _least_squares(
@@ -289,7 +326,14 @@ def _least_squares(
         if np.linalg.norm(jacobian @ step) < _CLOSE:
             return point, np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=float)
         step = np.clip(step, -_REACH, _REACH)
-        there = residuals(point + step)
+        for last in (False, False, True):
+            try:
+                there = residuals(point + step)
+                break
+            except SimulationError:  # where the motor does not run, nothing can be compared
+                if last:
+                    raise
+                step = step / 4.0
         jacobian += np.outer(there - here - jacobian @ step, step) / float(step @ step)
         point, here = point + step, there
     raise SimulationError(
@@ -300,7 +344,7 @@ def _least_squares(
 
 
 def _annotated(
-    motor: Motor, fit: TwoPortFit, values: Mapping[str, float], relative: Mapping[str, float], targets: Sequence[str]
+    motor: Motor, fit: TwoPortFit, relative: Mapping[str, float], targets: Sequence[str]
 ) -> tuple[Motor, dict[str, float]]:
     """Return the motor with provenance, and the standard error of each value."""
     errors: dict[str, float] = {}
@@ -319,11 +363,12 @@ def _annotated(
             coupling = getattr(mode, f"coupling_{group}_n_per_v")
             errors[f"modes.{index}.coupling_{group}_n_per_v"] = sqrt(own**2 + (0.5 * mass_error * coupling) ** 2)
     errors |= {f"piezo.{key}": error for key, error in fit.standard_errors.items()}
-    errors |= {path: values[path] * share for path, share in relative.items() if path != "mass_kg"}
+    contact = {path: share for path, share in relative.items() if path != "mass_kg"}
+    errors |= {path: share * getattr(motor.contact, path.partition(".")[2]) for path, share in contact.items()}
     provenance = dict(motor.provenance)
     source = "the " + ", ".join(key.rpartition("_")[0].replace("_", " ") for key in targets)
-    for path in values:
-        if path != "mass_kg":
+    for path, share in contact.items():
+        if share < 0.9 * _STIFFNESS_ERROR:  # the measurements tell more than what was known before
             provenance[path] = Provenance("derived", f"fitted to {source} by steady_state")
     for path, error in errors.items():
         if path.endswith("mass_kg"):

@@ -160,6 +160,8 @@ class TwoPortFit(Result):
         provenance |= {f"piezo.{key}": measured for key in piezo}
         borrowed = Provenance("assumed", f"that of {base.name}; state your own")
         rest = {"contact": base.contact.model_dump(), "rotor": base.rotor.model_dump()}
+        if base.mount is not None:
+            rest["mount"] = base.mount.model_dump()
         provenance |= {f"{section}.{key}": borrowed for section, table in rest.items() for key in table}
         parts = {"name": name, "modes": modes, "piezo": piezo, **rest}
         return assemble(parts, None, provenance, where=self.source)

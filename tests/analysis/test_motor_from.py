@@ -11,30 +11,53 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.motor_from import MotorFrom
+from pyspice_runner.analysis.motor_from import MotorFrom, _tips
 from pyspice_runner.cli import run
 
 NOISE = 1e-3
 SHEET_ERROR = 0.01
-MASS = 2.6e-3
 
 
-def invented() -> pr.Motor:
-    """The paper's motor with other masses, friction and contact, at its own frequencies."""
-    base = pr.load_motor("andersen2002")
-    stiffness = 0.9 * base.contact.normal_stiffness_n_per_m15
-    changed = base.updated({"contact.friction": 0.25, "contact.normal_stiffness_n_per_m15": stiffness})
-    changed = changed.updated({f"modes.{index}.mass_kg": MASS for index in (0, 1)})
-    return changed.updated({f"modes.{index}.frequency_hz": base.modes[index].frequency_hz for index in (0, 1)})
+# drive of the data sheet and band of the spectra
+SHEETS = {
+    "andersen2002": (pr.TwoPhaseDrive(voltage=300.0, frequency=54e3, phase_deg=90.0), (8e3, 90e3)),
+    "bimodal40": (pr.TwoPhaseDrive(voltage=110.0, frequency=40.1e3, phase_deg=120.0), (25e3, 60e3)),
+}
 
 
-def measured(motor: pr.Motor, points: int, seed: int) -> pr.Spectrum:
-    """The two-port of the free stator with proportional noise; it stays reciprocal."""
-    y = pr.admittance(motor, start=8e3, stop=90e3, points=points)
+def invented(name: str = "andersen2002") -> pr.Motor:
+    """A motor with masses, friction and contact of its own, at the frequencies and with the couplings of another."""
+    base = pr.load_motor(name)
+    changed = base.updated(
+        {
+            "contact.friction": 0.9 * base.contact.friction,
+            "contact.normal_stiffness_n_per_m15": 0.9 * base.contact.normal_stiffness_n_per_m15,
+            "contact.tangential_compliance_tip_m_per_n23": 1.05 * base.contact.tangential_compliance_tip_m_per_n23,
+            "contact.tangential_compliance_rotor_m_per_n23": 1.05 * base.contact.tangential_compliance_rotor_m_per_n23,
+        }
+    )
+    # one modal mass for all modes; the modal coordinates are scaled to it, which changes no motion
+    for index, mode in enumerate(base.modes):
+        scale = np.sqrt(base.modes[0].mass_kg / mode.mass_kg)
+        changed = changed.updated(
+            {f"modes.{index}.tip_x": scale * mode.tip_x, f"modes.{index}.tip_y": scale * mode.tip_y}
+            | {f"modes.{index}.coupling_{g}_n_per_v": scale * getattr(mode, f"coupling_{g}_n_per_v") for g in "ab"}
+            | {f"modes.{index}.mass_kg": 0.97 * base.modes[0].mass_kg}
+            | {f"modes.{index}.damping_n_s_per_m": 0.97 * scale**2 * mode.damping_n_s_per_m}
+        )
+        changed = changed.updated({f"modes.{index}.frequency_hz": mode.frequency_hz})
+    return changed
+
+
+def measured(
+    motor: pr.Motor, points: int, seed: int, band: tuple[float, float] = (8e3, 90e3), state: str = "free"
+) -> pr.Spectrum:
+    """The two-port of the stator with proportional noise; it stays reciprocal."""
+    y = pr.admittance(motor, start=band[0], stop=band[1], points=points, state=state)  # type: ignore[arg-type]
     error = np.random.default_rng(seed).standard_normal((2, points, 2, 2)) * NOISE / np.sqrt(2.0)
     matrix = y.matrix_s * (1.0 + error[0] + 1j * error[1])
     matrix[:, 1, 0] = matrix[:, 0, 1]
-    return pr.Spectrum.from_admittance(y.frequency_hz, matrix, source="free.csv")
+    return pr.Spectrum.from_admittance(y.frequency_hz, matrix, source=f"{state}.csv")
 
 
 def deviations(found: MotorFrom, truth: pr.Motor) -> dict[str, float]:
@@ -53,7 +76,7 @@ def deviations(found: MotorFrom, truth: pr.Motor) -> dict[str, float]:
 def test_spectra_and_a_known_mass_make_a_motor_with_errors_and_origins(tmp_path: Path) -> None:
     truth = invented()
     tips = [(mode.tip_x, mode.tip_y) for mode in truth.modes]
-    found = pr.motor_from(measured(truth, 200, 1), mass_kg=MASS, tips=tips, modes=2)
+    found = pr.motor_from(measured(truth, 200, 1), mass_kg=truth.modes[0].mass_kg, tips=tips, modes=2)
     assert max(map(abs, deviations(found, truth).values())) < 4.0
     json.dumps(found.to_dict(), allow_nan=False)
     again = pr.load_motor(found.save(tmp_path / "mine.toml"))
@@ -62,28 +85,68 @@ def test_spectra_and_a_known_mass_make_a_motor_with_errors_and_origins(tmp_path:
     assert again.provenance["contact.friction"].kind == "assumed"
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("seed", range(5))
-def test_a_motor_comes_back_from_its_spectra_and_its_data_sheet_within_its_errors(seed: int) -> None:
-    truth = invented()
-    drive = pr.TwoPhaseDrive(voltage=300.0, frequency=54e3, phase_deg=90.0)
-    rng = np.random.default_rng(100 + seed)
-    factors = 1.0 + SHEET_ERROR * rng.standard_normal(2)
-    pressed = pr.admittance(truth, start=8e3, stop=90e3, points=600, state="preloaded")
-    error = rng.standard_normal((2, 600)) * NOISE / np.sqrt(2.0)
-    preloaded = pr.Spectrum.from_admittance(
-        pressed.frequency_hz, pressed.driven("A") * (1.0 + error[0] + 1j * error[1])
-    )
+def comes_back(name: str, seed: int) -> MotorFrom:
+    """Check a motor that was made of noisy spectra and a noisy data sheet against the one that was measured."""
+    truth = invented(name)
+    drive, band = SHEETS[name]
+    factors = 1.0 + SHEET_ERROR * np.random.default_rng(100 + seed).standard_normal(2)
     found = pr.motor_from(
-        measured(truth, 600, seed), preloaded=preloaded, voltage=300.0, frequency=54e3,
+        measured(truth, 600, seed, band), preloaded=measured(truth, 600, 1000 + seed, band, "preloaded"),
+        voltage=drive.voltage, frequency=drive.frequency, phase_deg=drive.phase_deg,
         no_load_speed=factors[0] * pr.steady_state(truth, drive, load_torque=0.0).speed_rad_s,
         stall_torque=factors[1] * pr.steady_state(truth, drive, speed=0.0).torque_n_m,
-        speed_error=SHEET_ERROR, torque_error=SHEET_ERROR, tips=[(mode.tip_x, mode.tip_y) for mode in truth.modes],
+        speed_error=SHEET_ERROR, torque_error=SHEET_ERROR, base=name,
     )  # fmt: skip
     scores = deviations(found, truth)
-    assert max(map(abs, scores.values())) < 4.0
-    for name, value in found.measured.items():
-        assert found.computed[name] == pytest.approx(value, rel=3.0 * SHEET_ERROR)
+    assert max(map(abs, scores.values())) < 4.0, scores
+    for quantity, value in found.measured.items():
+        assert found.computed[quantity] == pytest.approx(value, rel=3.0 * SHEET_ERROR)
+    assert found.motor.mount == truth.mount
+    return found
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("name", SHEETS)
+def test_a_motor_comes_back_from_its_spectra_and_its_data_sheet_within_its_errors(name: str, seed: int) -> None:
+    comes_back(name, seed)
+
+
+def test_the_command_writes_the_motor_and_a_page_with_data_and_model(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth, (drive, _) = invented(), SHEETS["andersen2002"]
+    file = measured(truth, 200, 1).save(tmp_path / "free.csv")
+    mine, page = tmp_path / "mine.toml", tmp_path / "mine.html"
+    words = ["motor-from", file, "--modes", 2, "--mass-kg", truth.modes[0].mass_kg, "--no-load-speed", 18.0]
+    words += ["--voltage", drive.voltage, "--frequency", drive.frequency, "--output", mine, "--page", page]
+    assert run(list(map(str, words))) == 0
+    assert "modes.1.coupling_b_n_per_v" in capsys.readouterr().out
+    made = pr.load_motor(mine)
+    assert made.mount == truth.mount
+    assert pr.default_drive(made) == drive
+    text = page.read_text(encoding="utf-8")
+    assert "free.csv" in text
+    assert '"name":"measured"' in text.replace('": "', '":"')
+
+
+def test_tips_are_those_of_the_other_motor_for_one_modal_mass() -> None:
+    """The modes of bimodal40 have masses of 3.3 and 117 g, in coordinates of their own."""
+    base = pr.load_motor("bimodal40")
+    free = measured(base, 300, 1, SHEETS["bimodal40"][1])
+    fit = pr.fit_two_port(free, 2)
+    tips = _tips(fit, base)
+    assert tips is not None
+    made = fit.to_motor(mass_kg=base.modes[0].mass_kg, tips=tips, base=base)
+    for here, there in zip(made.modes, base.modes, strict=True):  # the same motion of the tip at the same voltage
+        for group in "ab":
+            key = f"coupling_{group}_n_per_v"
+            one, other = (
+                getattr(mode, key) / mode.mass_kg * np.array([mode.tip_x, mode.tip_y]) for mode in (here, there)
+            )
+            assert one == pytest.approx(other, rel=5e-3, abs=1e-9)
+    assert made.mount == base.mount
+    assert _tips(fit, pr.load_motor("bimodal40").updated({"modes.0.coupling_b_n_per_v": -0.01})) is None
 
 
 def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
