@@ -95,7 +95,7 @@ def export(
     ] = "",
     thermal: Annotated[bool, typer.Option("--thermal", help="Add drift with temperature, and its two pins.")] = False,
     averaged: Annotated[
-        bool, typer.Option("--averaged", help="Write the motor averaged over the drive's period (.lib, .fmu).")
+        bool, typer.Option("--averaged", help="Write the motor averaged over the drive's period (.lib, .va, .fmu).")
     ] = False,
     changes: SetOption = None,
     as_json: JsonOption = False,
@@ -116,13 +116,14 @@ def export(
     from pyspice_runner.netlist.fmu import fmu_texts
     from pyspice_runner.netlist.motor import motor_library
     from pyspice_runner.netlist.veriloga import motor_module
+    from pyspice_runner.netlist.veriloga_averaged import averaged_module
 
     if is_circuit_file(source):
         refuse_idle(context, "on the circuit of a fit", "contact", "sliders", "thermal", "averaged")
         _export_circuit(source, changes, as_json, output, plot, name or "resonator")
         return
     check_contact(context, contact)
-    of_averaged, of_full = (".lib", ".fmu"), (".lib", ".va", ".fmu", ".asy", ".kicad_sym", ".s2p", ".toml")
+    of_averaged, of_full = (".lib", ".va", ".fmu"), (".lib", ".va", ".fmu", ".asy", ".kicad_sym", ".s2p", ".toml")
     check_targets(output, of_averaged if averaged else of_full, plot, [source])
     loaded = load_changed(source, changes)
     drift = Thermal.of(loaded) if thermal else None
@@ -131,7 +132,8 @@ def export(
         text = fmu_texts(loaded, name=name, thermal=drift)["modelDescription.xml"]
     elif averaged:
         check_averaged(contact)
-        text = averaged_library(loaded, name=name, thermal=drift)
+        write = averaged_module if output is not None and output.suffix == ".va" else averaged_library
+        text = write(loaded, name=name, thermal=drift)
     elif output is not None and output.suffix == ".va":
         text = motor_module(loaded, contact=contact, name=name, thermal=drift)
     else:

@@ -52,19 +52,35 @@ def motor_module(
             "Export a .lib for a law of your own."
         )
     contact_library(contact, sliders)  # says which numbers of sliders are valid
-    module = check_name(name) if name else SUBCIRCUIT
     text = module_source(len(motor.modes), sliders if contact == "brush" else 0)
-    for parameter, value in module_values(motor, contact, thermal=thermal).items():
+    text = named(text, SUBCIRCUIT, motor, name, module_values(motor, contact, thermal=thermal))
+    return re.sub(
+        r"(?m)^// STEP .*$", f"// STEP   at most {coarsest_step(motor):.2g} s; slider_time is half of it", text
+    )
+
+
+def named(text: str, original: str, motor: Motor, name: str, values: Mapping[str, float | int]) -> str:
+    """Return a module with the name and the values of a motor.
+
+    Args:
+        text: the module.
+        original: the name that it has.
+        motor: the motor.
+        name: the name that it gets; by default the one that it has.
+        values: the parameters.
+
+    Raises:
+        ParameterError: for an invalid name.
+    """
+    module = check_name(name) if name else original
+    for parameter, value in values.items():
         text, count = re.subn(
             rf"(?m)^(.*parameter (?:real|integer) {parameter} = )\S+( from .*)$", rf"\g<1>{value!r}\g<2>", text
         )
         assert count == 1, parameter
-    text = text.replace("module piezomotor(", f"module {module}(", 1)
-    title = f"// {module}: standing-wave piezomotor {motor.name} with Hertz contact, friction and rotor, in Verilog-A"
-    text = re.sub(r"(?m)^// piezomotor: .*$", title, text, count=1)
-    return re.sub(
-        r"(?m)^// STEP .*$", f"// STEP   at most {coarsest_step(motor):.2g} s; slider_time is half of it", text
-    )
+    text = text.replace(f"module {original}(", f"module {module}(", 1)
+    title = f"// {module}: standing-wave piezomotor {motor.name}"
+    return re.sub(rf"(?m)^// {original}: standing-wave piezomotor bimodal40", title, text, count=1)
 
 
 def module_source(modes: int, sliders: int = 0) -> str:
@@ -74,9 +90,7 @@ def module_source(modes: int, sliders: int = 0) -> str:
         modes: number of modes.
         sliders: number of sliders of a brush; 0 for the other laws.
     """
-    text = (data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8")
-    for block in _BLOCKS:
-        text = _repeated(text, block, modes)
+    text = with_modes((data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8"), modes)
     if not sliders:
         return text
     brush = (data_path("behavioral") / "piezomotor_brush.va").read_text(encoding="utf-8")
@@ -95,6 +109,13 @@ def module_source(modes: int, sliders: int = 0) -> str:
         assert found is not None, name
         text, count = part.subn(lambda _, written=found[0]: written, text)  # type: ignore[misc]
         assert count == 1, name
+    return text
+
+
+def with_modes(text: str, modes: int) -> str:
+    """Return a module with some number of modes instead of two."""
+    for block in _BLOCKS:
+        text = _repeated(text, block, modes)
     return text
 
 

@@ -34,6 +34,7 @@ from pyspice_runner.netlist.symbols import (
     ltspice_symbol,
 )
 from pyspice_runner.netlist.veriloga import motor_module
+from pyspice_runner.netlist.veriloga_averaged import averaged_module
 from pyspice_runner.spectra.touchstone import touchstone
 
 Writer = Callable[[Path], object]
@@ -95,8 +96,8 @@ def export_motor(
         sliders: number of sliders of the brush in it.
         name: name of the subcircuit in the ``.lib``, the ``.va`` and the symbols; by default ``piezomotor``.
         thermal: drift with temperature, for the pins ``temperature`` and ``heat`` (``piezomotor_thermal`` by default).
-        averaged: whether to write the averaged motor, ``.subckt piezomotor_averaged``, as a ``.lib``; a ``.fmu`` always
-            contains it.
+        averaged: whether to write the averaged motor, ``.subckt`` or ``module piezomotor_averaged``, as a ``.lib`` or
+            ``.va``; a ``.fmu`` always contains it.
 
     Raises:
         ParameterError: for another ending, a place that cannot be written, or a name that is not possible.
@@ -108,6 +109,7 @@ def export_motor(
             path,
             {
                 ".lib": _text(lambda _: averaged_library(motor, name=name, thermal=thermal)),
+                ".va": _text(lambda _: averaged_module(motor, name=name, thermal=thermal)),
                 ".fmu": lambda file: _write_fmu(fmu_texts(motor, name=name, thermal=thermal), file),
             },
         )
