@@ -21,8 +21,9 @@ from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.motor import PLATES, Discretisation, Motion, plate_nodes
 from pyspice_runner.netlist.veriloga import WRITTEN, module_source, module_values
 
-_HEAD = re.compile(r"module piezomotor\(([^)]*)\);\n +inout [^;]*;\n")
-_STATES = re.compile(r"(?m)^    electrical ([^;]+);$")
+_HEAD = re.compile(r"module piezomotor\([^)]*\);\n +inout [^;]*;\n")
+_ELECTRICAL = re.compile(r"(?m)^    electrical ([^;]+);$")  # first the pins, then the states
+_PINS = 5  # a, b, com, shaft, temperature
 # ports of the module that are nodes of the subcircuit under another name
 _NODES = {"pressing": "normal", "share": "xbearing.share"} | {
     f"{plate}_{group}": node for group in "ab" for plate, node in zip(PLATES, plate_nodes(group), strict=True)
@@ -49,10 +50,12 @@ class Module:
     Attributes:
         name: its name, and that of the compiled file without the ending.
         source: its text.
+        ports: its ports: the pins a, b, com, shaft and temperature, then the states.
     """
 
     name: str
     source: str
+    ports: tuple[str, ...]
 
     @property
     def file(self) -> str:
@@ -83,28 +86,9 @@ def _cells(law: Law) -> int:
 def _module(modes: int, sliders: int) -> Module:
     name = f"piezomotor_{modes}_modes" + (f"_{sliders}_sliders" if sliders else "")
     text = module_source(modes, sliders)
-    ports = ", ".join((*_pins(text), *_states(text)))
-    return Module(name, _HEAD.sub(f"module {name}({ports});\n    inout {ports};\n", text, count=1))
-
-
-def _pins(text: str) -> tuple[str, ...]:
-    found = _HEAD.search(text)
-    assert found is not None
-    return tuple(found[1].split(", "))
-
-
-def _states(text: str) -> tuple[str, ...]:
-    """Return the states of a module, in the order of their declarations."""
-    first, *others = _STATES.findall(text)
-    assert tuple(first.split(", ")) == _pins(text)
-    return tuple(name for line in others for name in line.split(", "))
-
-
-@cache
-def _nodes(modes: int, sliders: int) -> tuple[str, ...]:
-    """Return the nodes inside the motor at the ports of the module behind its pins."""
-    names = _NODES | {f"cell_{number}": f"xcontact.q{number}" for number in range(1, sliders + 1)}
-    return tuple(names.get(name, name) for name in _states(module_source(modes, sliders)))
+    ports = tuple(port for line in _ELECTRICAL.findall(text) for port in line.split(", "))
+    listed = ", ".join(ports)
+    return Module(name, _HEAD.sub(f"module {name}({listed});\n    inout {listed};\n", text, count=1), ports)
 
 
 def module_subcircuit(motor: Motor, law: Law, discretisation: Discretisation | None, name: str) -> str:
@@ -121,7 +105,8 @@ def module_subcircuit(motor: Motor, law: Law, discretisation: Discretisation | N
         f"{parameter}={value!r}"
         for parameter, value in module_values(motor, law.name, discretisation=discretisation).items()
     )
-    nodes = " ".join(_nodes(len(motor.modes), _cells(law)))
+    names = _NODES | {f"cell_{number}": f"xcontact.q{number}" for number in range(1, law.sliders + 1)}
+    nodes = " ".join(names.get(port, port) for port in module.ports[_PINS:])
     return "\n".join(
         (
             f".model {name}_device {module.name} {values}",

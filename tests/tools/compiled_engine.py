@@ -34,7 +34,7 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
 
 
 def forget() -> None:
-    for known in (compiled._module, compiled._nodes, engines._verdict):
+    for known in (compiled._module, engines._verdict):
         known.cache_clear()
 
 
