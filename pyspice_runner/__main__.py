@@ -13,6 +13,7 @@ from pyspice_runner.interrupts import end_at_once
 def main() -> None:
     """Run the command line and leave with its exit status."""
     end_at_once()  # also while the rest is loaded, which takes half a second
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small, so that a second thread only waits
     os.environ["MPLBACKEND"] = "agg"  # the command opens no window, and what a notebook sets may be absent here
     for stream in ("stdout", "stderr"):
         if getattr(sys, stream) is None:  # closed, as by `>&-`

@@ -32,6 +32,7 @@ from pyspice_runner.netlist.benches import AC_OPTIONS, admittance_bench
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_two_port
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, columns_of, connect
+from pyspice_runner.spectra.threads import one_thread
 from pyspice_runner.units import engineering
 
 State = Literal["free", "preloaded"]
@@ -129,6 +130,7 @@ class Admittance(Result):
 
 
 @checked
+@one_thread
 def admittance(
     motor: Motor,
     *,

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The charts of the data sheet, as Plotly figures for a light and a dark page.
 
-An animated chart has frames, which the page plays with its own controls; ``layout.meta["order"]`` is the sequence of
-frames of one cycle.
+An animated chart has frames in ``layout.meta["frames"]``, which the page plays with its own controls, and in
+``layout.meta["order"]`` the sequence of the frames of one cycle. As frames of Plotly, a thousand lines would be
+checked, which takes longer than the rest of the page.
 """
 
 from __future__ import annotations
@@ -82,9 +83,8 @@ def mode_shapes(motor: Motor) -> go.Figure | None:
     for step in range(-MODE_STEPS, MODE_STEPS + 1):
         deflection = np.sin(0.5 * pi * step / MODE_STEPS)
         moved = [line for row in range(len(modes)) for line in lines(row, deflection)]
-        data = [go.Scatter(x=_short(1e3 * x), y=_short(1e3 * y)) for x, y in moved]
-        frames.append(go.Frame(name=str(step), data=data, traces=list(range(len(data)))))
-    figure.frames = frames
+        data = [{"x": _short(1e3 * x), "y": _short(1e3 * y)} for x, y in moved]
+        frames.append({"name": str(step), "data": data, "traces": list(range(len(data)))})
     order = [*range(MODE_STEPS), *range(MODE_STEPS, -MODE_STEPS, -1), *range(-MODE_STEPS, 0)]
     height = _height(structure)
     figure.update_yaxes(range=[-1.1e3 * (height + _SWING * structure.beam.length_m),
@@ -92,7 +92,9 @@ def mode_shapes(motor: Motor) -> go.Figure | None:
                         title_text="mm")  # fmt: skip
     figure.update_xaxes(range=[-60.0 * structure.beam.length_m, 1060.0 * structure.beam.length_m])
     figure.update_xaxes(title_text="position along the beam in mm", row=len(modes), col=1)
-    figure.update_layout(height=110 + TOOL_BAR + 210 * len(modes), meta={"order": [str(step) for step in order]})
+    figure.update_layout(
+        height=110 + TOOL_BAR + 210 * len(modes), meta={"frames": frames, "order": [str(step) for step in order]}
+    )
     return figure
 
 
@@ -179,8 +181,8 @@ def tip_path(run: Waveforms) -> go.Figure:
         **now, name="now", showlegend=False, mode="markers", marker={"color": PURPLE, "size": 10}, row=2, col=1,
         hoverinfo="skip",
     )  # fmt: skip
-    figure.frames = [
-        go.Frame(name=str(number), data=[go.Scatter(**part) for part in moving(int(place))], traces=[still, still + 1])
+    frames = [
+        {"name": str(number), "data": moving(int(place)), "traces": [still, still + 1]}
         for number, place in enumerate(places)
     ]
     for axis, values, reach in (("xaxis", x, 0.3), ("yaxis", y, 0.3)):
@@ -194,7 +196,7 @@ def tip_path(run: Waveforms) -> go.Figure:
     figure.update_yaxes(title_text=str(LABELS["tip_y_m"]), row=1, col=1)
     figure.update_xaxes(title_text=str(LABELS["time_us"]), row=2, col=1)
     figure.update_yaxes(title_text=str(LABELS["force_n"]), row=2, col=1)
-    figure.update_layout(height=640 + TOOL_BAR, meta={"order": [str(number) for number in range(len(places))]})
+    figure.update_layout(height=640 + TOOL_BAR, meta={"frames": frames, "order": [one["name"] for one in frames]})
     return figure
 
 

@@ -17,9 +17,10 @@
 
   async function draw(chart) {
     const figure = read(`[data-figure="${chart.id}"]`);
+    const { frames } = figure.layout.meta ?? {};
     Object.assign(figure.layout, { template: theme(), autosize: true, dragmode: "zoom" });
     await Plotly.newPlot(chart, figure.data, figure.layout, CONFIG);
-    if (figure.frames) await Plotly.addFrames(chart, figure.frames);
+    if (frames) await Plotly.addFrames(chart, frames);
     chart.addEventListener("keydown", (event) => move(chart, event));
     chart.dataset.drawn = "yes";
   }
