@@ -21,7 +21,7 @@ DRIVES = {
         np.array([0.0, 4.0]) if draft() else np.linspace(-2.0, 4.0, 4),
     ),
 }
-SLIDERS = 4 if draft() else 8
+SLIDERS = 2 if draft() else 8
 RUN = {"sliders": SLIDERS, **({"tolerance": 0.1} if draft() else {})}
 LOSSES = {"friction_loss_w": (VERMILION, "friction"), "damping_loss_w": (PURPLE, "modes"),
           "dielectric_loss_w": (GREY, "dielectric")}  # fmt: skip

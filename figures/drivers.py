@@ -13,7 +13,7 @@ from pyspice_runner.analysis.drive import DriveReport
 
 FREQUENCY = 51.7e3
 VOLTAGE = 50.0
-DURATION = 0.4e-3 if draft() else 2e-3
+DURATION = 0.2e-3 if draft() else 2e-3
 CHAINS = {  # kind, network, settings
     "linear amplifier": ("linear", "none", {}),
     "linear + inductor": ("linear", "inductor", {}),

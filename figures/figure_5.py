@@ -20,7 +20,7 @@ from style import BLACK, GREY, canvas, draft, drive_words, main, motor_words, re
 import pyspice_runner as pr
 from pyspice_runner.run.waveforms import Waveforms
 
-DURATION = 4e-3 if draft() else 8e-3  # six times the 1.3 ms in which the slowest mode decays
+DURATION = 1.5e-3 if draft() else 8e-3  # six times the 1.3 ms in which the slowest mode decays
 
 
 def draw(folder: Path) -> list[str]:

@@ -34,7 +34,7 @@ def draw(folder: Path) -> list[str]:
     rigid = sprung.updated({"mount": None})
     drive = pr.TwoPhaseDrive(voltage=VOLTAGE, frequency=HIGH, phase_deg=90.0)
     grid = np.arange(LOW, HIGH + 1.0, STEP)
-    ends = {"follow": "drive.frequency", "speed": 0.0, "points": 3 if draft() else 200}
+    ends = {"follow": "drive.frequency", "speed": 0.0, "points": 2 if draft() else 200}
     branches = {
         "(a) fixed distance": [pr.steady_branch(rigid, drive, start=HIGH, stop=LOW, **ends)],
         "(b) on the mount": [

@@ -16,7 +16,7 @@ MOTOR = pr.load_motor("bimodal40")
 DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": 69.0})
 SAMPLE_TIME = 0.5e-3  # s; the loop delays by it: half by the mean over the last interval, half by the next
 CROSSOVER, MARGIN = 40.0, 60.0  # Hz, deg
-BEGIN, END = (3e-3, 5e-3) if draft() else (50e-3, 90e-3)  # s: of the step, of the run
+BEGIN, END = (1.5e-3, 3e-3) if draft() else (50e-3, 90e-3)  # s: of the step, of the run
 BEFORE, AFTER = 8.0, 9.0  # rad/s
 
 

@@ -31,7 +31,7 @@ from style import (
 import pyspice_runner as pr
 
 LOAD = 6e-3  # N·m
-DURATION = 4e-3 if draft() else 30e-3
+DURATION = 2e-3 if draft() else 30e-3
 PERIODS = 3
 
 

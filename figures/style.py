@@ -135,7 +135,7 @@ def _writing(path: Path) -> Iterator[None]:
 def controller(name: str) -> tuple[dict[str, Any], ControlledRun, ControlledRun]:
     """Return what a controller of ``examples/`` defines, and 50 ms of it with the averaged and with the full motor."""
     defined = run_path(str(HERE.parent / "examples" / "controllers" / f"{name}.py"))
-    averaged, full = (defined["run"](5e-3 if draft() else 50e-3, averaged=averaged) for averaged in (True, False))
+    averaged, full = (defined["run"](3e-3 if draft() else 50e-3, averaged=averaged) for averaged in (True, False))
     return defined, averaged, full
 
 

@@ -19,8 +19,8 @@ OFFSET = 0.02
 DRIFT, BEGIN, DRIFT_TIME, END = -0.01, 2e-3, 20e-3, 24e-3
 DURATIONS = {"pll": 15e-3, "observe-current": 15e-3, "none": 5e-3}
 if draft():
-    BEGIN, DRIFT_TIME, END = 1.2e-3, 0.5e-3, 3.2e-3
-    DURATIONS = dict.fromkeys(NAMES, 2.5e-3)
+    BEGIN, DRIFT_TIME, END = 1.1e-3, 0.3e-3, 2.5e-3
+    DURATIONS = dict.fromkeys(NAMES, 2.3e-3)
 STEP = 1.8e-7
 
 

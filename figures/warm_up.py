@@ -14,7 +14,7 @@ from pyspice_runner.analysis.track import running_resonance
 
 MOTOR = pr.load_motor("bimodal40")
 DRIVE = pr.default_drive(MOTOR)
-FIRST, WHOLE = (3e-3, 600.0) if draft() else (10e-3, 600.0)
+FIRST, WHOLE = (2.4e-3, 600.0) if draft() else (10e-3, 600.0)
 OFFSET, TARGET = 0.02, -20.0
 
 
