@@ -231,7 +231,7 @@ def fit(
         given = {"A": file, "B": other, "A+B": both, "A-B": difference}
         calibration = _calibration(mass, velocity, connection, tips, base)
         read = reader(columns, through, trace)
-        _fit_two_port(given, two_port, modes, timeout, read, calibration, as_json, output, plot)
+        _fit_two_port(given, two_port, modes, noise_of(noise), timeout, read, calibration, as_json, output, plot)
         return
     if mass or velocity or tips:
         raise pr.ParameterError("--mass-kg, --velocity-per-current and --tip belong to --two-port or --b; add one.")
@@ -343,6 +343,7 @@ def _fit_two_port(
     files: Mapping[str, Path | None],
     two_port: bool,
     modes: int | None,
+    noise: dict[str, float] | None,
     timeout: float | None,
     read: Callable[[Path], pr.Spectrum],
     calibration: Mapping[str, Any],
@@ -362,7 +363,7 @@ def _fit_two_port(
         )
     given: Any = spectra["A"] if two_port else spectra
     with busy("fitting", _ARMS_TRIED) as progress:
-        result = pr.fit_two_port(given, modes, timeout=timeout, progress=progress)
+        result = pr.fit_two_port(given, modes, noise=noise, timeout=timeout, progress=progress)
     motor = result.to_motor(**calibration) if calibration else None
     table = Table("mode", "f", "Q", "coupling A", "coupling B", box=None, padding=(0, 1, 0, 0))
     table.title = f"{result.source}: {len(result.modes)} modes; couplings in N/V per root kg; ± one standard error"

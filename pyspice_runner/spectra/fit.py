@@ -263,7 +263,7 @@ def fit_spectrum(
     name = spectrum.source or "The spectrum"
     _check(spectrum, name, modes or 1)
     y = spectrum.admittance_s
-    model = Noise(_noise(noise), stated=True) if noise is not None else estimate(y)
+    model = Noise(checked_noise(noise), stated=True) if noise is not None else estimate(y)
     whole = Problem(spectrum.frequency_hz, y, model, stated, deadline=deadline)
     outcome = _search(whole.thinned(), modes, leads is True, progress)
     if noise is None:  # what the fit leaves over tells the error better than neighbouring points
@@ -353,8 +353,8 @@ def _leads(leads: tuple[float, float]) -> tuple[float, float]:
     return ohm, henry
 
 
-def _noise(noise: Mapping[str, float]) -> dict[str, float]:
-    """Check a stated noise."""
+def checked_noise(noise: Mapping[str, float]) -> dict[str, float]:
+    """Check a stated noise: kind → σ."""
     if not noise or not noise.keys() <= set(KINDS) or len(noise.keys() - {"proportional"}) > 1:
         raise ParameterError(
             f"noise = {dict(noise)!r} is not valid: it must have proportional, s11 or z, or proportional and one other."

@@ -64,7 +64,7 @@ _BESIDE = np.array([0.05, 0.2, 0.8])  # of that margin, where arms outside the b
 _QUALITY_BESIDE = 50.0  # of these
 _MARGIN = 0.25  # of the span, by which an arm may lie outside the band
 _LOWEST_QUALITY, _HIGHEST_QUALITY = 0.6, 1e6
-_UNDETERMINED = 0.3  # standard error of ln √(L/C) of an arm that is none
+UNDETERMINED = 0.3  # standard error of ln √(L/C) of an arm that is none
 _COUPLED = 1e-4  # relative fall of the sum of squares at which a descent with coupled damping ends
 _STEP = 1e-6  # of central differences of functions that are smooth over 1
 _RIDGE = 1e-4  # of the sum of squares, for couplings as large as the arms' own losses
@@ -658,7 +658,7 @@ class Problem:
             return ""
         slope = derivatives(lambda parameters: modal(parameters, solution.arms)[1], solution.parameters)
         variance = np.einsum("ki,ij,kj->k", slope, self.covariance(solution, self.free(solution)), slope)
-        if not np.all(variance < _UNDETERMINED**2):
+        if not np.all(variance < UNDETERMINED**2):
             return "an arm is not determined"
         frequency, _, quality = np.exp(solution.columns)
         spacing = np.interp(frequency, 0.5 * (self.w[1:] + self.w[:-1]), np.diff(self.w))

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import hypot, log, pi, sqrt
+from math import hypot, inf, log, pi, sqrt
 from pathlib import Path
 from typing import Any, get_args
 
@@ -27,8 +27,10 @@ from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor, Provenance, assemble
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
-from pyspice_runner.spectra.fit import fit_spectrum
+from pyspice_runner.spectra.fit import checked_noise, fit_spectrum
 from pyspice_runner.spectra.identify import (
+    RESONANT_QUALITY,
+    UNDETERMINED,
     Complexes,
     NormalEquations,
     Vector,
@@ -37,11 +39,12 @@ from pyspice_runner.spectra.identify import (
     inverse,
     squares,
 )
+from pyspice_runner.spectra.noise import Noise, estimate
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum
 from pyspice_runner.spectra.threads import one_thread
 from pyspice_runner.units import engineering
 
-_STARTS = 3  # fits of one port, each with the loss tangent that the one before found
+_FINEST = 1e-8  # relative accuracy that no measurement exceeds
 _GLOBALS = 3  # ln C_A, ln C_B, tan δ
 _PER_MODE = 4  # ln f, ln Q, couplings to A and B
 
@@ -77,6 +80,7 @@ class TwoPortFit(Result):
         loss_tangent: of both, constant over frequency; the capacitances hold at 100 kHz.
         standard_errors: of the three before.
         rms_relative_error: connection → root mean square of the relative residual.
+        noise: connection → error model, kind → σ, see :class:`SpectrumFit`.
         warnings: what to know before using the values.
     """
 
@@ -87,6 +91,7 @@ class TwoPortFit(Result):
     loss_tangent: float
     standard_errors: dict[str, float]
     rms_relative_error: dict[str, float]
+    noise: dict[str, dict[str, float]]
     warnings: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -251,15 +256,20 @@ def fit_two_port(
     spectra: Spectrum | Mapping[Connection, Spectrum],
     modes: int | None = None,
     *,
+    noise: Mapping[str, float] | None = None,
     timeout: float | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> TwoPortFit:
     """Fit modes with their couplings to both groups. Leads are taken as compensated.
 
+    Without a number of modes, a mode that is not significant is rejected as an arm of :func:`fit_spectrum` is.
+
     Args:
         spectra: a two-port, or one-ports by connection: ``"A"`` (B shorted), ``"B"`` (A shorted), and ``"A+B"``,
             ``"A-B"`` or both, which tell the signs.
         modes: number of modes; found if it is not given.
+        noise: the known error of the measurement, see :func:`fit_spectrum`; estimated for each connection if it is not
+            given.
         timeout: seconds after which the search for the modes ends with an error. The joint fit that follows is short.
         progress: see :func:`fit_spectrum`.
 
@@ -289,10 +299,16 @@ def fit_two_port(
                 f"The connections {', '.join(ports) or 'none'} do not tell the couplings; give A, B, and A+B or A-B."
             )
         source = ", ".join(spectrum.source for spectrum in ports.values())
-    problem = _Problem(ports)
-    start = problem.start(modes, timeout, progress)
-    parameters, cost = descend(problem.normal_equations, start, problem.bounds(start), problem.reach)
-    return _report(problem, parameters, cost, share, source or "spectra", warnings)
+    problem = _Problem(ports, share, noise)
+    parameters = problem.descend(problem.start(modes, timeout, progress))
+    if noise is None:
+        problem.weigh(parameters)
+        parameters = problem.descend(parameters)
+    while modes is None and (doubtful := problem.doubtful(parameters)) is not None:
+        if len(parameters) == _GLOBALS + _PER_MODE:
+            raise SpectrumError(f"{source or 'The spectra'} show no mode that is significant under their error.")
+        parameters = problem.descend(np.delete(parameters, np.s_[doubtful : doubtful + _PER_MODE]))
+    return _report(problem, parameters, source or "spectra", warnings)
 
 
 def clamped(loss_tangent: float, frequency_hz: Vector) -> tuple[Complexes, Complexes]:
@@ -310,8 +326,15 @@ def clamped(loss_tangent: float, frequency_hz: Vector) -> tuple[Complexes, Compl
 class _Problem:
     """The joint least-squares problem of several connections, in units of its own."""
 
-    def __init__(self, ports: Mapping[Connection, Spectrum]) -> None:
+    def __init__(self, ports: Mapping[Connection, Spectrum], share: float, noise: Mapping[str, float] | None) -> None:
         self.ports = ports
+        self.share = share  # of the points that are independent between the connections
+        self.stated = noise is not None
+        self.noise = {
+            name: Noise(checked_noise(noise), stated=True) if noise is not None else estimate(spectrum.admittance_s)
+            for name, spectrum in ports.items()
+        }
+        self.weights = {name: self._weights(name, spectrum.admittance_s) for name, spectrum in ports.items()}
         first, second = ports["A"], ports["B"]
         self.low = max(first.frequency_hz[0], second.frequency_hz[0])
         self.high = min(first.frequency_hz[-1], second.frequency_hz[-1])
@@ -319,26 +342,62 @@ class _Problem:
         self.unit_s = float(np.median(np.abs(first.admittance_s)))
         self.count = sum(len(spectrum) for spectrum in ports.values())
 
+    def _weights(self, connection: Connection, smooth_s: Complexes) -> Vector:
+        """Return one over the relative deviation at all points."""
+        return np.abs(smooth_s) / np.maximum(self.noise[connection].deviation(smooth_s), _FINEST * np.abs(smooth_s))
+
+    def weigh(self, parameters: Vector) -> None:
+        """Take the error model from what a fit leaves; where that is no noise, as a share of the magnitude."""
+        for name, spectrum in self.ports.items():
+            residual = self.relative(parameters, name)
+            fitted = spectrum.admittance_s * np.exp(residual)
+            if independent_points(residual) > 0.5 * len(residual):
+                self.noise[name] = estimate(fitted, spectrum.admittance_s - fitted)
+            else:
+                self.noise[name] = Noise({"proportional": max(float(np.sqrt(np.mean(np.abs(residual) ** 2))), _FINEST)})
+            self.weights[name] = self._weights(name, fitted)
+
+    def relative(self, parameters: Vector, connection: Connection) -> Complexes:
+        """Return ln Y_model − ln Y."""
+        return np.asarray(self.linearised(parameters, connection)[0] / self.weights[connection])
+
+    def descend(self, start: Vector) -> Vector:
+        """Descend from start values to the nearest minimum."""
+        return descend(self.normal_equations, start, self.bounds(start), self.reach)[0]
+
+    def independent(self, parameters: Vector) -> float:
+        """Return the number of independent points."""
+        return self.share * sum(independent_points(self.linearised(parameters, name)[0]) for name in self.ports)
+
+    def covariance(self, parameters: Vector) -> Vector:
+        """Return the covariance of the parameters."""
+        cost, _, hessian = self.normal_equations(parameters)
+        independent = self.independent(parameters)
+        variance = cost / max(2 * self.count - len(parameters), 1) * self.count / independent
+        if self.stated and independent == self.share * self.count:
+            variance = 0.5 / self.share
+        return inverse(hessian) * variance
+
+    def doubtful(self, parameters: Vector) -> int | None:
+        """Return the place of the mode that is least significant, if it is not; see :mod:`.identify`."""
+        covariance = self.covariance(parameters)
+        doubts = []
+        for at in range(_GLOBALS, len(parameters), _PER_MODE):
+            couplings = parameters[at + 2 : at + 4]
+            slope = 2.0 * couplings / float(couplings @ couplings)  # of the logarithm of their squares' sum
+            error = sqrt(max(float(slope @ covariance[at + 2 : at + 4, at + 2 : at + 4] @ slope), 0.0))
+            broad = np.exp(parameters[at + 1]) < RESONANT_QUALITY
+            doubts.append((inf if broad or not np.isfinite(error) else error, at))
+        worst, place = max(doubts)
+        return place if worst > UNDETERMINED else None
+
     def start(self, modes: int | None, timeout: float | None, progress: Callable[[int, int], object] | None) -> Vector:
         """Fit Y_AA + Y_BB, which has every mode, and split each arm among the groups by the other connections."""
         first = self.ports["A"].between(self.low, self.high)
         frequency = first.frequency_hz
         second = np.interp(frequency, self.ports["B"].frequency_hz, self.ports["B"].admittance_s)
         trace = Spectrum.from_admittance(frequency, first.admittance_s + second, source="The sum of A and B")
-        # the fit of one port has a loss that rises with frequency; give it one, in place of the constant one
-        ratio = trace.admittance_s.real / trace.admittance_s.imag
-        loss = float(np.clip(np.quantile(ratio[ratio > 0.0], 0.1), 1e-6, LARGEST_LOSS_TANGENT))
-        capacitance = float(np.median(trace.admittance_s.imag / (2.0 * pi * frequency)))
-        for _ in range(_STARTS):
-            s = 2j * pi * frequency
-            series = loss / (2.0 * pi * self.reference_hz * capacitance)
-            other = s * capacitance / (1.0 + s * series * capacitance) - capacitance * clamped(loss, frequency)[0]
-            fit = fit_spectrum(
-                Spectrum.from_admittance(frequency, trace.admittance_s + other, source=trace.source),
-                modes, leads=False, timeout=timeout, progress=progress,
-            )  # fmt: skip
-            loss = min(max(fit.circuit.loss_tangent, 1e-6), LARGEST_LOSS_TANGENT)
-            capacitance = fit.circuit.clamped_capacitance_f
+        fit = fit_spectrum(trace, modes, leads=False, timeout=timeout, progress=progress)
         arms = [arm for arm in fit.arms if arm.in_band]
         start = np.zeros(_GLOBALS + _PER_MODE * len(arms))
         share_a = float(np.median(first.admittance_s.imag / trace.admittance_s.imag))
@@ -384,7 +443,7 @@ class _Problem:
         return reach
 
     def linearised(self, parameters: Vector, connection: Connection) -> tuple[Complexes, Complexes]:
-        """Return one connection's residual ln Y_model − ln Y, and its derivatives."""
+        """Return one connection's residual ln Y_model − ln Y over its deviation, and its derivatives."""
         spectrum = self.ports[connection]
         w = spectrum.frequency_hz / self.reference_hz
         weight_a, weight_b = COUPLING[connection]
@@ -404,8 +463,9 @@ class _Problem:
         jacobian[_GLOBALS + 1 :: _PER_MODE] = drive**2 * shape**2 / quality
         jacobian[_GLOBALS + 2 :: _PER_MODE] = 2.0 * weight_a * drive * shape
         jacobian[_GLOBALS + 3 :: _PER_MODE] = 2.0 * weight_b * drive * shape
+        weights = self.weights[connection]
         residual = np.log(y / (spectrum.admittance_s / self.unit_s))
-        return np.asarray(residual), jacobian / y
+        return np.asarray(weights * residual), jacobian * (weights / y)
 
     def normal_equations(self, parameters: Vector) -> NormalEquations:
         """Return the normal equations of all connections together."""
@@ -413,15 +473,9 @@ class _Problem:
         return sum(part[0] for part in parts), np.sum([p[1] for p in parts], 0), np.sum([p[2] for p in parts], 0)
 
 
-def _report(
-    problem: _Problem, parameters: Vector, cost: float, share: float, source: str, warnings: list[str]
-) -> TwoPortFit:
-    residuals = {name: problem.linearised(parameters, name)[0] for name in problem.ports}
-    independent = sum(independent_points(residual) for residual in residuals.values()) * share
-    _, _, hessian = problem.normal_equations(parameters)
-    freedom = max(2 * problem.count - len(parameters), 1)
-    covariance = inverse(hessian) * cost / freedom * problem.count / independent
-    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+def _report(problem: _Problem, parameters: Vector, source: str, warnings: list[str]) -> TwoPortFit:
+    residuals = {name: problem.relative(parameters, name) for name in problem.ports}
+    error = np.sqrt(np.maximum(np.diag(problem.covariance(parameters)), 0.0))
     modes = []
     for index in range((len(parameters) - _GLOBALS) // _PER_MODE):
         at = _GLOBALS + _PER_MODE * index
@@ -443,7 +497,7 @@ def _report(
         modes.append(TwoPortMode(**values, standard_errors=errors))
     omega = 2.0 * pi * problem.reference_hz
     capacitances = np.exp(parameters[:2]) * problem.unit_s / omega
-    if independent < 0.5 * share * problem.count:
+    if problem.independent(parameters) < 0.5 * problem.share * problem.count:
         worst = max(np.sqrt(np.mean(np.abs(residual) ** 2)) for residual in residuals.values())
         warnings = [
             *warnings,
@@ -463,6 +517,7 @@ def _report(
         rms_relative_error={
             name: float(np.sqrt(np.mean(np.abs(np.expm1(residual)) ** 2))) for name, residual in residuals.items()
         },
+        noise={name: dict(model.sigma) for name, model in problem.noise.items()},
         warnings=tuple(warnings),
     )
 

@@ -12,7 +12,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.spectra.spectrum import Connection
-from pyspice_runner.spectra.twoport import TwoPortFit
+from pyspice_runner.spectra.twoport import TwoPortFit, _Problem
 
 CONNECTIONS = get_args(Connection)
 CHANGES = {  # groups that differ in size and coupling, one mode driven alike, one against each other
@@ -181,3 +181,61 @@ def test_a_mode_that_a_connection_does_not_drive_cannot_be_calibrated_by_it() ->
     fit = pr.fit_two_port(pr.Spectrum.from_admittance(result.frequency_hz, result.matrix_s))
     with pytest.raises(pr.ParameterError, match="Mode 2 takes no current through A\\+B"):
         fit.to_motor(velocity_per_current=[1.0, 1.0], connection="A+B")
+
+
+# --- noise ---
+
+
+def with_error(spectrum: pr.Spectrum, kind: str, sigma: float, rng: np.random.Generator) -> pr.Spectrum:
+    """Add noise that is the same at all points in ln Y, in the reflection coefficient in 50 Ω, or in Z."""
+    y = spectrum.admittance_s
+    error = sigma / np.sqrt(2.0) * (rng.standard_normal(len(y)) + 1j * rng.standard_normal(len(y)))
+    reflection = (1.0 - 50.0 * y) / (1.0 + 50.0 * y) + error
+    changed = {
+        "proportional": y * (1.0 + error),
+        "s11": (1.0 - reflection) / (1.0 + reflection) / 50.0,
+        "z": 1.0 / (1.0 / y + error),
+    }
+    return pr.Spectrum.from_admittance(spectrum.frequency_hz, changed[kind])
+
+
+ERRORS = {"proportional": 3e-3, "s11": 3e-4, "z": 1.0}
+
+
+def scores(two_port: pr.Spectrum, motor: pr.Motor, kind: str, seed: int) -> np.ndarray:
+    """Fit noisy spectra of three connections; return the deviations over their errors."""
+    rng = np.random.default_rng([list(ERRORS).index(kind), seed])
+    names: tuple[Connection, ...] = ("A", "B", "A+B")
+    spectra = {name: with_error(two_port.driven(name), kind, ERRORS[kind], rng) for name in names}
+    fit = pr.fit_two_port(spectra)
+    assert len(fit.modes) == len(motor.modes)
+    for noise in fit.noise.values():
+        # of 1200 points: 2 % is its own deviation; another, smaller error may take a part
+        assert noise[kind] == pytest.approx(ERRORS[kind], rel=0.1)
+    error = np.array([value for mode in fit.modes for value in mode.standard_errors.values()])
+    return (found(fit) - truth(motor)) / error
+
+
+@pytest.mark.parametrize("kind", ERRORS)
+def test_the_error_of_each_connection_is_estimated_and_no_mode_is_added(
+    two_port: pr.Spectrum, motor: pr.Motor, kind: str
+) -> None:
+    assert np.abs(scores(two_port, motor, kind, 0)).max() < 4.0  # 1 of 16,000 values is farther off
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("kind", ERRORS)
+def test_intervals_of_95_percent_hold_as_often_as_they_say(two_port: pr.Spectrum, motor: pr.Motor, kind: str) -> None:
+    found = np.array([scores(two_port, motor, kind, seed) for seed in range(60)])
+    assert 0.90 <= np.mean(np.abs(found) < 1.96) <= 0.98
+    assert np.abs(found.mean(axis=0)).max() < 0.5
+
+
+def test_a_mode_that_is_stated_but_not_there_is_not_significant(two_port: pr.Spectrum) -> None:
+    rng = np.random.default_rng(5)
+    ports = {name: with_error(two_port.driven(name), "proportional", 3e-3, rng) for name in CONNECTIONS}
+    problem = _Problem(ports, 1.0, {"proportional": 3e-3})
+    fitted = problem.descend(problem.start(2, None, None))
+    assert problem.doubtful(fitted) is None
+    invented = problem.descend(np.concatenate([fitted, [0.0, 4.0, 1e-4, 1e-4]]))
+    assert problem.doubtful(invented) == len(fitted)
