@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 from rich.table import Table
@@ -97,6 +97,7 @@ def export(
     averaged: Annotated[
         bool, typer.Option("--averaged", help="Write the motor averaged over the drive's period (.lib, .va, .fmu).")
     ] = False,
+    dialect: Annotated[str, typer.Option(help="Dialect of the .lib: spice (ngspice, LTspice) or xyce.")] = "spice",
     changes: SetOption = None,
     as_json: JsonOption = False,
     output: OutputOption = None,
@@ -117,14 +118,16 @@ def export(
     from pyspice_runner.netlist.motor import motor_library
     from pyspice_runner.netlist.veriloga import motor_module
     from pyspice_runner.netlist.veriloga_averaged import averaged_module
+    from pyspice_runner.netlist.xyce import Dialect, check_dialect, in_dialect
 
     if is_circuit_file(source):
-        refuse_idle(context, "on the circuit of a fit", "contact", "sliders", "thermal", "averaged")
+        refuse_idle(context, "on the circuit of a fit", "contact", "sliders", "thermal", "averaged", "dialect")
         _export_circuit(source, changes, as_json, output, plot, name or "resonator")
         return
     check_contact(context, contact)
     of_averaged, of_full = (".lib", ".va", ".fmu"), (".lib", ".va", ".fmu", ".asy", ".kicad_sym", ".s2p", ".toml")
     check_targets(output, of_averaged if averaged else of_full, plot, [source])
+    check_dialect(dialect, output)
     loaded = load_changed(source, changes)
     drift = Thermal.of(loaded) if thermal else None
     if output is not None and output.suffix == ".fmu":
@@ -141,8 +144,12 @@ def export(
 
     def save(path: Path) -> None:
         with busy("writing"):
-            pr.export_motor(loaded, path, contact=contact, sliders=sliders, name=name, thermal=drift, averaged=averaged)
+            pr.export_motor(
+                loaded, path, contact=contact, sliders=sliders, name=name, thermal=drift, averaged=averaged,
+                dialect=cast(Dialect, dialect),
+            )  # fmt: skip
 
+    text = in_dialect(text, dialect)
     document = {"motor": loaded.name, "library": text}
     deliver(
         document, "" if output else text, as_json,

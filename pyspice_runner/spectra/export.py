@@ -35,6 +35,7 @@ from pyspice_runner.netlist.symbols import (
 )
 from pyspice_runner.netlist.veriloga import motor_module
 from pyspice_runner.netlist.veriloga_averaged import averaged_module
+from pyspice_runner.netlist.xyce import Dialect, check_dialect, in_dialect
 from pyspice_runner.spectra.touchstone import touchstone
 
 Writer = Callable[[Path], object]
@@ -80,6 +81,7 @@ def export_motor(
     name: str = "",
     thermal: Thermal | None = None,
     averaged: bool = False,
+    dialect: Dialect = "spice",
 ) -> Path:
     """Write a motor, by the ending of the file.
 
@@ -98,17 +100,19 @@ def export_motor(
         thermal: drift with temperature, for the pins ``temperature`` and ``heat`` (``piezomotor_thermal`` by default).
         averaged: whether to write the averaged motor, ``.subckt`` or ``module piezomotor_averaged``, as a ``.lib`` or
             ``.va``; a ``.fmu`` always contains it.
+        dialect: ``"spice"`` writes the ``.lib`` for ngspice and LTspice, ``"xyce"`` for Xyce.
 
     Raises:
         ParameterError: for another ending, a place that cannot be written, or a name that is not possible.
         SimulationError: if ngspice fails to compute the two-port, or there is no C compiler for a ``.fmu``.
     """
+    check_dialect(dialect, path)
     if averaged or Path(path).suffix == ".fmu":
         check_averaged(contact)
         return save_by_ending(
             path,
             {
-                ".lib": _text(lambda _: averaged_library(motor, name=name, thermal=thermal)),
+                ".lib": _text(lambda _: in_dialect(averaged_library(motor, name=name, thermal=thermal), dialect)),
                 ".va": _text(lambda _: averaged_module(motor, name=name, thermal=thermal)),
                 ".fmu": lambda file: _write_fmu(fmu_texts(motor, name=name, thermal=thermal), file),
             },
@@ -116,10 +120,14 @@ def export_motor(
     title = f"standing-wave piezomotor {motor.name}"
     subcircuit = check_name(name) if name else (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT)
     pins = MOTOR_PINS + (THERMAL_PINS if thermal else ())
+
+    def library() -> str:
+        return motor_library(motor, contact=contact, sliders=sliders, name=name, thermal=thermal)
+
     return save_by_ending(
         path,
         {
-            ".lib": _text(lambda _: motor_library(motor, contact=contact, sliders=sliders, name=name, thermal=thermal)),
+            ".lib": _text(lambda _: in_dialect(library(), dialect)),
             ".va": _text(lambda _: motor_module(motor, contact=contact, sliders=sliders, name=name, thermal=thermal)),
             ".asy": _text(lambda file: ltspice_symbol(subcircuit, pins, library_name(file), title)),
             ".kicad_sym": _text(lambda file: kicad_symbol(subcircuit, pins, library_name(file), title)),
