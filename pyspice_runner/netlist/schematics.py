@@ -23,6 +23,7 @@ MOTOR = "bimodal40"
 NAME = "motor"  # name of all files, by which they refer to each other
 SOURCES = ("V1", "V2")  # of groups A and B; the names in KiCad must end in a number
 STEP, STOP = "100n", "5m"
+SWEEP = ".ac lin 1001 30k 50k"  # the admittance around both modes, with the tip on the rotor
 _ROOT = uuid.uuid5(uuid.NAMESPACE_URL, "pyspice-runner/examples/kicad")
 _FONT = "(effects (font (size 1.27 1.27))"
 
@@ -37,11 +38,16 @@ def example_texts() -> dict[str, str]:
     symbol = kicad_symbol(SUBCIRCUIT, MOTOR_PINS, f"{NAME}.lib", title)
     symbols = f"{symbol.rstrip().removesuffix(')').rstrip()}\n{_SOURCE}\n)\n"  # the library of the project
     table = f'(lib (name "{NAME}")(type "KiCad")(uri "${{KIPRJMOD}}/{NAME}.kicad_sym")(options "")(descr ""))'
-    project = {"meta": {"filename": f"{NAME}.kicad_pro", "version": 1}, "sheets": [[str(_ROOT), ""]]}
+    project = {
+        "meta": {"filename": f"{NAME}.kicad_pro", "version": 1},
+        "schematic": {"ngspice": {"workbook_filename": f"{NAME}.wbk"}},
+        "sheets": [[str(_ROOT), ""]],
+    }
     return {
         f"kicad/{NAME}.kicad_pro": json.dumps(project, indent=2) + "\n",
         f"kicad/{NAME}.kicad_sch": kicad_schematic(motor, symbol),
         f"kicad/{NAME}.kicad_sym": symbols,
+        f"kicad/{NAME}.wbk": json.dumps(_workbook(), indent=2) + "\n",
         "kicad/sym-lib-table": f"(sym_lib_table\n  (version 7)\n  {table}\n)\n",
         f"kicad/{NAME}.lib": library,
         f"ltspice/{NAME}_example.asc": ltspice_schematic(motor),
@@ -59,6 +65,22 @@ def write_examples(folder: Path) -> list[Path]:
         path.write_text(text, encoding="utf-8", newline="\n")
         paths.append(path)
     return paths
+
+
+def _workbook() -> dict[str, object]:
+    """Return KiCad's simulation workbook: a tab for the transient and one for the admittance."""
+    tabs = [
+        {
+            "analysis": analysis, "commands": [command, ".kicad adjustpaths", ".save all", ".probe alli"], "traces": [],
+            "measurements": [], "dottedSecondary": True, "showGrid": True,
+        }
+        for analysis, command in (("TRAN", _transient()), ("AC", SWEEP))
+    ]  # fmt: skip
+    return {"version": 6, "tabs": tabs, "user_defined_signals": [], "last_sch_text_sim_command": _transient()}
+
+
+def _transient() -> str:
+    return f".tran {STEP} {STOP} 0 {STEP} uic"
 
 
 def _tones(motor: Motor) -> list[tuple[str, Tone]]:
@@ -111,7 +133,9 @@ def kicad_schematic(motor: Motor, symbol: str) -> str:
         f'  (global_label "0" (shape input) (at 88.9 99.06 180) {_FONT} (justify right)) (uuid {_id("ground")}))'
     )
     parts.append(f"  (no_connect (at 147.32 76.2) (uuid {_id('open shaft')}))")
-    notes = (f".tran {STEP} {STOP} 0 {STEP} uic", f"V(/shaft): 1 V is 1 rad/s. {TESTED}.")
+    notes = (
+        _transient(), SWEEP, "V(/shaft): 1 V is 1 rad/s. -I(V1) in .ac: admittance of group A, B at 0 V.", f"{TESTED}.",
+    )  # fmt: skip
     for number, note in enumerate(notes):
         parts.append(
             f'  (text "{note}" (at 88.9 {111.76 + 5.08 * number:g} 0) {_FONT} (justify left bottom)) '
@@ -122,6 +146,7 @@ def kicad_schematic(motor: Motor, symbol: str) -> str:
     parts.append(_placed(f"{NAME}:{SUBCIRCUIT}", "X1", SUBCIRCUIT, (127.0, 76.2), fields, len(MOTOR_PINS)))
     for number, (name, tone) in enumerate(_tones(motor)):
         waveform = f"dc=0 ampl={tone.amplitude:g} f={tone.frequency:.6g} td=0 theta=0 phase={degrees(tone.phase):.6g}"
+        waveform += " ac=1 ph=0" if number == 0 else ""
         fields = {"Sim.Device": "V", "Sim.Type": "SIN", "Sim.Params": waveform, "Sim.Pins": "1=+ 2=-"}
         parts.append(_placed(f"{NAME}:VSIN", name, "VSIN", (88.9 + 12.7 * number, 88.9), fields, 2))
     parts.append('  (sheet_instances (path "/" (page "1")))\n)')

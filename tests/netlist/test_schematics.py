@@ -6,6 +6,7 @@ The drawings are tested by parsers and by geometry; ``make kicad`` runs the last
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -141,6 +142,15 @@ def test_the_files_of_the_project_find_each_other() -> None:
     assert '"Sim.Library" "motor.lib"' in (folder / "motor.kicad_sch").read_text(encoding="utf-8")
     assert "SYMATTR ModelFile motor.lib" in (EXAMPLES / "ltspice" / "motor.asy").read_text(encoding="utf-8")
     assert {path.name for path in folder.iterdir()} >= {"motor.lib", "motor.kicad_sym", "motor.kicad_pro"}
+
+
+def test_the_workbook_of_kicad_has_a_tab_for_each_analysis_on_the_sheet() -> None:
+    folder = EXAMPLES / "kicad"
+    project = json.loads((folder / "motor.kicad_pro").read_text(encoding="utf-8"))
+    workbook = json.loads((folder / project["schematic"]["ngspice"]["workbook_filename"]).read_text(encoding="utf-8"))
+    _, directives = from_kicad(folder)
+    assert [tab["commands"][0] for tab in workbook["tabs"]] == directives
+    assert [tab["analysis"] for tab in workbook["tabs"]] == ["TRAN", "AC"]
 
 
 def test_the_module_writes_them(tmp_path: Path) -> None:

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The KiCad example in KiCad 9: it opens, passes the electrical rules check, and its netlist runs. ``make kicad``."""
+"""The KiCad example in KiCad 9: it opens, passes the electrical rules check, and its netlist runs. ``make kicad``.
+
+``python -m tests.tools.kicad`` draws the schematic again for the page that shows it.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import json
 import re
 import shutil
 import subprocess
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +21,8 @@ from pyspice_runner.engine.ngspice import find_ngspice
 
 ROOT = Path(__file__).parents[2]
 KICAD = ROOT / ".tools" / "kicad" / "bin" / "kicad-cli"
+PICTURE = ROOT / "docs" / "pictures" / "kicad.svg"
+CUT = (80, 66, 88, 66)  # mm on the sheet: left, top, width, height
 
 
 @pytest.fixture(scope="module")
@@ -40,20 +46,64 @@ def test_the_electrical_rules_check_finds_nothing(project: Path) -> None:
     assert [found for sheet in report["sheets"] for found in sheet["violations"]] == []
 
 
-def test_the_exported_netlist_runs_as_simulate_does(project: Path) -> None:
+def picture(project: Path) -> str:
+    """Return the drawing as KiCad exports it, cut to what is on the sheet, and without the date."""
+    kicad(project, "export", "svg", "--exclude-drawing-sheet", "--output", "drawn", "motor.kicad_sch")
+    text = re.sub(r"<title>.*?</title>\n", "", (project / "drawn" / "motor.svg").read_text(encoding="utf-8"))
+    x, y, width, height = CUT
+    size = f'width="{width}mm" height="{height}mm" viewBox="{x} {y} {width} {height}"'
+    return re.sub(r'width="\S+mm" height="\S+mm" viewBox="[^"]+"', size, text, count=1)
+
+
+def test_the_picture_in_the_documentation_is_that_of_the_schematic(project: Path) -> None:
+    assert PICTURE.read_text(encoding="utf-8") == picture(project), "run: python -m tests.tools.kicad"
+
+
+@pytest.fixture(scope="module")
+def netlist(project: Path) -> list[str]:
+    """Return the lines of the netlist that KiCad exports, without its end."""
     said = kicad(project, "export", "netlist", "--format", "spice", "--output", "motor.cir", "motor.kicad_sch")
     assert "annotation" not in said
-    deck = (project / "motor.cir").read_text(encoding="utf-8")
-    deck = deck.replace(" 5m ", " 500u ", 1)  # shorter; it does not change what is drawn
-    deck = deck.replace(".end\n", "") if deck.endswith(".end\n") else deck.removesuffix(".end")
-    (project / "short.cir").write_text(f"{deck}\n.measure tran speed_end FIND v(/shaft) AT=499u\n.end\n")
+    lines = (project / "motor.cir").read_text(encoding="utf-8").splitlines()
+    assert [line.split()[0] for line in lines if line.startswith((".tran", ".ac"))] == [".tran", ".ac"]
+    return [line for line in lines if line != ".end"]
+
+
+def ngspice(project: Path, lines: list[str]) -> str:
+    (project / "deck.cir").write_text("\n".join([*lines, ".end", ""]), encoding="utf-8")
     done = subprocess.run(
-        [find_ngspice(), "-b", "short.cir"], cwd=project, capture_output=True, text=True, timeout=120, check=False
+        [find_ngspice(), "-b", "deck.cir"], cwd=project, capture_output=True, text=True, timeout=120, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    speed = float(re.findall(r"speed_end\s*=\s*(\S+)", done.stdout)[0])
+    return done.stdout
+
+
+def test_the_transient_of_the_exported_netlist_is_that_of_simulate(project: Path, netlist: list[str]) -> None:
+    lines = [line.replace(" 5m ", " 500u ") for line in netlist if not line.startswith(".ac")]  # shorter
+    said = ngspice(project, [*lines, ".measure tran speed_end FIND v(/shaft) AT=499u"])
+    speed = float(re.findall(r"speed_end\s*=\s*(\S+)", said)[0])
     motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)
     run = pr.simulate(motor, drive, duration=0.5e-3)
     # at 100 ns a mode without the exact resonance resonates 9e-5 low: at Q = 59 this changes the motion by 1 %
     assert speed == pytest.approx(float(np.interp(499e-6, run.time_s, run.rotor_speed_rad_s)), rel=0.02)
+
+
+def test_the_ac_analysis_of_the_exported_netlist_is_the_admittance_of_the_preloaded_stator(
+    project: Path, netlist: list[str]
+) -> None:
+    """Group B is short-circuited for small signals; 1e-6 for the digits that ngspice writes."""
+    lines = [line for line in netlist if not line.startswith(".tran")]
+    ngspice(project, [*lines, ".control", "run", "wrdata ac.txt real(i(v1)) imag(i(v1))", "quit 0", ".endc"])
+    frequency, real, _, imaginary = np.loadtxt(project / "ac.txt").T
+    expected = pr.admittance(
+        pr.load_motor("bimodal40"), start=30e3, stop=50e3, points=len(frequency), state="preloaded"
+    )
+    assert frequency == pytest.approx(expected.frequency_hz)
+    own = expected.matrix_s[:, 0, 0]
+    assert np.abs(-real - 1j * imaginary - own).max() < 1e-6 * np.abs(own).max()
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        PICTURE.write_text(picture(Path(shutil.copytree(ROOT / "examples" / "kicad", Path(folder) / "project"))))
