@@ -13,6 +13,7 @@ import pyspice_runner as pr
 from pyspice_runner.analysis.averaged import AveragedRun, simulate_averaged
 from pyspice_runner.analysis.speed_torque import operating_point
 from tests.netlist.batch import measured
+from tests.runs import simulated
 
 FAST = pr.TwoPhaseDrive(voltage=300.0, frequency=54e3, phase_deg=90.0)
 
@@ -30,7 +31,7 @@ def spin_up(motor: pr.Motor) -> AveragedRun:
 @pytest.mark.xdist_group("averaged")
 def test_spin_up_is_that_of_the_full_motor(motor: pr.Motor, spin_up: AveragedRun) -> None:
     """3 % of the speed reached, RMS; the speed of the full motor is averaged over each period."""
-    full = pr.simulate(motor, FAST, duration=4e-3)
+    full = simulated(motor, FAST, duration=4e-3)
     edges = np.arange(0.0, 4e-3, FAST.period)
     angle = np.concatenate(([0.0], np.cumsum(np.diff(full.time_s) * full.rotor_speed_rad_s[1:])))
     mean = np.diff(np.interp(edges, full.time_s, angle)) / FAST.period

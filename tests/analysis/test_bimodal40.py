@@ -12,6 +12,7 @@ import pyspice_runner as pr
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.contact import linearised_resonances
 from tests.reference.integrator import Tone, integrate
+from tests.runs import simulated
 
 pytestmark = pytest.mark.xdist_group("bimodal40")
 
@@ -49,7 +50,7 @@ def test_its_field_and_the_stress_of_its_ceramic_stay_within_their_limits() -> N
     assert isinstance(DRIVE, pr.TwoPhaseDrive)
     assert DRIVE.voltage / sqrt(2.0) / plate.thickness_m < 80e3  # V/m
     resonator = solve_resonator(structure.beam, structure.patches, structure.tip)
-    run = pr.simulate(MOTOR, DRIVE, duration=10e-3, speed=0.2 / MOTOR.rotor.radius_m)
+    run = simulated(MOTOR, DRIVE, duration=10e-3, speed=0.2 / MOTOR.rotor.radius_m)
     late = run.window()
     # both modes at once: tip over tip motion is the modal coordinate
     reach = [
@@ -72,7 +73,7 @@ def test_it_agrees_with_the_reference_integrator(speed: float) -> None:
     assert isinstance(DRIVE, pr.TwoPhaseDrive)
     motor = MOTOR.updated({"contact.restitution": 1.0})  # which the reference has none of
     duration = 6e-3
-    run = pr.simulate(motor, DRIVE, duration=duration, speed=speed)
+    run = simulated(motor, DRIVE, duration=duration, speed=speed)
     exact = integrate(
         motor.to_dict(),
         [Tone(DRIVE.voltage, DRIVE.frequency)],

@@ -20,6 +20,7 @@ from pyspice_runner.netlist.motor import motor_library
 from pyspice_runner.run.waveforms import Waveforms
 from tests.netlist.batch import measured
 from tests.reference.row import Array, run_motor
+from tests.runs import simulated
 
 pytestmark = pytest.mark.xdist_group("impact")
 
@@ -43,7 +44,7 @@ def exact(name: str) -> dict[str, Array]:
 
 @cache
 def ours(name: str, law: ContactLaw, sliders: int = 8) -> Waveforms:
-    return pr.simulate(MOTOR, DRIVES[name], duration=DURATION, contact=law, sliders=sliders)
+    return simulated(MOTOR, DRIVES[name], duration=DURATION, contact=law, sliders=sliders)
 
 
 def path_error(name: str, law: ContactLaw, sliders: int = 8) -> float:
@@ -88,7 +89,7 @@ def test_energy_balances_by_every_law_also_with_loss_in_impacts(law: ContactLaw)
     assert run.energy_residual < 1e-4
     assert run.energy.contact_damping == pytest.approx(0.0, abs=1e-6 * run.energy.electrical)
     lossy = MOTOR.updated({"contact.restitution": 0.7})
-    damped = pr.simulate(lossy, DRIVES["hammers"], duration=DURATION, contact=law)
+    damped = simulated(lossy, DRIVES["hammers"], duration=DURATION, contact=law)
     assert damped.energy_residual < 1e-4
     assert damped.energy.contact_damping > 0.05 * damped.energy.electrical
 

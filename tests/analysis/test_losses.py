@@ -16,6 +16,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.contact import normal_stiffness_at_preload, static_penetration
 from pyspice_runner.run.waveforms import Waveforms
 from tests.reference.integrator import ReferenceRun, Tone, integrate
+from tests.runs import simulated
 
 pytestmark = pytest.mark.xdist_group("losses")
 
@@ -64,7 +65,7 @@ def pair(name: str) -> tuple[Waveforms, ReferenceRun]:
         motor.to_dict(), tones[0], tones[1], duration=DURATION, output_step=2e-7,
         statistics_from=DURATION - 20 * point.drive.period, **point.load,
     )  # fmt: skip
-    return pr.simulate(motor, point.drive, duration=DURATION, **point.load), exact
+    return simulated(motor, point.drive, duration=DURATION, **point.load), exact
 
 
 @pytest.mark.parametrize("name", POINTS)
@@ -113,7 +114,7 @@ def test_a_compliance_in_series_leaves_the_preload_and_softens_the_contact() -> 
     assert normal_stiffness_at_preload(contact) == pytest.approx(1.0 / (1.0 / alone + COMPLIANCE), rel=1e-14)
     rest = pr.simulate(motor, two_phase(0.0, 51.7e3), duration=2e-4)
     np.testing.assert_allclose(rest.normal_force_n, contact.preload_n, rtol=1e-6)
-    run = pr.simulate(motor, two_phase(100.0, 17e3), duration=2e-3)
+    run = simulated(motor, two_phase(100.0, 17e3), duration=2e-3)
     assert run.state_fractions["separated"] > 0.1
     depth = np.cbrt((run.normal_force_n / contact.normal_stiffness_n_per_m15) ** 2)
     bending = contact.preload_n / motor.modes[0].stiffness_n_per_m

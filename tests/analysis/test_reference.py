@@ -17,6 +17,7 @@ from pyspice_runner.netlist.sources import PAPER_LAW, DriveSource
 from pyspice_runner.run.steps import shortest_period
 from pyspice_runner.run.waveforms import Waveforms
 from tests.reference.integrator import ReferenceRun, Tone, integrate
+from tests.runs import simulated
 from tests.selection import mostly
 
 # one worker keeps all of these tests, which share reference runs
@@ -132,12 +133,12 @@ def averaged(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> float:
 
 
 @cache
-def ours(name: str, points_per_period: int | None = None, exact_resonance: bool = True) -> Waveforms:
+def ours(name: str, points_per_period: int | None = None) -> Waveforms:
     point = POINTS[name]
-    settings: dict[str, Any] = {"exact_resonance": exact_resonance}
-    if points_per_period is not None:
-        settings["step"] = shortest_period(point.motor, DriveSource(point.drive), PAPER_LAW) / points_per_period
-    return pr.simulate(point.motor, point.drive, duration=DURATION, **point.load, **settings)
+    if points_per_period is None:
+        return simulated(point.motor, point.drive, duration=DURATION, **point.load)
+    step = shortest_period(point.motor, DriveSource(point.drive), PAPER_LAW) / points_per_period
+    return pr.simulate(point.motor, point.drive, duration=DURATION, step=step, **point.load)
 
 
 def rms(signal: np.ndarray) -> float:

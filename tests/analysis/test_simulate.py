@@ -13,6 +13,7 @@ import xarray
 import pyspice_runner as pr
 from pyspice_runner.run.waveforms import COLUMNS, Waveforms
 from tests.motors import motor as asymmetric
+from tests.runs import simulated
 
 DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
 
@@ -77,7 +78,7 @@ def test_a_contact_of_micronewtons_with_little_friction_is_not_lost_in_the_toler
 
 
 def test_a_free_tip_rings_at_the_closed_form_amplitude(motor: pr.Motor) -> None:
-    run = pr.simulate(motor, DRIVE, duration=6e-3, contact=None)
+    run = simulated(motor, DRIVE, duration=6e-3, contact=None)
     omega = 2 * np.pi * DRIVE.frequency
     voltages = np.array([50.0, 50.0j])
     x = sum(
@@ -97,7 +98,7 @@ def test_a_free_tip_rings_at_the_closed_form_amplitude(motor: pr.Motor) -> None:
 
 def test_reversing_the_phase_reverses_the_rotor(motor: pr.Motor) -> None:
     forward, backward = (
-        pr.simulate(motor, pr.TwoPhaseDrive(voltage=100.0, frequency=51.7e3, phase_deg=phase), duration=3e-3)
+        simulated(motor, pr.TwoPhaseDrive(voltage=100.0, frequency=51.7e3, phase_deg=phase), duration=3e-3)
         for phase in (90.0, -90.0)
     )
     assert forward.mean_rotor_speed_rad_s > 0.1

@@ -11,6 +11,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.run.waveforms import Waveforms
+from tests.runs import simulated
 
 MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
 DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
@@ -62,8 +63,8 @@ def test_a_warming_motor_drifts_and_its_energy_still_balances() -> None:
     # a hundred thousandth of the heat capacity: 1 ms stands for 100 s
     thermal = pr.Thermal(heat_capacity_j_per_k=2.1e-5)
     drive = pr.TwoPhaseDrive(voltage=20.0, frequency=51.7e3, phase_deg=180.0)
-    cold = pr.simulate(MOTOR, drive, duration=3e-3, contact=None)
-    warm = pr.simulate(MOTOR, drive, duration=3e-3, contact=None, thermal=thermal)
+    cold = simulated(MOTOR, drive, duration=3e-3, contact=None)
+    warm = simulated(MOTOR, drive, duration=3e-3, contact=None, thermal=thermal)
     assert "temperature_k" not in cold.recorded
     assert warm.temperature_k[-1] > 20.0
     assert warm.temperature_k[0] == 0.0
@@ -115,7 +116,7 @@ def test_speed_torque_behind_a_half_bridge() -> None:
 def test_a_loop_tracks_through_an_amplifier() -> None:
     tracker = pr.Tracker(kind="pll", voltage=50.0, ratio_b=2.0, frequency=54e3, offset=0.01)
     amplifier = pr.Driver(kind="linear", voltage=50.0, ratio_b=2.0, frequency=54e3)
-    straight, through = (pr.track(MOTOR, tracker, driver=one, duration=8e-3) for one in (None, amplifier))
+    straight, through = (pr.track(MOTOR, tracker, driver=one, duration=5e-3) for one in (None, amplifier))
     assert straight.locked
     assert through.locked
     assert through.end_frequency_hz == pytest.approx(straight.end_frequency_hz, rel=2e-3)

@@ -25,6 +25,7 @@ from pyspice_runner.model.dielectric import HIGH_HZ, LOW_HZ
 from pyspice_runner.model.motor import Structure
 from pyspice_runner.model.parameters import Patch
 from pyspice_runner.netlist.contact import REACH, SLIDERS
+from tests.runs import simulated
 
 PAGE = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs" / "limits.md").read_text(encoding="utf-8"))
 MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
@@ -224,7 +225,7 @@ def test_loss_of_partial_slip() -> None:
 
 def test_spring_gives_energy_back() -> None:
     drive = pr.TwoToneDrive(voltage_1=50.0, frequency_1=13.5e3, voltage_2=50.0, frequency_2=27e3)
-    run = pr.simulate(MOTOR, drive, duration=5e-3)
+    run = simulated(MOTOR, drive, duration=5e-3)
     force, u = run.friction_force_n, run.contact_displacement_m
     spring = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(u)))
     says(f"spring gives back {-1e6 * spring:.2f} µJ, slip takes {1e6 * (run.energy.friction - spring):.2f} µJ")
@@ -232,7 +233,7 @@ def test_spring_gives_energy_back() -> None:
 
 
 def test_tilt() -> None:
-    run = pr.simulate(MOTOR, WORKING, duration=5e-3)
+    run = simulated(MOTOR, WORKING, duration=5e-3)
     stroke = float(np.abs(run.tip_x_m[run.window()]).max())
     says(f"At the {1e6 * stroke:.1f} µm that it moves at 50 V")
     says(f"sink by {1e9 * stroke**2 / (2 * structure().tip.length_m):.1f} nm")
@@ -246,7 +247,7 @@ def test_tilt() -> None:
 def test_mean_normal_force() -> None:
     resonance = law.resonance_under_preload(CONTACT, MOTOR.modes[0])
     says(f"in phase at {resonance / 1e3:.1f} kHz and 20 V")
-    run = pr.simulate(MOTOR, pr.TwoPhaseDrive(voltage=20.0, frequency=17.9e3, phase_deg=0.0), duration=5e-3)
+    run = simulated(MOTOR, pr.TwoPhaseDrive(voltage=20.0, frequency=17.9e3, phase_deg=0.0), duration=5e-3)
     says(f"rises from {CONTACT.preload_n:g} N to {run.mean(run.normal_force_n):.1f} N")
 
 
@@ -267,7 +268,7 @@ def test_mean_normal_force_of_a_held_rotor() -> None:
     says(f"the stall torque is {1e3 * low['torque_n_m']:.1f} mN·m at the fixed distance")
     says(f"{1e3 * soft['torque_n_m']:.1f} mN·m with a mount", f"the mean force is {soft['normal_force_n']:.1f} N")
     drive = pr.TwoPhaseDrive(voltage=100.0, frequency=17e3, phase_deg=90.0)
-    run = pr.simulate(MOTOR.updated({"mount": None}), drive, duration=5e-3, speed=0.0, audit=False)
+    run = simulated(MOTOR.updated({"mount": None}), drive, duration=5e-3, speed=0.0, audit=False)
     says(f"it is {run.mean(run.normal_force_n):.1f} N at the end of 5 ms")
 
 

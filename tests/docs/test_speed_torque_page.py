@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import pyspice_runner as pr
+from tests.runs import simulated
 
 PAGE = (Path(__file__).parents[2] / "docs" / "speed_torque.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| (\d+) kHz \| [^|]+ \| (\S+) \| (\S+) \|$", PAGE, re.M)
@@ -17,7 +18,7 @@ MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
 
 def torque_m_n_m(frequency_hz: float, phase_deg: float) -> float:
     drive = pr.TwoPhaseDrive(voltage=100.0, frequency=frequency_hz, phase_deg=phase_deg)
-    return 1e3 * pr.simulate(MOTOR, drive, duration=5e-3, speed=0.0, audit=False).mean_torque_n_m
+    return 1e3 * simulated(MOTOR, drive, duration=5e-3, speed=0.0, audit=False).mean_torque_n_m
 
 
 @pytest.mark.slow

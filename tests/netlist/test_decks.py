@@ -23,6 +23,7 @@ from pyspice_runner.netlist.averaged_decks import averaged_library_text
 from pyspice_runner.netlist.decks import write_decks
 from pyspice_runner.netlist.library import data_path
 from tests.reference.row import throw as exact_throw
+from tests.runs import simulated
 
 AVERAGED = (
     "averaged_frequency_response",
@@ -134,7 +135,7 @@ def test_transient_decks_agree_with_simulate(
     name: str, motor: str, drive: pr.TwoPhaseDrive, duration: float, load: float, tmp_path: Path
 ) -> None:
     result = measured(name, tmp_path)
-    run = pr.simulate(pr.load_motor(motor), drive, duration=duration, load_torque=load)
+    run = simulated(pr.load_motor(motor), drive, duration=duration, load_torque=load)
     window = run.window()
     # the decks hold the physical modes; without the exact resonance their tip is off by up to 3 % at 100 ns
     assert result["tip_x_peak_to_peak_um"] == pytest.approx(1e6 * np.ptp(run.tip_x_m[window]), rel=0.03)
@@ -250,7 +251,7 @@ def test_dynamometer_deck_integrates_what_the_waveforms_of_simulate_hold(tmp_pat
     result = measured("dynamometer", tmp_path)
     motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)
-    run = pr.simulate(motor, drive, duration=360 * drive.period, speed=10.0)
+    run = simulated(motor, drive, duration=360 * drive.period, speed=10.0)
     # 80 periods against the last 20, still settling, and without the exact resonance
     means = {
         "torque_mean_n_m": run.mean_torque_n_m,

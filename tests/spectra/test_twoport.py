@@ -33,6 +33,11 @@ def two_port(motor: pr.Motor) -> pr.Spectrum:
     return pr.Spectrum.from_admittance(result.frequency_hz, result.matrix_s, source="stator.s2p")
 
 
+@pytest.fixture(scope="module")
+def fitted(two_port: pr.Spectrum) -> TwoPortFit:
+    return pr.fit_two_port(two_port)
+
+
 def noisy(spectrum: pr.Spectrum, seed: int, name: str) -> pr.Spectrum:
     error = np.random.default_rng(seed).standard_normal((2, len(spectrum))) * 0.01 / np.sqrt(2.0)
     y = spectrum.admittance_s * (1.0 + error[0] + 1j * error[1])
@@ -94,17 +99,14 @@ def test_one_ports_of_a_bench_do_as_well(motor: pr.Motor, two_port: pr.Spectrum,
 
 
 @pytest.mark.parametrize("kind", ["mass_kg", "velocity_per_current"])
-def test_a_calibrated_motor_is_the_one_measured(
-    motor: pr.Motor, two_port: pr.Spectrum, tmp_path: Path, kind: str
-) -> None:
-    fit = pr.fit_two_port(two_port)
+def test_a_calibrated_motor_is_the_one_measured(motor: pr.Motor, fitted: TwoPortFit, tmp_path: Path, kind: str) -> None:
     calibration = {
         "mass_kg": [mode.mass_kg for mode in motor.modes],
         # the tip moves with |tip| times the modal velocity, which takes θ times it in current
         "velocity_per_current": [np.hypot(mode.tip_x, mode.tip_y) / mode.coupling_a_n_per_v for mode in motor.modes],
     }[kind]
     tips = [(mode.tip_x, mode.tip_y) for mode in motor.modes]
-    path = fit.save(tmp_path / "motor.toml", **{kind: calibration}, tips=tips, name="again")
+    path = fitted.save(tmp_path / "motor.toml", **{kind: calibration}, tips=tips, name="again")
     again = pr.load_motor(path)
     for mode, expected in zip(again.modes, motor.modes, strict=True):
         for name in ("mass_kg", "damping_n_s_per_m", "stiffness_n_per_m", "coupling_a_n_per_v", "coupling_b_n_per_v"):
@@ -116,9 +118,8 @@ def test_a_calibrated_motor_is_the_one_measured(
     assert run.time_s[-1] == pytest.approx(1e-4)
 
 
-def test_one_calibration_stands_for_all_modes_and_says_so(two_port: pr.Spectrum) -> None:
-    fit = pr.fit_two_port(two_port)
-    made = fit.to_motor(velocity_per_current=2.0, connection="A+B")
+def test_one_calibration_stands_for_all_modes_and_says_so(fitted: TwoPortFit) -> None:
+    made = fitted.to_motor(velocity_per_current=2.0, connection="A+B")
     assert made.modes[0].mass_kg == made.modes[1].mass_kg
     assert made.modes[0].coupling_a_n_per_v + made.modes[0].coupling_b_n_per_v == pytest.approx(0.5)
     assert [(mode.tip_x, mode.tip_y) for mode in made.modes] == [(0.0, 1.0), (1.0, 0.0)]
@@ -132,8 +133,8 @@ def test_toml_gives_a_motor_back(motor: pr.Motor, tmp_path: Path) -> None:
     assert pr.load_motor(path).to_dict() == motor.to_dict()
 
 
-def test_json(two_port: pr.Spectrum, tmp_path: Path) -> None:
-    path = pr.fit_two_port(two_port).save(tmp_path / "fit.json")
+def test_json(fitted: TwoPortFit, tmp_path: Path) -> None:
+    path = fitted.save(tmp_path / "fit.json")
     document = json.loads(path.read_text(encoding="utf-8"))
     assert len(document["modes"]) == 2
     assert document["modes"][1]["coupling_b_n_per_v_kg05"] < 0.0
@@ -171,9 +172,9 @@ def test_what_does_not_tell_the_couplings_is_refused(two_port: pr.Spectrum) -> N
         ({"mass_kg": 1e-3, "name": "*"}, "name"),
     ],
 )
-def test_refused_calibrations(two_port: pr.Spectrum, arguments: dict[str, object], says: str) -> None:
+def test_refused_calibrations(fitted: TwoPortFit, arguments: dict[str, object], says: str) -> None:
     with pytest.raises(pr.ParameterError, match=says.replace("+", "\\+")):
-        pr.fit_two_port(two_port).to_motor(**arguments)  # type: ignore[arg-type]
+        fitted.to_motor(**arguments)  # type: ignore[arg-type]
 
 
 def test_a_mode_that_a_connection_does_not_drive_cannot_be_calibrated_by_it() -> None:

@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs whose error a test measures itself, or need not know."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pyspice_runner as pr
+from pyspice_runner.model.drive import Drive
+from pyspice_runner.netlist.contact import SLIDERS, law_of
+from pyspice_runner.netlist.sources import source_of
+from pyspice_runner.run.steps import time_step
+from pyspice_runner.run.waveforms import Waveforms
+
+
+def simulated(motor: pr.Motor, drive: Drive, **settings: Any) -> Waveforms:
+    """Simulate with the default step, which is stated, so that no two more runs estimate the error."""
+    law = law_of(settings.get("contact", "spring-slider"), settings.get("sliders", SLIDERS))
+    return pr.simulate(motor, drive, step=time_step(motor, source_of(drive, motor, law), law), **settings)
