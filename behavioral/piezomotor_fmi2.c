@@ -405,6 +405,10 @@ EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byt
     if (size != sizeof c->kept)
         return fail(c, "fmi2DeSerializeFMUstate: %zu bytes are not a state of this motor: it must be %zu.", size,
             sizeof c->kept);
+    struct kept kept;
+    memcpy(&kept, bytes, size);
+    if ((int)kept.phase < INSTANTIATED || kept.phase > FAILED)
+        return fail(c, "fmi2DeSerializeFMUstate: the bytes are not a state of this motor. Serialize it again.");
     if (!*state)
         *state = malloc(size);
     if (!*state)

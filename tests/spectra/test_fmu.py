@@ -6,6 +6,7 @@ from __future__ import annotations
 import ctypes
 import json
 import re
+import subprocess
 import threading
 import zipfile
 from collections.abc import Callable, Iterator
@@ -257,6 +258,7 @@ def test_a_state_that_was_kept_is_continued(unit: Unit) -> None:
         unit.fmu.freeFMUState(state)
 
 
+@pytest.mark.soak
 def test_a_quarter_of_the_internal_step_changes_the_speed_by_less_than_1e_5(motor: pr.Motor, tmp_path: Path) -> None:
     """The method is of second order, so that a quarter of the step shows 15/16 of the error."""
     for path, text in fmu_texts(motor).items():
@@ -346,3 +348,17 @@ def test_another_guid_is_an_error(unit: Unit, capsys: pytest.CaptureFixture[str]
     with pytest.raises(Exception, match="Failed to instantiate"):
         other.instantiate()
     assert "the guid is 0, it must be" in capsys.readouterr().out
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("seed", range(5))
+def test_no_order_of_calls_and_no_argument_ends_in_a_fault(seed: int, motor: pr.Motor, tmp_path: Path) -> None:
+    """100,000 random calls, with the sanitizers of the compiler for addresses and undefined behaviour."""
+    for path, text in fmu_texts(motor).items():
+        (tmp_path / Path(path).name).write_text(text, encoding="utf-8")
+    calls = Path(__file__).with_name("fmu_random_calls.c")
+    flags = ["-std=c11", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", f"-I{tmp_path}"]
+    subprocess.run(["gcc", *flags, calls, C_FILES[0], "-lm", "-o", "calls"], cwd=tmp_path, check=True)
+    done = subprocess.run([tmp_path / "calls", str(seed), "100000"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 10_000
