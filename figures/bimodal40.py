@@ -23,7 +23,8 @@ def draw(folder: Path) -> list[str]:
     voltages = [round(part * drive.voltage) for part in ((1.0,) if draft() else (0.5, 0.75, 1.0))]
     family = pr.speed_torque(motor, drive, speeds=speeds, over={"drive.voltage": voltages}, audit=False)
     preloads = np.array([3.0, 5.0, 6.5, 8.0, 10.0, 12.0])[:: 3 if draft() else 1]
-    pressed = pr.speed_torque(motor, drive, speeds=[0.0, 16.0] if draft() else [0.0, 8.0, 16.0], over={"contact.preload_n": preloads}, audit=False)
+    few = [0.0, 16.0] if draft() else [0.0, 8.0, 16.0]
+    pressed = pr.speed_torque(motor, drive, speeds=few, over={"contact.preload_n": preloads}, audit=False)
     weak = np.linspace(0.5, 1.0, 2) * drive.voltage if draft() else np.linspace(0.1, 1.0, 10) * drive.voltage
     dead = pr.speed_torque(motor, drive, speeds=[0.0], over={"drive.voltage": weak}, audit=False)
     rim = 1e3 * radius * speeds
