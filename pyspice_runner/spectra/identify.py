@@ -69,7 +69,9 @@ _COUPLED = 1e-4  # relative fall of the sum of squares at which a descent with c
 _STEP = 1e-6  # of central differences of functions that are smooth over 1
 _RIDGE = 1e-4  # of the sum of squares, for couplings as large as the arms' own losses
 _FLAT = 1e-12  # share of the greatest eigenvalue below which a direction changes nothing
-_TIE = 10.0  # of the criterion; a greater difference is very strong evidence (Kass and Raftery, doi:10.2307/2291091)
+# of the criterion, twice what is very strong evidence (Kass and Raftery, doi:10.2307/2291091): one in 60 spectra
+# exceeds 10 by noise
+_TIE = 20.0
 _FINEST = 1e-5  # relative residual below which nothing is left to be found
 _MISFIT = 1e-3  # relative residual above which damping may be coupled; analysers are accurate to half of it at best
 _EXACT = 1e-24  # sum of squares of a fit that nothing can improve
@@ -474,8 +476,8 @@ class Problem:
         """
 
         def score(rival: Solution) -> float:
-            both = 2 not in rival.held and not set(LEADS) & set(rival.held)
-            return self.criterion(rival, points) + (_TIE if both else 0.0)
+            led = not set(LEADS) & set(rival.held)
+            return self.criterion(rival, points) + _TIE * (led + (led and 2 not in rival.held))
 
         def variants(losses: Sequence[tuple[int, ...]], places: tuple[int, ...]) -> list[Solution]:
             found = []
@@ -642,9 +644,14 @@ class Problem:
         return covariance
 
     def free(self, solution: Solution) -> NDArray[np.bool_]:
-        """Tell which parameters are inside their range."""
+        """Tell which parameters are not known: those inside their range, and leads that are looked for.
+
+        Leads that came out as zero may as well be greater by their error, and the arms' values with them.
+        """
         least, greatest = self.bounds(solution)
-        return (solution.parameters > least) & (solution.parameters < greatest)
+        free = (solution.parameters > least) & (solution.parameters < greatest)
+        free[[place for place in LEADS if place not in solution.held]] = True
+        return free
 
     def resonances(self, solution: Solution) -> list[int]:
         """Return the arms that resonate in the band."""

@@ -143,6 +143,21 @@ def test_a_device_that_no_circuit_follows_has_wider_errors_and_is_told() -> None
     assert abs(arm.resistance_ohm - circuit.arms[0].resistance_ohm) < 4.0 * arm.standard_errors["resistance_ohm"]
 
 
+def test_the_last_digit_of_a_display_is_found_as_an_error_in_z_and_makes_no_arm() -> None:
+    circuit = resonator([20e3], [200.0], [0.03], loss_tangent=0.005, reference=np.sqrt(15e3 * 25e3))
+    frequency = np.linspace(15e3, 25e3, 401)
+    z = 1.0 / circuit.admittance(frequency)
+    step = 0.01 * np.abs(z).min()
+    shown = step * (np.round(z.real / step) + 1j * np.round(z.imag / step))
+    fit = fitted(pr.Spectrum.from_impedance(frequency, shown))
+    (arm,) = fit.arms
+    # both parts of Z are rounded, each with a deviation of step/√12; of 401 points 4 % is its own deviation
+    assert fit.noise == {"z": pytest.approx(step / np.sqrt(6.0), rel=0.15)}
+    for name, error in arm.standard_errors.items():
+        assert error is not None
+        assert abs(getattr(arm, name) - getattr(circuit.arms[0], name)) < 4.0 * error
+
+
 # --- what the sheet says ---
 
 

@@ -26,6 +26,7 @@ def test_the_recorded_fits_of_sixty_spectra_of_each_class_are_within_the_limits(
     for kind, found in recorded.items():
         assert found["trials"] == truths.TRIALS
         judge(kind, found)
+    assert truths.table(recorded) in truths.PAGE.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("kind", truths.CLASSES)
