@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import subprocess
@@ -15,6 +16,14 @@ from pyspice_runner.cli import run
 
 ROOT = Path(__file__).parents[2]
 PAGES = [path for path in sorted((ROOT / "docs").glob("*.md")) if path.stem != "own_motor"]  # which has its own test
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An empty folder, and a store of sweeps for all tests: the Python of a page may sweep as its command did."""
+    base = tmp_path_factory.getbasetemp()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "cache"))
 
 
 def commands(page: Path) -> list[str]:
@@ -30,9 +39,7 @@ def snippets(page: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.stem)
-def test_commands(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+def test_commands(page: Path, tmp_path: Path) -> None:
     for command in commands(page):
         words = shlex.split(command)[1:]
         assert run(words) == 0, command
@@ -51,12 +58,8 @@ def test_commands(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if snippets(page)], ids=lambda page: page.stem)
-def test_python(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_python(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """In this process, since an interpreter that begins anew loads the libraries for a second each time."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     for number, snippet in enumerate(snippets(page)):
         with warnings.catch_warnings():
             warnings.simplefilter("error")

@@ -596,7 +596,7 @@ def loads_or_refuses(text: str, folder: Path) -> None:
     assert sentence is None or reads_well(sentence), sentence
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_damaged_document_loads_or_is_rejected(data: st.DataObject, tmp_path: Path) -> None:
     document: Document = copy.deepcopy(data.draw(st.sampled_from([MODES, MODES, ARMS, BEAM])))
