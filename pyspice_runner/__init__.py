@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from pyspice_runner.spectra.fit import fit_spectrum
     from pyspice_runner.spectra.readers import read_spectrum
     from pyspice_runner.spectra.spectrum import Spectrum
+    from pyspice_runner.spectra.together import fit_together
     from pyspice_runner.spectra.twoport import fit_two_port
     from pyspice_runner.study.sweep import Tolerance, sweep
     from pyspice_runner.view.report import report
@@ -67,6 +68,7 @@ _HOMES = {
     "drive_report": "analysis.drive",
     "export_motor": "spectra.export",
     "fit_spectrum": "spectra.fit",
+    "fit_together": "spectra.together",
     "fit_two_port": "spectra.twoport",
     "load_motor": "model.load",
     "motor_from": "analysis.motor_from",
@@ -103,6 +105,7 @@ __all__ = [
     "drive_report",
     "export_motor",
     "fit_spectrum",
+    "fit_together",
     "fit_two_port",
     "load_motor",
     "motor_from",

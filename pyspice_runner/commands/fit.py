@@ -97,6 +97,18 @@ ThroughOption = Annotated[
     typer.Option(help="One device between the ports of an .s2p: in series, or a shunt to ground. Told if not given."),
 ]
 TraceOption = Annotated[str | None, typer.Option(help="Which of several spectra in the file, such as memory.")]
+_SERIES = "Several spectra of one device"
+WithOption = Annotated[
+    list[Path] | None,
+    typer.Option("--with", help="Spectrum of the same device, fitted together. Repeatable.", rich_help_panel=_SERIES),
+]
+VoltagesOption = Annotated[
+    str | None,
+    typer.Option(help="Amplitudes at the device in V, of FILE and each --with: 1,5,20.", rich_help_panel=_SERIES),
+]
+TemperaturesOption = Annotated[
+    str | None, typer.Option(help="Temperatures in °C, of FILE and each --with: 20,40,60.", rich_help_panel=_SERIES)
+]
 _PANEL = "Both groups, towards a motor"
 TwoPortOption = Annotated[
     bool, typer.Option("--two-port", help="Fit both groups of a two-port together.", rich_help_panel=_PANEL)
@@ -206,6 +218,9 @@ def fit(
     through: ThroughOption = None,
     start: StartOption = 0.0,
     stop: StopOption = None,
+    series: WithOption = None,
+    voltages: VoltagesOption = None,
+    temperatures: TemperaturesOption = None,
     two_port: TwoPortOption = False,
     other: OtherOption = None,
     both: SumOption = None,
@@ -225,6 +240,8 @@ def fit(
     With --two-port, or --b and --sum or --difference, the couplings of every mode to both groups: writes .json, and
     with --mass-kg or --velocity-per-current a motor .toml.
 
+    With --with, and --voltages or --temperatures, one circuit for all spectra: writes .json.
+
     Example: piezomotor fit measured.csv --modes 2 --output stator.lib --plot fit.png
     """
     if two_port or other is not None or both is not None or difference is not None:
@@ -235,6 +252,17 @@ def fit(
         return
     if mass or velocity or tips:
         raise pr.ParameterError("--mass-kg, --velocity-per-current and --tip belong to --two-port or --b; add one.")
+    if series or voltages is not None or temperatures is not None:
+        if plot is not None:
+            raise pr.ParameterError("--plot draws one spectrum; leave out --with.")
+
+        def part(path: Path) -> pr.Spectrum:
+            spectrum = reader(columns, through, trace)(path)
+            spectrum = spectrum.driven(connection.value) if spectrum.ports == 2 else spectrum
+            return spectrum.between(start, inf if stop is None else stop)
+
+        _fit_together([file, *(series or ())], part, voltages, temperatures, modes, as_json, output)
+        return
     check_targets(output, (*CIRCUIT_ENDINGS, ".json", ".csv"), plot, [file, opened, short, load])
     known, error = leads_of(leads, no_leads), noise_of(noise)
     with busy("reading"):
@@ -337,6 +365,30 @@ def tips_of(tips: list[str] | None) -> list[tuple[float, float]] | None:
     if any(len(pair) != 2 for pair in pairs):
         raise pr.ParameterError(f"--tip {tips[0]!r} is not valid; write X,Y as 0,1, once for each mode.")
     return [(pair[0], pair[1]) for pair in pairs]
+
+
+def _fit_together(
+    files: list[Path],
+    part: Callable[[Path], pr.Spectrum],
+    voltages: str | None,
+    temperatures: str | None,
+    modes: int | None,
+    as_json: bool,
+    output: Path | None,
+) -> None:
+    check_targets(output, (".json",), None, files)
+    with busy("fitting"):
+        result = pr.fit_together(
+            [part(path) for path in files], modes=modes,
+            voltages=grid("--voltages", voltages) if voltages is not None else None,
+            temperatures=grid("--temperatures", temperatures) if temperatures is not None else None,
+        )  # fmt: skip
+    table = Table("", "", box=None, padding=(0, 1, 0, 0), show_header=False)
+    for name, value in result.summary().items():
+        table.add_row(name, value)
+    deliver(result.to_dict(), table, as_json, (output, result.save))
+    if not as_json:
+        _note(result.warnings)
 
 
 def _fit_two_port(

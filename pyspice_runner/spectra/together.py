@@ -1,0 +1,303 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+r"""Several spectra of one device fitted together: at drive levels, at temperatures, or both.
+
+One circuit describes all spectra. With the voltage U and the charge amplitude q = |Y_m| U / ω of a motional arm,
+
+.. math::
+    Y_m = \left[R\,(1 + \tfrac14 \kappa_q q^2) + j\omega L + \frac{1 - \tfrac34 \gamma_q q^2}{j\omega C}\right]^{-1},
+
+the fundamental of Duffing's oscillator (:mod:`pyspice_runner.model.duffing`), whose modal coordinate is r = q/θ: a mode
+with the coupling θ has the softening :math:`\gamma = \gamma_q\theta^2` and the growth of damping
+:math:`\kappa = \kappa_q\theta^2`. Where three amplitudes are possible, a sweep with rising frequency has the smallest.
+
+With temperature, the logarithms of frequency, coupling θ, clamped capacitance and quality factor change in proportion
+to it; the slopes of the first three are those of :class:`~pyspice_runner.model.thermal.Thermal`.
+
+The start is the fit of the spectrum with the lowest level, the weights are those of each spectrum's estimated error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from math import pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.errors import ParameterError, SpectrumError
+from pyspice_runner.model.equivalent import MotionalArm
+from pyspice_runner.model.refusal import checked
+from pyspice_runner.result import Result
+from pyspice_runner.spectra.fit import SpectrumFit, fit_spectrum
+from pyspice_runner.spectra.identify import independent_points
+from pyspice_runner.spectra.noise import estimate
+from pyspice_runner.spectra.spectrum import Spectrum
+from pyspice_runner.spectra.threads import one_thread
+
+_ARM = 5  # parameters of an arm: ln f, ln X, ln Q, and softening and growth at the greatest charge
+_DRIFTS = ("frequency_drift_per_k", "coupling_drift_per_k", "capacitance_drift_per_k", "quality_drift_per_k")
+_FINEST = 1e-8  # relative accuracy that no measurement exceeds
+_LARGEST = 0.5  # softening at the greatest charge, beyond which the law does not hold
+
+Vector = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class SoftArm:
+    """One motional arm at small amplitude, and how it changes with the charge amplitude.
+
+    Attributes:
+        resistance_ohm: R at small amplitude.
+        inductance_h: L.
+        capacitance_f: C at small amplitude.
+        softening_per_c2: γ_q.
+        damping_growth_per_c2: κ_q.
+        standard_errors: of the five values above.
+    """
+
+    resistance_ohm: float
+    inductance_h: float
+    capacitance_f: float
+    softening_per_c2: float
+    damping_growth_per_c2: float
+    standard_errors: dict[str, float]
+
+    def of_mode(self, coupling_n_per_v: float) -> dict[str, float]:
+        """Return ``softening_per_m2`` and ``damping_growth_per_m2`` of a mode with a coupling θ in N/V."""
+        square = coupling_n_per_v**2
+        return {
+            "softening_per_m2": self.softening_per_c2 * square,
+            "damping_growth_per_m2": self.damping_growth_per_c2 * square,
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TogetherFit(Result):
+    """Several spectra by one circuit.
+
+    Attributes:
+        arms: by rising frequency, at the first temperature.
+        clamped_capacitance_f: C₀ at the first temperature.
+        drifts: relative slopes per kelvin of frequency, coupling, clamped capacitance and quality factor; empty without
+            temperatures.
+        standard_errors: of the clamped capacitance and the drifts.
+        rms_relative_error: root mean square of the relative residual of each spectrum.
+        warnings: what to know before using the values.
+    """
+
+    arms: tuple[SoftArm, ...]
+    clamped_capacitance_f: float
+    drifts: dict[str, float]
+    standard_errors: dict[str, float]
+    rms_relative_error: tuple[float, ...]
+    warnings: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fit JSON-ready."""
+        return {**asdict(self), "rms_relative_error": list(self.rms_relative_error), "warnings": list(self.warnings)}
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """The warnings."""
+        return self.warnings
+
+    def summary(self) -> dict[str, str]:
+        """Return the errors, the drifts, and of each arm how it changes with the charge."""
+        found = {"RMS error": ", ".join(f"{100.0 * value:.3g} %" for value in self.rms_relative_error)}
+        for name, value in self.drifts.items():
+            found[name.replace("_", " ")] = f"{value:.4g} ± {self.standard_errors[name]:.2g}"
+        for number, arm in enumerate(self.arms, start=1):
+            for name in ("softening_per_c2", "damping_growth_per_c2"):
+                error = arm.standard_errors[name]
+                found[f"arm {number} {name.replace('_', ' ')}"] = f"{getattr(arm, name):.4g} ± {error:.2g}"
+        return found
+
+
+@checked
+@one_thread
+def fit_together(
+    spectra: Sequence[Spectrum],
+    *,
+    voltages: Sequence[float] | None = None,
+    temperatures: Sequence[float] | None = None,
+    modes: int | None = None,
+) -> TogetherFit:
+    """Fit several spectra of one device together. Leads are taken as compensated, frequencies as rising in the sweep.
+
+    Args:
+        spectra: one-ports of the same device.
+        voltages: amplitude at the device's terminals in V, one for each spectrum.
+        temperatures: in K or °C, one for each spectrum.
+        modes: number of motional arms; found if it is not given.
+
+    Raises:
+        ParameterError: without voltages and temperatures, or for values that do not belong to the spectra.
+        SpectrumError: if the spectrum with the lowest level cannot be fitted, or its arms share losses.
+    """
+    for name, values in (("voltages", voltages), ("temperatures", temperatures)):
+        if values is not None and len(values) != len(spectra):
+            raise ParameterError(f"{name} has {len(values)} values for {len(spectra)} spectra; give one for each.")
+    if voltages is not None and not all(0.0 < value < 1e6 for value in voltages):
+        raise ParameterError(f"voltages = {list(voltages)} is not valid: they must be numbers > 0 V.")
+    changing = [values for values in (voltages, temperatures) if values is not None]
+    if not changing or any(len(set(values)) < 2 for values in changing):
+        raise ParameterError("Give at least two spectra, with voltages or temperatures that differ.")
+    level = np.ones(len(spectra)) if voltages is None else np.array(voltages, dtype=float)
+    kelvin = np.zeros(len(spectra)) if temperatures is None else np.array(temperatures, dtype=float)
+    lowest = int(np.argmin(level))
+    start = fit_spectrum(spectra[lowest], modes, leads=False)
+    if start.circuit.shared_losses:
+        raise SpectrumError(
+            f"{start.source or 'The spectrum'} has arms that share losses; fit a part of the band with one resonance."
+        )
+    problem = _Problem(spectra, level, kelvin, start, lowest, (voltages is not None, temperatures is not None))
+    return problem.solved()
+
+
+class _Problem:
+    """The joint least-squares problem. Parameters: ln C₀, ln tan δ, four drifts, then ``_ARM`` of each arm."""
+
+    def __init__(
+        self,
+        spectra: Sequence[Spectrum],
+        level: Vector,
+        kelvin: Vector,
+        start: SpectrumFit,
+        lowest: int,
+        changing: tuple[bool, bool],
+    ) -> None:
+        self.spectra, self.level, self.kelvin, self.start = spectra, level, kelvin - kelvin[0], start
+        self.reference = self.kelvin[lowest]
+        self.frequency = np.array([arm.series_resonance_hz for arm in start.arms])
+        self.reactance = np.array([np.sqrt(arm.inductance_h / arm.capacitance_f) for arm in start.arms])
+        self.quality = np.array([arm.quality_factor for arm in start.arms])
+        # charge of each arm at its resonance and the greatest level: the unit of γ and κ
+        self.charge = level.max() * self.quality / (self.reactance * 2.0 * pi * self.frequency)
+        bare = replace(start.circuit, arms=())
+        self.clamped = [bare.device_admittance(spectrum.frequency_hz) for spectrum in spectra]
+        self.weights = []
+        for spectrum in spectra:
+            y = spectrum.admittance_s
+            self.weights.append(np.abs(y) / np.maximum(estimate(y).deviation(y), _FINEST * np.abs(y)))
+        levels, temperatures = changing
+        count = len(self.frequency)
+        free = [True, True, *[temperatures] * 4, *[True, True, True, levels, levels] * count]
+        self.free = np.array(free, dtype=bool)
+        self.levels, self.temperatures = levels, temperatures
+
+    def relative(self, parameters: Vector, number: int) -> Complexes:
+        """Return ln Y_model − ln Y of one spectrum."""
+        spectrum, kelvin = self.spectra[number], self.kelvin[number] - self.reference
+        size, loss, in_frequency, in_coupling, in_capacitance, in_quality = parameters[:6]
+        y = np.exp(size + in_capacitance * kelvin) * (
+            np.exp(loss) * self.clamped[number].real + 1j * self.clamped[number].imag
+        )
+        omega = 2.0 * pi * spectrum.frequency_hz
+        for k, (f, x, q, softening, growth) in enumerate(parameters[6:].reshape(-1, _ARM)):
+            natural = 2.0 * pi * self.frequency[k] * np.exp(f + in_frequency * kelvin)
+            reactance = self.reactance[k] * np.exp(x + (in_frequency - 2.0 * in_coupling) * kelvin)
+            quality = self.quality[k] * np.exp(q + in_quality * kelvin)
+            # in units of X and of the charge U/(X ω_n): detuning, damping, and their changes with the charge
+            ratio = omega / natural
+            unit = self.level[number] / (reactance * natural) / self.charge[k]
+            detuning, damping = 1.0 - ratio**2, ratio / quality
+            softer, growing = 0.75 * softening * unit**2, 0.25 * growth * unit**2
+            square = _amplitude_squared(detuning, damping, softer, growing)
+            impedance = damping * (1.0 + growing * square) - 1j * (detuning - softer * square)
+            y = y + ratio / (reactance * impedance)
+        return np.asarray(np.log(y / spectrum.admittance_s))
+
+    def residual(self, parameters: Vector) -> Vector:
+        """Return the weighted residuals of all spectra, real and imaginary parts side by side."""
+        parts = [self.weights[number] * self.relative(parameters, number) for number in range(len(self.spectra))]
+        return np.concatenate(parts).view(float)
+
+    def solved(self) -> TogetherFit:
+        """Descend and put the values into units."""
+        from scipy.optimize import least_squares  # takes long to load
+
+        point = np.zeros(6 + _ARM * len(self.frequency))
+        least, greatest = np.full(len(point), -np.inf), np.full(len(point), np.inf)
+        least[6 + 3 :: _ARM] = -_LARGEST
+        greatest[6 + 3 :: _ARM] = _LARGEST
+        free = self.free
+        scale = np.ones(len(point))
+        scale[6::_ARM] = 0.1 / self.quality
+        scale[2:6] = 1e-2 / max(float(np.abs(self.kelvin).max()), 1.0)
+
+        def residual(part: Vector) -> Vector:
+            parameters = point.copy()
+            parameters[free] = part
+            return self.residual(parameters)
+
+        found = least_squares(
+            residual, point[free], bounds=(least[free], greatest[free]), x_scale=scale[free], max_nfev=100
+        )
+        parameters = point.copy()
+        parameters[free] = found.x
+        residuals = [self.relative(parameters, number) for number in range(len(self.spectra))]
+        count = sum(map(len, residuals))
+        independent = sum(map(independent_points, residuals))
+        variance = 2.0 * found.cost / max(2 * count - int(free.sum()), 1) * count / independent
+        covariance = np.zeros((len(point), len(point)))
+        covariance[np.ix_(free, free)] = variance * np.linalg.pinv(found.jac.T @ found.jac)
+        return self._report(parameters, covariance, residuals, independent < 0.5 * count)
+
+    def _report(self, parameters: Vector, covariance: Vector, residuals: list[Complexes], misfit: bool) -> TogetherFit:
+        error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        drifts = dict(zip(_DRIFTS, parameters[2:6].tolist(), strict=True)) if self.temperatures else {}
+        back = -self.reference  # from the temperature of the start to the first one
+        in_frequency, in_coupling, in_capacitance, in_quality = parameters[2:6] * back
+        arms = []
+        for k, (f, x, q, softening, growth) in enumerate(parameters[6:].reshape(-1, _ARM)):
+            natural = 2.0 * pi * self.frequency[k] * float(np.exp(f + in_frequency))
+            reactance = self.reactance[k] * float(np.exp(x + in_frequency - 2.0 * in_coupling))
+            quality = self.quality[k] * float(np.exp(q + in_quality))
+            arm = MotionalArm(reactance / quality, reactance / natural, 1.0 / (reactance * natural))
+            at = 6 + _ARM * k
+            own = covariance[at : at + 3, at : at + 3]
+            shares = {"resistance_ohm": (0, 1, -1), "inductance_h": (-1, 1, 0), "capacitance_f": (-1, -1, 0)}
+            errors = {
+                name: getattr(arm, name) * float(np.sqrt(max(np.array(row) @ own @ np.array(row), 0.0)))
+                for name, row in shares.items()
+            }
+            unit = 1.0 / self.charge[k] ** 2
+            errors |= {"softening_per_c2": float(unit * error[at + 3])}
+            errors |= {"damping_growth_per_c2": float(unit * error[at + 4])}
+            arms.append(SoftArm(**asdict(arm), softening_per_c2=float(unit * softening),
+                                damping_growth_per_c2=float(unit * growth), standard_errors=errors))  # fmt: skip
+        capacitance = self.start.circuit.clamped_capacitance_f * float(np.exp(parameters[0] + in_capacitance))
+        errors = {"clamped_capacitance_f": capacitance * float(error[0])}
+        errors |= {name: float(value) for name, value in zip(_DRIFTS, error[2:6], strict=True) if name in drifts}
+        rms = tuple(float(np.sqrt(np.mean(np.abs(np.expm1(residual)) ** 2))) for residual in residuals)
+        said = list(self.start.warnings)
+        if misfit:
+            said.append(
+                f"The circuit does not follow the spectra to the noise: residuals of up to {100.0 * max(rms):.2g} % "
+                "remain and are correlated."
+            )
+        return TogetherFit(tuple(arms), capacitance, drifts, errors, rms, tuple(said))
+
+
+def _amplitude_squared(detuning: Vector, damping: Vector, softer: float, growing: float) -> Vector:
+    """Return the smallest positive A of A [(detuning − softer A)² + damping² (1 + growing A)²] = 1."""
+    square = damping**2
+    linear = 1.0 / (detuning**2 + square)
+    if softer == growing == 0.0:
+        return linear
+    cubic = np.array([
+        (softer**2 + square * growing**2) * linear**3,
+        2.0 * (square * growing - detuning * softer) * linear**2,
+        np.ones_like(detuning),
+        -np.ones_like(detuning),
+    ])  # fmt: skip
+    companion = np.zeros((len(detuning), 3, 3))
+    companion[:, 1, 0] = companion[:, 2, 1] = 1.0
+    # of 1/A, whose equation keeps its degree where the law is linear
+    companion[:, :, 2] = np.stack([cubic[0], cubic[1], cubic[2]], axis=1)
+    roots = np.linalg.eigvals(companion)
+    real = np.where((np.abs(roots.imag) < 1e-7 * np.abs(roots)) & (roots.real > 0.0), roots.real, 0.0)
+    return np.asarray(linear / real.max(axis=1))
