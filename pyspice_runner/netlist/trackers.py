@@ -443,9 +443,3 @@ def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) ->
         circuit.V("temperature", "temperature", circuit.gnd, ramp(temperature))
         return ("temperature", "heat")
     return ()
-
-
-def settling_hint(tracker: Tracker, lag: StatorLag) -> float:
-    """Return a time in s after which a tracker that starts at resonance may be disturbed."""
-    slow = 1.0 / (2.0 * pi * tracker.bandwidth_hz) if tracker.kind == "pll" else 0.0
-    return 20.0 * lag.time_constant_s + 8.0 * slow

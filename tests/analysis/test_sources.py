@@ -43,7 +43,7 @@ def test_simulate_and_drive_report_take_the_same_mean_of_the_same_run(ideal: Wav
 
 def test_simulate_runs_a_motor_behind_a_half_bridge() -> None:
     bridge = driver("half-bridge", network="llcc")
-    run = pr.simulate(MOTOR, bridge, duration=5e-4)
+    run = simulated(MOTOR, bridge, duration=5e-4)
     report = pr.drive_report(MOTOR, bridge, duration=5e-4, proposals=False)
     assert run.mean_torque_n_m == pytest.approx(report.mean_torque_n_m, rel=0.02)  # other vectors, other rounding
     power = run.mean(run.voltage_a_v * run.current_a_a + run.voltage_b_v * run.current_b_a)

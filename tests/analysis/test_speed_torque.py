@@ -378,7 +378,14 @@ def test_an_interrupt_hands_over_the_points_that_are_finished() -> None:
         pytest.raises(Interrupted, match=r"The curve was interrupted\.") as stopped,
     ):
         pr.speed_torque(
-            MOTOR, drive, speeds=[0.0, 1.0, 2.0, 3.0], mode="settle", patience=4, progress=interrupt, executor=one
+            MOTOR,
+            drive,
+            speeds=[0.0, 1.0, 2.0, 3.0],
+            mode="settle",
+            patience=4,
+            tolerance=0.1,
+            progress=interrupt,
+            executor=one,
         )
     partial = stopped.value.partial
     assert partial["torque_n_m"].notnull().values.tolist() == [True, False, False, False]
