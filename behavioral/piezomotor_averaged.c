@@ -2,27 +2,28 @@
  *
  * The averaged motor in C; piezomotor_averaged.h says what it is and how it is used.
  *
- * A quantity is q(t) = q_0 + Re(sum of Q_h exp(j h theta)), d theta/dt = 2 pi frequency. Every state obeys
- *
- *     y' = -rate y + force(y)
- *
- * with a constant rate, complex for an amplitude. The rates are treated implicitly, the forces explicitly, by the method
- * (2,3,2) of Ascher, Ruuth and Spiteri, Applied Numerical Mathematics 25 (1997) 151. It is of second order, and damps
- * free oscillations that are too fast for its step, such as those of a mode far from the drive.
+ * A quantity is q(t) = q_0 + Re(sum of Q_h exp(j h theta)), d theta/dt = 2 pi frequency. The states are integrated by the
+ * second backward differentiation formula (Gear's method), with three steps in a period of the drive or of the fastest mode.
+ * As in the decks for ngspice, this damps free oscillations that the averages do not describe, such as those of a mode far
+ * from the drive and of a standing rotor on the contact. Newton's method solves the equations of a step.
  */
 #include "piezomotor_averaged.h"
 
 #include <math.h>
 #include <stddef.h>
+#include <string.h>
 
 #define PI 3.14159265358979323846
 #define LAG 20e-6             /* s, time constant of the static deflection; as in piezomotor_averaged_bending */
 #define DEEPEST 1e-3          /* m, greatest penetration; as in piezomotor_averaged_phase */
 #define CLOSED 1e-15          /* m, penetration from which on the contact counts as closed */
 #define REFERENCE 100e3       /* Hz, at which the capacitances hold */
-#ifndef STEP_OF_FASTEST
-#define STEP_OF_FASTEST 0.7   /* internal step times the fastest rate of the contact */
+#ifndef STEPS_OF_PERIOD
+#define STEPS_OF_PERIOD 3     /* internal steps in a period of the drive or of the fastest mode */
 #endif
+#define SOLVED 1e-8           /* change of the states in Newton's method, over their scales */
+#define ITERATIONS 8          /* with one Jacobian matrix */
+#define HALVINGS 12           /* of a step whose equations are not solved */
 
 static phasor sum(phasor a, phasor b) { return (phasor){a.re + b.re, a.im + b.im}; }
 static phasor scaled(double factor, phasor a) { return (phasor){factor * a.re, factor * a.im}; }
@@ -125,44 +126,25 @@ static phasor inertance(const struct mode *mode, double omega)
     return (phasor){mode->damping, mode->mass * (omega + natural(mode))};
 }
 
-/* Return the rates of all states at the present temperature. */
-static void find_rates(const struct motor *m, phasor rate[STATES])
-{
-    const struct values *p = &m->value;
-    double drift = 1.0 + p->frequency_drift * m->state[TEMPERATURE].re;
-
-    for (int s = 0; s < STATES; s++)
-        rate[s] = (phasor){0.0, 0.0};
-    rate[SPEED].re = p->bearing / p->inertia;
-    rate[TEMPERATURE].re = 1.0 / (p->heat_capacity * p->thermal_resistance);
-    rate[CARRIER_VELOCITY].re = MOUNTED ? p->mount_damping / p->mount_mass : 0.0;
-    for (int i = 0; i < MODES; i++) {
-        const struct mode *mode = &p->mode[i];
-        rate[DEFLECTION + i].re = 1.0 / LAG;
-        for (int h = 1; h <= HARMONICS; h++) {
-            double omega = 2.0 * PI * h * p->frequency;
-            phasor spring = {mode->stiffness * drift * drift - mode->mass * omega * omega, mode->damping * omega};
-            rate[AMPLITUDE + HARMONICS * i + h - 1] = quotient(spring, inertance(mode, omega));
-        }
-    }
-}
-
 struct flow {
-    phasor force[STATES];
+    double rate[STATES];
     phasor current_a, current_b; /* A */
     phasor x, y;                 /* m, fundamental of the tip */
     double heat;                 /* W */
     struct contact contact;
 };
 
-/* Evaluate the motor in some state: the forces, and what the outputs need. */
-static void evaluate(const struct motor *m, const phasor state[STATES], const phasor rate[STATES], struct flow *f)
+/* The place of an amplitude among the states. */
+static int place(int mode, int harmonic) { return AMPLITUDE + 2 * (HARMONICS * mode + harmonic - 1); }
+
+/* Evaluate the motor in some state: the rates of the states, and what the outputs need. */
+static void evaluate(const struct motor *m, const double state[STATES], struct flow *f)
 {
     const struct values *p = &m->value;
     double angle = p->phase * PI / 180.0;
     phasor u_a = {p->amplitude_a, 0.0}, u_b = {p->amplitude_b * cos(angle), p->amplitude_b * sin(angle)};
-    double warm = state[TEMPERATURE].re;
-    double gain = 1.0 + p->coupling_drift * warm;
+    double warm = state[TEMPERATURE];
+    double gain = 1.0 + p->coupling_drift * warm, drift = 1.0 + p->frequency_drift * warm;
     phasor x[HARMONICS + 1] = {{0.0, 0.0}}, y[HARMONICS + 1] = {{0.0, 0.0}};
 
     /* groups: clamped capacitance with a constant loss tangent */
@@ -176,33 +158,37 @@ static void evaluate(const struct motor *m, const phasor state[STATES], const ph
     /* tip: the sum of the modes; x from the crown of the rotor, which is above the tip at rest; y with the carrier */
     for (int i = 0; i < MODES; i++) {
         const struct mode *mode = &p->mode[i];
-        x[0].re += mode->tip_x * (state[DEFLECTION + i].re + mode->tip_y * p->preload / mode->stiffness);
-        y[0].re += mode->tip_y * state[DEFLECTION + i].re;
+        x[0].re += mode->tip_x * (state[DEFLECTION + i] + mode->tip_y * p->preload / mode->stiffness);
+        y[0].re += mode->tip_y * state[DEFLECTION + i];
         for (int h = 1; h <= HARMONICS; h++) {
-            phasor amplitude = state[AMPLITUDE + HARMONICS * i + h - 1];
+            phasor amplitude = {state[place(i, h)], state[place(i, h) + 1]};
             x[h] = sum(x[h], scaled(mode->tip_x, amplitude));
             y[h] = sum(y[h], scaled(mode->tip_y, amplitude));
         }
     }
-    y[0].re += state[CARRIER].re;
+    y[0].re += state[CARRIER];
     f->x = x[1];
     f->y = y[1];
-    f->contact = touch(m, x, y, state[SLIDER].re, state[SPEED].re);
+    f->contact = touch(m, x, y, state[SLIDER], state[SPEED]);
 
     /* modes */
     for (int i = 0; i < MODES; i++) {
         const struct mode *mode = &p->mode[i];
         double mean = mode->tip_x * f->contact.fx[0].re + mode->tip_y * f->contact.fy[0].re;
-        f->force[DEFLECTION + i] = (phasor){mean / (mode->stiffness * LAG), 0.0};
+        f->rate[DEFLECTION + i] = (mean / mode->stiffness - state[DEFLECTION + i]) / LAG;
         for (int h = 1; h <= HARMONICS; h++) {
-            int s = AMPLITUDE + HARMONICS * i + h - 1;
+            int s = place(i, h);
             double omega = 2.0 * PI * h * p->frequency;
+            phasor amplitude = {state[s], state[s + 1]};
+            phasor spring = {mode->stiffness * drift * drift - mode->mass * omega * omega, mode->damping * omega};
             phasor force = sum(scaled(mode->tip_x, f->contact.fx[h]), scaled(mode->tip_y, f->contact.fy[h]));
             if (h == 1)
                 force = sum(force, scaled(gain, sum(scaled(mode->coupling_a, u_a), scaled(mode->coupling_b, u_b))));
-            f->force[s] = quotient(force, inertance(mode, omega));
-            phasor change = sum(f->force[s], scaled(-1.0, product(rate[s], state[s])));
-            phasor velocity = sum(change, scaled(omega, turned(state[s])));
+            force = sum(force, scaled(-1.0, product(spring, amplitude)));
+            phasor rate = quotient(force, inertance(mode, omega));
+            phasor velocity = sum(rate, scaled(omega, turned(amplitude)));
+            f->rate[s] = rate.re;
+            f->rate[s + 1] = rate.im;
             f->heat += 0.5 * mode->damping * square(velocity);
             if (h == 1) {
                 f->current_a = sum(f->current_a, scaled(gain * mode->coupling_a, velocity));
@@ -212,14 +198,16 @@ static void evaluate(const struct motor *m, const phasor state[STATES], const ph
     }
 
     /* carrier, rotor, slider, temperature */
-    double push = MOUNTED ? p->preload + f->contact.fy[0].re - p->mount_stiffness * state[CARRIER].re : 0.0;
-    f->force[CARRIER] = (phasor){state[CARRIER_VELOCITY].re, 0.0};
-    f->force[CARRIER_VELOCITY] = (phasor){MOUNTED ? push / p->mount_mass : 0.0, 0.0};
-    f->force[SPEED] = (phasor){(p->radius * f->contact.friction - p->load_torque) / p->inertia, 0.0};
-    f->force[POSITION] = (phasor){state[SPEED].re, 0.0};
-    f->force[SLIDER] = (phasor){p->frequency * (f->contact.slider - state[SLIDER].re), 0.0};
-    f->force[TEMPERATURE] =
-        (phasor){(f->heat + p->ambient_temperature / p->thermal_resistance) / p->heat_capacity, 0.0};
+    double push = p->preload + f->contact.fy[0].re - p->mount_stiffness * state[CARRIER]
+        - p->mount_damping * state[CARRIER_VELOCITY];
+    double drive = p->radius * f->contact.friction - p->load_torque - p->bearing * state[SPEED];
+    double cooling = (state[TEMPERATURE] - p->ambient_temperature) / p->thermal_resistance;
+    f->rate[CARRIER] = state[CARRIER_VELOCITY];
+    f->rate[CARRIER_VELOCITY] = MOUNTED ? push / p->mount_mass : 0.0;
+    f->rate[SPEED] = drive / p->inertia;
+    f->rate[POSITION] = state[SPEED];
+    f->rate[SLIDER] = p->frequency * (f->contact.slider - state[SLIDER]);
+    f->rate[TEMPERATURE] = (f->heat - cooling) / p->heat_capacity;
 }
 
 /* The motion that the harmonics left out would cause, relative to the static penetration and the limit of stick. */
@@ -258,40 +246,39 @@ void motor_default(struct motor *motor)
     for (int n = 0; n < PHASES; n++)
         for (int h = 0; h < ORDERS; h++)
             motor->wheel[n][h] = (phasor){cos(2.0 * PI * h * n / PHASES), sin(2.0 * PI * h * n / PHASES)};
-    for (int s = 0; s < STATES; s++)
-        motor->state[s] = (phasor){0.0, 0.0};
+    memset(motor->state, 0, sizeof motor->state);
+    memset(motor->before, 0, sizeof motor->before);
+    motor->step = 0.0;
 }
 
 void motor_rest(struct motor *motor)
 {
     const struct values *p = &motor->value;
 
-    for (int s = 0; s < STATES; s++)
-        motor->state[s] = (phasor){0.0, 0.0};
+    memset(motor->state, 0, sizeof motor->state);
+    motor->step = 0.0;
     for (int i = 0; i < MODES; i++)
-        motor->state[DEFLECTION + i].re = -p->mode[i].tip_y * p->preload / p->mode[i].stiffness;
-    motor->state[TEMPERATURE].re = p->ambient_temperature;
+        motor->state[DEFLECTION + i] = -p->mode[i].tip_y * p->preload / p->mode[i].stiffness;
+    motor->state[TEMPERATURE] = p->ambient_temperature;
     motor_measure(motor);
 }
 
 void motor_measure(struct motor *motor)
 {
     struct values *p = &motor->value;
-    phasor rate[STATES];
     struct flow flow;
     double angle = p->phase * PI / 180.0;
     phasor back = {cos(angle), -sin(angle)}; /* turns a phase to that ahead of group B */
 
-    find_rates(motor, rate);
-    evaluate(motor, motor->state, rate, &flow);
+    evaluate(motor, motor->state, &flow);
     phasor current_b = product(flow.current_b, back);
-    p->speed = motor->state[SPEED].re;
-    p->position = motor->state[POSITION].re;
+    p->speed = motor->state[SPEED];
+    p->position = motor->state[POSITION];
     p->current_amplitude_a = size(flow.current_a);
     p->current_phase_a = 180.0 / PI * atan2(flow.current_a.im, flow.current_a.re);
     p->current_amplitude_b = size(current_b);
     p->current_phase_b = 180.0 / PI * atan2(current_b.im, current_b.re);
-    p->temperature = motor->state[TEMPERATURE].re;
+    p->temperature = motor->state[TEMPERATURE];
     p->check = check(p, &flow.contact);
     p->separated = flow.contact.separated;
     p->slip = flow.contact.slip;
@@ -303,62 +290,168 @@ void motor_measure(struct motor *motor)
     p->tip_y_amplitude = size(flow.y);
 }
 
-/* The contact's stiffness, at eight times the preload, sets the rates at which the states act on each other. */
+/* --- integration --- */
+
+struct solver {
+    double scale[STATES];            /* of the states: the static penetration, and what moves the tip by it in a period */
+    double jacobian[STATES][STATES];
+    double matrix[STATES][STATES];   /* 1 - weight * jacobian, decomposed */
+    int pivot[STATES];
+    double weight;                   /* s; 0 if the matrix is not that of the Jacobian */
+};
+
+static void find_scales(const struct motor *m, double scale[STATES])
+{
+    const struct values *p = &m->value;
+    double depth = pow(p->preload / p->normal_stiffness, 2.0 / 3.0);
+
+    for (int s = 0; s < STATES; s++)
+        scale[s] = depth;
+    for (int i = 0; i < MODES; i++)
+        for (int s = place(i, 1); s < place(i + 1, 1); s++)
+            scale[s] = depth / fmax(1e-6, fmax(fabs(p->mode[i].tip_x), fabs(p->mode[i].tip_y)));
+    scale[POSITION] = depth / p->radius;
+    scale[SPEED] = scale[POSITION] * p->frequency;
+    scale[CARRIER_VELOCITY] = depth * p->frequency;
+    scale[TEMPERATURE] = 1.0;
+}
+
+static void find_jacobian(const struct motor *m, const double state[STATES], struct solver *solver)
+{
+    struct flow here, there;
+    double moved[STATES];
+
+    evaluate(m, state, &here);
+    for (int column = 0; column < STATES; column++) {
+        double change = 1e-6 * solver->scale[column];
+        memcpy(moved, state, sizeof moved);
+        moved[column] += change;
+        evaluate(m, moved, &there);
+        for (int row = 0; row < STATES; row++)
+            solver->jacobian[row][column] = (there.rate[row] - here.rate[row]) / change;
+    }
+    solver->weight = 0.0;
+}
+
+/* Decompose 1 - weight * jacobian into triangles, with pivots. */
+static void decompose(struct solver *solver, double weight)
+{
+    double (*a)[STATES] = solver->matrix;
+
+    for (int row = 0; row < STATES; row++)
+        for (int column = 0; column < STATES; column++)
+            a[row][column] = (row == column) - weight * solver->jacobian[row][column];
+    for (int k = 0; k < STATES; k++) {
+        int best = k;
+        for (int row = k + 1; row < STATES; row++)
+            if (fabs(a[row][k]) > fabs(a[best][k]))
+                best = row;
+        solver->pivot[k] = best;
+        for (int column = 0; column < STATES; column++) {
+            double kept = a[k][column];
+            a[k][column] = a[best][column];
+            a[best][column] = kept;
+        }
+        for (int row = k + 1; row < STATES; row++) {
+            a[row][k] /= a[k][k];
+            for (int column = k + 1; column < STATES; column++)
+                a[row][column] -= a[row][k] * a[k][column];
+        }
+    }
+    solver->weight = weight;
+}
+
+static void substitute(const struct solver *solver, double vector[STATES])
+{
+    for (int k = 0; k < STATES; k++) {
+        double kept = vector[solver->pivot[k]];
+        vector[solver->pivot[k]] = vector[k];
+        vector[k] = kept;
+    }
+    for (int row = 1; row < STATES; row++)
+        for (int column = 0; column < row; column++)
+            vector[row] -= solver->matrix[row][column] * vector[column];
+    for (int row = STATES - 1; row >= 0; row--) {
+        for (int column = row + 1; column < STATES; column++)
+            vector[row] -= solver->matrix[row][column] * vector[column];
+        vector[row] /= solver->matrix[row][row];
+    }
+}
+
+/* Solve state = known + weight * rate(state) from a guess; return whether Newton's method ends. */
+static int solved(const struct motor *m, struct solver *solver, const double known[STATES], double weight, double state[STATES])
+{
+    struct flow flow;
+    double change[STATES];
+
+    if (fabs(solver->weight - weight) > 1e-6 * weight)
+        decompose(solver, weight);
+    for (int n = 0; n < ITERATIONS; n++) {
+        double largest = 0.0;
+        evaluate(m, state, &flow);
+        for (int s = 0; s < STATES; s++)
+            change[s] = known[s] + weight * flow.rate[s] - state[s];
+        substitute(solver, change);
+        for (int s = 0; s < STATES; s++) {
+            state[s] += change[s];
+            largest = fmax(largest, isfinite(state[s]) ? fabs(change[s]) / solver->scale[s] : INFINITY);
+        }
+        if (largest <= SOLVED)
+            return 1;
+        if (!isfinite(largest))
+            return 0;
+    }
+    return 0;
+}
+
+/* Advance by one step, or by two halves if its equations are not solved. */
+static int advance(struct motor *m, struct solver *solver, double step, int halvings)
+{
+    double ratio = m->step > 0.0 && step < 2.0 * m->step ? step / m->step : 0.0; /* 0: the first, implicit Euler's formula */
+    double weight = step * (1.0 + ratio) / (1.0 + 2.0 * ratio);
+    double known[STATES], state[STATES];
+
+    for (int s = 0; s < STATES; s++) {
+        double change = m->state[s] - m->before[s];
+        known[s] = m->state[s] + ratio * ratio / (1.0 + 2.0 * ratio) * change;
+        state[s] = m->state[s] + ratio * change;
+    }
+    int done = solved(m, solver, known, weight, state);
+    if (!done) {
+        memcpy(state, m->state, sizeof state);
+        find_jacobian(m, state, solver);
+        done = solved(m, solver, known, weight, state);
+    }
+    if (done) {
+        memcpy(m->before, m->state, sizeof state);
+        memcpy(m->state, state, sizeof state);
+        m->step = step;
+        return 0;
+    }
+    if (halvings == 0)
+        return -1;
+    return advance(m, solver, 0.5 * step, halvings - 1) != 0 ? -1 : advance(m, solver, 0.5 * step, halvings - 1);
+}
+
 double motor_step(const struct motor *motor)
 {
-    const struct values *p = &motor->value;
-    double omega = 2.0 * PI * p->frequency;
-    double depth = pow(8.0 * p->preload / p->normal_stiffness, 2.0 / 3.0);
-    double normal = 12.0 * p->preload * (1.0 / depth + p->normal_damping * omega);
-    double tangential = 1.5 * cbrt(8.0 * p->preload) / p->compliance;
-    double modes = 0.0, deflection = 0.0;
+    double fastest = motor->value.frequency;
 
-    for (int i = 0; i < MODES; i++) {
-        const struct mode *mode = &p->mode[i];
-        double stiffness = mode->tip_x * mode->tip_x * tangential + mode->tip_y * mode->tip_y * normal;
-        modes += stiffness / (mode->mass * (omega + natural(mode)));
-        deflection += stiffness / (mode->stiffness * LAG);
-    }
-    double rotor = p->radius * p->radius * tangential / p->inertia;
-    double fastest = fmax(fmax(modes, deflection), fmax(sqrt(rotor), rotor / (4.0 * p->frequency)));
-    if (MOUNTED)
-        fastest = fmax(fastest, sqrt((normal + p->mount_stiffness) / p->mount_mass));
-    return STEP_OF_FASTEST / fmax(fastest, p->frequency);
+    for (int i = 0; i < MODES; i++)
+        fastest = fmax(fastest, natural(&motor->value.mode[i]) / (2.0 * PI));
+    return 1.0 / (STEPS_OF_PERIOD * fastest);
 }
 
 int motor_advance(struct motor *motor, double duration)
 {
-    const double gamma = 1.0 - sqrt(0.5), delta = -2.0 * sqrt(2.0) / 3.0;
     double count = ceil(duration / motor_step(motor));
-    double h = duration / count;
-    phasor rate[STATES], second[STATES], third[STATES], pull2, pull3;
-    struct flow f1, f2, f3;
+    struct solver solver;
 
-    for (double n = 0.0; n < count; n += 1.0) {
-        phasor *y = motor->state;
-        find_rates(motor, rate);
-        evaluate(motor, y, rate, &f1);
-        for (int s = 0; s < STATES; s++) {
-            phasor divisor = {1.0 + gamma * h * rate[s].re, gamma * h * rate[s].im};
-            second[s] = quotient(sum(y[s], scaled(gamma * h, f1.force[s])), divisor);
-        }
-        evaluate(motor, second, rate, &f2);
-        for (int s = 0; s < STATES; s++) {
-            phasor divisor = {1.0 + gamma * h * rate[s].re, gamma * h * rate[s].im};
-            pull2 = product(rate[s], second[s]);
-            phasor pushed = sum(scaled(delta * h, f1.force[s]), scaled((1.0 - delta) * h, f2.force[s]));
-            third[s] = quotient(sum(sum(y[s], pushed), scaled(-(1.0 - gamma) * h, pull2)), divisor);
-        }
-        evaluate(motor, third, rate, &f3);
-        for (int s = 0; s < STATES; s++) {
-            pull2 = sum(f2.force[s], scaled(-1.0, product(rate[s], second[s])));
-            pull3 = sum(f3.force[s], scaled(-1.0, product(rate[s], third[s])));
-            y[s] = sum(y[s], sum(scaled((1.0 - gamma) * h, pull2), scaled(gamma * h, pull3)));
-        }
-        for (int s = 0; s < STATES; s++)
-            if (!isfinite(y[s].re) || !isfinite(y[s].im))
-                return -1;
-    }
+    find_scales(motor, solver.scale);
+    find_jacobian(motor, motor->state, &solver);
+    for (double n = 0.0; n < count; n += 1.0)
+        if (advance(motor, &solver, duration / count, HALVINGS) != 0)
+            return -1;
     motor_measure(motor);
     return 0;
 }

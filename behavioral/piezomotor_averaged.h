@@ -101,26 +101,28 @@ struct values {
 
 typedef struct { double re, im; } phasor;
 
-/* the states; those of a mode are its static deflection (m) and the amplitudes (m) of its harmonics */
+/* the states; those of a mode are its static deflection (m) and the amplitudes (m) of its harmonics, real and imaginary */
 enum {
     SPEED, POSITION, TEMPERATURE,
     SLIDER,                     /* displacement of the slider at the end of the period, m */
     CARRIER, CARRIER_VELOCITY,  /* m, m/s, towards the rotor */
     DEFLECTION,
     AMPLITUDE = DEFLECTION + MODES,
-    STATES = AMPLITUDE + MODES * HARMONICS
+    STATES = AMPLITUDE + 2 * MODES * HARMONICS
 };
 
 struct motor {
     struct values value;
-    phasor state[STATES];  /* a real state has im = 0 */
+    double state[STATES];
+    double before[STATES];        /* the states one internal step ago */
+    double step;                  /* that step, s; 0 at the start */
     phasor wheel[PHASES][ORDERS]; /* exp(2 pi j h n / PHASES) */
 };
 
 void motor_default(struct motor *motor);
 void motor_rest(struct motor *motor);
-void motor_measure(struct motor *motor);                /* fills the outputs in motor->value */
-double motor_step(const struct motor *motor);           /* internal time step in s */
-int motor_advance(struct motor *motor, double duration); /* 0, or -1 if the state is no longer finite */
+void motor_measure(struct motor *motor);                 /* fills the outputs in motor->value */
+double motor_step(const struct motor *motor);            /* internal time step in s */
+int motor_advance(struct motor *motor, double duration); /* 0, or -1 if the equations of a step have no solution */
 
 #endif

@@ -288,7 +288,7 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component component, fmi2Real time, fmi2Real st
         return fail(c, "fmi2DoStep: the communication point %.9g s is not valid: the instance is at %.9g s.", time,
             c->kept.time);
     if (motor_advance(&c->kept.motor, step) != 0)
-        return fail(c, "fmi2DoStep: the state is not finite after %.9g s. Check the parameters of the motor.", time);
+        return fail(c, "fmi2DoStep: the equations have no solution after %.9g s. Check the parameters of the motor.", time);
     c->kept.time = time + step;
     c->kept.measured = 1;
     return fmi2OK;

@@ -259,21 +259,32 @@ def test_a_state_that_was_kept_is_continued(unit: Unit) -> None:
 
 
 @pytest.mark.soak
-def test_a_quarter_of_the_internal_step_changes_the_speed_by_less_than_1e_5(motor: pr.Motor, tmp_path: Path) -> None:
-    """The method is of second order, so that a quarter of the step shows 15/16 of the error."""
+def test_a_quarter_of_the_internal_step_changes_the_speed_little(motor: pr.Motor, tmp_path: Path) -> None:
+    """At 1 ms by the first steps after the amplitude's; the rest by a method of second order, 15/16 of its error."""
     for path, text in fmu_texts(motor).items():
         (tmp_path / Path(path).name).write_text(text, encoding="utf-8")
     speeds = []
-    for part in (1.0, 4.0):
+    for steps in (3, 12):
         core = (tmp_path / C_FILES[0]).read_text(encoding="utf-8")
-        assert "STEP_OF_FASTEST 0.7" in core
-        (tmp_path / "core.c").write_text(f"#define STEP_OF_FASTEST {0.7 / part}\n{core}", encoding="utf-8")
+        assert "STEPS_OF_PERIOD 3 " in core
+        (tmp_path / "core.c").write_text(f"#define STEPS_OF_PERIOD {steps}\n{core}", encoding="utf-8")
         (tmp_path / "run.c").write_text(RUN, encoding="utf-8")
-        compile_library(tmp_path, ["core.c", "run.c"], tmp_path / f"run{part}.so")
-        speed = ctypes.CDLL(str(tmp_path / f"run{part}.so")).speed_at
+        compile_library(tmp_path, ["core.c", "run.c"], tmp_path / f"run{steps}.so")
+        speed = ctypes.CDLL(str(tmp_path / f"run{steps}.so")).speed_at
         speed.restype = ctypes.c_double
-        speeds.append([speed(count) for count in (1, 5, 20)])
-    assert speeds[0] == pytest.approx(speeds[1], rel=1e-5)
+        speeds.append(np.array([speed(count) for count in (1, 5, 20)]))
+    assert np.all(np.abs(speeds[0] / speeds[1] - 1.0) < [5e-3, 1e-3, 2e-4])
+
+
+def test_a_rotor_that_sticks_comes_to_rest(motor: pr.Motor, tmp_path: Path) -> None:
+    """A method without damping lets the contact ring with some 0.05 rad/s, as ngspice's trapezoidal rule does."""
+    weak = pr.export_motor(motor.updated({"rotor.inertia_kg_m2": 4e-6}), tmp_path / "motor.fmu")
+    unit = Unit(weak)
+    unit.set(amplitude_a=20.0, amplitude_b=20.0, frequency=38.2e3)
+    for _ in range(20):
+        unit.advance()
+    assert abs(unit.get("speed")[0]) < 1e-4
+    unit.fmu.freeInstance()
 
 
 RUN = """
