@@ -67,7 +67,8 @@ def test_multipliers_of_a_free_linear_stator_are_those_of_its_equation_of_motion
     ("motor", "drive", "speeds"),
     [
         (PAPER, pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3), (-5.0, 3.0)),
-        (MOTOR.updated({"mount": None}), DRIVE, (-12.0, 18.0)),
+        # as in test_speed_torque.py, at other speeds
+        pytest.param(MOTOR.updated({"mount": None}), DRIVE, (-12.0, 18.0), marks=pytest.mark.soak),
         (PAPER, pr.TwoToneDrive(voltage_1=20.0, frequency_1=27e3, voltage_2=50.0, frequency_2=54e3), (2.0,)),
     ],
 )
