@@ -22,6 +22,8 @@ from pyspice_runner.model.impact import Throw
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.units import engineering, unit_in
 
+pytestmark = pytest.mark.xdist_group("results")  # they are shared
+
 NAMES = ("run", "admittance", "spectrum", "fit", "two-port", "comparison", "impact", "hysteresis", "curves")
 
 

@@ -14,6 +14,8 @@ import pyspice_runner as pr
 from pyspice_runner.spectra.spectrum import Connection
 from pyspice_runner.spectra.twoport import TwoPortFit, _Problem
 
+pytestmark = pytest.mark.xdist_group("two-port")  # the fit is shared
+
 CONNECTIONS = get_args(Connection)
 CHANGES = {  # groups that differ in size and coupling, one mode driven alike, one against each other
     "modes.0.coupling_b_n_per_v": 0.05,
