@@ -7,7 +7,8 @@ r"""From the spectra of both groups to the coupling of every mode to each group,
 
 A spectrum driven through the weights w (A: 1, 0; A−B: 1, −1) is Σ w_i w_j Y_ij. It knows θ²/m, not θ: one mechanical
 measurement, a modal mass or the tip's velocity per motional current, makes forces of volts. All connections are fitted
-together, with the objective of :mod:`.identify`; the start is the fit of Y_AA + Y_BB, which shows every mode.
+together by least squares over their estimated errors; of a two-port, they are Y_AA, Y_BB and Y_AB. The start is the
+fit of Y_AA + Y_BB, which shows every mode.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ from pyspice_runner.spectra.threads import one_thread
 from pyspice_runner.units import engineering
 
 _FINEST = 1e-8  # relative accuracy that no measurement exceeds
+_TRANSFER = "AB"  # current into A per volt on B
 _GLOBALS = 3  # ln C_A, ln C_B, tan δ
 _PER_MODE = 4  # ln f, ln Q, couplings to A and B
 
@@ -284,13 +286,17 @@ def fit_two_port(
                 f"{spectra.source or 'The spectrum'} has one port; "
                 "give a two-port, or the spectra of A, B and A+B or A-B."
             )
-        share = 0.75  # four connections of a two-port hold three independent spectra
         warnings += _reciprocity(spectra)
-        ports = {connection: spectra.driven(connection) for connection in get_args(Connection)}
+        shown = {connection: spectra.driven(connection) for connection in get_args(Connection)}
+        transfer = 0.5 * (spectra.matrix_s[:, 0, 1] + spectra.matrix_s[:, 1, 0])
+        # the four connections of a two-port hold three independent spectra
+        ports: dict[str, Spectrum] = {
+            "A": shown["A"], "B": shown["B"], _TRANSFER: Spectrum.from_admittance(spectra.frequency_hz, transfer),
+        }  # fmt: skip
         source = spectra.source
     else:
-        share = 1.0
-        ports = dict(spectra)
+        shown = dict(spectra)
+        ports = {str(name): spectrum for name, spectrum in spectra.items()}
         missing = [name for name in ("A", "B") if name not in ports] or (
             ["A+B or A-B"] if not {"A+B", "A-B"} & ports.keys() else []
         )
@@ -299,16 +305,15 @@ def fit_two_port(
                 f"The connections {', '.join(ports) or 'none'} do not tell the couplings; give A, B, and A+B or A-B."
             )
         source = ", ".join(spectrum.source for spectrum in ports.values())
-    problem = _Problem(ports, share, noise)
+    problem = _Problem(ports, noise)
     parameters = problem.descend(problem.start(modes, timeout, progress))
-    if noise is None:
-        problem.weigh(parameters)
-        parameters = problem.descend(parameters)
+    problem.weigh(parameters)
+    parameters = problem.descend(parameters)
     while modes is None and (doubtful := problem.doubtful(parameters)) is not None:
         if len(parameters) == _GLOBALS + _PER_MODE:
             raise SpectrumError(f"{source or 'The spectra'} show no mode that is significant under their error.")
         parameters = problem.descend(np.delete(parameters, np.s_[doubtful : doubtful + _PER_MODE]))
-    return _report(problem, parameters, source or "spectra", warnings)
+    return _report(problem, parameters, shown, source or "spectra", warnings)
 
 
 def clamped(loss_tangent: float, frequency_hz: Vector) -> tuple[Complexes, Complexes]:
@@ -326,40 +331,39 @@ def clamped(loss_tangent: float, frequency_hz: Vector) -> tuple[Complexes, Compl
 class _Problem:
     """The joint least-squares problem of several connections, in units of its own."""
 
-    def __init__(self, ports: Mapping[Connection, Spectrum], share: float, noise: Mapping[str, float] | None) -> None:
+    def __init__(self, ports: Mapping[str, Spectrum], noise: Mapping[str, float] | None) -> None:
         self.ports = ports
-        self.share = share  # of the points that are independent between the connections
         self.stated = noise is not None
-        self.noise = {
-            name: Noise(checked_noise(noise), stated=True) if noise is not None else estimate(spectrum.admittance_s)
-            for name, spectrum in ports.items()
-        }
-        self.weights = {name: self._weights(name, spectrum.admittance_s) for name, spectrum in ports.items()}
         first, second = ports["A"], ports["B"]
         self.low = max(first.frequency_hz[0], second.frequency_hz[0])
         self.high = min(first.frequency_hz[-1], second.frequency_hz[-1])
         self.reference_hz = sqrt(self.low * self.high)
         self.unit_s = float(np.median(np.abs(first.admittance_s)))
         self.count = sum(len(spectrum) for spectrum in ports.values())
+        self.noise = {
+            name: Noise(checked_noise(noise), stated=True) if noise is not None else estimate(spectrum.admittance_s)
+            for name, spectrum in ports.items()
+        }
+        self.deviation = {name: self._deviation(name, spectrum.admittance_s) for name, spectrum in ports.items()}
 
-    def _weights(self, connection: Connection, smooth_s: Complexes) -> Vector:
-        """Return one over the relative deviation at all points."""
-        return np.abs(smooth_s) / np.maximum(self.noise[connection].deviation(smooth_s), _FINEST * np.abs(smooth_s))
+    def _deviation(self, name: str, smooth_s: Complexes) -> Vector:
+        """Return the deviation of an admittance in this problem's unit at all points."""
+        return np.maximum(self.noise[name].deviation(smooth_s), _FINEST * np.abs(smooth_s)) / self.unit_s
 
     def weigh(self, parameters: Vector) -> None:
-        """Take the error model from what a fit leaves; where that is no noise, as a share of the magnitude."""
-        for name, spectrum in self.ports.items():
-            residual = self.relative(parameters, name)
-            fitted = spectrum.admittance_s * np.exp(residual)
-            if independent_points(residual) > 0.5 * len(residual):
-                self.noise[name] = estimate(fitted, spectrum.admittance_s - fitted)
-            else:
-                self.noise[name] = Noise({"proportional": max(float(np.sqrt(np.mean(np.abs(residual) ** 2))), _FINEST)})
-            self.weights[name] = self._weights(name, fitted)
+        """Take the deviations at the fitted admittances, and unless it is stated, the error from what the fit leaves.
 
-    def relative(self, parameters: Vector, connection: Connection) -> Complexes:
-        """Return ln Y_model − ln Y."""
-        return np.asarray(self.linearised(parameters, connection)[0] / self.weights[connection])
+        Where that is no noise, it counts as a share of the magnitude.
+        """
+        for name, spectrum in self.ports.items():
+            fitted = self.model(parameters, name, spectrum.frequency_hz)[0] * self.unit_s
+            error = spectrum.admittance_s - fitted
+            if not self.stated and independent_points(error / fitted) > 0.5 * len(error):
+                self.noise[name] = estimate(fitted, error)
+            elif not self.stated:
+                share = float(np.sqrt(np.mean(np.abs(error / fitted) ** 2)))
+                self.noise[name] = Noise({"proportional": max(share, _FINEST)})
+            self.deviation[name] = self._deviation(name, fitted)
 
     def descend(self, start: Vector) -> Vector:
         """Descend from start values to the nearest minimum."""
@@ -367,15 +371,15 @@ class _Problem:
 
     def independent(self, parameters: Vector) -> float:
         """Return the number of independent points."""
-        return self.share * sum(independent_points(self.linearised(parameters, name)[0]) for name in self.ports)
+        return sum(independent_points(self.linearised(parameters, name)[0]) for name in self.ports)
 
     def covariance(self, parameters: Vector) -> Vector:
         """Return the covariance of the parameters."""
         cost, _, hessian = self.normal_equations(parameters)
         independent = self.independent(parameters)
         variance = cost / max(2 * self.count - len(parameters), 1) * self.count / independent
-        if self.stated and independent == self.share * self.count:
-            variance = 0.5 / self.share
+        if self.stated and independent == self.count:
+            variance = 0.5
         return inverse(hessian) * variance
 
     def doubtful(self, parameters: Vector) -> int | None:
@@ -406,15 +410,18 @@ class _Problem:
         start[:_GLOBALS] = log(capacitance * split), log(capacitance * (1.0 - split)), fit.circuit.loss_tangent
         size = {connection: self._amplitudes(connection, arms) for connection in self.ports}
         for index, arm in enumerate(arms):
-            a, b = sqrt(size["A"][index]), sqrt(size["B"][index])
+            a, b = (sqrt(max(size[group][index], 1e-12)) for group in "AB")
             total = a * a + b * b
-            alike = size["A+B"][index] - total if "A+B" in size else total - size["A-B"][index]
+            if _TRANSFER in size:
+                alike = size[_TRANSFER][index]
+            else:
+                alike = size["A+B"][index] - total if "A+B" in size else total - size["A-B"][index]
             at = _GLOBALS + _PER_MODE * index
             frequency_ratio = arm.series_resonance_hz / self.reference_hz
             start[at : at + _PER_MODE] = log(frequency_ratio), log(arm.quality_factor), a, b if alike >= 0.0 else -b
         return start
 
-    def _amplitudes(self, connection: Connection, arms: Sequence[Any]) -> Vector:
+    def _amplitudes(self, connection: str, arms: Sequence[Any]) -> Vector:
         """Return (w·θ)²/m/ω of every mode by linear least squares, in this problem's unit."""
         spectrum = self.ports[connection]
         w = spectrum.frequency_hz / self.reference_hz
@@ -425,7 +432,7 @@ class _Problem:
             columns.append(1.0 / (1.0 / arm.quality_factor + 1j * (ratio - 1.0 / ratio)))
         system = (np.array(columns) / np.abs(y)).view(float).T
         found = np.linalg.lstsq(system, np.ascontiguousarray(y / np.abs(y)).view(float), rcond=None)[0]
-        return np.asarray(np.maximum(found[2:], 1e-12))
+        return np.asarray(found[2:])
 
     def bounds(self, start: Vector) -> tuple[Vector, Vector]:
         """Return the least and greatest value of every parameter."""
@@ -442,30 +449,34 @@ class _Problem:
         reach[_GLOBALS + 1 :: _PER_MODE] = 2.0
         return reach
 
-    def linearised(self, parameters: Vector, connection: Connection) -> tuple[Complexes, Complexes]:
-        """Return one connection's residual ln Y_model − ln Y over its deviation, and its derivatives."""
-        spectrum = self.ports[connection]
-        w = spectrum.frequency_hz / self.reference_hz
-        weight_a, weight_b = COUPLING[connection]
-        shape_of_loss, slope_of_loss = clamped(float(parameters[2]), spectrum.frequency_hz)
+    def model(self, parameters: Vector, connection: str, frequency_hz: Vector) -> tuple[Complexes, Complexes]:
+        """Return the admittance of a connection in this problem's unit, and its derivatives."""
+        w = frequency_hz / self.reference_hz
+        into, driven = ((1.0, 0.0), (0.0, 1.0)) if connection == _TRANSFER else 2 * (COUPLING[connection],)  # type: ignore[index]
+        shape_of_loss, slope_of_loss = clamped(float(parameters[2]), frequency_hz)
         capacitance = np.exp(parameters[:2]) / (2.0 * pi * self.reference_hz)
         plates = capacitance[:, None] * shape_of_loss
         log_frequency, log_quality, a, b = parameters[_GLOBALS:].reshape(-1, _PER_MODE).T[:, :, None]
         frequency, quality = np.exp(log_frequency), np.exp(log_quality)
         shape = 1.0 / (1.0 / quality + 1j * (w / frequency - frequency / w))
-        drive = weight_a * a + weight_b * b
-        squared = np.array([weight_a**2, weight_b**2])
-        y = squared @ plates + (drive**2 * shape).sum(axis=0)
+        first, second = into[0] * a + into[1] * b, driven[0] * a + driven[1] * b
+        product = first * second
+        groups = np.array(into) * np.array(driven)
+        y = groups @ plates + (product * shape).sum(axis=0)
         jacobian = np.empty((len(parameters), len(w)), dtype=complex)
-        jacobian[:2] = squared[:, None] * plates
-        jacobian[2] = squared @ capacitance * slope_of_loss
-        jacobian[_GLOBALS::_PER_MODE] = 1j * drive**2 * shape**2 * (w / frequency + frequency / w)
-        jacobian[_GLOBALS + 1 :: _PER_MODE] = drive**2 * shape**2 / quality
-        jacobian[_GLOBALS + 2 :: _PER_MODE] = 2.0 * weight_a * drive * shape
-        jacobian[_GLOBALS + 3 :: _PER_MODE] = 2.0 * weight_b * drive * shape
-        weights = self.weights[connection]
-        residual = np.log(y / (spectrum.admittance_s / self.unit_s))
-        return np.asarray(weights * residual), jacobian * (weights / y)
+        jacobian[:2] = groups[:, None] * plates
+        jacobian[2] = groups @ capacitance * slope_of_loss
+        jacobian[_GLOBALS::_PER_MODE] = 1j * product * shape**2 * (w / frequency + frequency / w)
+        jacobian[_GLOBALS + 1 :: _PER_MODE] = product * shape**2 / quality
+        for group in (0, 1):
+            jacobian[_GLOBALS + 2 + group :: _PER_MODE] = (into[group] * second + driven[group] * first) * shape
+        return np.asarray(y), jacobian
+
+    def linearised(self, parameters: Vector, connection: str) -> tuple[Complexes, Complexes]:
+        """Return one connection's residual Y_model − Y over its deviation, and its derivatives."""
+        spectrum, deviation = self.ports[connection], self.deviation[connection]
+        y, jacobian = self.model(parameters, connection, spectrum.frequency_hz)
+        return np.asarray((y - spectrum.admittance_s / self.unit_s) / deviation), jacobian / deviation
 
     def normal_equations(self, parameters: Vector) -> NormalEquations:
         """Return the normal equations of all connections together."""
@@ -473,8 +484,13 @@ class _Problem:
         return sum(part[0] for part in parts), np.sum([p[1] for p in parts], 0), np.sum([p[2] for p in parts], 0)
 
 
-def _report(problem: _Problem, parameters: Vector, source: str, warnings: list[str]) -> TwoPortFit:
-    residuals = {name: problem.relative(parameters, name) for name in problem.ports}
+def _report(
+    problem: _Problem, parameters: Vector, shown: Mapping[Connection, Spectrum], source: str, warnings: list[str]
+) -> TwoPortFit:
+    rms = {}
+    for name, spectrum in shown.items():
+        fitted = problem.model(parameters, name, spectrum.frequency_hz)[0] * problem.unit_s
+        rms[str(name)] = float(np.sqrt(np.mean(np.abs(fitted / spectrum.admittance_s - 1.0) ** 2)))
     error = np.sqrt(np.maximum(np.diag(problem.covariance(parameters)), 0.0))
     modes = []
     for index in range((len(parameters) - _GLOBALS) // _PER_MODE):
@@ -497,8 +513,8 @@ def _report(problem: _Problem, parameters: Vector, source: str, warnings: list[s
         modes.append(TwoPortMode(**values, standard_errors=errors))
     omega = 2.0 * pi * problem.reference_hz
     capacitances = np.exp(parameters[:2]) * problem.unit_s / omega
-    if problem.independent(parameters) < 0.5 * problem.share * problem.count:
-        worst = max(np.sqrt(np.mean(np.abs(residual) ** 2)) for residual in residuals.values())
+    worst = max(rms.values())
+    if worst > _FINEST and problem.independent(parameters) < 0.5 * problem.count:
         warnings = [
             *warnings,
             f"The modes do not follow the spectra to the noise: residuals of up to {100.0 * worst:.2g} % remain.",
@@ -514,9 +530,7 @@ def _report(problem: _Problem, parameters: Vector, source: str, warnings: list[s
             "capacitance_b_f": float(capacitances[1] * error[1]),
             "loss_tangent": float(error[2]),
         },
-        rms_relative_error={
-            name: float(np.sqrt(np.mean(np.abs(np.expm1(residual)) ** 2))) for name, residual in residuals.items()
-        },
+        rms_relative_error=rms,
         noise={name: dict(model.sigma) for name, model in problem.noise.items()},
         warnings=tuple(warnings),
     )
