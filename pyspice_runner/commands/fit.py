@@ -321,6 +321,14 @@ def _tell(result: SpectrumFit) -> None:
         + (f"damping coupled by {len(circuit.shared_losses)} shared resistance, " if circuit.shared_losses else "")
         + f"error {', '.join(f'{kind} {sigma:.2g}' for kind, sigma in result.noise.items())}\n"
     )
+    main = circuit.definitions()[result.arms.index(result.main_arm)]
+    by_definition = "; ".join(
+        f"{name}: R1 {engineering(values['resistance_ohm'], 'Ω')}, L1 {engineering(values['inductance_h'], 'H')}, "
+        f"C1 {engineering(values['capacitance_f'], 'F')}, Q {values['quality_factor']:.4g}"
+        for name, values in main.items()
+        if values is not None
+    )
+    say(f"main arm by other definitions: {by_definition}\n")
     tried = ", ".join(
         f"{item.arms}{' coupled' if item.rank else ''}{' with leads' if item.leads else ''} "
         f"({item.criterion:.0f}, {100.0 * item.rms_relative_error:.2g} %"
