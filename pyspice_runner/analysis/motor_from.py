@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
+from scipy.optimize import least_squares, linear_sum_assignment
 
 from pyspice_runner.analysis.steady import steady_state
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -188,25 +188,28 @@ def motor_from(
     task = _Task(fit, foundation, drive, shift, {"mass_kg": mass_kg, "tips": tips or borrowed, "name": name})
 
     names, point = list(start), np.log(list(start.values()))
-    wanted = np.log([measured[key] for key in targets])
-    deviation = np.array([errors[key] for key in targets])
     known = np.array([key in (_STIFFNESS, *_COMPLIANCES) for key in names], dtype=bool)
 
-    def residuals(logarithms: Vector) -> Vector:
-        found = task.computed(dict(zip(names, np.exp(logarithms).tolist(), strict=True)), targets)
-        prior = (logarithms - point)[known] / _STIFFNESS_ERROR
-        return np.concatenate([(np.log(list(found.values())) - wanted) / deviation, prior])
+    def off(logarithms: Vector, keys: Sequence[str]) -> Vector:
+        """Return the deviations of what is measured, over their errors."""
+        found = task.computed(dict(zip(names, np.exp(logarithms).tolist(), strict=True)), keys)
+        return np.array([np.log(found[key] / measured[key]) / errors[key] for key in keys])
 
-    solution, covariance = _least_squares(residuals, point, progress) if names else (point, np.zeros((0, 0)))
+    resonances = [key for key in targets if shift is not None and key in shift.measured]
+    solution, covariance = point, np.zeros((0, 0))
+    if names:
+        solution, covariance = _least_squares(
+            lambda logarithms: off(logarithms, [key for key in targets if key not in resonances]),
+            lambda logarithms: np.append(off(logarithms, resonances), (logarithms - point)[known] / _STIFFNESS_ERROR),
+            point,
+            progress,
+        )
     values = dict(zip(names, np.exp(solution).tolist(), strict=True))
     relative = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
     if _COMPLIANCES[0] in relative:
         relative[_COMPLIANCES[1]] = relative[_COMPLIANCES[0]]
     motor, standard_errors = _annotated(task.motor(values), fit, relative, targets)
-    if borrowed is not None:
-        origin = Provenance("assumed", f"those of {foundation.name}; state your own by tips")
-        places = {f"modes.{index}.{key}": origin for index in range(len(borrowed)) for key in ("tip_x", "tip_y")}
-        motor = motor.model_copy(update={"provenance": {**motor.provenance, **places}})
+    motor = _with_tips_noted(motor, borrowed, foundation.name)
     if drive is not None:
         table = {"kind": "two-phase", "voltage": voltage, "frequency": frequency, "phase_deg": phase_deg}
         motor = motor.model_copy(update={"drive": {**(foundation.drive or {}), **table}})
@@ -239,6 +242,13 @@ def _tips(fit: TwoPortFit, base: Motor) -> list[tuple[float, float]] | None:
         return None
     scales = [sqrt(base.modes[0].mass_kg / mode.mass_kg) for mode in base.modes]
     return [(scale * mode.tip_x, scale * mode.tip_y) for scale, mode in zip(scales, base.modes, strict=True)]
+
+
+def _with_tips_noted(motor: Motor, borrowed: list[tuple[float, float]] | None, name: str) -> Motor:
+    """Return a motor whose provenance says that the tips are those of another one, if they are."""
+    origin = Provenance("assumed", f"those of {name}; state your own by tips")
+    places = {f"modes.{index}.{key}": origin for index in range(len(borrowed or ())) for key in ("tip_x", "tip_y")}
+    return motor.model_copy(update={"provenance": {**motor.provenance, **places}})
 
 
 @dataclass(frozen=True)
@@ -311,34 +321,45 @@ class _Shift:
 
 
 def _least_squares(
-    residuals: Callable[[Vector], Vector],
+    slow: Callable[[Vector], Vector],
+    quick: Callable[[Vector], Vector],
     point: Vector,
     progress: Callable[[int, int], object] | None,
 ) -> tuple[Vector, Vector]:
-    """Return the solution and its covariance; Broyden's rule keeps the Jacobian up to date."""
-    here = residuals(point)
-    differences = [residuals(point + step) - here for step in _DIFFERENCE * np.eye(len(point))]
+    """Return the solution and its covariance.
+
+    Every step solves the problem with the slow residuals taken as linear, by a Jacobian that Broyden's rule keeps up to
+    date, and the quick ones as they are: along the curve on which these keep the resonances, mass and stiffness change
+    together.
+    """
+    here = slow(point)
+    differences = [slow(point + step) - here for step in _DIFFERENCE * np.eye(len(point))]
     jacobian = np.array(differences).T / _DIFFERENCE
     for number in range(1, _STEPS + 1):
         if progress is not None:
             progress(number, _STEPS)
-        step = -np.linalg.lstsq(jacobian, here, rcond=None)[0]
-        if np.linalg.norm(jacobian @ step) < _CLOSE:
-            return point, np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=float)
-        step = np.clip(step, -_REACH, _REACH)
+        start, before, slope = point, here, jacobian
+
+        def local(step: Vector, start: Vector = start, before: Vector = before, slope: Vector = slope) -> Vector:
+            return np.concatenate([before + slope @ step, quick(start + step)])
+
+        found = least_squares(local, np.zeros(len(point)), bounds=(-_REACH, _REACH))
+        step = found.x
+        if np.linalg.norm(local(step) - local(np.zeros(len(point)))) < _CLOSE:
+            return point, np.asarray(np.linalg.inv(found.jac.T @ found.jac), dtype=float)
         for last in (False, False, True):
             try:
-                there = residuals(point + step)
+                there = slow(point + step)
                 break
             except SimulationError:  # where the motor does not run, nothing can be compared
                 if last:
                     raise
                 step = step / 4.0
-        jacobian += np.outer(there - here - jacobian @ step, step) / float(step @ step)
+        jacobian = jacobian + np.outer(there - here - jacobian @ step, step) / float(step @ step)
         point, here = point + step, there
+    worst = float(np.abs(np.append(here, quick(point))).max())
     raise SimulationError(
-        f"No motor was found with the measured numbers in {_STEPS} steps; they are off by "
-        f"{np.abs(here).max():.3g} standard "
+        f"No motor was found with the measured numbers in {_STEPS} steps; they are off by {worst:.3g} standard "
         "deviations. Check the drive, or start from another base."
     )
 
