@@ -2,7 +2,8 @@
 """Synthetic spectra of seven classes, 60 of each, whose truth is known.
 
 `python -m tests.spectra.truths` writes truths.json and the table in docs/impedance.md; `python -m tests.spectra.truths
-SEED` prints the results for other spectra. The fit was developed with other seeds than the recorded one.
+SEED` prints the results for other spectra. The fit was developed with other seeds (1, 2, 3 and 1807 among them) than
+the recorded one.
 
 The truth is written down here by its formulas and shares no code with the package. Each spectrum is fitted without
 being told anything, and by a least-squares fit that knows the right model and the noise and starts at the truth.
@@ -31,7 +32,7 @@ CLASSES = (
 )
 SERIES = ("series loss", "leads")  # the dispersion of a constant loss tangent and leads cannot be told apart
 TRIALS = 60
-SEED = 1807
+SEED = 42001  # first used after the last change of the fit
 PAGE = Path(__file__).parents[2] / "docs" / "impedance.md"
 RESULT = Path(__file__).with_name("truths.json")
 Z0 = 50.0
