@@ -109,7 +109,7 @@ def errors(name: str, run: Waveforms) -> tuple[float, float]:
 
 def compiled_admittance(motor: pr.Motor, sweep: dict[str, Any]) -> np.ndarray:
     """Return the admittance matrix of the compiled motor in ngspice, shape (points, 2, 2)."""
-    module = module_of(len(motor.modes), Law())
+    module = module_of(motor, Law())
     columns = []
     for driven in "ab":
         circuit = Circuit(f"{motor.name}: admittance")

@@ -35,6 +35,7 @@ _VERSION_TIMEOUT = 20.0  # s; ngspice answers within some 5 ms
 _PROGRESS_PERIOD = 0.2  # s; ngspice reports its progress no more often
 _LONGEST_LOG = 1 << 24  # bytes; a good run writes about 1 kB
 _FULL = 1 << 16  # bytes; a disk that ngspice has filled has less than this free, the size of one write
+_START_FILE = "spinit"
 _FREE_SPACE = "Free some space or set TMPDIR."
 _INSTALL_HINT = "Install it: `sudo apt-get install ngspice` (Debian, Ubuntu), `brew install ngspice` (macOS)."
 
@@ -161,8 +162,7 @@ def run_deck(
         keep = False
         try:
             deck_path.write_text(deck, encoding="utf-8")
-            for module in modules:
-                (folder / module.name).symlink_to(module)
+            _link(modules, folder, deck)
             fault = silent_fault(deck)
             if fault:
                 raise _Unsound(fault, "")
@@ -202,6 +202,17 @@ def _new_folder() -> Path:
         raise SimulationError(f"Cannot write the netlist: {error.strerror}. {_FREE_SPACE}") from error
 
 
+def _link(modules: Sequence[Path], folder: Path, deck: str) -> None:
+    """Put compiled modules beside a deck, with an empty start file unless the deck has devices of XSPICE.
+
+    The start file of ngspice 46 loads the code models of XSPICE, which takes 8 ms, a tenth of a short run.
+    """
+    for module in modules:
+        (folder / module.name).symlink_to(module)
+    if modules and not re.search(r"(?mi)^(?:a|\.inc|\.lib)", deck):
+        (folder / _START_FILE).touch()
+
+
 class _Unsound(Exception):
     """A run is not valid; with the log of ngspice."""
 
@@ -222,6 +233,8 @@ def _execute(
     environment = {key: value for key, value in os.environ.items() if not key.startswith(("SPICE", "NGSPICE", "LC_"))}
     # without a HOME ngspice 39 crashes, and the user's own must not be read
     environment |= {"LC_ALL": "C", "HOME": str(folder)}
+    if (folder / _START_FILE).exists():
+        environment["SPICE_SCRIPTS"] = str(folder)
     started = time.perf_counter()
     with (folder / "log").open("w+b") as log_file:
         try:

@@ -2,9 +2,9 @@
 """The motor as a compiled Verilog-A module in a bench, with the pins and the vectors of the B-source subcircuit.
 
 The module is that of :mod:`.veriloga` with its states as further ports, because a simulator sets initial voltages of
-ports only. Its parameters are on the ``.model`` line, so that motors with the same number of modes share one
-compilation. Its coordinates are relative to rest under the preload; :func:`module_signals` has the vectors of the
-subcircuit in terms of those of the module.
+ports only. What a motor does not need is left out: drift, carrier, dry bearing. The values are on the ``.model`` line,
+so that similar motors share one compilation. The coordinates of the module are relative to rest under the preload;
+:func:`module_signals` has the vectors of the subcircuit in terms of those of the module.
 """
 
 from __future__ import annotations
@@ -21,9 +21,13 @@ from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.motor import PLATES, Discretisation, Motion, plate_nodes
 from pyspice_runner.netlist.veriloga import WRITTEN, module_source, module_values
 
+# states and pins that a motor may not need: their nodes, and the comment before their equations
+_CARRIER = ("carrier on plate springs", ("carrier", "carrier_velocity"))
+_BEARING = ("dry bearing", ("share",))
+_HEAT = ("heat of dielectric and modes", ("temperature",))
 _HEAD = re.compile(r"module piezomotor\([^)]*\);\n +inout [^;]*;\n")
 _ELECTRICAL = re.compile(r"(?m)^    electrical ([^;]+);$")  # first the pins, then the states
-_PINS = 5  # a, b, com, shaft, temperature
+PINS = ("a", "b", "com", "shaft")  # the first ports of a module
 # ports of the module that are nodes of the subcircuit under another name
 _NODES = {"pressing": "normal", "share": "xbearing.share"} | {
     f"{plate}_{group}": node for group in "ab" for plate, node in zip(PLATES, plate_nodes(group), strict=True)
@@ -50,7 +54,7 @@ class Module:
     Attributes:
         name: its name, and that of the compiled file without the ending.
         source: its text.
-        ports: its ports: the pins a, b, com, shaft and temperature, then the states.
+        ports: its ports: :data:`PINS`, then the states.
     """
 
     name: str
@@ -72,23 +76,41 @@ def missing_form(law: Law | None) -> str:
     return ""
 
 
-def module_of(modes: int, law: Law) -> Module:
-    """Return the module for motors with some number of modes: the exported one, with its states as ports."""
-    return _module(modes, _cells(law))
+def module_of(motor: Motor, law: Law) -> Module:
+    """Return the module for a motor with a law: the exported one without what it does not need, its states as ports.
 
-
-def _cells(law: Law) -> int:
-    """Return the number of sliders of a brush, 0 for another law."""
-    return law.sliders if law.name == "brush" else 0
+    Motors with the same number of modes, with or without mount and dry friction of the bearing, have the same module.
+    """
+    sliders = law.sliders if law.name == "brush" else 0
+    return _module(len(motor.modes), sliders, motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0)
 
 
 @cache
-def _module(modes: int, sliders: int) -> Module:
-    name = f"piezomotor_{modes}_modes" + (f"_{sliders}_sliders" if sliders else "")
+def _module(modes: int, sliders: int, mounted: bool, dry: bool) -> Module:
     text = module_source(modes, sliders)
+    unused = [_HEAT, *(() if mounted else (_CARRIER,)), *(() if dry else (_BEARING,))]
+    for comment, nodes in unused:
+        text = _without(text, comment, nodes)
     ports = tuple(port for line in _ELECTRICAL.findall(text) for port in line.split(", "))
     listed = ", ".join(ports)
+    parts = (f"{modes}_modes", *((f"{sliders}_sliders",) if sliders else ()))
+    name = "_".join(("piezomotor", *parts, *(("mount",) if mounted else ()), *(("dry",) if dry else ())))
     return Module(name, _HEAD.sub(f"module {name}({listed});\n    inout {listed};\n", text, count=1), ports)
+
+
+def _without(text: str, comment: str, nodes: tuple[str, ...]) -> str:
+    """Return the text of a module without some nodes: their voltages are 0, and their equations are left out."""
+    text, count = re.subn(rf"(?ms)^ *// {comment}.*?^ *// end of the [^\n]*\n", "", text)
+    assert count == 1, comment
+    for node in nodes:
+        text = text.replace(f"= V({node});", "= 0.0;")
+        assert f"V({node})" not in text, node
+
+    def kept(line: re.Match[str]) -> str:
+        names = [name for name in line[1].split(", ") if name not in nodes]
+        return f"    electrical {', '.join(names)};" if names else ""
+
+    return _ELECTRICAL.sub(kept, text)
 
 
 def module_subcircuit(motor: Motor, law: Law, discretisation: Discretisation | None, name: str) -> str:
@@ -100,18 +122,18 @@ def module_subcircuit(motor: Motor, law: Law, discretisation: Discretisation | N
     reason = missing_form(law)
     if reason:
         raise ParameterError(reason)
-    module = module_of(len(motor.modes), law)
+    module = module_of(motor, law)
     values = " ".join(
         f"{parameter}={value!r}"
         for parameter, value in module_values(motor, law.name, discretisation=discretisation).items()
     )
     names = _NODES | {f"cell_{number}": f"xcontact.q{number}" for number in range(1, law.sliders + 1)}
-    nodes = " ".join(names.get(port, port) for port in module.ports[_PINS:])
+    nodes = " ".join(names.get(port, port) for port in module.ports[len(PINS) :])
     return "\n".join(
         (
             f".model {name}_device {module.name} {values}",
             f".subckt {name} a b com shaft",
-            f"N1 a b com shaft 0 {nodes} {name}_device",
+            f"N1 a b com shaft {nodes} {name}_device",
             f".ends {name}",
         )
     )

@@ -68,7 +68,7 @@ class Plant:
     def module(self) -> Module:
         """The Verilog-A module of the motor."""
         assert self.law is not None
-        return module_of(self.modes, self.law)
+        return module_of(self.motor, self.law)
 
     @property
     def contact_states(self) -> tuple[str, ...]:

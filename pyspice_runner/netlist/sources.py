@@ -333,7 +333,7 @@ def _compiled_bench(
     start: Motion | None,
 ) -> Bench:
     """Add the motor as a compiled module to a circuit, and return the bench."""
-    module = module_of(len(motor.modes), law)
+    module = module_of(motor, law)
     text = module_subcircuit(motor, law, discretisation, SUBCIRCUIT)
     circuit.raw_spice += f"{loading(module)}\n{text}\nXmotor a b 0 shaft {SUBCIRCUIT}\n"
     first = _start(source, law, start)

@@ -12,11 +12,13 @@ import hashlib
 import json
 import os
 import platform
+import shutil
 import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Literal
 
@@ -44,11 +46,10 @@ _PERIODS = 12  # of the drive: the contact opens, sticks and slips
 _DRIVE = TwoPhaseDrive(voltage=150.0, frequency=40.1e3, phase_deg=120.0)
 _LOAD = 1e-3  # N·m
 _SKEW = 0.1  # of the tip's motion in one direction, in the other
+_DRY = {"rotor.bearing_friction_n_m": 2e-3, "rotor.bearing_presliding_rad": 3e-5}
 _LOSSES = {
     "contact.preload_n": 2.0,
     "contact.series_compliance_m_per_n": 2e-9,
-    "rotor.bearing_friction_n_m": 2e-3,
-    "rotor.bearing_presliding_rad": 3e-5,
     "modes.0.softening_per_m2": 1e11,
     "modes.0.damping_growth_per_m2": 1e12,
 }
@@ -60,7 +61,7 @@ class Verdict:
     """The outcome of a comparison.
 
     Attributes:
-        differences: RMS difference over RMS of each signal of :data:`COMPARED`.
+        differences: RMS difference over RMS of each signal of :data:`COMPARED`; infinite if the compiled motor failed.
     """
 
     differences: Mapping[str, float]
@@ -81,6 +82,10 @@ class Verdict:
         if self.passed:
             return ""
         name, difference = self.worst
+        if difference == inf:
+            return (
+                "The compiled motor does not run where the B-sources do. The compiler makes wrong code of the module."
+            )
         return (
             f"The compiled motor does not move as the B-sources do: {name} of a comparison of {_PERIODS} periods "
             f"differs by {100.0 * difference:.3g} %, more than {100.0 * TOLERANCE:g} %. The compiler makes wrong code "
@@ -111,7 +116,7 @@ def is_compiled(engine: Engine, motor: Motor, law: Law | None, reason: str = "")
         raise ParameterError(f'engine = "compiled" is not valid here: {reason} Take engine = "spice" or "auto".')
     assert law is not None
     try:
-        fault = verdict(len(motor.modes), law).fault
+        fault = verdict(motor, law).fault
     except SimulationError:
         if engine == "auto":
             return False
@@ -121,13 +126,14 @@ def is_compiled(engine: Engine, motor: Motor, law: Law | None, reason: str = "")
     return not fault
 
 
-def verdict(modes: int, law: Law) -> Verdict:
-    """Return the verdict on the compiled motor with some number of modes, on this machine.
+def verdict(motor: Motor, law: Law) -> Verdict:
+    """Return the verdict on the module of a motor with a law, on this machine.
 
     Raises:
         SimulationError: if compiler or ngspice are missing or fail.
     """
-    return _verdict(modes, law, tools(), modules_folder())
+    shape = (len(motor.modes), motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0)
+    return _verdict(shape, law, tools(), modules_folder())
 
 
 def tools() -> str:
@@ -141,10 +147,11 @@ def tools() -> str:
 
 
 @cache
-def _verdict(modes: int, law: Law, used: str, folder: Path) -> Verdict:
-    setups = [_setup(modes, law, compiled=compiled) for compiled in (False, True)]
+def _verdict(shape: tuple[int, bool, bool], law: Law, used: str, folder: Path) -> Verdict:
+    motor = _similar(*shape, law)
+    setups = [_setup(motor, law, compiled=compiled) for compiled in (False, True)]
     texts = [f"{bench.circuit} {bench.start}" for bench in (setup.bench() for setup in setups)]
-    told = "\n".join((used, module_of(modes, law).source, *texts))
+    told = "\n".join((used, module_of(motor, law).source, *texts))
     path = folder / "verdicts" / f"{hashlib.sha256(told.encode()).hexdigest()[:32]}.json"
     with suppress(OSError, ValueError, TypeError, KeyError):
         known = json.loads(path.read_text(encoding="utf-8"))
@@ -159,15 +166,22 @@ def _verdict(modes: int, law: Law, used: str, folder: Path) -> Verdict:
     return found
 
 
-def _setup(modes: int, law: Law, *, compiled: bool) -> Setup:
-    """Return the run that is compared: ``bimodal40`` with all losses, its modes repeated at other frequencies.
+def _similar(modes: int, mounted: bool, dry: bool, law: Law) -> Motor:
+    """Return the motor that is compared in place of others with the same module.
 
-    Every mode moves the tip in both directions.
+    It is ``bimodal40`` with losses, its modes repeated at other frequencies. Every mode moves the tip both ways.
     """
-    motor = load_motor("bimodal40").updated({**_LOSSES, **(_FALLING if law.name == "spring-slider" else {})})
+    base = load_motor("bimodal40").updated(
+        {
+            **_LOSSES,
+            **(_FALLING if law.name == "spring-slider" else {}),
+            **(_DRY if dry else {}),
+            **({} if mounted else {"mount": None}),
+        }
+    )
     several = []
     for number in range(modes):
-        mode = motor.modes[number % 2]
+        mode = base.modes[number % 2]
         changed = {
             "name": f"mode{number + 1}",
             "stiffness_n_per_m": mode.stiffness_n_per_m * (1 + number // 2),
@@ -175,10 +189,12 @@ def _setup(modes: int, law: Law, *, compiled: bool) -> Setup:
             "tip_y": mode.tip_y + _SKEW * mode.tip_x,
         }
         several.append(mode.model_copy(update=changed))
-    return Setup(
-        motor.model_copy(update={"modes": tuple(several)}), DriveSource(_DRIVE), Load(None, _LOAD), law,
-        Solver(compiled=compiled),
-    )  # fmt: skip
+    return base.model_copy(update={"modes": tuple(several)})
+
+
+def _setup(motor: Motor, law: Law, *, compiled: bool) -> Setup:
+    """Return the run that is compared."""
+    return Setup(motor, DriveSource(_DRIVE), Load(None, _LOAD), law, Solver(compiled=compiled))
 
 
 def _compared(spice: Setup, compiled: Setup) -> Verdict:
@@ -187,7 +203,13 @@ def _compared(spice: Setup, compiled: Setup) -> Verdict:
     for setup in (spice, compiled):
         recording = setup.recording()
         vectors = [*recording.vectors(COMPARED), *setup.source.vectors]
-        samples = setup.run(_PERIODS / _DRIVE.frequency, vectors).vectors()
+        try:
+            samples = setup.run(_PERIODS / _DRIVE.frequency, vectors).vectors()
+        except SimulationError as error:
+            if not setup.solver.compiled or error.deck is None:
+                raise
+            shutil.rmtree(error.deck.parent, ignore_errors=True)
+            return Verdict(dict.fromkeys(COMPARED, inf))
         waves = recording.columns(samples, COMPARED)
         times.append(waves["time_s"])
         columns.append(waves)

@@ -23,8 +23,8 @@ MOTOR = pr.load_motor("andersen2002-unintended-mode")
 
 def test_every_state_of_the_module_is_a_port() -> None:
     """A simulator sets initial voltages of ports only."""
-    source = module_of(3, Law()).source
-    ports = re.search(r"module piezomotor_3_modes\(([^)]*)\);\n    inout ([^;]*);\n", source)
+    source = module_of(MOTOR, Law()).source
+    ports = re.search(r"module piezomotor_3_modes_mount\(([^)]*)\);\n    inout ([^;]*);\n", source)
     assert ports is not None
     assert ports[1] == ports[2]
     declared = ", ".join(re.findall(r"(?m)^    electrical ([^;]+);$", source))
@@ -36,10 +36,29 @@ def test_every_state_of_the_module_is_a_port() -> None:
 def test_the_instance_has_a_node_for_every_port() -> None:
     text = module_subcircuit(MOTOR, Law(), None, "piezomotor")
     instance = next(line for line in text.splitlines() if line.startswith("N1 ")).split()
-    ports = re.search(r"module \w+\(([^)]*)\)", module_of(3, Law()).source)
+    ports = re.search(r"module \w+\(([^)]*)\)", module_of(MOTOR, Law()).source)
     assert ports is not None
     assert len(instance) - 2 == len(ports[1].split(", "))
     assert len(set(instance)) == len(instance)
+
+
+@pytest.mark.parametrize(
+    ("changes", "has", "lacks"),
+    [
+        ({}, {"carrier", "carrier_velocity"}, {"share", "temperature"}),
+        ({"mount": None}, {"slider"}, {"carrier", "carrier_velocity", "share", "temperature"}),
+        ({"rotor.bearing_friction_n_m": 1e-4}, {"carrier", "share"}, {"temperature"}),
+    ],
+)
+def test_a_module_has_no_states_that_its_motor_does_not_need(
+    changes: dict[str, object], has: set[str], lacks: set[str]
+) -> None:
+    module = module_of(MOTOR.updated(changes), Law())
+    assert has <= set(module.ports)
+    for node in lacks:
+        assert node not in module.ports
+        assert f"V({node})" not in module.source
+        assert f"I({node})" not in module.source
 
 
 def test_modes_are_written_to_be_exact_at_resonance_and_the_slider_follows_in_half_a_step() -> None:
@@ -58,7 +77,7 @@ def test_a_deck_asks_for_one_thread() -> None:
     bench = motor_bench(MOTOR, DriveSource(pr.default_drive(MOTOR)), compiled=True)
     assert "\nset num_threads=1\n" in loading(bench.modules[0])
     assert loading(bench.modules[0]) in str(bench.circuit)
-    assert bench.modules == (module_of(3, Law()),)
+    assert bench.modules == (module_of(MOTOR, Law()),)
 
 
 def test_the_vectors_of_rest_are_those_of_the_subcircuits() -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.netlist.compiled import module_of
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.run import engines
 from pyspice_runner.run.engines import COMPARED, TOLERANCE, Verdict, is_compiled
@@ -71,9 +72,13 @@ def test_curves_whose_meters_need_the_b_sources_say_so(
         pr.speed_torque(MOTOR, DRIVE, speeds=[0.0, 1.0], engine="compiled", **settings)
 
 
-def test_the_motor_of_the_comparison_opens_sticks_and_slips() -> None:
+@pytest.mark.parametrize("changes", [{}, {"mount": None}, {"rotor.bearing_friction_n_m": 1e-3}])
+def test_the_motor_of_the_comparison_has_the_same_module_and_opens_sticks_and_slips(changes: dict[str, Any]) -> None:
     """A comparison in which the contact never opens, or never slips, would not see a wrong term of these."""
-    setup = engines._setup(2, Law(), compiled=False)
+    motor = MOTOR.updated(changes)
+    mounted, dry = motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0
+    setup = engines._setup(engines._similar(2, mounted, dry, Law()), Law(), compiled=False)
+    assert module_of(setup.motor, Law()) == module_of(motor, Law())
     run = pr.simulate(
         setup.motor, engines._DRIVE, duration=engines._PERIODS / engines._DRIVE.frequency,
         load_torque=engines._LOAD, step=setup.step,

@@ -22,7 +22,7 @@ import pyspice_runner as pr
 from pyspice_runner.engine.openvaf import compile_module
 from pyspice_runner.engine.rawfile import RawFile, read_rawfile
 from pyspice_runner.model.drive import Load, Tone
-from pyspice_runner.netlist.compiled import module_of, module_signals
+from pyspice_runner.netlist.compiled import PINS, module_of, module_signals
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.motor import Discretisation, plate_nodes
 from pyspice_runner.netlist.sources import DriveSource
@@ -56,7 +56,7 @@ def vacask(
     motor: pr.Motor, law: Law, lines: Sequence[str], commands: Sequence[str], discretisation: Discretisation | None
 ) -> tuple[RawFile, float]:
     """Run the motor ``n1`` on the nodes a, b, 0, shaft; return the vectors of ``run`` and the time in s."""
-    module = module_of(len(motor.modes), law)
+    module = module_of(motor, law)
     values = module_values(motor, law.name, discretisation=discretisation)
     deck = "\n".join(
         (
@@ -66,7 +66,7 @@ def vacask(
             "model isource isource",
             f"model device {module.name} ( {' '.join(f'{name}={value!r}' for name, value in values.items())} )",
             "ground 0",
-            f"n1 (a b 0 shaft 0 {' '.join(module.ports[5:])}) device",
+            f"n1 (a b 0 shaft {' '.join(module.ports[len(PINS) :])}) device",
             *lines,
             "control",
             *commands,
