@@ -130,7 +130,7 @@ def _as_ngspice(found: Mapping[str, Any], setup: Setup) -> dict[str, Any]:
     samples = {"time": found["time"], "v(shaft)": found["shaft"], "v(a)": found["a"], "v(b)": found["b"]}
     samples |= {"i(va)": found["va:flow(br)"], "i(vb)": found["vb:flow(br)"]}
     samples |= {"v(xmotor.slider)": found["slider"], "v(xmotor.normal)": found["pressing"]}
-    samples |= {"v(xmotor.xbearing.share)": found["share"]}
+    samples |= {"v(xmotor.xbearing.share)": found["share"]} if "share" in found else {}
     module = {f"v(xmotor.{name})": values for name, values in found.items()}
     module |= {f"v(@n.xmotor.n1[{variable}])": found[f"n1.{variable}"] for variable in _VARIABLES}
     signals = module_signals(setup.motor, setup.discretisation, "xmotor")
