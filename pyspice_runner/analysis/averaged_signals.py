@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import pi
+from math import ceil, log10, pi
 from typing import Any
 
 import numpy as np
@@ -130,10 +130,12 @@ def averaged_signals(
     vectors = ["v(shaft)", "v(xmotor.friction)", *(f"i(v{group}_{part})" for group in "ab" for part in parts)]
     vectors += [f"v(xmotor.xmode{index}_1.v_{part})" for index in range(1, len(motor.modes) + 1) for part in parts]
     transfers: dict[tuple[str, str], Complex] = {}
+    # ngspice never ends a sweep by decades that has less than one step
+    density = max(points, ceil(1.0 / log10(stop / start)))
     for of, modulated in sizes.items():
         outcome = ac(
             averaged_bench(motor, settings, load=load, modulated=modulated), vectors, guess=guess, timeout=timeout,
-            variation="dec", number_of_points=points, start_frequency=start, stop_frequency=stop,
+            variation="dec", number_of_points=density, start_frequency=start, stop_frequency=stop,
         )  # fmt: skip
         for output, values in _outputs(motor, outcome.phasors(), settled, of).items():
             transfers[output, of] = values

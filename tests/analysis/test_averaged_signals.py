@@ -36,6 +36,13 @@ def test_torque_and_speed_are_those_of_one_rotor(signals: AveragedSignals) -> No
         np.testing.assert_allclose(torque, admittance * speed, rtol=1e-6)
 
 
+def test_a_range_of_less_than_a_step_has_its_two_ends() -> None:
+    motor = pr.load_motor("bimodal40").updated({"mount": None})
+    drive = pr.TwoPhaseDrive(voltage=60.0, frequency=40.4e3, phase_deg=120.0)
+    found = averaged_signals(motor, drive, start=1e3, stop=3e3, points=1)
+    np.testing.assert_allclose(found.modulation_hz, [1e3, 3e3])
+
+
 def test_signals_are_tables_and_files(signals: AveragedSignals) -> None:
     assert "speed_per_amplitude_re" in signals.to_dict()
     assert signals.summary()["speed"] == "6.295 rad/s"
