@@ -69,10 +69,10 @@ def check_averaged(contact: str | None) -> None:
 
 
 def require_averaged(motor: Motor) -> None:
-    """Check that a motor has no property that the averaged motor in C and in Verilog-A leaves out.
+    """Check that a motor has no property that the averaged motor leaves out.
 
     Raises:
-        ParameterError: for a mode that is not linear, or a loss of contact or bearing that they do not have.
+        ParameterError: for a mode that is not linear, or a loss of contact or bearing that it does not have.
     """
     require_linear(motor, "The averaged motor")
     left_out = {
@@ -83,7 +83,7 @@ def require_averaged(motor: Motor) -> None:
     for name, (value, neutral) in left_out.items():
         if value != neutral:
             raise ParameterError(
-                f"{name} = {value:g}: this export of the averaged motor does not have it; set it to {neutral:g}."
+                f"{name} = {value:g} has no averaged model: it must be {neutral:g}. Set it, or use the full motor."
             )
 
 
@@ -366,6 +366,7 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
     Raises:
         ParameterError: for an invalid name.
     """
+    require_averaged(motor)
     circuit = AveragedSubCircuit(motor, thermal=thermal, name=check_name(name) if name else SUBCIRCUIT)
     drive = default_two_phase(motor)
     b = rect(drive.voltage, radians(drive.phase_deg))
@@ -447,6 +448,7 @@ def add_averaged_motor(
         harmonics: as in :class:`AveragedSubCircuit`.
         thermal: as in :class:`AveragedSubCircuit`.
     """
+    require_averaged(motor)
     definition = AveragedSubCircuit(motor, phases=phases, harmonics=harmonics, thermal=thermal)
     circuit.raw_spice += definition.parts + "\n"
     circuit.subcircuit(definition)

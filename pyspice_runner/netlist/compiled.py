@@ -142,7 +142,7 @@ def module_subcircuit(motor: Motor, law: Law, discretisation: Discretisation | N
 def loading(module: Module) -> str:
     """Return the control section that loads the compiled file.
 
-    The start file of ngspice 46 asks for eight threads, which share out even a single device: a run on two cores takes
+    The start file of ngspice 46 asks for eight threads, which slow down even a single device: a run on two cores takes
     up to 50 times as long as with one thread.
     """
     return f".control\npre_osdi {module.file}\nset num_threads=1\n.endc"

@@ -144,3 +144,17 @@ def test_parameters_of_the_x_line_are_those_of_the_motor(motor: pr.Motor, tmp_pa
     assert found["normal_n"] == pytest.approx(run.normal_force_n[-1], rel=1e-4)
     torque = found["friction_n"] * motor.rotor.radius_m
     assert torque == pytest.approx(run.torque_n_m[-1], abs=1e-4 * 0.25 * 7.0 * motor.rotor.radius_m)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("contact.sliding_ratio", 0.8),
+        ("contact.series_compliance_m_per_n", 1e-8),
+        ("rotor.bearing_friction_n_m", 1e-4),
+    ],
+)
+def test_a_loss_without_an_averaged_model_is_an_error(name: str, value: float) -> None:
+    lossy = pr.load_motor("bimodal40").updated({name: value})
+    with pytest.raises(pr.ParameterError, match=f"{name} = {value:g} has no averaged model"):
+        pr.simulate_averaged(lossy, pr.default_drive(lossy), 1e-3)
