@@ -26,6 +26,7 @@ from pyspice_runner.commands.common import (
     deliver,
     engineering,
     grid,
+    refuse_idle,
     say,
 )
 
@@ -202,6 +203,7 @@ def noise_of(text: str | None) -> dict[str, float] | None:
 
 
 def fit(
+    context: typer.Context,
     file: FileArgument,
     modes: ModesOption = None,
     connection: ConnectionOption = Port.a,
@@ -255,6 +257,8 @@ def fit(
     if series or voltages is not None or temperatures is not None:
         if plot is not None:
             raise pr.ParameterError("--plot draws one spectrum; leave out --with.")
+        idle = ("leads", "no_leads", "noise", "opened", "short", "load", "load_ohm", "timeout")
+        refuse_idle(context, "on spectra that are fitted together", *idle)
 
         def part(path: Path) -> pr.Spectrum:
             spectrum = reader(columns, through, trace)(path)

@@ -134,3 +134,13 @@ def test_the_command_fits_spectra_at_several_levels(tmp_path: Path, capsys: pyte
     assert arm["softening_per_c2"] == pytest.approx(6e7 / COUPLING**2, rel=0.05)
     assert run([*map(str, words[:2]), "--voltages", "5"]) == 2
     assert "at least two spectra" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize("option", ["--noise", "--leads", "--timeout"])
+def test_an_option_of_a_single_spectrum_is_an_error(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    value = {"--noise": "proportional=0.1%", "--leads": "20nH,0.1ohm", "--timeout": "10"}[option]
+    file = str(measured(mode(0.0, 0.0), 1.0, 0).save(tmp_path / "one.csv"))
+    assert run(["fit", file, "--with", file, "--voltages", "5,40", option, value]) == 2
+    assert f"{option} has no effect on spectra that are fitted together" in " ".join(capsys.readouterr().err.split())
