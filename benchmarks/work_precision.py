@@ -39,7 +39,7 @@ ROUNDS = 3
 SLOW = 2.5  # s; longer tasks run once
 PULL = 5e-8  # s
 OURS = (20, 24, 32, 48, 64, 128)  # points a period of the fastest motion
-COMPILED = (2e-6, 1e-6, 5e-7, 2.5e-7, 1.25e-7)  # s
+RUNGE_KUTTA = (2e-6, 1e-6, 5e-7, 2.5e-7, 1.25e-7)  # s
 SCIPY = {
     "RK45": (1e-3, 3e-4, 1e-4, 1e-5),
     "DOP853": (1e-3, 1e-4),
@@ -127,12 +127,12 @@ class Case:
         away = (x - self.x(t)) ** 2 + (y - self.y(t)) ** 2
         return sqrt(float(np.trapezoid(away, t) / (t[-1] - t[0])) / self.motion)
 
-    def ours(self, points: int, exact_resonance: bool) -> float:
+    def ours(self, points: int, exact_resonance: bool, engine: str = "spice") -> float:
         """A run of the package, and its error."""
         step = shortest_period(self.motor, DriveSource(self.drive), PAPER_LAW) / points
         run = pr.simulate(
             self.motor, self.drive, duration=DURATION, step=step, exact_resonance=exact_resonance,
-            signals=("tip_x_m", "tip_y_m"),
+            signals=("tip_x_m", "tip_y_m"), engine=engine,
         )  # fmt: skip
         return self.error(run.time_s, run.tip_x_m, run.tip_y_m)
 
@@ -170,14 +170,26 @@ def measured(tasks: dict[tuple[str, str], Callable[[], float]]) -> list[dict[str
     ]  # fmt: skip
 
 
+def compiles(case: Case) -> bool:
+    """Whether this machine has the compiled engine; ``make verilog-a`` sets it up."""
+    try:
+        case.ours(OURS[0], True, "compiled")
+    except pr.SimulationError:
+        return False
+    return True
+
+
 def work_precision(case: Case) -> list[dict[str, Any]]:
     """All solvers on one case."""
     tasks: dict[tuple[str, str], Callable[[], float]] = {}
+    compiled_engine = compiles(case)
     for points in OURS:
         tasks["ngspice, exact at resonance", f"{points} a period"] = lambda n=points: case.ours(n, True)
         tasks["ngspice, plain", f"{points} a period"] = lambda n=points: case.ours(n, False)
-    for step in COMPILED:
-        tasks["compiled", f"{step:g} s"] = lambda h=step: case.compiled(h)
+        if compiled_engine:
+            tasks["compiled engine", f"{points} a period"] = lambda n=points: case.ours(n, True, "compiled")
+    for step in RUNGE_KUTTA:
+        tasks["Runge-Kutta, numba", f"{step:g} s"] = lambda h=step: case.compiled(h)
     for method, tolerances in SCIPY.items():
         for tolerance in tolerances:
             tasks[method, f"rtol {tolerance:g}"] = lambda m=method, r=tolerance: case.scipy(m, r)
