@@ -257,6 +257,21 @@ def test_a_two_port_file_gives_the_same_motor(bench: Path, tmp_path: Path, capsy
         (["--two-port", "--plot", "x.png"], "--plot draws one connection"),
         (["--two-port", "--output", "x.toml"], "let it end in .json"),
         (["--two-port", "--b", "both.csv"], "--two-port takes one file"),
+        (["--two-port", "--leads", "none"], "--leads has no effect where both groups are fitted"),
+        (["--two-port", "--no-leads"], "--no-leads has no effect"),
+        (["--two-port", "--open", "both.csv"], "--open has no effect"),
+        (["--two-port", "--short", "both.csv"], "--short has no effect"),
+        (["--two-port", "--load", "both.csv"], "--load has no effect"),
+        (["--two-port", "--load-ohm", "75"], "--load-ohm has no effect"),
+        (["--two-port", "--with", "both.csv"], "--with has no effect"),
+        (["--two-port", "--voltages", "1,2"], "--voltages has no effect"),
+        (["--two-port", "--temperatures", "1,2"], "--temperatures has no effect"),
+        (["--two-port", "--base", "bimodal40"], "--base has no effect without --mass-kg"),
+        (["--two-port", "--connection", "B"], "--connection has no effect where both groups are fitted"),
+        (["--two-port", "--mass-kg", "1e-3", "--connection", "B"], "without --velocity-per-current"),
+        (["--two-port", "--start", "1e6"], "from 1e+06 Hz to inf Hz"),
+        (["--base", "bimodal40"], "--base has no effect without --two-port"),
+        (["--load-ohm", "75"], "--load-ohm has no effect without --load"),
     ],
 )
 def test_options_of_both_groups_that_do_not_fit_are_rejected(
@@ -265,3 +280,45 @@ def test_options_of_both_groups_that_do_not_fit_are_rejected(
     monkeypatch.chdir(bench)
     assert run(["fit", "both.csv", *words]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_a_two_port_is_fitted_over_a_part_of_its_band(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fit", str(bench / "both.csv"), "--two-port", "--start", "30e3", "--json"]) == 0
+    modes = json.loads(capsys.readouterr().out)["modes"]
+    expected = pr.load_motor("andersen2002").modes[1].frequency_hz
+    assert [mode["series_resonance_hz"] for mode in modes] == pytest.approx([expected], rel=1e-4)
+    assert run(["fit", str(bench / "both.csv"), "--two-port", "--stop", "30e3", "--json"]) == 0
+    modes = json.loads(capsys.readouterr().out)["modes"]
+    expected = pr.load_motor("andersen2002").modes[0].frequency_hz
+    assert [mode["series_resonance_hz"] for mode in modes] == pytest.approx([expected], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["fit", "A.csv", "--connection", "B"], "--connection has no effect on A.csv, which has one port"),
+        (["compare", "A.csv", "B.csv", "--connection", "B"], "--connection has no effect on spectra of one port"),
+        (["compare", "A.csv", "B.csv", "--state", "preloaded"], "--state has no effect on a spectrum"),
+        (["compare", "A.csv", "B.csv", "--label", "age"], "--label has no effect without --at"),
+        (["motor-from", "both.csv", "--mass-kg", "1e-3", "--voltage", "9"], "--voltage has no effect without"),
+        (["motor-from", "both.csv", "--mass-kg", "1e-3", "--frequency", "9"], "--frequency has no effect without"),
+        (["motor-from", "both.csv", "--mass-kg", "1e-3", "--phase", "9"], "--phase has no effect without"),
+        (["motor-from", "both.csv", "--mass-kg", "1e-3", "--torque-error", "1"], "--torque-error has no effect"),
+        (["motor-from", "both.csv", "--stall-torque", "1", "--speed-error", "1"], "--speed-error has no effect"),
+        (
+            ["motor-from", "both.csv", "--no-load-speed", "1", "--mass-kg", "1e-3", "--speed-error", "1"],
+            "or with --mass-kg",
+        ),
+        (["motor-from", "both.csv", "--mass-kg", "1e-3", "--connection", "B"], "without a --preloaded two-port"),
+        (["motor-from", "both.csv", "--preloaded", "A.csv", "--connection", "B"], "without a --preloaded two-port"),
+        (["export", "andersen2002", "--contact", "brush", "--output", "m.asy"], "--contact has no effect on a .asy"),
+        (["export", "andersen2002", "--name", "other", "--output", "m.s2p"], "--name has no effect on a .s2p"),
+        (["export", "andersen2002", "--thermal", "--output", "m.toml"], "--thermal has no effect on a .toml"),
+    ],
+)
+def test_options_without_effect_on_what_is_given_are_errors(
+    words: list[str], says: str, bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(bench)
+    assert run(words) == 2
+    assert says in " ".join(capsys.readouterr().err.split())

@@ -139,7 +139,7 @@ def motor_from(
 
     Args:
         spectra: of the free stator: a two-port, or one-ports by connection, see :func:`fit_two_port`.
-        preloaded: spectrum of the stator pressed on its rotor, through ``connection`` if it is a one-port.
+        preloaded: spectrum of the stator pressed on its rotor, of a two-port that through ``connection``.
         no_load_speed: rad/s at ``voltage`` and ``frequency``.
         stall_torque: N·m at the same.
         voltage: amplitude on each group, V.
@@ -149,7 +149,7 @@ def motor_from(
         speed_error: relative standard deviation of the no-load speed.
         torque_error: relative standard deviation of the stall torque.
         modes: number of modes; found if it is not given.
-        connection: of a preloaded one-port.
+        connection: of the groups in a preloaded two-port.
         tips: (tip_x, tip_y) of every mode, see :meth:`TwoPortFit.to_motor`. By default, if the mass is not known, those
             of the other motor for one modal mass, where its groups drive the same modes alike or opposed.
         base: motor that contact and rotor are taken from, but for what is fitted.

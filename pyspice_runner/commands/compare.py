@@ -25,6 +25,7 @@ from pyspice_runner.commands.common import (
     engineering,
     grid,
     load_changed,
+    refuse_idle,
 )
 from pyspice_runner.commands.fit import (
     ColumnsOption,
@@ -47,6 +48,7 @@ _UNITS = {"frequency": "Hz", "quality_factor": "", "coupling_factor": "", "resis
 
 
 def compare(
+    context: typer.Context,
     files: Annotated[
         list[str],
         typer.Argument(metavar="FILE... REFERENCE", help="Spectra, and last a motor or another spectrum."),
@@ -97,11 +99,12 @@ def compare(
         read = reader(columns, through)
         spectra = [read(file) for file in files]
         against = _reference(reference, changes, read)
+    _refuse_idle(context, spectra, against, at)
     with busy("fitting", "spectrum {} of {}") as progress:
         trend = pr.compare(
             spectra, against, modes=modes, connection=connection.value, state=state.value, leads=leads_of(leads,
             no_leads), noise=noise_of(noise),
-            timeout=timeout, at=grid("--at", at) if at else None, label=label, progress=progress,
+            timeout=timeout, at=grid("--at", at) if at is not None else None, label=label, progress=progress,
         )  # fmt: skip
     outside = [item.outside(tolerances) if tolerances else () for item in trend.comparisons]
     document = trend.to_dict()
@@ -125,6 +128,18 @@ def _reference(name: str, changes: list[str] | None, read: Callable[[str], pr.Sp
     if changes:
         raise pr.ParameterError("--set changes a motor, but the reference is a spectrum; leave it out.")
     return read(name)
+
+
+def _refuse_idle(
+    context: typer.Context, spectra: list[pr.Spectrum], against: pr.Motor | pr.Spectrum, at: str | None
+) -> None:
+    """Refuse options of a motor or of two-ports where there is none, and a label without --at."""
+    if at is None:
+        refuse_idle(context, "without --at", "label")
+    if isinstance(against, pr.Spectrum):
+        refuse_idle(context, "on a spectrum as the reference", "state")
+        if all(spectrum.ports == 1 for spectrum in (*spectra, against)):
+            refuse_idle(context, "on spectra of one port", "connection")
 
 
 def _table(trend: Trend) -> Table:

@@ -164,6 +164,20 @@ def reader(
     return partial(pr.read_spectrum, trace=trace, columns=names, through=device)
 
 
+def driven(context: typer.Context, spectrum: pr.Spectrum, connection: Port) -> pr.Spectrum:
+    """Return a spectrum of one port, of a two-port that through a connection.
+
+    Raises:
+        ParameterError: if the command line has a connection, and the spectrum has one port.
+    """
+    if spectrum.ports == 2:
+        return spectrum.driven(connection.value)
+    refuse_idle(context, f"on {spectrum.source or 'a spectrum'}, which has one port", "connection")
+    return spectrum
+
+
+_OF_ONE_PORT = ("leads", "no_leads", "opened", "short", "load", "load_ohm")
+_OF_SERIES = ("series", "voltages", "temperatures")
 _PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "k": 1e3}
 _LEAD = re.compile(r"(?P<number>[0-9.]+(?:e[-+]?[0-9]+)?) ?(?P<prefix>[pnuµmk]?)(?P<unit>H|ohm|Ω)")
 
@@ -246,40 +260,43 @@ def fit(
 
     Example: piezomotor fit measured.csv --modes 2 --output stator.lib --plot fit.png
     """
+    read = reader(columns, through, trace)
+
+    def part(path: Path) -> pr.Spectrum:
+        return read(path).between(start, inf if stop is None else stop)
+
+    def one_port(path: Path) -> pr.Spectrum:
+        return driven(context, part(path), connection)
+
     if two_port or other is not None or both is not None or difference is not None:
+        refuse_idle(context, "where both groups are fitted", *_OF_ONE_PORT, *_OF_SERIES)
+        _refuse_uncalibrated(context, mass, velocity)
         given = {"A": file, "B": other, "A+B": both, "A-B": difference}
         calibration = _calibration(mass, velocity, connection, tips, base)
-        read = reader(columns, through, trace)
-        _fit_two_port(given, two_port, modes, noise_of(noise), timeout, read, calibration, as_json, output, plot)
+        _fit_two_port(given, two_port, modes, noise_of(noise), timeout, part, calibration, as_json, output, plot)
         return
     if mass or velocity or tips:
         raise pr.ParameterError("--mass-kg, --velocity-per-current and --tip belong to --two-port or --b; add one.")
+    refuse_idle(context, "without --two-port or --b", "base")
     if series or voltages is not None or temperatures is not None:
         if plot is not None:
             raise pr.ParameterError("--plot draws one spectrum; leave out --with.")
-        idle = ("leads", "no_leads", "noise", "opened", "short", "load", "load_ohm", "timeout")
-        refuse_idle(context, "on spectra that are fitted together", *idle)
-
-        def part(path: Path) -> pr.Spectrum:
-            spectrum = reader(columns, through, trace)(path)
-            spectrum = spectrum.driven(connection.value) if spectrum.ports == 2 else spectrum
-            return spectrum.between(start, inf if stop is None else stop)
-
-        _fit_together([file, *(series or ())], part, voltages, temperatures, modes, as_json, output)
+        refuse_idle(context, "on spectra that are fitted together", *_OF_ONE_PORT, "noise", "timeout")
+        _fit_together([file, *(series or ())], one_port, voltages, temperatures, modes, as_json, output)
         return
     check_targets(output, (*CIRCUIT_ENDINGS, ".json", ".csv"), plot, [file, opened, short, load])
+    if load is None:
+        refuse_idle(context, "without --load", "load_ohm")
     known, error = leads_of(leads, no_leads), noise_of(noise)
     with busy("reading"):
-        spectrum = reader(columns, through, trace)(file)
-        spectrum = spectrum.driven(connection.value) if spectrum.ports == 2 else spectrum
-        fixture = [pr.read_spectrum(path) if path is not None else None for path in (opened, short, load)]
+        spectrum = one_port(file)
+        of_fixture = reader(columns, through)
+        fixture = [of_fixture(path) if path is not None else None for path in (opened, short, load)]
         if any(part is not None for part in fixture):
             from pyspice_runner.spectra.fixture import without_fixture
 
             parts = dict(zip(("opened", "short", "load"), fixture, strict=True))
             spectrum = without_fixture(spectrum, **parts, load_ohm=load_ohm)
-    if start or stop is not None:
-        spectrum = spectrum.between(start, inf if stop is None else stop)
     with busy("fitting", _ARMS_TRIED) as progress:
         result = pr.fit_spectrum(spectrum, modes, leads=known, noise=error, timeout=timeout, progress=progress)
     deliver(result.to_dict(), _table(result), as_json, (output, result.save), (plot, result.plot))
@@ -346,6 +363,14 @@ def _tell(result: SpectrumFit) -> None:
 def _note(warnings: tuple[str, ...]) -> None:
     for warning in warnings:
         complain(f"note: {warning}", style=None)
+
+
+def _refuse_uncalibrated(context: typer.Context, mass: str | None, velocity: str | None) -> None:
+    """Refuse options of the calibration that the given one does not use."""
+    if velocity is None:
+        refuse_idle(context, "where both groups are fitted, without --velocity-per-current", "connection")
+    if velocity is None and mass is None:
+        refuse_idle(context, "without --mass-kg or --velocity-per-current", "base")
 
 
 def _calibration(

@@ -10,7 +10,16 @@ import typer
 from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands.common import JsonOption, OutputOption, busy, check_targets, complain, deliver, grid
+from pyspice_runner.commands.common import (
+    JsonOption,
+    OutputOption,
+    busy,
+    check_targets,
+    complain,
+    deliver,
+    grid,
+    refuse_idle,
+)
 from pyspice_runner.commands.fit import (
     BaseOption,
     ColumnsOption,
@@ -29,6 +38,7 @@ _SHEET = "Data sheet"
 
 
 def motor_from(
+    context: typer.Context,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Spectrum of the free stator: a two-port, or group A.")],
     other: OtherOption = None,
     both: SumOption = None,
@@ -60,6 +70,12 @@ def motor_from(
     """
     check_targets(output, (".toml", ".json"), None, [file, other, both, difference, preloaded, base])
     check_targets(page, (".html",), None, [file, other, both, difference, preloaded, base])
+    if no_load_speed is None and stall_torque is None:
+        refuse_idle(context, "without --no-load-speed or --stall-torque", "voltage", "frequency", "phase")
+    if no_load_speed is None or mass is not None:  # with the mass, the speed is computed to compare it
+        refuse_idle(context, "without --no-load-speed, or with --mass-kg", "speed_error")
+    if stall_torque is None:
+        refuse_idle(context, "without --stall-torque", "torque_error")
     masses = grid("--mass-kg", mass) if mass is not None else None
     pairs = tips_of(tips)
     read = reader(columns, None)
@@ -67,6 +83,8 @@ def motor_from(
         files = {"A": file, "B": other, "A+B": both, "A-B": difference}
         spectra = {name: read(path) for name, path in files.items() if path is not None}
         pressed = read(preloaded) if preloaded is not None else None
+    if pressed is None or pressed.ports == 1:
+        refuse_idle(context, "without a --preloaded two-port", "connection")
     given: Any = spectra["A"] if len(spectra) == 1 else spectra
     with busy("fitting", "step {} of at most {}") as progress:
         result = pr.motor_from(

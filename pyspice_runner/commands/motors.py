@@ -30,6 +30,10 @@ from pyspice_runner.commands.common import (
 )
 from pyspice_runner.commands.contacting import DEFAULT_LAW, LawOption, SlidersOption, check_contact
 
+_SYMBOL, _DATA = ("contact", "sliders"), ("contact", "sliders", "name", "thermal")
+# options that a file of this ending does not depend on
+_IDLE = {".asy": _SYMBOL, ".kicad_sym": _SYMBOL, ".s2p": _DATA, ".toml": _DATA}
+
 
 def motors(as_json: JsonOption = False, output: OutputOption = None, plot: PlotOption = None) -> None:
     """List the parameter sets of the package."""
@@ -122,12 +126,16 @@ def export(
 
     if is_circuit_file(source):
         refuse_idle(context, "on the circuit of a fit", "contact", "sliders", "thermal", "averaged", "dialect")
+        if output is not None and output.suffix in (".s1p", ".toml"):
+            refuse_idle(context, f"on a {output.suffix}, which names no subcircuit", "name")
         _export_circuit(source, changes, as_json, output, plot, name or "resonator")
         return
     check_contact(context, contact)
     of_averaged, of_full = (".lib", ".va", ".fmu"), (".lib", ".va", ".fmu", ".asy", ".kicad_sym", ".s2p", ".toml")
     check_targets(output, of_averaged if averaged else of_full, plot, [source])
     check_dialect(dialect, output)
+    if output is not None:
+        refuse_idle(context, f"on a {output.suffix}", *_IDLE.get(output.suffix, ()))
     loaded = load_changed(source, changes)
     drift = Thermal.of(loaded) if thermal else None
     if output is not None and output.suffix == ".fmu":
@@ -138,7 +146,7 @@ def export(
         write = averaged_module if output is not None and output.suffix == ".va" else averaged_library
         text = write(loaded, name=name, thermal=drift)
     elif output is not None and output.suffix == ".va":
-        text = motor_module(loaded, contact=contact, name=name, thermal=drift)
+        text = motor_module(loaded, contact=contact, sliders=sliders, name=name, thermal=drift)
     else:
         text = motor_library(loaded, contact=contact, sliders=sliders, name=name, thermal=drift)
 
