@@ -290,6 +290,7 @@ def fit_spectrum(
             f"{name} shows no resonance between {first:g} Hz and {last:g} Hz: "
             f"beside the clamped capacitance and its leads nothing rings with a Q above {RESONANT_QUALITY}."
         )
+    whole.far, whole.ridge = problem.far, problem.ridge
     if len(whole.w) > len(problem.w):
         best = whole.descend(best, steps=_LAST_STEPS)
     circuit = _circuit(whole, best)
@@ -318,7 +319,11 @@ def _search(
     points = problem.independent_points(min(solutions, key=COST))
     best = min(solutions, key=lambda solution: problem.criterion(solution, points))
     if best.rank and not problem.settled(best):
-        solutions += problem.wider(best)
+        if modes is None:
+            solutions += problem.wider(best)
+        else:
+            problem = problem.reaching(best)
+            solutions += problem.polished(best)
     candidates: list[Candidate] = []
     for solution in solutions:
         error = problem.rms_relative_error(solution)
@@ -333,7 +338,8 @@ def _search(
         k for k in range(len(solutions)) if problem.resonances(solutions[k])
     ]
     chosen = min(among or range(len(solutions)), key=lambda k: candidates[k].criterion)
-    best = problem.simplified(solutions[chosen], points, leads)
+    # of a stated number that cannot follow the spectrum, the best
+    best = min(solutions, key=COST) if problem.far else problem.simplified(solutions[chosen], points, leads)
     bare = problem.simplified(bare, points, leads=False)
     return _Outcome(problem, bare, best, points, tuple(candidates))
 

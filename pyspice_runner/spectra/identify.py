@@ -14,7 +14,8 @@ Levenberg–Marquardt steps use the exact Jacobian: with
 :math:`v = (j\omega + D + K/j\omega)^{-1}\theta` (by Woodbury's formula) it is :math:`\partial Y = 2 v^T \partial\theta
 -
 v^T (\partial D + \partial K/j\omega) v`. An arm may leave the measured band by a quarter of its span: it then
-stands for the modes out there.
+stands for the modes out there. If the number of arms is stated, and they cannot follow the spectrum to the noise, arms
+may stand up to a decade from the band, and the coupling has its highest rank.
 
 **Start.** Vector fitting (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14, 1999, doi:10.1109/61.772353) gives the
 poles, non-negative least squares the amplitudes. Then the residuals are searched, by a matched filter over frequency
@@ -63,9 +64,11 @@ _NOISE_STEPS = 3.0  # medians of the steps of ln Y; a greater step is not noise,
 _BESIDE = np.array([0.05, 0.2, 0.8])  # of that margin, where arms outside the band are tried
 _QUALITY_BESIDE = 50.0  # of these
 _MARGIN = 0.25  # of the span, by which an arm may lie outside the band
+_FARTHEST = 10.0  # of the band's ends, where arms of a stated number may lie outside it
 _LOWEST_QUALITY, _HIGHEST_QUALITY = 0.6, 1e6
 UNDETERMINED = 0.3  # standard error of ln √(L/C) of an arm that is none
 _COUPLED = 1e-4  # relative fall of the sum of squares at which a descent with coupled damping ends
+_FINAL_STEPS, _FINAL = 100, 1e-5  # of the last descents with a stated number of arms
 _STEP = 1e-6  # of central differences of functions that are smooth over 1
 _RIDGE = 1e-4  # of the sum of squares, for couplings as large as the arms' own losses
 _FLAT = 1e-12  # share of the greatest eigenvalue below which a direction changes nothing
@@ -135,6 +138,7 @@ class Problem:
     ) -> None:
         self.deadline = deadline
         self.ridge = 0.0  # on the couplings, see the module
+        self.far = False  # whether arms may lie up to a decade from the band
         self.reference_hz = sqrt(frequency_hz[0] * frequency_hz[-1])
         self.unit_s = float(np.median(np.abs(y)))
         self.unit_henry = 1.0 / (2.0 * pi * self.reference_hz * self.unit_s)
@@ -266,8 +270,8 @@ class Problem:
     def bounds(self, solution: Solution) -> tuple[Vector, Vector]:
         """Return the least and greatest value of every parameter."""
         margin = _MARGIN * (self.w[-1] - self.w[0])
-        lowest = max(self.w[0] - margin, 0.5 * self.w[0])
-        highest = self.w[-1] + margin
+        lowest = max(self.w[0] - margin, 0.5 * self.w[0]) if not self.far else self.w[0] / _FARTHEST
+        highest = self.w[-1] + margin if not self.far else self.w[-1] * _FARTHEST
         ohm, henry = PLAUSIBLE_LEADS
         arms, rest = solution.arms, solution.rank * (solution.arms + 1)
         least = [-25.0, 0.0, 0.0, 0.0, 0.0, 0.0]
@@ -378,7 +382,7 @@ class Problem:
     def coupled(self, solution: Solution) -> Solution:
         """Return the fit with damping coupled by one column, from that which one linear step asks for."""
         arms, last = solution.arms, GLOBALS + 3 * solution.arms
-        self.ridge = self.ridge or _RIDGE * solution.cost * float(np.exp(solution.columns[2].mean()))
+        self.ridge = self.ridge or _ridge(solution)
         residual, jacobian = self.linearised(solution.parameters, arms)
         m = self._model(solution.parameters, arms)
         chain = self._residual(m.y)[1] * (m.y / m.device) ** 2
@@ -419,6 +423,18 @@ class Problem:
             start = replace(solution, parameters=np.concatenate([head, columns.ravel()]))
             found.append(self.descend(start, tolerance=_COUPLED))
         return found
+
+    def reaching(self, solution: Solution) -> Problem:
+        """Return the problem in which arms may lie far from the band, with the ridge that a solution asks for."""
+        other = copy(self)
+        other.far, other.ridge = True, min(self.ridge, _ridge(solution))
+        return other
+
+    def polished(self, solution: Solution) -> list[Solution]:
+        """Return fits with the coupling as wide as it may be, from one with as many arms."""
+        found = self.descend(replace(solution, clamped=True), steps=_FINAL_STEPS, tolerance=_FINAL)
+        rest = [self.descend(more, steps=_FINAL_STEPS, tolerance=_FINAL) for more in self.wider(found)]
+        return [found, *rest]
 
     def search(
         self, bare: Solution, leads: bool, progress: Callable[[int, int], object] | None, only: int | None = None
@@ -725,6 +741,14 @@ def modal(parameters: Vector, arms: int) -> Vector:
     with np.errstate(all="ignore"):  # of a pole that does not oscillate, or a residue that is no arm's
         found = np.log([size, size / (2.0 * residues[order].real), size / (2.0 * np.abs(poles[order].real))])
     return np.where(poles[order].imag > 0.0, found, np.nan)
+
+
+def _ridge(solution: Solution) -> float:
+    """Return the weight of the ridge at a solution: in proportion to what it leaves, and to its quality factors."""
+    width = np.exp(-solution.columns[2])
+    if solution.rank:
+        width = width + (couplings(solution.parameters, solution.arms)[1:] ** 2).sum(axis=1)
+    return _RIDGE * solution.cost * float(np.exp(-np.log(width).mean()))
 
 
 def derivatives(function: Callable[[Vector], Vector], parameters: Vector) -> Vector:

@@ -495,6 +495,38 @@ def test_the_turned_phase_is_told_with_the_fit() -> None:
 
 
 @needs_measured
+@pytest.mark.filterwarnings("ignore::UserWarning", "ignore::RuntimeWarning")  # of scikit-rf's own fits
+@pytest.mark.parametrize("arms", [3, 5])
+def test_a_stated_number_of_arms_leaves_less_than_a_passive_vector_fit(arms: int) -> None:
+    import skrf
+    from skrf.vectorFitting import VectorFitting
+
+    spectrum = pr.read_spectrum(MEASURED / "hp4294a_admittance" / "sampleadmittance.txt")
+    y, ohm = spectrum.admittance_s, 1.0 / float(np.median(np.abs(spectrum.admittance_s)))
+    frequency = skrf.Frequency.from_f(spectrum.frequency_hz, unit="hz")
+    network = skrf.Network(frequency=frequency, s=((1 - ohm * y) / (1 + ohm * y))[:, None, None], z0=ohm)
+    wide = np.concatenate([np.geomspace(1e3, 1e7, 10_001), np.linspace(100e3, 130e3, 10_001)])
+    theirs = []
+    for kind in ("s", "y"):
+        fitting = VectorFitting(network)
+        fitting.vector_fit(
+            n_poles_real=int(kind == "s"), n_poles_cmplx=arms, parameter_type=kind, fit_proportional=kind == "y",
+            enforce_dc=False,
+        )  # fmt: skip
+
+        def of_them(f: np.ndarray, kind: str = kind, fitting: VectorFitting = fitting) -> np.ndarray:
+            found = fitting.get_model_response(0, 0, f)
+            return (1 - found) / (1 + found) / ohm if kind == "s" else found
+
+        if of_them(wide).real.min() >= 0.0:
+            theirs.append(float(np.sqrt(np.mean(np.abs(of_them(spectrum.frequency_hz) / y - 1.0) ** 2))))
+    fit = fitted(spectrum, arms)
+    assert len(fit.arms) == arms
+    assert fit.leads is None
+    assert fit.rms_relative_error < min(theirs)
+
+
+@needs_measured
 def test_the_inductor_is_refused() -> None:
     with pytest.raises(pr.SpectrumError, match=r"impedance\.txt is not capacitive at any frequency"):
         pr.fit_spectrum(pr.read_spectrum(MEASURED / "hp4294a_inductor" / "impedance.txt"))
