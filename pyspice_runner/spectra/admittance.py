@@ -41,6 +41,8 @@ _ZOOM_POINTS = 1201  # over the zoom below: 100 points a bandwidth, so that a pa
 _ZOOM_BANDWIDTHS = 6.0  # on each side of a resonance
 _MOST_POINTS = 1_000_000
 
+_Swept = tuple[NDArray[np.float64], NDArray[np.complex128]]  # frequencies and matrices
+
 
 @dataclass(frozen=True)
 class Resonance:
@@ -171,12 +173,17 @@ def admittance(
     audited = Audit(audit_two_port(frequency, matrix))
     if audit:
         audited.withhold("result")
+    near = [
+        (mode, bandwidth, _zoom(simulator, centre, bandwidth))
+        for mode, centre, bandwidth in _expected(motor, preloaded)
+        if start < centre < stop
+    ]
     resonances = {
         connection: tuple(
             found
-            for mode, centre, bandwidth in _expected(motor, preloaded)
-            if _drives(connection, mode) and start < centre < stop
-            if (found := _resonance(simulator, motor, mode, centre, bandwidth, connection))
+            for mode, bandwidth, swept in near
+            if _drives(connection, mode)
+            if (found := _resonance(simulator, motor, mode, swept, bandwidth, connection))
         )
         for connection in get_args(Connection)
     }
@@ -203,9 +210,7 @@ def _operating_force(motor: Motor, simulator: BatchSimulator) -> float:
     return found
 
 
-def _sweep(
-    simulator: BatchSimulator, start: float, stop: float, points: int
-) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+def _sweep(simulator: BatchSimulator, start: float, stop: float, points: int) -> _Swept:
     simulator.ac(variation="lin", number_of_points=points, start_frequency=start, stop_frequency=stop)
     assert simulator.result is not None
     vectors = simulator.result.raw.vectors
@@ -238,20 +243,21 @@ def _distance(frequency: float, mode: Mode, motor: Motor) -> float:
 
 
 def _resonance(
-    simulator: BatchSimulator, motor: Motor, mode: Mode, centre: float, bandwidth: float, connection: Connection
+    simulator: BatchSimulator, motor: Motor, mode: Mode, swept: _Swept, bandwidth: float, connection: Connection
 ) -> Resonance | None:
-    """Zoom in on one resonance and its antiresonance, and read their frequencies and the motional arm.
+    """Read the frequencies and the motional arm of one resonance, and zoom in on its antiresonance.
 
     A mode that its neighbours bury, so that no arm of positive resistance fits there, has none.
     """
-    frequency, y = _zoom(simulator, centre, bandwidth, connection)
+    frequency, y = swept[0], connect(swept[1], connection)
     fs = _peak(frequency, y.real)
     resistance, inductance, capacitance = _motional_arm(frequency, y, fs, bandwidth)
     if resistance <= 0.0:
         return None
     weight_a, weight_b = COUPLING[connection]
     clamped = weight_a**2 * motor.piezo.capacitance_a_f + weight_b**2 * motor.piezo.capacitance_b_f
-    frequency_anti, y_anti = _zoom(simulator, fs * sqrt(1.0 + capacitance / clamped), bandwidth, connection)
+    frequency_anti, matrix = _zoom(simulator, fs * sqrt(1.0 + capacitance / clamped), bandwidth)
+    y_anti = connect(matrix, connection)
     fp = _peak(frequency_anti, (1.0 / y_anti).real)
     return Resonance(
         mode=mode.name,
@@ -267,13 +273,10 @@ def _resonance(
     )
 
 
-def _zoom(
-    simulator: BatchSimulator, centre: float, bandwidth: float, connection: Connection
-) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Return frequency and admittance some bandwidths around a frequency."""
+def _zoom(simulator: BatchSimulator, centre: float, bandwidth: float) -> _Swept:
+    """Return frequencies (Hz) some bandwidths around one, and the matrices of the admittance there."""
     low = max(centre - _ZOOM_BANDWIDTHS * bandwidth, 0.5 * centre)
-    frequency, matrix = _sweep(simulator, low, centre + _ZOOM_BANDWIDTHS * bandwidth, _ZOOM_POINTS)
-    return frequency, connect(matrix, connection)
+    return _sweep(simulator, low, centre + _ZOOM_BANDWIDTHS * bandwidth, _ZOOM_POINTS)
 
 
 def _peak(frequency: NDArray[np.float64], values: NDArray[np.float64]) -> float:
