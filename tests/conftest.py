@@ -3,6 +3,9 @@
 
 import gc
 import os
+from pathlib import Path
+
+import pytest
 
 # before NumPy loads: two workers with two threads each would wait for each other on two cores
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -11,6 +14,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 gc.disable()  # while the tests are collected, which makes many objects and little garbage: half of the time
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put files first whose tests take long or must stay on one worker, so that both workers end at the same time."""
+    marks = ("slow", "xdist_group")
+    ranks: dict[Path, int] = {}
+    for item in items:
+        rank = next((place for place, name in enumerate(marks) if item.get_closest_marker(name)), len(marks))
+        ranks[item.path] = min(rank, ranks.get(item.path, rank))
+    items.sort(key=lambda item: ranks[item.path])
 
 
 def pytest_collection_finish() -> None:

@@ -100,16 +100,6 @@ def test_the_page_is_small_and_shows_itself_at_once(page_file: Path, desktop: tu
     assert not re.search(r"""<(?:script|img|iframe|link)[^>]+(?:src|href)=["'](?!data:)""", text)
 
 
-def test_the_motor_to_play_with_runs_in_the_report(report: Report, browser: Browser, page_file: Path) -> None:
-    page, _ = opened(browser, page_file, reduced_motion="reduce")
-    page.click("#start-live")
-    frame = page.frame_locator("#live iframe").locator("html[data-state=ready]")
-    frame.wait_for(state="attached", timeout=60_000)
-    assert report.motor.name in page.frame_locator("#live iframe").locator("#motor-choice option").inner_text()
-    assert float(frame.get_attribute("data-speed") or "nan") != 0.0
-    page.close()
-
-
 def test_every_chart_is_drawn_with_every_line(desktop: tuple[Page, list[str]]) -> None:
     page, _ = desktop
     assert page.eval_on_selector_all(".chart", "all => all.map(one => one.id)") == CHARTS
@@ -162,8 +152,12 @@ def test_no_button_of_a_chart_leaves_the_page(desktop: tuple[Page, list[str]]) -
 
 
 @pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_the_tool_bar_covers_nothing(browser: Browser, page_file: Path, viewport: dict[str, int]) -> None:
-    page, _ = opened(browser, page_file, viewport=viewport, reduced_motion="reduce")
+def test_the_tool_bar_covers_nothing(
+    browser: Browser, desktop: tuple[Page, list[str]], page_file: Path, viewport: dict[str, int]
+) -> None:
+    page = desktop[0]
+    if viewport != DESKTOP:
+        page, _ = opened(browser, page_file, viewport=viewport, reduced_motion="reduce")
     covered = """id => {
         const chart = document.getElementById(id), bar = chart.querySelector('.modebar').getBoundingClientRect();
         const over = b => b.left < bar.right && bar.left < b.right && b.top < bar.bottom && bar.top < b.bottom;
@@ -173,7 +167,8 @@ def test_the_tool_bar_covers_nothing(browser: Browser, page_file: Path, viewport
     }"""
     for name in CHARTS:
         assert page.evaluate(covered, name) == [], name
-    page.close()
+    if viewport != DESKTOP:
+        page.close()
 
 
 def test_the_motion_plays_and_pauses_by_keyboard(desktop: tuple[Page, list[str]]) -> None:
@@ -356,6 +351,15 @@ def test_no_text_from_outside_runs_in_the_page(
     assert "<img src=x onerror=alert(1)>" in page.inner_text("#parameters")
     assert wrong == []
     page.close()
+
+
+def test_the_motor_to_play_with_runs_in_the_report(report: Report, desktop: tuple[Page, list[str]]) -> None:
+    page, _ = desktop
+    page.click("#start-live")
+    frame = page.frame_locator("#live iframe").locator("html[data-state=ready]")
+    frame.wait_for(state="attached", timeout=60_000)
+    assert report.motor.name in page.frame_locator("#live iframe").locator("#motor-choice option").inner_text()
+    assert float(frame.get_attribute("data-speed") or "nan") != 0.0
 
 
 def test_the_files_name_each_other(report: Report) -> None:
