@@ -7,7 +7,7 @@ How it is found, and why that way, says :mod:`pyspice_runner.spectra.identify`.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from math import inf, pi
 from pathlib import Path
@@ -296,7 +296,7 @@ def fit_spectrum(
     circuit = _circuit(whole, best)
     if circuit.clamped_capacitance_f < _LEAST_CAPACITANCE * sum(arm.capacitance_f for arm in circuit.arms):
         raise SpectrumError(f"{name} shows a resonance but no clamped capacitance; a piezoelectric resonator has one.")
-    return _report(spectrum, whole, len(problem.w), best, outcome.candidates, model, modes is None)
+    return _report(spectrum, whole, best, outcome, model, modes is None)
 
 
 @dataclass(frozen=True)
@@ -308,6 +308,7 @@ class _Outcome:
     best: Solution
     points: float  # independent ones
     candidates: tuple[Candidate, ...]
+    shifts: Vector  # of the values, see _shifts
 
 
 def _search(
@@ -339,9 +340,24 @@ def _search(
     ]
     chosen = min(among or range(len(solutions)), key=lambda k: candidates[k].criterion)
     # of a stated number that cannot follow the spectrum, the best
-    best = min(solutions, key=COST) if problem.far else problem.simplified(solutions[chosen], points, leads)
-    bare = problem.simplified(bare, points, leads=False)
-    return _Outcome(problem, bare, best, points, tuple(candidates))
+    most = [(0.0, min(solutions, key=COST))]
+    ranked = most if problem.far else problem.simplified(solutions[chosen], points, leads)
+    bare = problem.simplified(bare, points, leads=False)[0][1]
+    return _Outcome(problem, bare, ranked[0][1], points, tuple(candidates), _shifts(ranked))
+
+
+def _shifts(ranked: Sequence[tuple[float, Solution]]) -> Vector:
+    """Return the values of rivals less those of the best solution, each times the root of the rival's probability.
+
+    The sum of their squares is the variance that the choice among the descriptions adds (Hoeting et al., Statistical
+    Science 14, 1999, doi:10.1214/ss/1009212519).
+    """
+    odds = np.exp(-0.5 * (np.array([score for score, _ in ranked]) - ranked[0][0]))
+    probable = [
+        (share, solution) for share, (_, solution) in zip(odds / odds.sum(), ranked, strict=True) if share > 1e-9
+    ]
+    best = _values(ranked[0][1].parameters, ranked[0][1].arms)
+    return np.array([np.sqrt(share) * (_values(item.parameters, item.arms) - best) for share, item in probable])
 
 
 def _share(problem: Problem, solution: Solution) -> float:
@@ -410,14 +426,15 @@ def _deadline(timeout: float | None) -> float:
 def _report(
     spectrum: Spectrum,
     problem: Problem,
-    searched: int,
     solution: Solution,
-    candidates: tuple[Candidate, ...],
+    outcome: _Outcome,
     noise: Noise,
     found: bool,
 ) -> SpectrumFit:
     """Turn the solution into values with units, standard errors and words."""
+    searched = len(outcome.problem.w)
     order = np.argsort(solution.columns[0])
+    places = [0, 1, 2, 3, *(4 + 5 * arm + k for arm in order for k in range(5))]
     coupling = couplings(solution.parameters, solution.arms)[[0, *(1 + order)]]
     parameters = [solution.parameters[:GLOBALS], solution.columns.T[order].ravel(), coupling.ravel()]
     solution = replace(solution, parameters=np.concatenate(parameters))
@@ -426,7 +443,8 @@ def _report(
     covariance = problem.covariance(solution, free)
 
     transform = derivatives(lambda parameters: _values(parameters, solution.arms), solution.parameters)
-    spread = transform @ covariance @ transform.T
+    shifts = outcome.shifts[:, places]
+    spread = transform @ covariance @ transform.T + shifts.T @ shifts
     deviation = np.sqrt(np.maximum(np.diag(spread), 0.0))
     # the part of a damping that lies in the coupling is known even where the rest is at its limit
     known = (np.abs(transform) @ ~free) < 1e-2
@@ -466,7 +484,7 @@ def _report(
         correlation=np.clip(spread / np.outer(divisor, divisor), -1.0, 1.0),
         correlation_names=names,
         noise=dict(noise.sigma),
-        candidates=candidates,
+        candidates=outcome.candidates,
         warnings=tuple(warnings),
     )
 

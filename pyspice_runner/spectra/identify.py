@@ -26,9 +26,9 @@ The coupling starts from the leading eigenvectors of the off-diagonal damping th
 number
 of arms, the rank of the coupling, the parts of the loss and the leads. Where the circuit cannot follow a real device,
 residuals are no noise but correlated, and n is lowered to the equivalent number of independent ones; standard errors
-grow
-accordingly. Leads are looked for only where the fit with them follows the spectrum to the noise: in what a model
-leaves over otherwise, leads are not seen.
+grow accordingly. Descriptions of the loss and the leads that are about as probable by the criterion (a difference d
+makes one less probable by exp(d/2)) add the spread of their values to the errors. Leads are looked for only where the
+fit with them follows the spectrum to the noise: in what a model leaves over otherwise, leads are not seen.
 
 **Long spectra.** The time of the search is proportional to the number of points. Of more than ``MOST_SEARCHED`` points
 the search takes those of :func:`thinning`; a last descent takes all points.
@@ -41,7 +41,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from math import inf, log, pi, sqrt
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -483,17 +483,20 @@ class Problem:
             coupled = self.descend(self._race(self._larger(coupled)), tolerance=_COUPLED)
         return min(self.coupled(plain), coupled, key=COST)
 
-    def simplified(self, solution: Solution, points: float, leads: bool) -> Solution:
+    def simplified(self, solution: Solution, points: float, leads: bool) -> list[tuple[float, Solution]]:
         """Take out the parts of the loss that the criterion does not ask for, look for leads, and descend.
 
-        Leads have both resistance and inductance. Of two descriptions of the loss that go with leads about equally
-        well, the one without dispersion is taken: an inductance cancels dispersion, so that both together are not
-        determined.
+        Return the descriptions that were tried, each with its score, the best first.
+
+        Leads have both resistance and inductance. Over a narrow band they cancel the dispersion of a constant loss
+        tangent, so that it resembles a falling and a rising part together: beside leads, a second part of the loss
+        needs evidence as strong as the leads themselves.
         """
 
         def score(rival: Solution) -> float:
             led = not set(LEADS) & set(rival.held)
-            return self.criterion(rival, points) + _TIE * (led + (led and 2 not in rival.held))
+            several = len(set(LOSSES) - set(rival.held)) > 1
+            return self.criterion(rival, points) + _TIE * (led + (led and several))
 
         def variants(losses: Sequence[tuple[int, ...]], places: tuple[int, ...]) -> list[Solution]:
             found = []
@@ -515,7 +518,7 @@ class Problem:
                 found += variants([(), (3,), (2,), (1, 3)], LEADS)
         else:
             found += variants([(), (3,), (2,), (1, 3)], LEADS)
-        return min(found, key=score)
+        return sorted(((score(rival), rival) for rival in found), key=itemgetter(0))
 
     def _leads_promise(self, solution: Solution) -> float:
         """Return how much leads would lower the sum of squares by one linear step, in units of the error's variance."""
