@@ -17,6 +17,7 @@ from pyspice_runner.model.contact import normal_stiffness_at_preload, static_pen
 from pyspice_runner.run.waveforms import Waveforms
 from tests.reference.integrator import ReferenceRun, Tone, integrate
 from tests.runs import simulated
+from tests.selection import mostly
 
 pytestmark = pytest.mark.xdist_group("losses")
 
@@ -68,7 +69,14 @@ def pair(name: str) -> tuple[Waveforms, ReferenceRun]:
     return simulated(motor, point.drive, duration=DURATION, **point.load), exact
 
 
-@pytest.mark.parametrize("name", POINTS)
+@pytest.mark.parametrize(
+    "name",
+    mostly(
+        pytest.mark.soak,
+        POINTS,
+        ["Stribeck, opens", "Stribeck, held shaft", "dry bearing", "dry bearing, opens", "both"],
+    ),
+)
 def test_tip_rotor_states_and_energy_are_those_of_the_reference(name: str) -> None:
     run, exact = pair(name)
     ours = [CubicSpline(run.time_s, values)(exact.time_s) for values in (run.tip_x_m, run.tip_y_m)]
