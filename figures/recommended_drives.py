@@ -86,7 +86,7 @@ def draw(folder: Path) -> list[str]:
     figure, axes = canvas(1, 3, 5.4)
     stories = []
     for panel, (name, choice) in zip(axes, CHOICES.items(), strict=True):
-        over = {path: values[:: 4 if draft() else 1] for path, values in choice.over.items()}
+        over = {path: values[:: len(values) - 1 if draft() else 1] for path, values in choice.over.items()}
         data = mapped(name, over)
         _contours(panel, data, name, choice)
         stories.append(_story(name, choice, data.piezomotor.best))

@@ -7,6 +7,7 @@ import os
 import runpy
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib as mpl
@@ -63,29 +64,42 @@ def test_the_demo_draws_every_figure_and_says_what_the_motor_did(tmp_path: Path)
     assert "✓" not in done.stdout
 
 
+@pytest.fixture
+def in_this_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Run a script here: a process that begins anew takes longer to load than some of them to draw."""
+
+    def run(script: Path, *arguments: str) -> None:
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))  # what it sweeps must not come out of the user's
+        monkeypatch.syspath_prepend(FIGURES)
+        monkeypatch.delitem(sys.modules, "style", raising=False)  # it sets what the next line takes back
+        monkeypatch.setattr(sys, "argv", [str(script), *arguments])
+        with mpl.rc_context():
+            runpy.run_path(str(script), run_name="__main__")
+
+    return run
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("script", [path for path in SCRIPTS if path.stem not in DEMO], ids=lambda path: path.stem)
 def test_every_other_script_draws_its_picture(
-    script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    script: Path, tmp_path: Path, in_this_process: Callable[..., None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A draft, in this process: one that begins anew takes longer to load than some of them to draw."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))  # what it sweeps must not come out of the user's
-    monkeypatch.syspath_prepend(FIGURES)
-    monkeypatch.delitem(sys.modules, "style", raising=False)  # it sets what the next line takes back
-    monkeypatch.setattr(sys, "argv", [str(script), "--draft", "--output", str(tmp_path / "pictures")])
-    with mpl.rc_context():
-        runpy.run_path(str(script), run_name="__main__")
+    in_this_process(script, "--draft", "--output", str(tmp_path / "pictures"))
     (picture,) = (tmp_path / "pictures").iterdir()
     assert picture.stem == script.stem
     check(picture)
     assert capsys.readouterr().out
 
 
-def test_a_place_that_cannot_be_written_is_refused_in_a_sentence(tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_is_refused_in_a_sentence(
+    tmp_path: Path, in_this_process: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "file"
     file.touch()
-    done = run_script("patch_position.py", "--output", file)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.startswith("patch_position.py: Cannot write ")
-    assert len(done.stderr.splitlines()) == 1
+    with pytest.raises(SystemExit) as ended:
+        in_this_process(FIGURES / "patch_position.py", "--output", str(file))
+    assert ended.value.code == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("patch_position.py: Cannot write ")
+    assert len(said.err.splitlines()) == 1
