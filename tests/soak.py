@@ -97,7 +97,7 @@ class _FruitlessError(Exception):
 
 
 def _accepted(draw: Callable[[], Any]) -> Any:
-    """Draw until the model accepts."""
+    """Draw values until the model accepts them."""
     for _ in range(_TRIES):
         try:
             return draw()

@@ -242,7 +242,9 @@ def check_driven(setup: Setup) -> None:
     if setup.law is None:
         raise ParameterError(f"contact = None is not valid behind a driver. Give a law. {settle}")
     if setup.load.speed is None and setup.motor.rotor.bearing_friction_n_m:
-        raise ParameterError(f"A free shaft on a bearing with dry friction is not found by shooting. {settle}")
+        raise ParameterError(
+            f"The steady state of a free shaft on a bearing with dry friction is not found by shooting. {settle}"
+        )
     require_linear(setup.motor, "A steady state behind a driver")
 
 

@@ -32,9 +32,9 @@ class Impact(Result):
 
     Attributes:
         psi_1: incidence ψ₁ = v_t/(κ v_n) of the patch, κ = μ E*/G*.
-        psi_2: rebound ψ₂ of the patch, over the same κ v_n; positive where it goes on in the same direction.
+        psi_2: rebound ψ₂ of the patch, over the same κ v_n; positive if it continues in the same direction.
         restitution_normal: departure velocity over approach velocity.
-        restitution_tangential: −ψ₂/ψ₁, positive where the patch turns back.
+        restitution_tangential: −ψ₂/ψ₁, positive if the patch reverses its direction.
         duration_over_delta_v: duration in units of δ_max/v_n, with the greatest penetration that was reached.
         duration_s: duration.
         greatest_penetration_m: greatest penetration δ_max.

@@ -178,7 +178,7 @@ def check_duration(setup: Setup, duration: float) -> None:
 
 
 def proposal(setup: Setup, driver: Driver, duration: float, state: State) -> Matching:
-    """Match both groups at the pin voltages that the driver's stage has, in a run with ideal sources."""
+    """Propose the matching of both groups; for ``"running"`` from the currents of a run with ideal sources."""
     voltages = driver.phasors()
     if state == "running":
         ideal = Driver(

@@ -230,7 +230,7 @@ def _drive(
     if not measured:
         return None
     if voltage is None or frequency is None:
-        raise ParameterError("A speed or a torque holds at one drive; give its voltage and its frequency too.")
+        raise ParameterError("A speed or a torque is measured at one drive; give its voltage and its frequency too.")
     return TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase_deg)
 
 
@@ -277,7 +277,7 @@ class _Task:
         return found
 
     def computed(self, values: Mapping[str, float], keys: Sequence[str]) -> dict[str, float]:
-        """Return what is measured, computed for these values; all above zero."""
+        """Compute the measured quantities for these values; all are above zero."""
         motor = self.motor(values)
         found = {}
         resonances = {} if self.shift is None else self.shift.computed(motor)

@@ -437,7 +437,7 @@ def _corrected(copies: Sequence[Point | None], period_map: PeriodMap) -> list[Po
 
 
 def _averaged(points: Sequence[Point], period_map: PeriodMap) -> tuple[dict[str, float], float]:
-    """Return the means over copies, and how far apart their mean friction forces are, N."""
+    """Return the means over copies, and the largest difference (N) of their mean friction forces."""
     several = []
     for point in points:
         assert point.trace is not None

@@ -55,24 +55,23 @@ POINTS_TO_COME = 1000  # at which the speed of an averaged run is read to judge 
 
 @dataclass(frozen=True, repr=False)
 class Tracking(Result):
-    """How a tracker did.
+    """Result of a run with a tracker.
 
     Attributes:
-        locked: whether it locked before the disturbance, never lost lock, and is locked at the end; false for a drive
-            that nothing tracks.
-        lock_time_s: time from the start, or for a start from far off, after which it stays locked until the
-            disturbance; ``None`` if it does not.
-        kept_lock: whether the phase came within 20° of what is wanted before the disturbance, and stayed within 60°.
+        locked: whether it locked before the disturbance, never lost lock, and is locked at the end; false without a
+            tracker.
+        lock_time_s: time after which it stays locked until the disturbance; ``None`` if it does not.
+        kept_lock: whether the phase came within 20° of its target before the disturbance, and stayed within 60°.
         rms_phase_error_deg: of the mode's velocity, from lock to the end; from the start without lock.
         worst_phase_error_deg: greatest deviation, averaged over 20 periods, in the same time.
-        residual_detuning_hz: mean at the end, by which the drive is above the frequency that the phase wanted asks for.
+        residual_detuning_hz: drive frequency minus the frequency at which the phase has its target, at the end.
         end_frequency_hz: mean frequency at the end.
         speed_before_rad_s: speed when the disturbance began.
         speed_after_rad_s: speed at the end.
-        speed_lost_rad_s: from before to the least since the disturbance began.
-        stall_torque_n_m: torque on a shaft that is held, where a load step was to be half of it.
-        to_come: by how much the speed would still change if the run went on, relative, judged from what came after the
-            disturbance; ``None`` where that is too short to tell, or for a held shaft.
+        speed_lost_rad_s: speed before the disturbance minus the lowest speed after it began.
+        stall_torque_n_m: torque on a held shaft; measured only if the load step is to be half of it.
+        to_come: relative change of the speed that is still to be expected, extrapolated from the part after the
+            disturbance; ``None`` if that part is too short, or for a held shaft.
         lag: resonance and loaded quality factor of the mode that were designed for.
         loop: the phase-locked loop's design; ``None`` for other trackers, and for an averaged one that is not locked.
         settings: motor, tracker, disturbance and run, JSON-ready.
@@ -87,7 +86,7 @@ class Tracking(Result):
         ceramic: strain, stress and temperature rise of the ceramic, and ``warnings``; empty where not measured.
         temperature_k: of the stator above that at which its parameters hold; of an averaged run only. Its points are
             those that ngspice chose.
-        doubts: what the check of the averaged model says against the run.
+        doubts: reasons, by the check of the averaged model, why the run may be wrong.
     """
 
     locked: bool

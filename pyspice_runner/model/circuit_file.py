@@ -66,7 +66,7 @@ def load_circuit(path: str | Path) -> EquivalentCircuit:
     """Read an equivalent circuit from its TOML, or from the JSON of a fit.
 
     Raises:
-        ParameterError: for a file that cannot be read, or whose values make no passive circuit.
+        ParameterError: if the file cannot be read, or its values do not describe a passive circuit.
     """
     path = Path(path)
     text = read_document(path, "the file of a fit")
@@ -110,7 +110,7 @@ def _rows(given: Any, arms: list[MotionalArm], order: list[int], where: str) -> 
             raise ParameterError(
                 f"{where}: shared_losses give {shared:g} Ω to the arm at {arm.series_resonance_hz:g} Hz, whose "
                 f"resistance "
-                f"is {arm.resistance_ohm:g} Ω; it must be that much at least."
+                f"is {arm.resistance_ohm:g} Ω; it must be at least as large."
             )
     return rows
 

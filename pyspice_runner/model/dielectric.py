@@ -15,7 +15,7 @@ in frequency, as that of a real ceramic does.
 :func:`lossy_capacitance` is the same for a whole capacitance and a band up to its ends. It is a constant-phase element
 (Cole and Cole, J. Chem. Phys. 9, 341, 1941): :math:`C(\omega) = C\,(\omega/\omega_0)^{-m}`, :math:`m = 2\delta/\pi`.
 An infinite ladder with the time constants :math:`\tau_k = r^k/\omega_0` and the capacitances :math:`C_k = c\,r^{mk}`
-has this phase, but for the ripple; its sum over k, taken as an integral, gives
+has this phase, apart from the ripple; its sum over k, taken as an integral, gives
 :math:`c = (2/\pi)\,C \sin\delta \ln r`. In the band, the branches that are faster act as a capacitance with a
 resistance, those that are slower as a resistance with a capacitance. One branch for each of these two tails has the
 same first two terms of the series in :math:`\omega`; they are geometric series. All elements are positive, so that the
@@ -43,7 +43,7 @@ class Branch(NamedTuple):
     capacitance_f: float
 
     def gain(self, frequency_hz: float) -> complex:
-        """Return the voltage of the capacitance over that of the branch."""
+        """Return the ratio of the voltage at the capacitance to the voltage at the branch."""
         return 1.0 / (1.0 + 2j * pi * frequency_hz * self.resistance_ohm * self.capacitance_f)
 
 

@@ -53,7 +53,7 @@ def read_document(path: Path, wanted: str) -> str:
 
 
 def parse_toml(text: str, name: str) -> dict[str, Any]:
-    """Return the table that a TOML text states.
+    """Parse a TOML text and return its table.
 
     The parser's memory and time grow with the square of the number of parts of a dotted key, and its recursion with the
     nesting of arrays; both are bounded here.

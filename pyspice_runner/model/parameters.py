@@ -49,7 +49,7 @@ class Beam(Parameters):
 class Patch(Parameters):
     """One piezoceramic patch, or a pair of them on opposite faces, wired to one electrical group.
 
-    On both faces the two are poled so that one voltage stretches the upper and shortens the lower.
+    A pair is poled such that the same voltage stretches the upper patch and shortens the lower one.
     """
 
     group: Literal["A", "B"] = Field(description="electrical group that the electrodes are wired to")

@@ -229,12 +229,12 @@ def _wanted(fault: Any) -> str:
 
 
 def _as_python(value: Any) -> Any:
-    """Return a number of NumPy's, or an array of one number, as a number of Python's."""
+    """Return a NumPy number, or an array of one number, as a Python number."""
     return value.item() if getattr(value, "ndim", None) == 0 else value
 
 
 def as_number(value: Any) -> float | None:
-    """Return a number as one of Python's, ``None`` for what is none or too large."""
+    """Return a number as a Python ``float``, or ``None`` if the value is not a number or is too large."""
     value = _as_python(value)
     if isinstance(value, bool):
         return None

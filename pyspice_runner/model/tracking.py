@@ -81,7 +81,7 @@ def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True)
         contact: whether the tip is on the rotor.
 
     Raises:
-        ParameterError: for no force.
+        ParameterError: if the force does not drive the mode.
     """
     own = motor.modes[mode]
     if not force_n > 0.0:

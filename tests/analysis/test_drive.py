@@ -241,7 +241,7 @@ def test_every_state_has_a_proposal() -> None:
         ({"step": 1e-5}, "step = 1e-05 s is too coarse"),
     ],
 )
-def test_refusals_name_the_value(settings: dict[str, Any], sentence: str) -> None:
+def test_errors_name_the_value(settings: dict[str, Any], sentence: str) -> None:
     with pytest.raises(pr.ParameterError) as caught:
         report(driver(), **settings)
     assert sentence in str(caught.value)

@@ -189,7 +189,7 @@ def test_picture_is_written(run: Waveforms, tmp_path: Path) -> None:
         ({"contact": "glue"}, "contact = 'glue' is not valid"),
     ],
 )
-def test_refusals_say_what_is_allowed(motor: pr.Motor, settings: dict[str, object], says: str) -> None:
+def test_errors_say_what_is_allowed(motor: pr.Motor, settings: dict[str, object], says: str) -> None:
     with pytest.raises(pr.ParameterError) as refusal:
         pr.simulate(motor, DRIVE, **{"duration": 1e-3, **settings})  # type: ignore[arg-type]
     assert says in str(refusal.value)

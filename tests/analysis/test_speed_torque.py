@@ -356,7 +356,7 @@ def test_progress_is_told() -> None:
         ({"over": {"contact.preload_n": np.ones(100_001)}}, "at most 100000 are allowed"),
     ],
 )
-def test_refusals_say_what_is_allowed(settings: dict[str, object], says: str) -> None:
+def test_errors_say_what_is_allowed(settings: dict[str, object], says: str) -> None:
     with pytest.raises(pr.ParameterError) as refusal:
         pr.speed_torque(MOTOR, drive(46e3), **{"speeds": [0.0], **settings})  # type: ignore[arg-type]
     assert says in str(refusal.value)

@@ -267,7 +267,7 @@ def test_the_averaged_loop_steps_like_the_full_transient(bandwidth: float) -> No
         ({"duration": 1e-6}, "duration = 1e-06 s is not valid"),
     ],
 )
-def test_refusals_name_the_value(settings: dict[str, Any], sentence: str) -> None:
+def test_errors_name_the_value(settings: dict[str, Any], sentence: str) -> None:
     with pytest.raises(pr.ParameterError) as caught:
         pr.track(motor(), tracker(), **settings)
     assert sentence in str(caught.value)

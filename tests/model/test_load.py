@@ -276,7 +276,7 @@ def test_a_value_that_a_file_omits_has_its_default(load: Callable[[Document], Mo
     assert lossy.provenance["contact.restitution_velocity_m_s"].kind == "default"
 
 
-def test_provenance_follows_a_mode_to_its_place(load: Callable[[Document], Motor]) -> None:
+def test_provenance_stays_with_its_mode_when_modes_are_sorted(load: Callable[[Document], Motor]) -> None:
     late = changed(MODES | {"modes": [SIDE, MODE]}, "modes.0.tip_x", {"value": 1.3, "given": "table 2"})
     subject = load(late)
     assert subject.modes[1].name == "side"

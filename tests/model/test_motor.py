@@ -294,7 +294,7 @@ MODES = "there are push, pull, turn, numbered from 0."
         ),
     ],
 )
-def test_refused_change_is_explained(changes: dict[Any, Any], sentence: str) -> None:
+def test_an_invalid_change_is_explained(changes: dict[Any, Any], sentence: str) -> None:
     with pytest.raises(ParameterError) as caught:
         motor().updated(changes)
     prefix = "" if sentence.startswith("There is no ") else "motor off the defaults: "

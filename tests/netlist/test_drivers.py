@@ -181,7 +181,7 @@ def test_settings_reach_one_group_or_both() -> None:
         ("half-bridge", {"frequency": 4e5, "settings": {"bridge.dead_time": 6e-7}}, "at most a fifth of a period"),
     ],
 )
-def test_refusals_name_the_value_and_what_is_allowed(kind: str, changes: dict[str, Any], sentence: str) -> None:
+def test_errors_name_the_value_and_what_is_allowed(kind: str, changes: dict[str, Any], sentence: str) -> None:
     with pytest.raises(pr.ParameterError) as caught:
         driver(kind, **changes)
     assert sentence in str(caught.value)

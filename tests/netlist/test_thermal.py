@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The motor with a temperature: open it changes nothing, held it drifts as said, closed it is heated by its losses."""
+"""The pin of the temperature: open, it changes nothing; held, values drift as stated; free, losses heat the stator."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ def test_derived_values_follow_from_what_they_are_derived_from() -> None:
         ({"frequency_drift": 1.0}, "there is no 'frequency_drift'. Did you mean 'frequency_drift_per_k'?"),
     ],
 )
-def test_refusals_name_the_value(values: dict[str, float], sentence: str) -> None:
+def test_errors_name_the_value(values: dict[str, float], sentence: str) -> None:
     with pytest.raises(pr.ParameterError) as caught:
         pr.Thermal(**values)
     assert sentence in str(caught.value)

@@ -116,7 +116,7 @@ def test_a_preload_steps_to_what_is_asked_for(change: float) -> None:
         ({"polarity": 0}, "polarity = 0 is not valid"),
     ],
 )
-def test_refusals_name_the_value(values: dict[str, Any], sentence: str) -> None:
+def test_errors_name_the_value(values: dict[str, Any], sentence: str) -> None:
     with pytest.raises(pr.ParameterError) as caught:
         tracker(**values)
     assert sentence in str(caught.value)

@@ -152,7 +152,7 @@ def test_the_motor_is_passive() -> None:
 
 
 def test_sources_that_only_take_back_are_balanced_by_what_they_took() -> None:
-    """Plates that start charged may give all along: the sources put nothing in, and the scale is what they took."""
+    """Charged plates may supply all the energy; the balance is then relative to the energy that the sources absorb."""
     took = balance(0.0) | {"electrical": -1e-3, "kinetic": -1e-3}
     for missing, found in ((0.99, 0), (1.01, 1)):
         energy = EnergyBalance(**took | {"damping": -missing * ENERGY_BOUND * 1e-3})

@@ -73,7 +73,7 @@ def test_what_was_not_recorded_is_said_and_left_out(tmp_path: Path) -> None:
         ({"record_every": 10_000}, "record_every = 10000 is not valid: it must be a whole number of steps from 1"),
     ],
 )
-def test_refusals_say_what_is_allowed(settings: dict[str, object], says: str) -> None:
+def test_errors_say_what_is_allowed(settings: dict[str, object], says: str) -> None:
     with pytest.raises(pr.ParameterError) as refusal:
         pr.simulate(MOTOR, DRIVE, duration=1e-3, **settings)  # type: ignore[arg-type]
     assert says in str(refusal.value)

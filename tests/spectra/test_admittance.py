@@ -190,7 +190,7 @@ def test_files_and_picture(tmp_path: Path) -> None:
         ({"state": "pressed"}, "state = 'pressed' is not valid"),
     ],
 )
-def test_refusals_say_what_is_allowed(settings: dict[str, object], says: str) -> None:
+def test_errors_say_what_is_allowed(settings: dict[str, object], says: str) -> None:
     with pytest.raises(pr.ParameterError) as refusal:
         pr.admittance(pr.load_motor("andersen2002"), **settings)  # type: ignore[arg-type]
     assert says in str(refusal.value)

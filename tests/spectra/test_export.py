@@ -146,7 +146,7 @@ def test_a_motor_is_read_back_and_runs_alike(motor: pr.Motor, tmp_path: Path) ->
         ('{"arms": [{"resistance_ohm": 1e-300}]}', "it must be a number ≥ 1e-30 and ≤ 1e+18"),
     ],
 )
-def test_files_that_are_no_circuit(text: str, says: str, tmp_path: Path) -> None:
+def test_a_file_without_a_circuit_is_an_error(text: str, says: str, tmp_path: Path) -> None:
     path = tmp_path / "c.json"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(pr.ParameterError, match=re.escape(says)):

@@ -430,7 +430,7 @@ def at_work(session: int, folder: Path) -> list[str]:
 
 
 def wait_for(condition: Any, seconds: float = 60.0) -> bool:
-    """Whether a condition came true in that time; it need not stay so."""
+    """Return whether a condition was true at some moment of that time."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         if condition():

@@ -197,7 +197,7 @@ def test_auto_is_right_where_the_compiler_itself_makes_wrong_code(changes: dict[
 def test_a_constant_before_ddt_is_seen_by_the_comparison_whatever_the_compiler_makes_of_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The form that an OpenVAF compiled wrong; the module itself avoids it."""
+    """One version of OpenVAF compiles this form to wrong code; the module itself avoids the form."""
     plant(monkeypatch, "ddt(1e-6 * V(displacement_1))", "1e-6 * ddt(V(displacement_1))")
     found = engines.verdict(MOTOR, Law())
     assert found.passed == (found.worst[1] < 0.3 * engines.TOLERANCE)  # right or wrong, with nothing between
