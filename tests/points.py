@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Points of a sweep that cost nothing, and some that fail; in a module, so that workers find them by name."""
+"""Analyses for sweeps that take no time, and some that fail; in a module, so that workers find them by name."""
 
 from __future__ import annotations
 

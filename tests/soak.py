@@ -59,7 +59,7 @@ DRIVES: tuple[type[Drive], ...] = (pr.TwoPhaseDrive, pr.TwoToneDrive)
 
 @dataclass(frozen=True)
 class Case:
-    """One motor, its drive, and the question put to it."""
+    """One motor, its drive, and the analysis to run."""
 
     motor: Motor
     drive: Source

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A motor invented here, measured with noise, is recovered from its spectra and its data sheet."""
+"""An invented motor, measured with noise, is recovered from its spectra and its data sheet."""
 
 from __future__ import annotations
 

@@ -264,7 +264,7 @@ def test_adapted_mode_resonates_where_the_rule_sees_it_right(frequency: float, p
 
 
 def ring(subject: Mode, step: float, periods: int, exact: bool) -> tuple[Array, Array]:
-    """Let one mode go from a deflection of -1 um and return time and displacement, um."""
+    """Release one mode from a deflection of −1 µm; return time and displacement in µm."""
     mass, stiffness = Discretisation(step, exact_resonance=exact).mode(subject)
     circuit = Circuit("one free mode")
     circuit.raw_spice = read_library("piezomotor_mode").subcircuit + "\n"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Event-driven integration of the standing-wave piezomotor, written from the physics alone.
 
-It shares no code with the package that it judges: what the two have in common is the law, not a line.
+It shares no code with the package that it checks; both have only the law in common.
 
 The law
     m_n r_n'' + c_n r_n' + k_n r_n = θ_An U_A + θ_Bn U_B + X_n F_x + Y_n F_y
@@ -24,7 +24,7 @@ Four states, each with smooth equations of its own:
     slip+/−     u = s u_lim, for as long as s v_rel > u_lim' = κ δ'
 
 Between two events the classical Runge–Kutta method runs with a fixed step. A step that ends beyond an event
-is thrown away; the event's time is found by bisection on the length of the step, every trial being a
+is discarded; the event's time is found by bisection on the length of the step, every trial being a
 Runge–Kutta step from the same start, so that no step reaches across an event. What is left of the step is
 then done in the new state. The passage of u through 0, where F_T has a jump in its curvature, splits a step
 too, uncounted.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The physical audit: what cannot be true is found and named, what is true passes."""
+"""The physical audit names what is physically impossible in a result, and accepts a result that is possible."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def threads() -> Iterator[Executor]:
 
 @pytest.fixture
 def quick(threads: Executor, tmp_path: Path) -> dict[str, Any]:
-    """How to sweep over points that cost nothing."""
+    """Settings of a sweep whose points take no time."""
     return {
         "analysis": points.formula,
         "quantities": ["torque_n_m"],
@@ -200,7 +200,7 @@ def test_tolerances_and_a_grid_may_be_combined(quick: dict[str, Any]) -> None:
 
 
 def heard(**how: Any) -> tuple[xarray.Dataset, list[tuple[int, int]]]:
-    """Sweep, and tell what the progress said."""
+    """Sweep; return the result and the calls of the progress function."""
     said: list[tuple[int, int]] = []
     found = pr.sweep(MOTOR, DRIVE, progress=lambda done, total: said.append((done, total)), **how)
     return found, said

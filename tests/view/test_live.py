@@ -293,7 +293,7 @@ def test_no_control_language_reaches_ngspice(desktop: tuple[Page, list[str]]) ->
         ("<img src=x onerror=alert(1)>.csv", "</script><script>alert(1)</script>", None),
     ],
 )
-def test_a_spectrum_is_drawn_or_refused_with_a_reason(
+def test_a_spectrum_is_drawn_or_rejected_with_a_reason(
     desktop: tuple[Page, list[str]], name: str, text: str, points: int | None
 ) -> None:
     page, wrong = desktop
