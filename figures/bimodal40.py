@@ -19,7 +19,7 @@ def draw(folder: Path) -> list[str]:
     assert isinstance(drive, pr.TwoPhaseDrive)
     radius, limits = motor.rotor.radius_m, motor.limits
     assert limits is not None
-    speeds = np.linspace(0.0, 32.0, 3 if draft() else 9)
+    speeds = np.linspace(0.0, 32.0, 2 if draft() else 9)
     voltages = [round(part * drive.voltage) for part in ((1.0,) if draft() else (0.5, 0.75, 1.0))]
     family = pr.speed_torque(motor, drive, speeds=speeds, over={"drive.voltage": voltages}, audit=False)
     preloads = np.array([3.0, 5.0, 6.5, 8.0, 10.0, 12.0])[:: 3 if draft() else 1]

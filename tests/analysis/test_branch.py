@@ -97,7 +97,7 @@ def test_the_branch_of_a_free_stator_that_softens_is_duffings_curve_through_both
     mode, voltage = motor.modes[1], 50.0
     force = voltage * abs(mode.coupling_a_n_per_v - mode.coupling_b_n_per_v)
     drive = pr.TwoPhaseDrive(voltage=voltage, frequency=mode.frequency_hz, phase_deg=180.0)
-    low, high = 0.985 * mode.frequency_hz, 0.997 * mode.frequency_hz
+    low, high = 0.9865 * mode.frequency_hz, 0.996 * mode.frequency_hz
     data = pr.steady_branch(motor, drive, follow="drive.frequency", start=low, stop=high, speed=0.0, contact=None)
     assert data.attrs["ended"] == "It reaches stop."
     exact = duffing.folds(mode, force, low, high)
