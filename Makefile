@@ -30,7 +30,7 @@ fuzz: setup ## run all tests of invalid input, and 10,000 random inputs at every
 	$(PY) -m pytest -n $(JOBS) -m fuzz
 	$(PY) -m tests.fuzz
 
-soak: setup ## run all tests of faults and signals, and 2,000 random motors (30 minutes; can be resumed)
+soak: setup ## run all further cases of tests, and 2,000 random motors (30 minutes; can be resumed)
 	$(PY) -m pytest -n $(JOBS) -m soak
 	$(PY) -m tests.soak
 	$(PY) -m tests.soak --subject electronics --count 200 --output tests/soak_electronics.json

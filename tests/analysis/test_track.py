@@ -86,7 +86,7 @@ def test_an_untracked_drive_that_is_off_stays_off() -> None:
     [
         ("pll", {"frequency": 1.1 * 51.7e3}, "a range that excludes the resonance"),
         pytest.param("pll", {"frequency": 0.9 * 51.7e3}, "a range that excludes the resonance", marks=pytest.mark.soak),
-        ("pll", {"polarity": -1, "offset": 0.01}, "a sign error"),
+        pytest.param("pll", {"polarity": -1, "offset": 0.01}, "a sign error", marks=pytest.mark.soak),
         pytest.param("pll", {"polarity": -1}, "a sign error, from resonance", marks=pytest.mark.soak),
         pytest.param(
             "observe-current",
@@ -113,7 +113,7 @@ def test_a_tracker_that_cannot_lock_is_reported_as_not_locked(kind: str, values:
     [
         # half of the stall torque that the next test measures
         ("load", {"load_torque": 0.18e-3, "duration": 9e-3}),
-        ("preload", {"preload_change": 0.3, "duration": 6e-3}),
+        pytest.param("preload", {"preload_change": 0.3, "duration": 6e-3}, marks=pytest.mark.soak),
         pytest.param("preload", {"preload_change": -0.3, "duration": 6e-3}, marks=pytest.mark.soak),
         pytest.param("temperature", {"drift": -0.02, "drift_time": 10e-3, "contact": None}, marks=pytest.mark.soak),
     ],

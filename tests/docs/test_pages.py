@@ -38,11 +38,13 @@ def snippets(page: Path) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
 
 
-# the command of the page on trackers is one of its tutorial's with another drift
+LIKE = ("tracking",)  # its command is one of tutorial_tracking with another drift
+
+
 @pytest.mark.parametrize(
     "page",
     [
-        pytest.param(page, marks=[pytest.mark.soak] if page.stem == "tracking" else [], id=page.stem)
+        pytest.param(page, marks=[pytest.mark.soak] if page.stem in LIKE else [], id=page.stem)
         for page in PAGES
         if commands(page)
     ],

@@ -15,8 +15,15 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from tests.selection import mostly
+
 FIGURES = Path(__file__).resolve().parents[2] / "figures"
 DEMO = ["admittance", "figure_5", "patch_position", "spin_up"]  # the others are `make figures`
+# their kinds of curves, contact laws and controllers are those of the others, which `make soak` draws
+ALWAYS = [
+    "contact_patch", "control_speed", "drivers", "figure_6_region", "fit", "hysteresis", "softening", "speed_loop",
+    "speed_torque", "tolerance", "warm_up", "work_precision",
+]  # fmt: skip
 SCRIPTS = sorted(path for path in FIGURES.glob("*.py") if path.stem not in ("style", "demo"))
 
 
@@ -80,7 +87,15 @@ def in_this_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("script", [path for path in SCRIPTS if path.stem not in DEMO], ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "script",
+    mostly(
+        pytest.mark.soak,
+        [path for path in SCRIPTS if path.stem not in DEMO],
+        [path for path in SCRIPTS if path.stem in ALWAYS],
+    ),
+    ids=lambda path: path.stem,
+)
 def test_every_other_script_draws_its_picture(
     script: Path, tmp_path: Path, in_this_process: Callable[..., None], capsys: pytest.CaptureFixture[str]
 ) -> None:

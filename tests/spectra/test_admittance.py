@@ -92,8 +92,9 @@ def test_motional_arms_are_those_of_the_modes(motor: pr.Motor) -> None:
 
 
 def test_characteristic_frequencies_are_those_of_the_curve(motor: pr.Motor) -> None:
+    resonances = pr.admittance(motor).resonances
     for connection in ("A", "A+B", "A-B"):
-        for item in pr.admittance(motor).resonances[connection]:
+        for item in resonances[connection]:
             width = item.fs / item.quality_factor
             fine = np.linspace(item.fs - 5 * width, 1.06 * item.fs, 400_001)
             drive = np.array({"A": (1, 0), "A+B": (1, 1), "A-B": (1, -1)}[connection])
