@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.dielectric import LARGEST_LOSS_TANGENT
 from pyspice_runner.model.document import parse_toml, read_document
 from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.model.refusal import checked, quoted
@@ -87,11 +88,11 @@ def load_circuit(path: str | Path) -> EquivalentCircuit:
             f"{path.name}: loss_tangent = {circuit.loss_tangent:g} is less than its parts loss_tangent_falling and "
             "loss_tangent_rising together. Correct one of them."
         )
-    if circuit.dielectric()[0] <= 0.0:
+    constant = circuit.loss_tangent - circuit.loss_tangent_falling - circuit.loss_tangent_rising
+    if constant > LARGEST_LOSS_TANGENT:
         raise ParameterError(
-            f"{path.name}: loss_tangent = {circuit.loss_tangent:g} has too great a constant part: above 0.3 it "
-            f"makes no "
-            "passive circuit. State a part of it as loss_tangent_falling or loss_tangent_rising."
+            f"{path.name}: loss_tangent = {circuit.loss_tangent:g} has too great a constant part: it must be at most "
+            f"{LARGEST_LOSS_TANGENT:g}. State a part of it as loss_tangent_falling or loss_tangent_rising."
         )
     return circuit
 

@@ -13,8 +13,8 @@ passive for all values: Re Y is a sum of squares. The leads R_ℓ, L_ℓ stand i
 
 The clamped capacitance C₀ holds at the reference frequency f₀, and so does its loss tangent. Of it, one part falls with
 frequency (a conductance in parallel), one rises (the resistance R₀ in series) and the rest is constant: a ladder of R–C
-branches (:mod:`.dielectric`) from f₀/100 to 100 f₀ that, by Kramers and Kronig, lets the capacitance fall slowly. The
-characteristic frequencies are IEEE 176's, of the device behind its leads.
+branches (:func:`~.dielectric.lossy_capacitance`) from f₀/100 to 100 f₀, whose capacitance falls slowly with frequency.
+The characteristic frequencies are IEEE 176's, of the device behind its leads.
 """
 
 from __future__ import annotations
@@ -26,13 +26,25 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pyspice_runner.model.dielectric import loss_ladder
+from pyspice_runner.model.dielectric import Branch, lossy_capacitance
 
-LADDER_SPAN = 100.0  # of the constant loss, to both sides of the reference frequency
-LADDER_BRANCHES = 9  # two a decade
+_LADDER_SPAN = 100.0  # of the constant loss, to both sides of the reference frequency
+_LADDER_BRANCHES = 15  # three a decade: a ripple of 0.002 % of the loss, which no arm can be mistaken for
+_LEAST_LOSS = 1e-9  # that is any
 _WINDOW = 2.0  # bandwidths on each side of a resonance in which its extrema are looked for
 _ONE_ARM = 3.0  # bandwidths over which a circuit of one arm is fitted to a resonance
 _GRID = 401  # points over that window: 100 a bandwidth
+
+
+def constant_loss(capacitance_f: float, loss_tangent: float, reference_hz: float) -> tuple[Branch, ...]:
+    """Return the branches of a capacitance in F at the reference frequency with a constant loss tangent."""
+    return lossy_capacitance(
+        capacitance_f,
+        loss_tangent if loss_tangent > _LEAST_LOSS else 0.0,
+        low_hz=reference_hz / _LADDER_SPAN,
+        high_hz=reference_hz * _LADDER_SPAN,
+        branches=_LADDER_BRANCHES,
+    )
 
 
 @dataclass(frozen=True)
@@ -120,19 +132,10 @@ class EquivalentCircuit:
         """Conductance in parallel to the clamped capacitance, S."""
         return self.loss_tangent_falling * 2.0 * pi * self.loss_reference_hz * self.clamped_capacitance_f
 
-    def dielectric(self) -> tuple[float, list[tuple[float, float]]]:
-        """Return the capacitance in F that is left without the ladder, and the ladder's branches, Ω and F."""
-        reference = self.loss_reference_hz
-        constant = max(self.loss_tangent - self.loss_tangent_falling - self.loss_tangent_rising, 0.0)
-        if constant < 1e-9:
-            return self.clamped_capacitance_f, []
-        ends = reference / LADDER_SPAN, reference * LADDER_SPAN
-        s = 2j * pi * reference
-        unit = sum(c / (1.0 + s * r * c) for r, c in loss_ladder(1.0, 1.0, *ends, LADDER_BRANCHES))
-        # the finite ladder's loss tangent is a little below the one that it is made for
-        stated = constant / -unit.imag
-        rest = self.clamped_capacitance_f * (1.0 - stated * unit.real)
-        return rest, loss_ladder(self.clamped_capacitance_f, stated, *ends, LADDER_BRANCHES)
+    def dielectric(self) -> tuple[Branch, ...]:
+        """Return the branches of the clamped capacitance with the constant part of its loss."""
+        constant = self.loss_tangent - self.loss_tangent_falling - self.loss_tangent_rising
+        return constant_loss(self.clamped_capacitance_f, constant, self.loss_reference_hz)
 
     @property
     def own_resistance_ohm(self) -> tuple[float, ...]:
@@ -154,9 +157,8 @@ class EquivalentCircuit:
     def device_admittance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the admittance in S of the device without its leads."""
         s = 2j * pi * np.asarray(frequency_hz, dtype=float)
-        capacitance, branches = self.dielectric()
-        y = self.loss_conductance_s + s * capacitance
-        for resistance, part in branches:
+        y: NDArray[np.complex128] = np.asarray(self.loss_conductance_s + 0.0 * s, dtype=complex)
+        for resistance, part in self.dielectric():
             y = y + s * part / (1.0 + s * resistance * part)
         y = y / (1.0 + self.loss_resistance_ohm * y)
         parts = [y]

@@ -126,15 +126,23 @@ def _branch(circuit: EquivalentCircuit, index: int, node: str, series: list[tupl
     if index == 0:
         if circuit.loss_tangent_rising > _LEAST:
             elements.append(f"Rloss {next_node()} {circuit.loss_resistance_ohm!r}")
-        rest, branches = circuit.dielectric()
-        elements.append(f"Cclamped {node} n {rest!r}")
-        if circuit.loss_tangent_falling > _LEAST:
-            elements.append(f"Rleak {node} n {1.0 / circuit.loss_conductance_s!r}")
-        for number, (resistance, capacitance) in enumerate(branches, start=1):
-            elements.append(f"Rdie{number} {node} d{number} {resistance!r}")
-            elements.append(f"Cdie{number} d{number} n {capacitance!r}")
+        elements += _dielectric(circuit, node)
     for number, (kind, value) in enumerate(series, start=1):
         elements.append(f"{kind}{index} {next_node() if number < len(series) else f'{node} n'} {value!r}")
+    return elements
+
+
+def _dielectric(circuit: EquivalentCircuit, node: str) -> list[str]:
+    """Return the elements of the clamped capacitance from a node to n, without its series loss."""
+    elements = []
+    if circuit.loss_tangent_falling > _LEAST:
+        elements.append(f"Rleak {node} n {1.0 / circuit.loss_conductance_s!r}")
+    branches = circuit.dielectric()
+    if len(branches) == 1:  # without resistance
+        return [*elements, f"Cclamped {node} n {branches[0].capacitance_f!r}"]
+    for number, (resistance, capacitance) in enumerate(branches, start=1):
+        elements.append(f"Rdie{number} {node} d{number} {resistance!r}")
+        elements.append(f"Cdie{number} d{number} n {capacitance!r}")
     return elements
 
 

@@ -44,12 +44,13 @@ from math import inf, log, pi, sqrt
 from operator import attrgetter, itemgetter
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from pyspice_runner.errors import SpectrumError
-from pyspice_runner.model.dielectric import loss_ladder
-from pyspice_runner.model.equivalent import LADDER_BRANCHES, LADDER_SPAN
+from pyspice_runner.model.dielectric import LARGEST_LOSS_TANGENT
+from pyspice_runner.model.equivalent import constant_loss
 from pyspice_runner.spectra.noise import Noise, difference
 
 GLOBALS = 6  # parameters that are no arm's: ln C₀; tan δ that falls, stays, rises with frequency; R_ℓ, L_ℓ
@@ -69,6 +70,7 @@ _LOWEST_QUALITY, _HIGHEST_QUALITY = 0.6, 1e6
 UNDETERMINED = 0.3  # standard error of ln √(L/C) of an arm that is none
 _COUPLED = 1e-4  # relative fall of the sum of squares at which a descent with coupled damping ends
 _FINAL_STEPS, _FINAL = 100, 1e-5  # of the last descents with a stated number of arms
+_TERMS = 10  # of the polynomials in the loss tangent, for an accuracy of 1e-10
 _STEP = 1e-6  # of central differences of functions that are smooth over 1
 _RIDGE = 1e-4  # of the sum of squares, for couplings as large as the arms' own losses
 _FLAT = 1e-12  # share of the greatest eigenvalue below which a direction changes nothing
@@ -150,12 +152,7 @@ class Problem:
         self.w, self.y = w, y
         self.s: Complexes = np.asarray(1j * w, dtype=complex)
         self.finest = float(np.min(np.diff(np.log(w))))  # distance of the closest points, relative
-        branches = loss_ladder(1.0, 1.0, 1.0 / LADDER_SPAN, LADDER_SPAN, LADDER_BRANCHES)
-        s = np.append(self.s, 1j) * 2.0 * pi  # the branches' corners are in hertz, the unit is the reference frequency
-        ladder: Complexes = np.sum([c / (1.0 + s * r * c) for r, c in branches], axis=0)
-        # relative to the loss and the capacitance at the reference frequency
-        self.ladder: Complexes = (ladder[:-1] - ladder[-1].real) / -ladder[-1].imag
-        self.most_constant_loss = -ladder[-1].imag / ladder[-1].real
+        self.dielectric = _dielectric(self.s)
         self._jacobian: Complexes = np.empty((0, len(y)), dtype=complex)  # kept, since a new one costs page faults
 
     def _weigh(self, noise: Noise, smooth_s: Complexes) -> None:
@@ -185,11 +182,19 @@ class Problem:
 
     # --- model and its derivatives ---
 
+    def _of_loss(self, loss_tangent: float, derivative: bool = False) -> Complexes:
+        """Return the clamped capacitance, of 1 at the reference frequency, with a constant loss tangent."""
+        x, orders = 2.0 * loss_tangent / LARGEST_LOSS_TANGENT - 1.0, np.arange(_TERMS)
+        factors = x**orders
+        if derivative:
+            factors = np.append(0.0, orders[1:] * factors[:-1]) * 2.0 / LARGEST_LOSS_TANGENT
+        return np.asarray((factors @ self.dielectric).view(complex))
+
     def _model(self, parameters: Vector, arms: int) -> _Model:
         """Evaluate the model."""
         size, falling, constant, rising, lead_r, lead_l = parameters[:GLOBALS]
         size = np.exp(size)
-        inner = size * (self.s * (1.0 + constant * self.ladder) + falling)
+        inner = size * (self.s * self._of_loss(constant) + falling)
         behind = 1.0 / (1.0 + rising / size * inner)
         clamped = inner * behind
         frequency, reactance, quality = np.exp(parameters[GLOBALS : GLOBALS + 3 * arms]).reshape(-1, 3).T[:, :, None]
@@ -247,7 +252,7 @@ class Problem:
         inner = at_clamped * m.behind**2
         jacobian[0] = at_clamped * m.clamped
         jacobian[1] = inner * size
-        jacobian[2] = inner * size * self.s * self.ladder
+        jacobian[2] = inner * size * self.s * self._of_loss(float(parameters[2]), derivative=True)
         jacobian[3] = -inner * m.inner**2 / size
         jacobian[4] = -outer * m.y**2
         jacobian[5] = jacobian[4] * self.s
@@ -275,7 +280,7 @@ class Problem:
         ohm, henry = PLAUSIBLE_LEADS
         arms, rest = solution.arms, solution.rank * (solution.arms + 1)
         least = [-25.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-        greatest = [25.0, 2.0, 0.99 * self.most_constant_loss, 2.0, ohm * self.unit_s, henry / self.unit_henry]
+        greatest = [25.0, 2.0, LARGEST_LOSS_TANGENT, 2.0, ohm * self.unit_s, henry / self.unit_henry]
         for place in solution.held:
             least[place] = greatest[place] = solution.parameters[place]
         least += [log(lowest), -25.0, log(_LOWEST_QUALITY)] * arms + [-2.0] * rest
@@ -537,12 +542,12 @@ class Problem:
         quality = np.clip(frequency / (2.0 * np.abs(poles.real)), 1.0, 1e5)
         ratio = self.w / frequency[:, None]
         shapes = 1.0 / (1.0 + 1j * quality[:, None] * (ratio - 1.0 / ratio))
-        stacked = (np.vstack([self.s, self.s * self.ladder, shapes]) * weight).view(float).T
+        stacked = (np.vstack([self.s, self.s * self._of_loss(0.0, derivative=True), shapes]) * weight).view(float).T
         scale = np.linalg.norm(stacked, axis=0)
         amplitude = nnls(stacked / scale, np.ascontiguousarray(y * weight).view(float))[0] / scale
         capacitance = max(amplitude[0], 1e-3 * float(np.median(np.abs(y) / self.w)))
         start = np.zeros(GLOBALS + 3 * arms)
-        loss = min(max(amplitude[1] / capacitance, 1e-4), 0.5 * self.most_constant_loss)
+        loss = min(max(amplitude[1] / capacitance, 1e-4), 0.5 * LARGEST_LOSS_TANGENT)
         start[:GLOBALS] = log(capacitance), 0.1 * loss, 0.8 * loss, 0.1 * loss, *self.stated_leads
         start[GLOBALS::3] = np.log(frequency)
         start[GLOBALS + 1 :: 3] = np.log(quality / np.maximum(amplitude[2:], 1e-3))
@@ -744,6 +749,21 @@ def modal(parameters: Vector, arms: int) -> Vector:
     with np.errstate(all="ignore"):  # of a pole that does not oscillate, or a residue that is no arm's
         found = np.log([size, size / (2.0 * residues[order].real), size / (2.0 * np.abs(poles[order].real))])
     return np.where(poles[order].imag > 0.0, found, np.nan)
+
+
+def _dielectric(s: Complexes) -> Vector:
+    """Return a clamped capacitance over s in units of the reference frequency, by powers of its loss.
+
+    It is interpolated at Chebyshev's nodes, so that the ladder is not computed in every step. The rows are of the
+    powers of the loss tangent, scaled from -1 to 1; real and imaginary parts stand side by side.
+    """
+    nodes = chebyshev.chebpts1(_TERMS)
+    values = []
+    for loss in 0.5 * LARGEST_LOSS_TANGENT * (nodes + 1.0):
+        branches = constant_loss(1.0, float(loss), 1.0)  # at 1 Hz, so that corners in rad/s are 2π
+        values.append(np.sum([c / (1.0 + 2.0 * pi * s * r * c) for r, c in branches], axis=0))
+    powers: Vector = np.linalg.solve(np.vander(nodes, increasing=True), np.array(values).view(float))
+    return powers
 
 
 def _ridge(solution: Solution) -> float:

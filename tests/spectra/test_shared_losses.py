@@ -30,8 +30,7 @@ def matrix_admittance(circuit: EquivalentCircuit, frequency: np.ndarray) -> np.n
     """Y by the full impedance matrix of the arms and the clamped capacitance."""
     found = []
     for s in 2j * np.pi * frequency:
-        rest, branches = circuit.dielectric()
-        clamped = circuit.loss_conductance_s + s * rest + sum(s * c / (1 + s * r * c) for r, c in branches)
+        clamped = circuit.loss_conductance_s + sum(s * c / (1 + s * r * c) for r, c in circuit.dielectric())
         own = [circuit.loss_resistance_ohm + 1.0 / clamped]
         for arm, ohm in zip(circuit.arms, circuit.own_resistance_ohm, strict=True):
             own.append(ohm + s * arm.inductance_h + 1.0 / (s * arm.capacitance_f))
