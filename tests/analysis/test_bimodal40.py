@@ -14,7 +14,7 @@ from pyspice_runner.model.contact import linearised_resonances
 from tests.reference.integrator import Tone, integrate
 from tests.runs import simulated
 
-pytestmark = pytest.mark.xdist_group("bimodal40")
+pytestmark = pytest.mark.xdist_group("reference")  # the integrator is compiled once there
 
 MOTOR = pr.load_motor("bimodal40")
 DRIVE = pr.default_drive(MOTOR)

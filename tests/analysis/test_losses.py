@@ -19,7 +19,7 @@ from tests.reference.integrator import ReferenceRun, Tone, integrate
 from tests.runs import simulated
 from tests.selection import mostly
 
-pytestmark = pytest.mark.xdist_group("losses")
+pytestmark = pytest.mark.xdist_group("reference")  # the integrator is compiled once there
 
 PAPER = pr.load_motor("andersen2002")
 DURATION = 4e-3  # s

@@ -16,6 +16,7 @@ from scipy.integrate import cumulative_simpson, quad
 from scipy.optimize import brentq
 
 from tests.reference.integrator import ReferenceRun, Tone, integrate
+from tests.selection import mostly
 
 Array = NDArray[np.float64]
 HERTZ, FRICTION, PRELOAD, RADIUS = 7e9, 0.3, 5.0, 0.01
@@ -236,7 +237,9 @@ def _operate(name: str, *, duration: float = 2e-3, output_step: float = 4e-7, **
     return integrate(_motor(), tones_a, tones_b, duration=duration, output_step=output_step, **point, **more)
 
 
-@pytest.mark.parametrize("name", OPERATING_POINTS)
+@pytest.mark.parametrize(
+    "name", mostly(pytest.mark.soak, OPERATING_POINTS, ["mostly slip", "opening, loaded", "two tones"])
+)
 def test_halving_the_step_changes_nothing(name: str) -> None:
     fine = _operate(name, step=1e-8)
     usual = _operate(name)
