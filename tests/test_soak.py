@@ -35,9 +35,7 @@ def test_a_random_motor_gives_a_result_that_passes_the_audit(index: int) -> None
         assert found.kind == "result", found.said
 
 
-@pytest.mark.parametrize(
-    "index", [0, 1, pytest.param(2, marks=pytest.mark.soak), pytest.param(3, marks=pytest.mark.soak)]
-)
+@pytest.mark.parametrize("index", [0, *(pytest.param(index, marks=pytest.mark.soak) for index in (1, 2, 3))])
 def test_a_random_driver_or_tracker_gives_a_result_that_passes_the_audit(index: int) -> None:
     found = soak.outcome(SEED, index, "electronics")
     assert found.kind == "result", found.said

@@ -34,7 +34,7 @@ def test_a_wrong_estimate_of_the_error_counts_as_silent(monkeypatch: pytest.Monk
     assert not violent.passes(violent.summary([found], SEED))
 
 
-@pytest.mark.parametrize("index", [0, 1])
+@pytest.mark.parametrize("index", [0, pytest.param(1, marks=pytest.mark.soak)])
 def test_a_motor_that_hammers_is_within_one_per_cent_or_says_that_it_is_not(index: int) -> None:
     subject = violent.case(SEED, index)
     found = violent.outcome(subject, str(index))

@@ -116,7 +116,9 @@ def test_speed_torque_behind_a_half_bridge() -> None:
 def test_a_loop_tracks_through_an_amplifier() -> None:
     tracker = pr.Tracker(kind="pll", voltage=50.0, ratio_b=2.0, frequency=54e3, offset=0.01)
     amplifier = pr.Driver(kind="linear", voltage=50.0, ratio_b=2.0, frequency=54e3)
-    straight, through = (pr.track(MOTOR, tracker, driver=one, duration=3.5e-3, step=1.8e-7) for one in (None, amplifier))
+    straight, through = (
+        pr.track(MOTOR, tracker, driver=one, duration=3.5e-3, step=1.8e-7) for one in (None, amplifier)
+    )
     assert straight.locked
     assert through.locked
     assert through.end_frequency_hz == pytest.approx(straight.end_frequency_hz, rel=2e-3)

@@ -14,7 +14,7 @@ ALLOWED = SCRIPT["ALLOWED"]
 LINES = (DOCS / "averaged_accuracy.md").read_text(encoding="utf-8").splitlines()
 
 
-@pytest.mark.parametrize("case", [3, pytest.param(6, marks=pytest.mark.soak), 11])
+@pytest.mark.parametrize("case", [3, *(pytest.param(case, marks=pytest.mark.soak) for case in (6, 11))])
 def test_a_row_of_the_page_is_what_is_measured(case: int) -> None:
     for row in SCRIPT["rows"]((case,)):
         start = f"| {row.name} | {row.drive.label} | {row.speed:g} |"

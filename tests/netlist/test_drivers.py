@@ -200,7 +200,14 @@ def test_losses_feeds_and_stores_are_nodes(name: str) -> None:
 # --- decks ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["drive_linear", "drive_half_bridge", "drive_full_bridge", "drive_llcc"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "drive_linear",
+        "drive_full_bridge",
+        *(pytest.param(name, marks=pytest.mark.soak) for name in ("drive_half_bridge", "drive_llcc")),
+    ],
+)
 def test_powers_of_the_decks_balance_within_one_per_cent(name: str, tmp_path: Path) -> None:
     found = deck_measured(name, tmp_path)
     power_in = found["supply_power_w"] + found.get("gate_power_w", 0.0)

@@ -18,6 +18,7 @@ from pyspice_runner.spectra.noise import Noise
 from tests.data.spectra import make
 from tests.processes import command
 from tests.resonators import extras, fitted, random_resonator, resonator, spectrum, values
+from tests.selection import mostly
 
 TWO_MODES = resonator([13.5e3, 51.7e3], [70.0, 25.0], [0.02, 0.05], reference=np.sqrt(8e3 * 80e3))
 BAND = np.linspace(8e3, 80e3, 1201)
@@ -36,7 +37,7 @@ def test_noise_free_values_come_back(arms: int, seed: int) -> None:
     assert fit.rms_relative_error < 1e-8
 
 
-@pytest.mark.parametrize("arms", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("arms", mostly(pytest.mark.soak, [1, 2, 3, 4, 5], [1, 2, 5]))
 def test_the_number_of_arms_is_found(arms: int) -> None:
     circuit, frequency = random_resonator(7 * arms, arms)
     fit = fitted(spectrum(circuit, frequency))
