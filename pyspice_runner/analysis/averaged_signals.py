@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 
 from pyspice_runner.analysis.averaged import doubts
 from pyspice_runner.analysis.small_signals import OUTPUTS, Transfers, unit
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Load, TwoPhaseDrive, check_together
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.averaged import averaged_bench
+from pyspice_runner.netlist.averaged import HARMONICS, MOST_PHASES, Course, averaged_bench, check_resolution
 from pyspice_runner.run.kernel import ac, transient
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-HIGHEST = 0.1  # of the drive's frequency; a side band has a relative error of half the ratio
+HIGHEST = 0.1  # of the drive's frequency
+SIGNAL_PHASES = 128  # as many as 3 % of the small transfer functions need
 SETTLED = 0.5  # s, of the transient
 MOST_POINTS = 1000  # in a decade
 LONGEST_STEPS = 50
@@ -80,11 +81,13 @@ def averaged_signals(
     points: int = 10,
     speed: float | None = None,
     load_torque: float = 0.0,
+    phases: int = SIGNAL_PHASES,
     timeout: float | None = None,
 ) -> AveragedSignals:
     """Return the transfer functions of the averaged motor from amplitude, phase, frequency and load.
 
-    A transient of half a second settles the motor; from there ngspice finds the operating point.
+    A transient of half a second settles the motor; from there ngspice finds the operating point. ``.ac`` has a form
+    of contact and modes that follows modulations up to a tenth of the drive's frequency (docs/averaged.md).
 
     Args:
         motor: the motor.
@@ -94,6 +97,8 @@ def averaged_signals(
         points: number in a decade.
         speed: at which the shaft is held, rad/s; ``None`` leaves it free.
         load_torque: torque in N·m that a load draws from the free shaft.
+        phases: number of phases at which the contact is evaluated; more are better where two effects almost cancel. If
+            ngspice finds no operating point, half as many again are taken, twice at most.
         timeout: wall time in s after which a run of ngspice is ended.
 
     Raises:
@@ -115,37 +120,92 @@ def averaged_signals(
         "voltage_b": [(0.0, drive.voltage_b)], "phase_deg": [(0.0, drive.phase_deg)],
         "load_torque": [(0.0, load_torque)],
     }  # fmt: skip
+    # ngspice never ends a sweep by decades that has less than one step
+    sweep = {
+        "variation": "dec", "number_of_points": max(points, ceil(1.0 / log10(stop / start))),
+        "start_frequency": start, "stop_frequency": stop,
+    }  # fmt: skip
+    check_resolution(phases, HARMONICS)
+    numbers = [number for number in (phases, phases * 3 // 2, phases * 2) if number <= MOST_PHASES]
+    for number in numbers:
+        try:
+            return _signals(motor, drive, settings, load, number, sweep, timeout)
+        except NoOperatingPoint:
+            if number == numbers[-1]:
+                raise
+    raise AssertionError
+
+
+class NoOperatingPoint(SimulationError):
+    """ngspice found no operating point of the averaged motor."""
+
+
+def _signals(
+    motor: Motor,
+    drive: TwoPhaseDrive,
+    settings: Mapping[str, Course],
+    load: Load,
+    phases: int,
+    sweep: Mapping[str, Any],
+    timeout: float | None,
+) -> AveragedSignals:
+    """Settle the motor and run ``.ac`` for each input."""
     settled = transient(
-        averaged_bench(motor, settings, load=load), ["all"], step=drive.period, duration=SETTLED,
+        averaged_bench(motor, settings, load=load, phases=phases), ["all"], step=drive.period, duration=SETTLED,
         longest=SETTLED / LONGEST_STEPS, record_from=SETTLED * (1.0 - 1.0 / LONGEST_STEPS), timeout=timeout,
     ).last()  # fmt: skip
-    guess = {name[2:-1]: value for name, value in settled.items() if name.startswith("v(xmotor.")}
-    if speed is None:
+    guess = _guess(settled, phases)
+    if load.speed is None:
         guess["shaft"] = settled["v(shaft)"]
     sizes: dict[str, dict[str, float]] = {
         "amplitude": {"voltage_a": 1.0, "voltage_b": drive.ratio_b}, "phase": {"phase_deg": 180.0 / pi},
-        "frequency": {"frequency": 1.0}, **({"load_torque": {"load_torque": 1.0}} if speed is None else {}),
+        "frequency": {"frequency": 1.0}, **({"load_torque": {"load_torque": 1.0}} if load.speed is None else {}),
     }  # fmt: skip
     parts = ("re", "im")
     vectors = ["v(shaft)", "v(xmotor.friction)", *(f"i(v{group}_{part})" for group in "ab" for part in parts)]
     vectors += [f"v(xmotor.xmode{index}_1.v_{part})" for index in range(1, len(motor.modes) + 1) for part in parts]
     transfers: dict[tuple[str, str], Complex] = {}
-    # ngspice never ends a sweep by decades that has less than one step
-    density = max(points, ceil(1.0 / log10(stop / start)))
     for of, modulated in sizes.items():
-        outcome = ac(
-            averaged_bench(motor, settings, load=load, modulated=modulated), vectors, guess=guess, timeout=timeout,
-            variation="dec", number_of_points=density, start_frequency=start, stop_frequency=stop,
-        )  # fmt: skip
+        bench = averaged_bench(motor, settings, load=load, modulated=modulated, phases=phases, side_bands=True)
+        try:
+            outcome = ac(bench, vectors, guess=guess, timeout=timeout, **sweep)
+        except SimulationError as error:
+            if "gmin" not in str(error):
+                raise
+            raise NoOperatingPoint(
+                f"ngspice finds no operating point of the averaged motor at {phases} phases. Give another number of "
+                "phases, or use small_signals, which needs none."
+            ) from error
         for output, values in _outputs(motor, outcome.phasors(), settled, of).items():
             transfers[output, of] = values
     return AveragedSignals(
         outcome.phasors()["frequency"].real, transfers, settled["v(shaft)"],
         doubts(settled["v(xmotor.check)"], settled["v(xmotor.open)"]),
-        {"motor": motor.to_dict(), "drive": drive.model_dump(), "held_speed_rad_s": speed,
-         "load_torque_n_m": load_torque},
+        {"motor": motor.to_dict(), "drive": drive.model_dump(), "held_speed_rad_s": load.speed,
+         "load_torque_n_m": load.torque, "phases": phases},
         outcome.deck,
     )  # fmt: skip
+
+
+_STATES = ("r", "r_re", "r_im", "v_re", "v_im")  # of modes and bending, in both forms
+
+
+def _guess(settled: Mapping[str, float], phases: int) -> dict[str, float]:
+    """Return voltages from which ngspice finds the operating point.
+
+    They are those of the motor's own nodes, of the states of its modes, and of the anchors of the phases. ngspice takes
+    a time for a given voltage that grows with the circuit; so the other nodes of the contact have none.
+    """
+    guess = {}
+    for vector, value in settled.items():
+        node = vector[2:-1]
+        place, _, name = node.rpartition(".")
+        if place == "xmotor" or (place.startswith(("xmotor.xmode", "xmotor.xbending")) and name in _STATES):
+            guess[node] = value
+    for number in range(phases):
+        slider, x = (settled[f"v(xmotor.xcontact.{name}{number})"] for name in ("slider", "x"))
+        guess[f"xmotor.xcontact.anchor{number}"] = slider - x
+    return guess
 
 
 def _outputs(motor: Motor, found: Mapping[str, Complex], settled: Mapping[str, float], of: str) -> dict[str, Complex]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from cmath import rect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import pi, radians
+from math import pi, radians, sqrt
 from typing import Any
 
 import numpy as np
@@ -30,10 +30,12 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive, Tone, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw
+from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
 from pyspice_runner.netlist.copies import Copy, Plant, Probe
 from pyspice_runner.netlist.motor import dielectric_admittance
+from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.result import Result
+from pyspice_runner.run.steps import time_step
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -45,6 +47,7 @@ OUTPUTS = {
 }  # fmt: skip
 # Both are large enough that a change of contact moves over whole steps, and are taken with both signs, so that the
 # curvature drops out. On a motor that slips, the transfer functions are then within 2 % of those of finite modulation.
+# A finer step than that of simulate makes both smaller, by the root of its ratio: in proportion, rounding would count.
 SWING = 3e-3  # of the scale of a state
 PROBE = 0.1  # of the drive's amplitude, and of the friction torque; within one period it moves the state by some 1e-3
 FINER = 2  # steps in one of the steady state
@@ -165,7 +168,9 @@ def small_signals(
         load_torque: torque in N·m that a load draws from the free shaft.
         contact: law of the contact, as in :func:`simulate`.
         sliders: number of sliders of the brush.
-        step: longest time step in s; by default that of :func:`simulate`.
+        step: longest time step in s; by default that of :func:`simulate`. A finer step also makes the
+            additional voltages, torques and deviations smaller. Where two effects almost cancel, transfer functions
+            need a step that is finer by 16 to 64.
         timeout: wall time in s after which a run of ngspice is ended.
 
     Raises:
@@ -187,8 +192,10 @@ def small_signals(
     )  # fmt: skip
     if not state.stable or state.solution is None:
         raise SimulationError("There is no stable steady state about which small signals would be defined.")
+    usual = time_step(motor, DriveSource(drive), law_of(contact, sliders))
+    fineness = sqrt(min(1.0, step / usual)) if step is not None else 1.0
     every = [
-        _Linear.about(state.solution.moved(number / OFFSETS * state.step_s), state.step_s, timeout).responses(
+        _Linear.about(state.solution.moved(number / OFFSETS * state.step_s), state.step_s, fineness, timeout).responses(
             modulation
         )
         for number in range(OFFSETS)
@@ -220,6 +227,7 @@ class _Linear:
         slopes: their derivatives with respect to the scaled states, shape (states, signals, points).
         at_start: derivative of the scaled state at the beginning of the period with respect to that of the run's start.
         at_end: the same at the end of the period.
+        fineness: size of deviations and probes over that at the usual step.
     """
 
     point: Point
@@ -228,9 +236,10 @@ class _Linear:
     slopes: Array
     at_start: Array
     at_end: Array
+    fineness: float
 
     @classmethod
-    def about(cls, point: Point, step: float, timeout: float | None) -> _Linear:
+    def about(cls, point: Point, step: float, fineness: float, timeout: float | None) -> _Linear:
         """Solve a point at a time step, and measure the derivatives there."""
         period = point.plant.drive.period
         period_map = PeriodMap(period, FINER * round(period / step), timeout)
@@ -238,16 +247,17 @@ class _Linear:
         shooting.solve()
         if not point.done or point.trace is None:
             raise SimulationError("The steady state is not found at the step of the result. Give another step.")
-        states = [point.state + sign * SWING * row for sign in (1.0, -1.0) for row in np.diag(point.scale)]
+        swing = SWING * fineness
+        states = [point.state + sign * swing * row for sign in (1.0, -1.0) for row in np.diag(point.scale)]
         traces = _found(period_map.traces([Copy(point.plant, state, point.begun) for state in states]))
         pairs = list(zip(traces[: len(traces) // 2], traces[len(traces) // 2 :], strict=True))
         slopes = [_signals(point.plant, up) - _signals(point.plant, down) for up, down in pairs]
         at_start, at_end = (
             np.array([(up.states[:, at] - down.states[:, at]) / point.scale for up, down in pairs]).T for at in (0, -1)
         )
-        size = 2.0 * SWING
+        size = 2.0 * swing
         base = _signals(point.plant, point.trace)
-        return cls(point, period_map, base, np.array(slopes) / size, at_start / size, at_end / size)
+        return cls(point, period_map, base, np.array(slopes) / size, at_start / size, at_end / size, fineness)
 
     def responses(self, modulation: Array) -> tuple[dict[tuple[str, str], Complex], Matrices, Matrices]:
         """Return the transfer functions, the hot admittance and its image."""
@@ -289,10 +299,11 @@ class _Linear:
         plant, point = self.point.plant, self.point
         assert isinstance(plant.drive, TwoPhaseDrive)
         contact, radius = plant.motor.contact, plant.motor.rotor.radius_m
+        share = PROBE * self.fineness
         sizes = {
-            "a": PROBE * max(plant.drive.voltage, plant.drive.voltage_b),
-            "b": PROBE * max(plant.drive.voltage, plant.drive.voltage_b),
-            "shaft": PROBE * contact.friction * contact.preload_n * radius,
+            "a": share * max(plant.drive.voltage, plant.drive.voltage_b),
+            "b": share * max(plant.drive.voltage, plant.drive.voltage_b),
+            "shaft": share * contact.friction * contact.preload_n * radius,
         }
         copies = []
         for place, frequency in probes:
