@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from math import ceil, log10, pi
 from typing import Any
@@ -127,13 +128,10 @@ def averaged_signals(
     }  # fmt: skip
     check_resolution(phases, HARMONICS)
     numbers = [number for number in (phases, phases * 3 // 2, phases * 2) if number <= MOST_PHASES]
-    for number in numbers:
-        try:
+    for number in numbers[:-1]:
+        with suppress(NoOperatingPoint):
             return _signals(motor, drive, settings, load, number, sweep, timeout)
-        except NoOperatingPoint:
-            if number == numbers[-1]:
-                raise
-    raise AssertionError
+    return _signals(motor, drive, settings, load, numbers[-1], sweep, timeout)
 
 
 class NoOperatingPoint(SimulationError):
@@ -174,8 +172,8 @@ def _signals(
                 raise
             raise NoOperatingPoint(
                 f"ngspice finds no operating point of the averaged motor at {phases} phases. Give another number of "
-                "phases, or use small_signals, which needs none."
-            ) from error
+                "phases, or use small_signals, which needs none.", deck=error.deck, log=error.log,
+            ) from error  # fmt: skip
         for output, values in _outputs(motor, outcome.phasors(), settled, of).items():
             transfers[output, of] = values
     return AveragedSignals(

@@ -449,7 +449,7 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
         "* The voltage of group A is u(t) = Re((a_re + j a_im) exp(j theta)), d theta/dt = 2 pi frequency; B likewise.",
         "* The pins draw the amplitude of the current. Frequency, amplitude and phase may change at any time.",
         "* .op is the steady state, .dc a frequency response, .ac a transfer function up to a fortieth of the drive's",
-        "* frequency, .tran a run over seconds. Under a load torque, .op is best from rest: .nodeset v(shaft)=0.",
+        "* frequency, .tran a run over seconds. Under a load torque, start .op from rest: .nodeset v(shaft)=0.",
         "*",
         "* PIN  a_re         inout  V      amplitude of group A, real part",
         "* PIN  a_im         inout  V      amplitude of group A, imaginary part",
