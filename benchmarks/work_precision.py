@@ -174,7 +174,8 @@ def compiles(case: Case) -> bool:
     """Whether this machine has the compiled engine; ``make verilog-a`` sets it up."""
     try:
         case.ours(OURS[0], True, "compiled")
-    except pr.SimulationError:
+    except pr.SimulationError as error:
+        print(f"The compiled engine is left out: {error}", flush=True)
         return False
     return True
 

@@ -30,7 +30,7 @@ from pyspice_runner.model.dielectric import Branch, lossy_capacitance
 
 _LADDER_SPAN = 100.0  # of the constant loss, to both sides of the reference frequency
 _LADDER_BRANCHES = 15  # three a decade: a ripple of 0.002 % of the loss, which no arm can be mistaken for
-_LEAST_LOSS = 1e-9  # that is any
+_LEAST_LOSS = 1e-9  # loss tangent below which there is no ladder
 _WINDOW = 2.0  # bandwidths on each side of a resonance in which its extrema are looked for
 _ONE_ARM = 3.0  # bandwidths over which a circuit of one arm is fitted to a resonance
 _GRID = 401  # points over that window: 100 a bandwidth

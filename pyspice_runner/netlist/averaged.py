@@ -346,7 +346,7 @@ class AveragedSubCircuit(Assembly):
         """Let the rotor's surface oscillate under the harmonics of the friction force; return the contact's nodes.
 
         The surface is a mode without a spring, of the mass J/R². Its force is opposite to that on the tip, and
-        its motion is taken from that of the tip: so both have the factor -1.
+        its motion is taken from that of the tip: so both have the factor -1. The stiffness is the least of the part.
         """
         values: dict[str, float | str] = {
             "mass": "{inertia/radius**2}", "damping": "{bearing/radius**2}", "stiffness": 1e-3, "coupling_a": 0.0,

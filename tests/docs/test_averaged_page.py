@@ -59,7 +59,10 @@ def test_no_transient_is_off_by_more_than_three_per_cent() -> None:
 
 @pytest.mark.parametrize("case", [pytest.param(0, marks=pytest.mark.soak), pytest.param(1, marks=pytest.mark.soak)])
 def test_the_errors_of_small_signals_are_what_is_measured(case: int) -> None:
-    """The suite has the highest frequency of the second motor: tests/analysis/test_averaged_signals.py."""
+    """Within 0.3 % and degrees: tenths are printed, and where effects cancel, small differences count ten times.
+
+    The suite has the highest frequency of the second motor: tests/analysis/test_averaged_signals.py.
+    """
     for row in SCRIPT["signals"]((case,)):
         start = f"| {row.name} | {row.drive.label} | {row.of} |"
         (line,) = (line for line in LINES if line.startswith(start))
