@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the README shows is run: its commands, its Python and its SPICE, from an empty directory."""
+"""Run what the README and the page of tasks show, commands, Python and SPICE, in an empty directory."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from pyspice_runner.cli import run
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-COMMANDS = list(dict.fromkeys(re.findall(r"(?:^    |`)(piezomotor [^`\n]+)", README, re.M)))
+TASKS = (ROOT / "docs" / "tasks.md").read_text(encoding="utf-8")
+COMMANDS = list(dict.fromkeys(re.findall(r"(?:^    |`)(piezomotor [^`\n]+)", README + TASKS, re.M)))
 
 
-def test_the_commands_of_the_readme_run_one_after_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_commands_of_the_readme_and_the_tasks_run_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     for words in COMMANDS:
@@ -55,8 +56,8 @@ def test_the_spice_of_the_readme_runs(tmp_path: Path) -> None:
     assert float(re.findall(r"^speed *= +(\S+)", done.stdout, re.M)[0]) > 5.0  # rad/s, still speeding up
 
 
-def test_the_decks_that_the_readme_names_exist() -> None:
-    for deck in re.findall(r"ngspice -b (netlists/\S+\.cir)", README):
+def test_the_decks_that_the_tasks_name_exist() -> None:
+    for deck in re.findall(r"ngspice -b (netlists/\S+\.cir)", TASKS):
         assert (ROOT / deck).is_file()
 
 
