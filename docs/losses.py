@@ -17,7 +17,7 @@ from pyspice_runner.model.dielectric import HIGH_HZ, lossy_capacitance
 PAGE = Path(__file__).with_name("losses.md")
 RUNS = 3  # of which the fastest counts
 
-HEAD = """# What each loss changes
+HEAD = """# Effect of each loss
 
 This page is written by `python -m docs.losses`. Each row changes one effect of a bundled motor and leaves the others as
 they are in its set. *Stall*: mean torque of the contact on a rotor that is held. *No load*: speed at which the shaft

@@ -150,7 +150,7 @@ def page() -> str:
     heading = [f"| operating point | {' | '.join(simulators)} |", f"|---|{'---|' * len(simulators)}"]
     lines = [
         "<!-- Written by `python -m docs.simulators`; `make verilog-a` measures a part of it again. -->",
-        "# Simulators compared",
+        "# Comparison of simulators",
         "",
         *wrap(INTRODUCTION),
         "",

@@ -90,7 +90,7 @@ def _live_figure(words: str) -> str:
     """Return a part of the live page as a figure; ``words`` are those after the # of its address."""
     address = f"{PLAYGROUND}#{words.replace(' ', '+').replace('&', '&amp;')}"
     return (
-        f'<iframe class="live" loading="lazy" title="A motor to play with" src="{address}"></iframe>\n'
+        f'<iframe class="live" loading="lazy" title="Live model of the motor" src="{address}"></iframe>\n'
         f'<a href="{address.partition("&amp;show=")[0]}">Open it with all settings and views</a>'
     )
 

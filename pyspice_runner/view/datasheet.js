@@ -106,7 +106,7 @@
   // the motor to play with is a page of its own, with its own content security policy
   async function playground() {
     const frame = document.createElement("iframe");
-    frame.title = "A motor to play with";
+    frame.title = "Live model of the motor";
     frame.srcdoc = await unpacked("live-page");
     document.getElementById("live").replaceChildren(frame);
     document.getElementById("start-live").disabled = true;
