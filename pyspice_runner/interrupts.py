@@ -20,7 +20,7 @@ from typing import Any
 
 NOTHING_DONE = "piezomotor: interrupted; nothing was written.\n"
 _ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-_REMIND = 0.01  # s; delay after which a signal is sent again that came where no exception can be raised
+_REMIND = 0.01  # s; delay before a signal received where no exception can be raised is sent again
 
 
 @contextmanager
@@ -30,7 +30,7 @@ def held() -> Iterator[Callable[[], AbstractContextManager[None]]]:
     >>> with held() as listening:
     ...     place = "created here, and always removed"
     ...     with listening():
-    ...         pass  # the long part; a signal that came before is raised at its beginning
+    ...         pass  # the long part; a pending signal is raised at its beginning
     """
     if not _signals_come_here():
         yield nullcontext
@@ -45,7 +45,7 @@ def held() -> Iterator[Callable[[], AbstractContextManager[None]]]:
         else:
             came.append(number)
 
-    def raise_what_came() -> None:
+    def raise_pending() -> None:
         while came:
             number = came.pop(0)
             handlers[number](number, None)
@@ -55,7 +55,7 @@ def held() -> Iterator[Callable[[], AbstractContextManager[None]]]:
         nonlocal listens
         try:
             listens = True
-            raise_what_came()
+            raise_pending()
             yield
         finally:
             listens = False
@@ -70,13 +70,13 @@ def held() -> Iterator[Callable[[], AbstractContextManager[None]]]:
     finally:
         for number, before in handlers.items():
             signal.signal(number, before)
-        raise_what_came()
+        raise_pending()
 
 
 def end_at_once() -> None:
     """Let a signal end this process with a message that nothing was written."""
     _handle(_leave)
-    atexit.register(_handle, signal.SIG_IGN)  # at exit all is done, and a signal would cause a traceback
+    atexit.register(_handle, signal.SIG_IGN)  # at exit a signal would cause a traceback
 
 
 def _leave(number: int, _: FrameType | None) -> None:
@@ -92,10 +92,10 @@ def _leave_done(number: int, _: FrameType | None) -> None:
 def raised() -> Iterator[list[int]]:
     """Let signals raise :exc:`Stopped`, wherever they come; then restore the former handlers.
 
-    After :func:`end_at_once` a signal still ends the process, without the words that nothing was written.
+    After :func:`end_at_once` a signal still ends the process, without the message that nothing was written.
 
     Yields:
-        The numbers of the signals that came, in their order; the list grows as they come.
+        The numbers of the received signals, in order; the list grows during the block.
     """
     came: list[int] = []
     if not _signals_come_here():
@@ -136,7 +136,7 @@ def _comes_of_a_signal(error: BaseException | None) -> bool:
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal came.
+    """A signal was received.
 
     Attributes:
         number: the number of the signal.
@@ -148,7 +148,7 @@ class Stopped(KeyboardInterrupt):
 
 
 def _signals_come_here() -> bool:
-    """Tell whether this is the main thread, the only one in which Python runs signal handlers."""
+    """Return whether this is the main thread, the only one in which Python runs signal handlers."""
     return threading.current_thread() is threading.main_thread()
 
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How far a run is from the exact motion, estimated from the same run with two and four times its step.
+"""Discretisation error of a run, estimated from the same run with two and four times its step.
 
 The trapezoidal rule is of second order: the error of the trajectory is then a third of its distance from that at twice
-the step. The whole distance counts where the two distances do not show that order, and where the contact opens: impacts
-break the order, although two distances may show it by chance. Means are moved by changes of state that fall between two
-steps, now by more and now by less, so that their changes are added up.
+the step. The whole distance is taken where the two distances do not show that order, and where the contact opens:
+impacts break the order, although two distances may show it by chance. Changes of state between two steps move the means
+by varying amounts, so that the absolute changes of a mean are added.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ def estimate_errors(
     record_from: float = 0.0,
     progress: Callable[[float], object] | None = None,
 ) -> Errors | None:
-    """Estimate the errors of a run by running it twice more, with coarser steps; ``None`` if those runs fail.
+    """Estimate the errors of a run from two more runs with coarser steps; ``None`` if those runs fail.
 
     Args:
-        setup: of the run.
-        waves: its columns, the tip among them.
+        setup: setup of the run.
+        waves: recorded columns, including the tip.
         duration: simulated time in s.
-        record_from: time in s from which on it was recorded.
-        progress: called with the time in s that the two runs have reached, together up to 0.75 times the duration.
+        record_from: start of the recording in s.
+        progress: called with the simulated time in s of the two runs, up to 0.75 times the duration in total.
     """
     names = [name for name in JUDGED if name in waves]
     coarser: list[Mapping[str, Array]] = []

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The physical audit of a result: whether it is physically possible; independent of what the simulator reports.
+"""Physical audit of a result, independent of the simulator's own messages.
 
-A clean log and finite numbers are not enough: a step that is too coarse for the contact, or a simulator that lost its
-way, gives curves that look right. What no motor can do is looked for here, and named with its likely cause.
+A clean log and finite numbers are not sufficient: a step that is too coarse for the contact gives plausible curves.
+The audit reports each violation of a physical law with its likely cause.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from pyspice_runner.run.waveforms import ENERGY_BOUND, EnergyBalance
 
 Array = NDArray[np.float64]
 
-# The wattmeters' sums are those of the very steps that were taken: settled points close to 1e-4, and what the contact
-# stores from block to block is not among the powers. What is worse than this is an error.
+# The wattmeters integrate over the simulator's own steps: settled points balance to 1e-4. The change of the energy
+# stored in the contact from block to block is not metered.
 POWER_BOUND = 0.01
-# A bridge's edges have steps of their own, and powers are read from the points by the trapezoidal rule; over all
-# drivers and corners of their parameters (docs/drive_grid.py) that closes to better than 1 %.
+# Powers are integrated by the trapezoidal rule over the nonuniform steps of a bridge. Over all drivers and corners of
+# their parameters (docs/drive_grid.py) the balance closes to better than 1 %.
 DRIVER_BOUND = 0.02
-_WATTMETER = 1e-4  # of the apparent power: what iteration and rule leave of a purely reactive power
-_SLACK = 1e-3  # of a force; Newton's iteration is closed to 1e-6, the points of a slip lie up to half a step beside it
-NEWTON = 1e-6  # to which the iteration is closed, of the energy that pressing tip and rotor together stores
+_WATTMETER = 1e-4  # of the apparent power: error of a purely reactive power
+_SLACK = 1e-3  # of a force; Newton's iteration closes to 1e-6, a change of state is up to half a step late
+NEWTON = 1e-6  # tolerance of the iteration, relative to the energy stored by the preload
 _PASSIVE = 1e-9  # of the greatest |Y|: rounding
 
 
 def audit_run(
     motor: Motor, waves: Mapping[str, Array], energy: EnergyBalance, *, step: float, contact: bool
 ) -> tuple[str, ...]:
-    """Return what cannot be true about a run, a sentence each; none if it passes.
+    """Return the physical violations in a run, one sentence each.
 
     Args:
         motor: the motor.
@@ -58,7 +58,7 @@ def audit_run(
 
 
 def audit_contact(friction: float, normal_n: Array, friction_n: Array) -> tuple[str, ...]:
-    """Return what cannot be true about the forces of a contact, a sentence each; none if they pass.
+    """Return the physical violations in the forces of a contact, one sentence each.
 
     Args:
         friction: coefficient of friction.
@@ -69,20 +69,20 @@ def audit_contact(friction: float, normal_n: Array, friction_n: Array) -> tuple[
     greatest = float(np.abs(normal_n).max())
     if normal_n.min() < -_SLACK * greatest:
         findings.append(
-            f"The contact pulls with {-normal_n.min():.3g} N, which no contact does. Its law was taken beyond its "
-            "range: halve the step, or lower the drive."
+            f"The contact pulls with {-normal_n.min():.3g} N, which is not possible. The contact law is out of "
+            "its range: halve the step, or lower the drive."
         )
     excess = float(np.max(np.abs(friction_n) - friction * np.maximum(normal_n, 0.0)))
     if excess > _SLACK * friction * greatest:
         findings.append(
-            f"Friction exceeds mu F_N by {excess:.3g} N, which no dry contact does. The slider was not held to its "
-            "limit: halve the step."
+            f"Friction exceeds mu F_N by {excess:.3g} N, which is not possible. The slider exceeds its limit: "
+            "halve the step."
         )
     return tuple(findings)
 
 
 def audit_point(motor: Motor, point: Mapping[str, float], step: float) -> tuple[str, ...]:
-    """Return what cannot be true about the means of a point on the dynamometer, a sentence each; none if they pass.
+    """Return the physical violations in the means of a point on the dynamometer, one sentence each.
 
     Args:
         motor: the motor.
@@ -95,7 +95,7 @@ def audit_point(motor: Motor, point: Mapping[str, float], step: float) -> tuple[
     found = shaft + sum(losses.values()) + point["stored_power_w"]
     scale = max(electrical, 0.0) + max(-shaft, 0.0) + abs(point["stored_power_w"])
     reactive = point["apparent_power_a_va"] + point["apparent_power_b_va"]
-    # at rest all powers are zero, and what the iteration leaves in a period of the slowest mode is all there is
+    # at rest all powers are zero except for the tolerance of the iteration in a period of the slowest mode
     closed = NEWTON * pressed_j(motor, motor.contact.preload_n) * motor.modes[0].frequency_hz
     if abs(electrical - found) > POWER_BOUND * scale + _WATTMETER * reactive + closed:
         findings.append(
@@ -105,27 +105,27 @@ def audit_point(motor: Motor, point: Mapping[str, float], step: float) -> tuple[
     normal = point["normal_force_n"]
     if normal < -_SLACK * motor.contact.preload_n:
         findings.append(
-            f"On average the contact pulls with {-normal:.3g} N, which no contact does. Its law was taken beyond its "
-            "range: halve the step, or lower the drive."
+            f"On average the contact pulls with {-normal:.3g} N, which is not possible. The contact law is out of "
+            "its range: halve the step, or lower the drive."
         )
     limit = motor.contact.friction * max(normal, 0.0) * motor.rotor.radius_m
     if abs(point["torque_n_m"]) > limit + _SLACK * max(
         limit, motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
     ):
         findings.append(
-            f"The mean torque of {point['torque_n_m']:.3g} N.m exceeds the {limit:.3g} N.m that the mean normal force "
-            "can drag, which no dry contact does. The slider was not held to its limit: halve the step."
+            f"The mean torque of {point['torque_n_m']:.3g} N.m exceeds the limit of {limit:.3g} N.m at the mean "
+            "normal force, which is not possible. The slider exceeds its limit: halve the step."
         )
     findings += _step_finding(motor, normal, "mean", step)
     return tuple(findings)
 
 
 def audit_power(put_in_w: float, found_w: float, reactive_va: float) -> tuple[str, ...]:
-    """Return what cannot be true about the powers of a driver and its motor; nothing if they pass.
+    """Return the physical violations in the powers of a driver and its motor, one sentence each.
 
     Args:
         put_in_w: power of supplies and gate drivers.
-        found_w: losses, what is stored, and what the motor takes.
+        found_w: losses, stored power and power of the motor.
         reactive_va: apparent power at the motor's pins.
     """
     missing = abs(put_in_w - found_w)
@@ -139,12 +139,12 @@ def audit_power(put_in_w: float, found_w: float, reactive_va: float) -> tuple[st
 
 
 def audit_impact(before_j: float, after_j: float) -> tuple[str, ...]:
-    """Return what cannot be true about the energy of an impact; nothing if it passes."""
+    """Return the physical violations in the energy of an impact, one sentence each."""
     if after_j <= (1.0 + _SLACK) * before_j:
         return ()
     finding = (
-        f"The sphere leaves with {after_j:.4g} J and came with {before_j:.4g} J; no impact gives energy. The steps are "
-        "likely too coarse: double their number."
+        f"The energy of the sphere rises from {before_j:.4g} J to {after_j:.4g} J in the impact, which is not "
+        "possible. The steps are likely too coarse: double their number."
     )
     return (finding,)
 
@@ -162,16 +162,16 @@ def _step_finding(motor: Motor, force: float, which: str, step: float) -> tuple[
     fastest = float(linearised_resonances(loaded, motor.modes, motor.rotor, motor.mount)[-1])
     if step * fastest * FEWEST_POINTS_PER_PERIOD <= 1.0 + 1e-9:
         return ()
-    allowed = 0.995 / (FEWEST_POINTS_PER_PERIOD * fastest)  # so that three digits of it will do
+    allowed = 0.995 / (FEWEST_POINTS_PER_PERIOD * fastest)  # rounded down to three digits
     finding = (
-        f"Under the {which} force, {force:.3g} N, the motor swings at {fastest:.4g} Hz, of which the step of "
-        f"{step:.3g} s sees fewer than {FEWEST_POINTS_PER_PERIOD} points a period. Give step <= {allowed:.3g} s."
+        f"Under the {which} force, {force:.3g} N, the motor oscillates at {fastest:.4g} Hz, and the step of "
+        f"{step:.3g} s gives fewer than {FEWEST_POINTS_PER_PERIOD} points per period. Use a step <= {allowed:.3g} s."
     )
     return (finding,)
 
 
 def audit_two_port(frequency_hz: Array, y: NDArray[np.complex128]) -> tuple[str, ...]:
-    """Return what cannot be true about a two-port's admittance, a sentence each; none if it passes.
+    """Return the physical violations in the admittance of a two-port, one sentence each.
 
     Args:
         frequency_hz: frequencies, shape (points,).
@@ -182,7 +182,7 @@ def audit_two_port(frequency_hz: Array, y: NDArray[np.complex128]) -> tuple[str,
     worst = int(np.argmin(least))
     if least[worst] < -_PASSIVE * float(np.abs(y).max()):
         where = (
-            f"At {frequency_hz[worst]:.6g} Hz the stator gives power, {least[worst]:.3g} S, which no passive one does."
+            f"At {frequency_hz[worst]:.6g} Hz the stator delivers power, {least[worst]:.3g} S, although it is passive."
         )
-        return (f"{where} A loss was lost in rounding: look at the damping and the loss tangent.",)
+        return (f"{where} Rounding removed a loss: check the damping and the loss tangent.",)
     return ()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strain, stress and steady temperature of the ceramic, and the limits that they exceed, from the vectors of a run."""
+"""Strain, stress and steady temperature of the ceramic from the vectors of a run, and exceeded limits."""
 
 from __future__ import annotations
 

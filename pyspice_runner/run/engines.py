@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The engines that run a motor: B-sources, which ngspice interprets, or a compiled Verilog-A module.
 
-A compiler may make wrong code of a module without a message; OpenVAF has been seen to. So a compiled motor is compared
-with the B-sources on the machine that is to use it, once for each compiler, ngspice, and text of motor and module: a
-short run of a motor in which every term of the equations counts. The verdict is kept beside the compiled modules.
+A compiler can generate wrong code without a message, as OpenVAF did. Therefore the compiled motor is compared with the
+B-sources on the user's machine, once for each compiler, ngspice, and text of motor and module, in a short run in which
+every term of the equations matters. The verdict is stored beside the compiled modules.
 """
 
 from __future__ import annotations
@@ -78,18 +78,19 @@ class Verdict:
 
     @property
     def fault(self) -> str:
-        """What is wrong, as a sentence; empty if nothing is."""
+        """The fault as a sentence; empty if the comparison passed."""
         if self.passed:
             return ""
         name, difference = self.worst
         if difference == inf:
             return (
-                "The compiled motor does not run where the B-sources do. The compiler makes wrong code of the module."
+                "The compiled motor does not run where the B-sources do. The compiler generates wrong code for the "
+                "module."
             )
         return (
             f"The compiled motor does not move as the B-sources do: {name} of a comparison of {_PERIODS} periods "
-            f"differs by {100.0 * difference:.3g} %, more than {100.0 * TOLERANCE:g} %. The compiler makes wrong code "
-            "of the module."
+            f"differs by {100.0 * difference:.3g} %, more than {100.0 * TOLERANCE:g} %. The compiler generates wrong "
+            "code for the module."
         )
 
 
@@ -157,7 +158,7 @@ def _verdict(shape: tuple[int, bool, bool], law: Law, used: str, folder: Path) -
         known = json.loads(path.read_text(encoding="utf-8"))
         return Verdict({name: float(known[name]) for name in COMPARED})
     found = _compared(*setups)
-    with suppress(OSError):  # a verdict that cannot be kept is found again
+    with suppress(OSError):  # a verdict that cannot be stored is measured again
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, begun = tempfile.mkstemp(dir=path.parent, prefix=".")
         with os.fdopen(handle, "w", encoding="utf-8") as file:
@@ -167,7 +168,7 @@ def _verdict(shape: tuple[int, bool, bool], law: Law, used: str, folder: Path) -
 
 
 def _similar(modes: int, mounted: bool, dry: bool, law: Law) -> Motor:
-    """Return the motor that is compared in place of others with the same module.
+    """Return the motor that represents all motors with the same module.
 
     It is ``bimodal40`` with losses, its modes repeated at other frequencies. Every mode moves the tip both ways.
     """
@@ -193,12 +194,12 @@ def _similar(modes: int, mounted: bool, dry: bool, law: Law) -> Motor:
 
 
 def _setup(motor: Motor, law: Law, *, compiled: bool) -> Setup:
-    """Return the run that is compared."""
+    """Return the run to compare."""
     return Setup(motor, DriveSource(_DRIVE), Load(None, _LOAD), law, Solver(compiled=compiled))
 
 
 def _compared(spice: Setup, compiled: Setup) -> Verdict:
-    """Run both and return how far apart their signals are."""
+    """Run both and return the differences of their signals."""
     times, columns = [], []
     for setup in (spice, compiled):
         recording = setup.recording()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The one rule for time steps: points a period of the fastest motion that is present."""
+"""The rule for time steps: a number of points per period of the fastest motion."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.sources import Source
 
-MOST_POINTS = 20_000_000  # to record; 4 GB of vectors, or 160 MB a signal
+MOST_POINTS = 20_000_000  # recorded points: 4 GB of vectors, 160 MB per signal
 
 
 def shortest_period(motor: Motor, source: Source, law: Law | None) -> float:
-    """Return the period in s of the fastest motion: what drives the motor, and its modes, free and under preload."""
+    """Return the period in s of the fastest motion: drive tones and modes, free and under preload."""
     frequencies = [*source.frequencies, *(mode.frequency_hz for mode in motor.modes)]
     if law:
         frequencies += contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount).tolist()
@@ -23,7 +23,7 @@ def shortest_period(motor: Motor, source: Source, law: Law | None) -> float:
 
 
 def time_step(motor: Motor, source: Source, law: Law | None, step: float | None = None) -> float:
-    """Return the time step in s of a run: the one that is asked for, if it is fine enough, or the default.
+    """Return the time step in s of a run: the given step, or the default.
 
     Raises:
         ParameterError: for a step that is not positive or too coarse.

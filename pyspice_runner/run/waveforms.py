@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The waveforms of one run, and what is read from them: means, state fractions, energy balance, files."""
+"""Waveforms of one run, with their means, state fractions, energy balance and files."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering
 
 Array = NDArray[np.float64]
-# At 16 points a period the balance of a smooth motion closes to 0.3 %, at the default step to 0.01 %; a greater
-# residual is no longer the error of the step that was asked for.
+# The balance of a smooth motion closes to 0.3 % at 16 points per period, to 0.01 % at the default step; a greater
+# residual is not an error of the step.
 ENERGY_BOUND = 0.01
-USUAL_ACCURACY = 0.01  # error of tip and mean speed that a run without a given accuracy may have
-SETTLED = 0.02  # relative change to come below which a mean counts as settled
-SMALL_TORQUE = 0.02  # of what friction can transmit; below, a change of the mean torque is noise
-ROUNDING_RAD_S = 1e-6  # what the tolerance of Newton's iteration leaves of a rotor at rest
+USUAL_ACCURACY = 0.01  # limit of the error of tip and mean speed for a run without a given accuracy
+SETTLED = 0.02  # expected further relative change below which a mean is settled
+SMALL_TORQUE = 0.02  # of the friction limit; below, a change of the mean torque is noise
+ROUNDING_RAD_S = 1e-6  # speed error of a rotor at rest by the tolerance of Newton's iteration
 
 COLUMNS: dict[str, tuple[str, str]] = {
     "time_s": ("s", "time"),
@@ -45,7 +45,7 @@ HEATED = {"temperature_k": ("K", "temperature of a heated motor, above that at w
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Where the energy of a run went, all in J: electrical = sum of the parts from dielectric to load + missing.
+    """Energy balance of a run in J: electrical = sum of dielectric to drift + missing.
 
     Attributes:
         electrical: delivered through the pins.
@@ -55,15 +55,15 @@ class EnergyBalance:
         damping: lost in the modes' damping.
         contact_elastic: change of the elastic energy of the Hertz contact and of the compliance in series with it.
         contact_damping: lost along the normal, where the coefficient of restitution is below 1.
-        friction: taken up by the tangential contact: slip loss, and what its spring holds.
+        friction: absorbed by the tangential contact: slip loss and energy of its spring.
         mount: change of the carrier's kinetic and elastic energy, less the work of the preload.
         mount_damping: lost in the damping of the mount.
         rotor: change of the rotor's kinetic energy.
         bearing: lost in the bearing.
         load: work done on the load, or on the grip that holds the shaft.
         drift: work against the drift of a heated motor's stiffness.
-        passed: the most that had passed through the pins at any time, either way, and what a driven shaft put in.
-        rounding: what the tolerance of Newton's iteration leaves of the energy that presses tip and rotor together.
+        passed: greatest energy that passed through the pins in either direction, and input of a driven shaft.
+        rounding: error of the energy of the preload by the tolerance of Newton's iteration.
     """
 
     electrical: float
@@ -92,41 +92,40 @@ class EnergyBalance:
 
     @property
     def residual(self) -> float:
-        """Energy missing over the energy that passed; never infinite, since what rounding leaves counts as passed.
+        """Missing energy over passed energy; finite, since the rounding error counts as passed.
 
-        At the end of a run some of the energy may be back in the sources: they may even have taken more than they gave.
-        The most that had passed at any time is the scale that is right then, too.
+        At the end of a run the sources may have taken more energy than they delivered. The greatest energy passed is a
+        valid scale in that case, too.
         """
         scale = self.passed + self.rounding / ENERGY_BOUND
         return abs(self.missing) / scale if scale > 0.0 else 0.0
 
 
 class NotRecordedError(AttributeError, ParameterError):
-    """A column that the run was asked to leave out."""
+    """A column that was not recorded."""
 
 
 @dataclass(frozen=True, repr=False)
 class Waveforms(Result):
     """One verified run. The arrays share one time axis, uniform but for the first few steps and the last, shorter ones.
 
-    What was not recorded is not there: to ask for it raises :class:`NotRecordedError`.
+    Access to a signal that was not recorded raises :class:`NotRecordedError`.
 
     Attributes:
-        energy: the energy balance of the run, from the first point that is recorded; there if all signals are, at
-            every step.
+        energy: the energy balance from the first recorded point; it requires all signals at every step.
         drive_period_s: period of the drive, over which means are taken.
         rotor_radius_m: radius at the contact, which turns friction force into torque.
         solver_seconds: wall time that ngspice took.
         ngspice_version: version of ngspice.
         provenance: motor, drive, run settings and hash of the deck, JSON-ready.
         deck: the netlist that was run.
-        temperature_k: there for a motor that its losses heat.
-        final_state: the motion at the end, if all signals were recorded: the state from which a run may go on.
+        temperature_k: only for a motor heated by its losses.
+        final_state: the motion at the end, from which a run can continue, if all signals were recorded.
         error_estimate: estimated error of the tip's trajectory, RMS relative to its motion; ``None`` for a run with a
             given step.
         speed_error_rad_s: estimated error of the mean rotor speed.
         torque_error_n_m: estimated error of the mean torque.
-        complete: whether the run reached its end; one that was interrupted did not.
+        complete: whether the run reached its end; false for an interrupted run.
     """
 
     time_s: Array
@@ -282,7 +281,7 @@ class Waveforms(Result):
 
     @property
     def accuracy(self) -> float:
-        """Error that is allowed: the accuracy that was asked for, or 1 %."""
+        """Limit of the error: the requested accuracy, or 1 %."""
         return float(self.provenance["run"]["accuracy"] or USUAL_ACCURACY)
 
     @property

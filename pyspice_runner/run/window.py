@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The one window over which every analysis takes its means: the last whole drive periods of a run.
+"""The window over which every analysis averages: the last whole drive periods of a run.
 
 Means are taken by the trapezoidal rule on the simulator's own points, so that powers add up as the simulator's do.
-Harmonics are the Fourier coefficients of the waveform: with uniform steps by the same rule, which is exact there; with
-the steps of a bridge those of the waveform taken as straight between its points.
+Harmonics are Fourier coefficients of the waveform: by the same rule for uniform steps, where it is exact, and of the
+piecewise linear waveform for nonuniform steps.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 AVERAGED_PERIODS = 20  # whole drive periods at the end of a run, or as many as were recorded
 HARMONICS = 20
-_FINE = 2000  # points a period on which a slew rate is read
-_SLOWEST = 0.99  # greatest ratio of two successive changes that is extrapolated; above, nothing decays
+_FINE = 2000  # points per period for the slew rate
+_SLOWEST = 0.99  # greatest ratio of two successive changes for an extrapolation
 
 
 class Window:
@@ -48,11 +48,11 @@ class Window:
 
     @property
     def points(self) -> slice:
-        """The points of the run that the window touches; the first of them may lie before it."""
+        """The points of the run in the window, from the last point before its start."""
         return slice(max(self._first - 1, 0), None)
 
     def cut(self, values: Array) -> Array:
-        """Return a signal inside the window, its value at the beginning in front."""
+        """Return a signal inside the window, starting with its value at the start of the window."""
         around = slice(max(self._first - 1, 0), self._first + 1)
         first = np.interp(self.start, self._whole[around], values[around])
         return np.concatenate(([first], values[self._first :]))
@@ -78,7 +78,7 @@ class Window:
         return np.asarray(2j / self.length * (ends + np.diff(turns, axis=1) @ slopes / omega**2))
 
     def slew_rate(self, values: Array) -> float:
-        """Return the greatest rate of a signal, read over a two-thousandth of a period."""
+        """Return the greatest rate of a signal, measured over 1/2000 of a period."""
         grid = np.linspace(self.start, self._whole[-1], _FINE * max(self.periods, 1) + 1)
         return float(np.abs(np.diff(np.interp(grid, self.time, self.cut(values)))).max() / (grid[1] - grid[0]))
 
@@ -94,10 +94,10 @@ class Window:
 
 
 def change_to_come(time: Array, values: Array, period: float) -> float:
-    """Return by how much the mean of a signal would still change if the run went on, in units of the signal.
+    """Return the expected further change of a signal's mean, in units of the signal.
 
-    The means at the middle, at three quarters and at the end of the run are taken as those of an exponential approach
-    (Aitken's extrapolation); where they do not approach anything, the last change counts a hundred times.
+    The means at the middle, at three quarters and at the end of the run are extrapolated exponentially (Aitken);
+    where they do not converge, the last change is multiplied by a hundred.
 
     Args:
         time: time in s of the points.

@@ -100,7 +100,7 @@ def test_a_step_too_coarse_for_the_greatest_force_is_found_and_one_that_is_allow
 
 
 def test_a_run_that_fails_is_withheld_unless_asked_for_and_then_marked() -> None:
-    with pytest.raises(pr.SimulationError, match=r"Under the greatest force, .* Give step <= .* audit = False"):
+    with pytest.raises(pr.SimulationError, match=r"Under the greatest force, .* Use a step <= .* audit = False"):
         pr.simulate(MOTOR, HAMMER, duration=1e-3, step=STEP)
     marked = pr.simulate(MOTOR, HAMMER, duration=1e-3, step=STEP, audit=False)
     told = marked.to_dict()["audit"]
@@ -143,7 +143,7 @@ def test_an_admittance_that_gives_power_is_found() -> None:
     coupled = passive.copy()
     coupled[1] = np.array([[1.0, 2.0], [2.0, 1.0]]) * 1e-3  # each port alone is passive, both together are not
     (finding,) = audit_two_port(frequency, coupled)
-    assert finding.startswith("At 20000 Hz the stator gives power, -0.001 S")
+    assert finding.startswith("At 20000 Hz the stator delivers power, -0.001 S")
 
 
 def test_the_motor_is_passive() -> None:
@@ -203,7 +203,7 @@ def point(**changed: float) -> dict[str, float]:
     ({"damping_loss_w": 2.11}, "The powers miss 0.11 of 10 W"),
     ({"damping_loss_w": 2.11, "apparent_power_a_va": 400.0}, ""),  # small beside the reactive power
     ({"torque_n_m": 0.01501}, ""),
-    ({"torque_n_m": -0.0151}, "The mean torque of -0.0151 N.m exceeds the 0.015 N.m"),
+    ({"torque_n_m": -0.0151}, "The mean torque of -0.0151 N.m exceeds the limit of 0.015 N.m"),
     ({"normal_force_n": -0.01, "torque_n_m": 0.0}, "On average the contact pulls with 0.01 N"),
 ])  # fmt: skip
 def test_means_that_cannot_be_true_are_found(changed: dict[str, float], found: str) -> None:
@@ -219,7 +219,7 @@ def test_a_motor_at_rest_without_voltage_passes_despite_rounding(missing_w: floa
 
 def test_a_point_whose_step_is_too_coarse_is_found() -> None:
     (finding,) = audit_point(MOTOR, point(), 1.2e-6)
-    assert finding.startswith("Under the mean force, 5 N, the motor swings at")
+    assert finding.startswith("Under the mean force, 5 N, the motor oscillates at")
 
 
 def test_powers_of_a_driver_and_the_energy_of_an_impact_are_held_to_their_bounds() -> None:
@@ -228,7 +228,7 @@ def test_powers_of_a_driver_and_the_energy_of_an_impact_are_held_to_their_bounds
     assert finding.startswith("The powers miss 0.202 of 10 W; the limit is 2 %.")
     assert audit_impact(1.0, 1.0009) == ()
     (finding,) = audit_impact(1.0, 1.0011)
-    assert finding.startswith("The sphere leaves with 1.001 J and came with 1 J")
+    assert finding.startswith("The energy of the sphere rises from 1 J to 1.001 J")
 
 
 # --- runs made false behind the simulator's back: each is withheld, or given and marked ---

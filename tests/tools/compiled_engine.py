@@ -171,7 +171,7 @@ def test_a_wrong_compile_fails_the_comparison_and_is_not_used(term: str, monkeyp
     plant(monkeypatch, *WRONG[term])
     motor = MOTOR.updated({"rotor.bearing_friction_n_m": 1e-4})
     with pytest.raises(
-        pr.SimulationError, match=r"does not move as the B-sources do: .* makes wrong code of the module"
+        pr.SimulationError, match=r"does not move as the B-sources do: .* generates wrong code for the module"
     ):
         pr.simulate(motor, DRIVE, duration=1e-4, engine="compiled")
     run = pr.simulate(motor, DRIVE, duration=1e-4, engine="auto")
@@ -190,7 +190,7 @@ def test_auto_is_right_where_the_compiler_itself_makes_wrong_code(changes: dict[
     found = pr.simulate(motor, DRIVE, engine="auto", **settings)
     assert away("rotor_speed_rad_s", expected, found) < 3e-4
     if found.to_dict()["run"]["engine"] == "spice":
-        with pytest.raises(pr.SimulationError, match="makes wrong code of the module"):
+        with pytest.raises(pr.SimulationError, match="generates wrong code for the module"):
             pr.simulate(motor, DRIVE, engine="compiled", **settings)
 
 
