@@ -53,6 +53,9 @@ HOMES = {
     "subprocess": {"engine"},
     "typer": {"cli", "commands"},
     "rich": {"cli", "commands"},
+    "tools": set(),  # not in the wheel
+    "tests": set(),
+    "docs": set(),
 }
 HEAVY = ("matplotlib", "scipy", "xarray", "numpy", "PySpice", "pydantic", "pandas", "typer", "rich", "h5netcdf")
 SOURCES = sorted(PACKAGE.rglob("*.py"))

@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 import sys
+import tarfile
 import venv
 import zipfile
 from pathlib import Path
@@ -67,6 +68,13 @@ def test_the_wheel_has_the_libraries_the_decks_and_the_licence(wheel: Path) -> N
     assert {Path(name).suffix for name in wanted} == {".lib", ".cir"}
     assert wanted <= names
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
+
+
+def test_the_sdist_has_the_tools_that_write_the_decks(wheel: Path) -> None:
+    (sdist,) = wheel.parent.glob("*.tar.gz")
+    with tarfile.open(sdist) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert {f"tools/{file.name}" for file in (ROOT / "tools").glob("*.py")} <= names
 
 
 def test_the_wheel_has_nothing_but_the_package(wheel: Path) -> None:

@@ -17,9 +17,9 @@ from pyspice_runner.model import duffing
 from pyspice_runner.model.drive import Load
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.copies import Copy, Plant
-from pyspice_runner.netlist.decks import SOFTENING
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.setup import Setup
+from tools.decks import SOFTENING
 
 pytestmark = pytest.mark.xdist_group("branches")  # they are shared
 

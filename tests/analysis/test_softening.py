@@ -11,8 +11,8 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.model.duffing import amplitudes, folds
-from pyspice_runner.netlist.decks import SOFTENING
 from tests.netlist.test_decks import measured
+from tools.decks import SOFTENING
 
 MOTOR = pr.load_motor("bimodal40")
 SOFT = MOTOR.updated(SOFTENING)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The decks of ``netlists/``: fresh, and run by ngspice alone, from anywhere, to the right numbers."""
+"""The decks of ``netlists/``: up to date, and ngspice alone runs them in any directory with the right results."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from pyspice_runner.analysis.hysteresis import hysteresis
 from pyspice_runner.model.contact import limit_ratio, linearised_resonances, static_penetration
 from pyspice_runner.model.impact import Throw
 from pyspice_runner.model.traction import microslip_loss, virgin_force
-from pyspice_runner.netlist import decks
-from pyspice_runner.netlist.averaged_decks import averaged_library_text
-from pyspice_runner.netlist.decks import write_decks
 from pyspice_runner.netlist.library import data_path
 from tests.reference.row import throw as exact_throw
 from tests.runs import simulated
+from tools import decks
+from tools.averaged_decks import averaged_library_text
+from tools.decks import write_decks
 
 AVERAGED = (
     "averaged_frequency_response",
@@ -82,9 +82,9 @@ def test_there_are_these_decks() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_deck_checked_in_is_what_the_package_writes(name: str) -> None:
+def test_deck_in_the_repository_is_up_to_date(name: str) -> None:
     path = data_path("netlists") / f"{name}.cir"
-    assert path.read_text(encoding="utf-8") == deck_texts()[f"{name}.cir"], "python -m pyspice_runner.netlist.decks"
+    assert path.read_text(encoding="utf-8") == deck_texts()[f"{name}.cir"], "python -m tools.decks"
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -93,7 +93,7 @@ def test_a_deck_needs_no_other_file_but_an_averaged_one_its_library(name: str) -
     assert included == (["../behavioral/piezomotor_averaged.lib"] if name in AVERAGED else [])
 
 
-def test_decks_are_written_where_asked(tmp_path: Path) -> None:
+def test_decks_are_written_to_the_given_folder(tmp_path: Path) -> None:
     assert sorted(path.name for path in write_decks(tmp_path)) == [f"{name}.cir" for name in NAMES]
 
 
@@ -302,7 +302,7 @@ def test_hysteresis_decks_lose_what_the_closed_form_and_the_bench_say(tmp_path: 
 
 def test_the_averaged_library_is_what_the_package_writes() -> None:
     path = data_path("behavioral") / "piezomotor_averaged.lib"
-    assert path.read_text(encoding="utf-8") == averaged_library_text(), "python -m pyspice_runner.netlist.decks"
+    assert path.read_text(encoding="utf-8") == averaged_library_text(), "python -m tools.decks"
 
 
 def test_the_averaged_operating_point_is_the_steady_state_of_the_full_model(tmp_path: Path) -> None:

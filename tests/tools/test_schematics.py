@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.netlist.schematics import example_texts
+from tools.schematics import example_texts
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -100,7 +100,7 @@ def from_kicad(folder: Path) -> tuple[dict[str, list[str]], list[str]]:
 @pytest.mark.parametrize("name", sorted(example_texts()))
 def test_what_is_checked_in_is_fresh(name: str) -> None:
     assert (EXAMPLES / name).read_text(encoding="utf-8") == example_texts()[name], (
-        "run: python -m pyspice_runner.netlist.schematics examples"
+        "run: python -m tools.schematics examples"
     )
 
 
@@ -154,6 +154,6 @@ def test_the_workbook_of_kicad_has_a_tab_for_each_analysis_on_the_sheet() -> Non
 
 
 def test_the_module_writes_them(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "pyspice_runner.netlist.schematics", str(tmp_path)]
+    command = [sys.executable, "-m", "tools.schematics", str(tmp_path)]
     subprocess.run(command, check=True, capture_output=True, timeout=60, cwd=EXAMPLES.parent)
     assert (tmp_path / "kicad" / "motor.kicad_sch").is_file()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The example schematics of ``examples/``: the motor between two sources, for KiCad and for LTspice.
 
-``python -m pyspice_runner.netlist.schematics FOLDER`` writes them. A test compares them with the ones in ``examples/``,
+``python -m tools.schematics FOLDER`` writes them. A test compares them with the ones in ``examples/``,
 extracts the circuit from each drawing, and runs it. ``make kicad`` does the same with KiCad 9; LTspice is not tested.
 """
 

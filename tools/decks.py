@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The decks of ``netlists/``: complete circuits that run by ``ngspice -b FILE``, without Python.
 
-``python -m pyspice_runner.netlist.decks`` writes them; a test compares them with those in the repository. A deck begins
+``python -m tools.decks`` writes them; a test compares them with those in the repository. A deck begins
 with its parameters (``.param``), to which sources, instances, measurements and the analysis refer. The motor has its
 physical parameters, which do not depend on the time step, so that a user can change the step.
 """
@@ -24,7 +24,6 @@ from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.model.tracking import LoopFilter, StatorLag
-from pyspice_runner.netlist.averaged_decks import LIBRARY, averaged_deck_texts, averaged_library_text
 from pyspice_runner.netlist.benches import AC_OPTIONS, METERED, TRANSIENT_OPTIONS, admittance_bench
 from pyspice_runner.netlist.contact_benches import cyclic_bench, impact_bench
 from pyspice_runner.netlist.drivers import GROUPS, Driver
@@ -40,6 +39,7 @@ from pyspice_runner.netlist.trackers import (
     tracked_lag,
     tracker_filter,
 )
+from tools.averaged_decks import LIBRARY, averaged_deck_texts, averaged_library_text
 
 PAPER, WORKING = "andersen2002", "bimodal40"  # the paper's motor, and one that was designed to turn
 _STEP = 100e-9  # s: twice the default slider_time of the contact, 180 points a period at 55 kHz
@@ -702,7 +702,7 @@ def _deck(
         "",
         *textwrap.wrap(" ".join(description.split()), 110),
         "",
-        "Run: ngspice -b THIS_FILE. Written by python -m pyspice_runner.netlist.decks: to change it, edit a copy.",
+        "Run: ngspice -b THIS_FILE. Written by python -m tools.decks: to change it, edit a copy.",
         "Units and nodes are explained in behavioral/CONVENTIONS.md.",
         "",
         "Parameters",

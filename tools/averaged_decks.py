@@ -2,7 +2,7 @@
 """Decks of the averaged motor: seconds of motor time by ``.op``, ``.dc``, ``.ac`` and ``.tran``, without Python.
 
 All include ``behavioral/piezomotor_averaged.lib``, the averaged motor of the set :data:`MOTOR`, which is written here
-too. ``python -m pyspice_runner.netlist.decks`` writes library and decks; a test compares them with the repository.
+too. ``python -m tools.decks`` writes library and decks; a test compares them with the repository.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def _deck(title: str, what: str, parameters: dict[str, tuple[float | str, str]],
             "*",
             *(f"* {line}" for line in wrapped),
             "*",
-            "* Run: ngspice -b THIS_FILE. Written by python -m pyspice_runner.netlist.decks: edit a copy.",
+            "* Run: ngspice -b THIS_FILE. Written by python -m tools.decks: edit a copy.",
             f"* behavioral/{LIBRARY} has pins, units and limits; docs/averaged.md has the derivation. The model is",
             "* accurate where v(xmotor.check) < 0.02 and the contact is closed, v(xmotor.open) = 0.",
             "*",
