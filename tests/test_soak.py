@@ -30,7 +30,7 @@ NUMBERS = [field for field in Contact.model_json_schema()["properties"].values()
 def test_a_random_motor_gives_a_result_that_passes_the_audit(index: int) -> None:
     found = soak.outcome(SEED, index)
     if found.kind == "simulation error":  # one in two hundred; an impact much harder than the preload
-        assert "Give step <=" in found.said
+        assert "Use a step <=" in found.said
     else:
         assert found.kind == "result", found.said
 
