@@ -26,9 +26,10 @@ from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.model.tracking import LoopFilter, StatorLag
 from pyspice_runner.netlist.benches import AC_OPTIONS, METERED, TRANSIENT_OPTIONS, admittance_bench
 from pyspice_runner.netlist.contact_benches import cyclic_bench, impact_bench
-from pyspice_runner.netlist.drivers import GROUPS, Driver
+from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.library import data_path
 from pyspice_runner.netlist.motor import Discretisation, plate_nodes
+from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import PAPER_LAW, Bench, DriveSource, dynamometer_bench, motor_bench
 from pyspice_runner.netlist.trackers import (
     RAIL,

@@ -20,7 +20,8 @@ from pyspice_runner.model.drive import Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
-from pyspice_runner.netlist.drivers import GROUPS, RAILS, Driver, Part
+from pyspice_runner.netlist.drivers import RAILS, Driver, Part
+from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power
 from pyspice_runner.run.ceramic import ceramic, modal_vectors

@@ -19,7 +19,8 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.netlist.benches import SpeedRamp
 from pyspice_runner.netlist.motor import PLATES, Motion, dielectric_branches, require_linear
-from pyspice_runner.netlist.sources import Source, dynamometer_bench
+from pyspice_runner.netlist.source import Source
+from pyspice_runner.netlist.sources import dynamometer_bench
 from pyspice_runner.run.kernel import Outcome, transient
 from pyspice_runner.run.setup import Setup
 

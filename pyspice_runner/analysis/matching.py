@@ -17,7 +17,8 @@ from pyspice_runner.model.drive import Load, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
-from pyspice_runner.netlist.drivers import GROUPS, Driver
+from pyspice_runner.netlist.drivers import Driver
+from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.steps import MOST_POINTS

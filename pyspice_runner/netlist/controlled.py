@@ -19,7 +19,8 @@ from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import averaged_bench
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.motor import Discretisation
-from pyspice_runner.netlist.sources import FREE, PAPER_LAW, Bench, Pins, UniformSource, motor_bench
+from pyspice_runner.netlist.source import Pins, UniformSource
+from pyspice_runner.netlist.sources import FREE, PAPER_LAW, Bench, motor_bench
 
 COMMANDS = {"frequency": "vset_frequency", "voltage_a": "vset_a", "voltage_b": "vset_b", "phase_deg": "vset_phase"}
 SAMPLED = ("v(position)", "v(sum_re)", "v(sum_im)")  # angle in rad; integrals of the current's amplitude, 1 V = 1 uA.s
@@ -58,10 +59,6 @@ class CommandedSource(UniformSource):
             "ab", pins, strict=True
         ):  # ngspice counts the current of Va from the pin into the source, hence the signs above
             circuit.V(group, pin, f"drive_{group}", "DC 0")
-
-    def initial_voltages(self) -> tuple[float, float]:
-        """Return U_A and U_B at t = 0."""
-        return self.drive.initial_voltages()
 
     def to_dict(self) -> dict[str, Any]:
         """Return kind, label and values of the drive at the start."""

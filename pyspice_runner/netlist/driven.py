@@ -27,9 +27,10 @@ from pyspice_runner.netlist.benches import (
     transient_options,
 )
 from pyspice_runner.netlist.copies import Copy, Plant, copy_name
-from pyspice_runner.netlist.drivers import GROUPS, Driver, Part, add_driver, control_amplitude
+from pyspice_runner.netlist.drivers import Driver, Part, add_driver, control_amplitude
 from pyspice_runner.netlist.library import Library
 from pyspice_runner.netlist.motor import Discretisation, plate_nodes
+from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import Bench
 
 Array = NDArray[np.float64]

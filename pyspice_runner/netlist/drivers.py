@@ -24,16 +24,16 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import quantity
 from pyspice_runner.model.refusal import Stated, quoted
-from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS, transient_options
+from pyspice_runner.netlist.benches import UNIFORM_POINTS, transient_options
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.library import Library, definitions, read_library
 from pyspice_runner.netlist.motor import instantiate
 from pyspice_runner.netlist.own_device import DRIVEN, MOSFET, is_reference, read_driver, read_mosfet
+from pyspice_runner.netlist.source import GROUPS, Pins, Source
 
 DriverKind = Literal["ideal", "linear", "half-bridge", "full-bridge"]
 NetworkKind = Literal["none", "inductor", "llcc"]
 
-GROUPS = ("a", "b")
 RAILS = ("vp", "vn")  # supply pins
 HIGHEST_RAILS = 180.0  # V between the rails of a bridge: nine tenths of the transistors' breakdown voltage
 IRF610 = "IRF610"  # the built-in MOSFET
@@ -76,7 +76,7 @@ class Part:
     values: dict[str, float]
 
 
-class Driver(Stated):
+class Driver(Stated, Source):
     """The electronics that drive the motor: two equal channels for two sines with a settable phase.
 
     ``voltage`` is the fundamental of the lossless power stage, behind the transformer and in front of the network. It
@@ -213,11 +213,6 @@ class Driver(Stated):
         return not self.switched
 
     @property
-    def continues(self) -> bool:
-        """False: a run cannot continue from the state of its inductors and capacitors."""
-        return False
-
-    @property
     def rise_time(self) -> float:
         """Time in s over which the supply rises."""
         return 0.0 if self.kind == "ideal" else self.supply_rise_s
@@ -226,11 +221,6 @@ class Driver(Stated):
     def points_per_period(self) -> int:
         """Default number of steps in a period of the fastest motion, of a bridge between its edges."""
         return SWITCHED_POINTS if self.switched else UNIFORM_POINTS
-
-    @property
-    def fewest_points(self) -> int:
-        """Least number of steps in a period of the fastest motion."""
-        return FEWEST_POINTS_PER_PERIOD
 
     @property
     def label(self) -> str:
@@ -308,14 +298,11 @@ class Driver(Stated):
             chain.append(_NETWORKS[self.network])
         return tuple(self._part(label, name, group) for label, name in chain)
 
-    def check(self, motor: Motor) -> None:
-        """Accept every motor; the report shows how well the driver drives it."""
-
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
         """Return ngspice's options for a run with the driver."""
         return SWITCHED_OPTIONS if self.switched else transient_options(motor, law.name if law else None)
 
-    def add(self, circuit: Circuit, motor: Motor, pins: tuple[str, str], *, begun: float) -> None:  # noqa: ARG002
+    def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add both channels and their control source between ground and the nodes of groups A and B.
 
         For group g the supply is ``Vvp_g`` and ``Vvn_g``; the stage's output is the node ``out_g`` (against
@@ -333,15 +320,6 @@ class Driver(Stated):
     def current(self, group: str) -> tuple[str, float]:
         """Return the vector of the current into a pin, and its sign."""
         return f"i(vpin_{group})", 1.0
-
-    @property
-    def vectors(self) -> tuple[str, ...]:
-        """Vectors that a run records in addition to those of the motor."""
-        return ()
-
-    def measured_period(self, samples: Mapping[str, Any]) -> float:  # noqa: ARG002
-        """Return the period in s."""
-        return self.period
 
     def to_dict(self) -> dict[str, Any]:
         """Return the driver and every parameter of its parts, JSON-ready."""

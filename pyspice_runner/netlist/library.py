@@ -19,6 +19,7 @@ from decimal import Decimal
 from functools import cache
 from math import inf, isfinite
 from pathlib import Path
+from typing import Any
 
 from pyspice_runner.errors import ParameterError
 
@@ -159,64 +160,110 @@ def parse_library(name: str, text: str) -> Library:
     """Read the header of a library and compare it with its ``.subckt`` line.
 
     Raises:
-        ParameterError: with what is missing or different.
+        ParameterError: for an entry that is missing, or differs from the ``.subckt`` line.
     """
-    pins = tuple(Pin(*match) for match in re.findall(r"^\* PIN +(\S+) +(\S+) +(\S+) +(.+)$", text, re.M))
-    where = f"behavioral/{name}.lib"
-    parameters = tuple(
-        _parameter(where, *match)
-        for match in re.findall(r"^\* PAR +(\S+) +(\S+) +(\S+) +(\S+) +(\S+) +(.+)$", text, re.M)
-    )
-    title = re.search(rf"^\* {re.escape(name)}: (.+)$", text, re.M)
-    subcircuit = re.search(rf"^\.subckt {re.escape(name)} (.+)$", text, re.M)
-    end = re.compile(rf"^\.ends {re.escape(name)}$", re.M).search(text, subcircuit.end() if subcircuit else 0)
+    header = Header(f"behavioral/{name}.lib", text)
+    escaped = re.escape(name)
+    begin = re.search(rf"^\.subckt {escaped} (.+)$", text, re.M)
+    end = re.compile(rf"^\.ends {escaped}$", re.M).search(text, begin.end() if begin else 0)
     usage = re.search(r"^\* USE\b[^\n]*\n(.*?)^\* END USE$", text, re.M | re.S)
-    facts = {
-        key: re.search(rf"^\* {key} +(.+)$", text, re.M)
-        for key in ("SOURCE", "OMITS", "REVISION", "STEP", "TESTED WITH")
-    }
-    missing = [
-        key
-        for key, match in {"title": title, ".subckt": subcircuit and end, "USE": usage, **facts}.items()
-        if not match
-    ]
-    if missing:
-        raise ParameterError(f"behavioral/{name}.lib lacks {', '.join(missing)}; see behavioral/CONVENTIONS.md.")
-    assert title is not None
-    assert subcircuit is not None
-    assert end is not None
-    assert usage is not None
-    words = subcircuit.group(1).split()
-    declared = [word for word in words if "=" not in word]
-    defaults = [
-        (key, _number_in(where, key, value)) for key, _, value in (word.partition("=") for word in words if "=" in word)
-    ]
-    if declared != [pin.name for pin in pins]:
-        raise ParameterError(
-            f"behavioral/{name}.lib: the PIN lines and the pins of .subckt differ; make them the same."
-        )
+    title, facts = header.title(name), header.facts()
+    entries = {"title": title, ".subckt": begin and end, "USE": usage}
+    entries |= {key: facts.get(field) for field, key in FACTS.items()}
+    missing = [key for key, entry in entries.items() if not entry]
+    if missing or begin is None or end is None or usage is None:
+        raise ParameterError(f"{header.where} lacks {', '.join(missing)}; see behavioral/CONVENTIONS.md.")
+    pins, parameters = header.pins(), header.parameters()
+    words = begin.group(1).split()
+    if [word for word in words if "=" not in word] != [pin.name for pin in pins]:
+        raise ParameterError(f"{header.where}: the PIN lines and the pins of .subckt differ; make them the same.")
+    assigned = [word.partition("=") for word in words if "=" in word]
+    defaults = [(key, header.number(key, value)) for key, _, value in assigned]
     if defaults != [(parameter.name, parameter.default) for parameter in parameters]:
-        raise ParameterError(
-            f"behavioral/{name}.lib: the PAR lines and the parameters of .subckt differ; make them the same."
-        )
+        raise ParameterError(f"{header.where}: the PAR lines and the parameters of .subckt differ; make them the same.")
     return Library(
         name=name,
-        title=title.group(1),
+        title=title,
         pins=pins,
         parameters=parameters,
-        source=facts["SOURCE"].group(1),  # type: ignore[union-attr]
-        omits=facts["OMITS"].group(1),  # type: ignore[union-attr]
-        revision=facts["REVISION"].group(1),  # type: ignore[union-attr]
-        step=facts["STEP"].group(1),  # type: ignore[union-attr]
-        tested_with=facts["TESTED WITH"].group(1),  # type: ignore[union-attr]
         usage=re.sub(r"^\*(   ?)?", "", usage.group(1), flags=re.M),
-        subcircuit=text[subcircuit.start() : end.end()],
+        subcircuit=text[begin.start() : end.end()],
         text=text,
-        losses=_powers("LOSS", text),
-        feeds=_powers("FEED", text),
-        stores=_powers("STORE", text),
-        needs=tuple(name for line in re.findall(r"^\* NEEDS +(.+)$", text, re.M) for name in line.split()),
+        needs=header.needs(),
+        **facts,
+        **header.powers(),
     )
+
+
+FACTS = {
+    "source": "SOURCE", "omits": "OMITS", "revision": "REVISION", "step": "STEP", "tested_with": "TESTED WITH"
+}  # fmt: skip
+_POWERS = {"losses": "LOSS", "feeds": "FEED", "stores": "STORE"}
+
+
+@dataclass(frozen=True)
+class Header:
+    """The comment lines of a library that begin with a keyword.
+
+    Attributes:
+        where: name of the file, for messages.
+        text: text with the comments.
+    """
+
+    where: str
+    text: str
+
+    def entries(self, keyword: str, words: int = 1) -> list[tuple[str, ...]]:
+        """Return the entries of a keyword: each has this number of words, the last with the rest of the line."""
+        columns = " +".join([r"(\S+)"] * (words - 1) + ["(.+)"])
+        return [match.groups() for match in re.finditer(rf"^\* {keyword} +{columns}$", self.text, re.M)]
+
+    def title(self, name: str) -> str:
+        """Return the text behind ``* NAME:``, or an empty text."""
+        match = re.search(rf"^\* {re.escape(name)}: (.+)$", self.text, re.M | re.I)
+        return match.group(1) if match else ""
+
+    def facts(self) -> dict[str, Any]:
+        """Return the entries of one line, by the fields of :class:`Library`."""
+        found = {field: self.entries(key) for field, key in FACTS.items()}
+        return {field: lines[0][0].strip() for field, lines in found.items() if lines}
+
+    def needs(self) -> tuple[str, ...]:
+        """Return the names on the ``NEEDS`` lines."""
+        return tuple(name for (names,) in self.entries("NEEDS") for name in names.split())
+
+    def pins(self) -> tuple[Pin, ...]:
+        """Return the ``PIN`` lines."""
+        return tuple(Pin(*words) for words in self.entries("PIN", 4))
+
+    def parameters(self) -> tuple[LibraryParameter, ...]:
+        """Return the ``PAR`` lines.
+
+        Raises:
+            ParameterError: for an invalid number or a default out of its range.
+        """
+        found = []
+        for key, unit, *numbers, meaning in self.entries("PAR", 6):
+            default, least, greatest = (self.number(key, text) for text in numbers)
+            if not least <= default <= greatest:
+                raise ParameterError(f"{self.where}: the default of {key} is outside its range; correct its PAR.")
+            found.append(LibraryParameter(key, unit, default, least, greatest, meaning))
+        return tuple(found)
+
+    def powers(self) -> dict[str, Any]:
+        """Return name and meaning of the ``LOSS``, ``FEED`` and ``STORE`` lines, by the fields of :class:`Library`."""
+        return {field: tuple(self.entries(keyword, 2)) for field, keyword in _POWERS.items()}
+
+    def number(self, key: str, text: str) -> float:
+        """Return the value of a parameter.
+
+        Raises:
+            ParameterError: if it is not a SPICE number.
+        """
+        try:
+            return number(text)
+        except ParameterError as error:
+            raise ParameterError(f"{self.where}, parameter {key}: {error}") from None
 
 
 def definitions(*libraries: Library, prefix: str = PREFIX) -> str:
@@ -244,37 +291,6 @@ def definitions(*libraries: Library, prefix: str = PREFIX) -> str:
 def part_name(name: str, prefix: str = PREFIX) -> str:
     """Return the name of a library's subcircuit in a netlist whose motor's parts begin with ``prefix``."""
     return re.sub(rf"^{PREFIX}_", f"{prefix}_", name)
-
-
-def header_parameters(where: str, text: str) -> dict[str, LibraryParameter]:
-    """Return the parameters of the ``PAR`` lines of a header, by name.
-
-    Raises:
-        ParameterError: naming ``where``, for an invalid number or a default out of its range.
-    """
-    found = re.findall(r"^\* PAR +(\S+) +(\S+) +(\S+) +(\S+) +(\S+) +(.+)$", text, re.M)
-    return {match[0]: _parameter(where, *match) for match in found}
-
-
-def _powers(keyword: str, text: str) -> tuple[tuple[str, str], ...]:
-    """Return name and meaning of every ``LOSS``, ``FEED`` or ``STORE`` line."""
-    return tuple((name, meaning) for name, meaning in re.findall(rf"^\* {keyword} +(\S+) +(.+)$", text, re.M))
-
-
-def _parameter(
-    where: str, key: str, unit: str, default: str, least: str, greatest: str, meaning: str
-) -> LibraryParameter:
-    value, low, high = (_number_in(where, key, text) for text in (default, least, greatest))
-    if not low <= value <= high:
-        raise ParameterError(f"{where}: the default of {key} is outside its range; correct its PAR.")
-    return LibraryParameter(key, unit, value, low, high, meaning)
-
-
-def _number_in(where: str, key: str, text: str) -> float:
-    try:
-        return number(text)
-    except ParameterError as error:
-        raise ParameterError(f"{where}, parameter {key}: {error}") from None
 
 
 def number(text: str) -> float:

@@ -10,11 +10,10 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.refusal import quoted
-from pyspice_runner.netlist.library import Library, LibraryParameter
+from pyspice_runner.netlist.library import Header, Library, LibraryParameter
 from pyspice_runner.netlist.own_file import OwnFile, Rules, Statement, read_bytes, short, words_of
 
 DRIVER = "driver_own"  # name of the subcircuit in a netlist
@@ -26,22 +25,14 @@ _PINS = ("in", *_NEEDED, "vp", "vn")
 _MOST_BYTES = 1 << 22  # manufacturers' libraries have hundreds of parts
 _TYPES = ("D", "SW", "CSW", "NMOS", "PMOS", "VDMOS", "NPN", "PNP", "NJF", "PJF", "R", "RES", "C", "CAP", "L", "IND")
 _RULES = Rules("device", "RLCVIEFGHBDKSWMQJTX", _TYPES, MOSFET)
-_POWERS = {"losses": "loss", "feeds": "feed", "stores": "store"}
 _DEEPEST = 20  # subcircuits within subcircuits
 _WITH_MODEL = "DSWMQJ"  # elements that need a .model
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,59}")
 _DRAIN_GATE_SOURCE = ({"d", "drain"}, {"g", "gate"}, {"s", "source"})
 
 
-class Reference(NamedTuple):
-    """``FILE:NAME``."""
-
-    path: str
-    name: str
-
-
 def is_reference(text: str) -> bool:
-    """Return whether a text is meant as ``FILE:NAME``."""
+    """Return whether a text has the form ``FILE:NAME``."""
     return ":" in text
 
 
@@ -54,8 +45,8 @@ def read_driver(text: str) -> Library:
     Raises:
         ParameterError: for a file that cannot be read or used; the message names the line.
     """
-    reference = _reference(text, "driver")
-    return _Devices(reference.path, _text(reference.path, "driver library")).driver(reference.name)
+    devices, name = _opened(text, "driver", "driver library")
+    return devices.driver(name)
 
 
 def read_mosfet(text: str) -> Library:
@@ -67,22 +58,21 @@ def read_mosfet(text: str) -> Library:
     Raises:
         ParameterError: for a file that cannot be read or used; the message names the line.
     """
-    reference = _reference(text, "mosfet")
-    return _Devices(reference.path, _text(reference.path, "MOSFET library")).mosfet(reference.name)
+    devices, name = _opened(text, "mosfet", "MOSFET library")
+    return devices.mosfet(name)
 
 
-def _reference(text: str, what: str) -> Reference:
+def _opened(text: str, what: str, file: str) -> tuple[_Devices, str]:
+    """Return the library and the name of ``FILE:NAME``.
+
+    A character that is not ASCII is an error only in a line that a simulator reads.
+    """
     path, _, name = text.rpartition(":")
     if not (path and _NAME.fullmatch(name)):
         raise ParameterError(
             f"{what} = {quoted(text)} is not valid: it must be FILE:NAME, with a NAME of letters, digits and _ . + -."
         )
-    return Reference(path, name)
-
-
-def _text(path: str, what: str) -> str:
-    """Return a file's text; characters that are not ASCII are an error only where a simulator would read them."""
-    return read_bytes(path, what, _MOST_BYTES).decode("ascii", errors="replace")
+    return _Devices(path, read_bytes(path, file, _MOST_BYTES).decode("ascii", errors="replace")), name
 
 
 @dataclass
@@ -120,7 +110,7 @@ class _Devices(OwnFile):
     def driver(self, name: str) -> Library:
         """Return a driver as a library whose subcircuit is called :data:`DRIVER`."""
         block = self._block(name)
-        self._header, pins = block.header, block.pins
+        self._header, pins = Header(self._path, block.header), block.pins
         if not set(_NEEDED) <= set(pins) <= set(_PINS) or len(set(pins)) < len(pins):
             self._fail(
                 block.begin,
@@ -136,8 +126,8 @@ class _Devices(OwnFile):
                 f"the parameters {', '.join(missing)} are missing; the package sets them in a driver without a pin in",
             )
         text, needs = self._netlist(block, DRIVER, pins, parameters)
-        powers = {name: self._powers(kind, text) for name, kind in _POWERS.items()}
-        return self._library(DRIVER, block.name, pins, parameters, text, needs, **powers)
+        self._check_powers(text)
+        return self._library(DRIVER, block.name, pins, parameters, text, needs)
 
     def mosfet(self, name: str) -> Library:
         """Return a MOSFET as a library that replaces :data:`MOSFET`; its parameters keep their defaults."""
@@ -145,7 +135,7 @@ class _Devices(OwnFile):
             text = self._wrapped(name)
             return self._library(MOSFET, name, ("d", "g", "s"), (), text, ())
         block = self._block(name)
-        self._header, pins = block.header, block.pins
+        self._header, pins = Header(self._path, block.header), block.pins
         if len(pins) != 3 or len(set(pins)) < 3:
             self._fail(
                 block.begin,
@@ -273,16 +263,15 @@ class _Devices(OwnFile):
             self._check(*self._models[model], known, ())
         return [*block.body, *(self._models[model] for model in sorted(models))]
 
-    def _powers(self, kind: str, netlist: str) -> tuple[tuple[str, str], ...]:
-        """Return name and meaning of every ``LOSS``, ``FEED`` or ``STORE`` line, each of which has its node."""
-        found = re.findall(rf"^\* {kind.upper()} +(\S+) +(.+)$", self._header, re.M)
-        for name, _ in found:
-            if not re.fullmatch(r"[a-z]\w{0,39}", name, re.A) or not re.search(rf"\b{kind}_{name}\b", netlist):
-                node = short(f"{kind}_{name}")
-                raise ParameterError(
-                    f"{self._path}: {kind.upper()} {short(name)} has no node {node} in the subcircuit."
-                )
-        return tuple(found)
+    def _check_powers(self, netlist: str) -> None:
+        """Check that each ``LOSS``, ``FEED`` and ``STORE`` line of the header has its node."""
+        for kind in ("loss", "feed", "store"):
+            for name, _ in self._header.entries(kind.upper(), 2):
+                if not re.fullmatch(r"[a-z]\w{0,39}", name, re.A) or not re.search(rf"\b{kind}_{name}\b", netlist):
+                    node = short(f"{kind}_{name}")
+                    raise ParameterError(
+                        f"{self._path}: {kind.upper()} {short(name)} has no node {node} in the subcircuit."
+                    )
 
 
 def _renamed(text: str, name: str) -> str:

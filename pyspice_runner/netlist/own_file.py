@@ -15,11 +15,12 @@ from typing import NoReturn
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.netlist.library import (
+    FACTS,
     PREFIX,
+    Header,
     Library,
     LibraryParameter,
     Pin,
-    header_parameters,
     library_names,
     number,
 )
@@ -97,7 +98,7 @@ class OwnFile:
     def __init__(self, path: str, text: str, rules: Rules) -> None:
         self._path = path
         self._text = text.replace("\r\n", "\n")
-        self._header = self._text  # whose comments state facts
+        self._header = Header(path, self._text)
         self._rules = rules
         self._statements = self._joined()
 
@@ -136,31 +137,25 @@ class OwnFile:
         parameters: tuple[LibraryParameter, ...],
         subcircuit: str,
         needs: tuple[str, ...],
-        **entries: tuple[tuple[str, str], ...],
     ) -> Library:
         """Return the file as a library: ``name`` in a netlist, ``own_name`` in the file."""
-        what = self._rules.what
-        title = re.search(rf"^\* {re.escape(own_name)}: (.+)$", self._header, re.M | re.I)
+        what, stated = self._rules.what, dict.fromkeys(FACTS, "not stated")
         return Library(
             name=name,
-            title=title.group(1) if title else f"{what} {own_name}",
+            title=self._header.title(own_name) or f"{what} {own_name}",
             pins=tuple(Pin(pin, "", "", "") for pin in pins),
             parameters=parameters,
-            source=self._fact("SOURCE", "not stated"),
-            omits=self._fact("OMITS", f"what the user's own {what} leaves out"),
-            revision=self._fact("REVISION", "not stated"),
-            step=self._fact("STEP", "not stated"),
-            tested_with=self._fact("TESTED WITH", "not stated"),
             usage="",
             subcircuit=subcircuit,
             text=self._text,
             needs=needs,
-            **entries,
+            **(stated | {"omits": f"what the user's own {what} leaves out"} | self._header.facts()),
+            **self._header.powers(),
         )
 
     def _needs(self) -> tuple[str, ...]:
         """Return what the ``NEEDS`` lines name of ``behavioral/``."""
-        names = tuple(name for line in re.findall(r"^\* NEEDS +(.+)$", self._text, re.M) for name in line.split())
+        names = Header(self._path, self._text).needs()
         for name in names:
             if name not in library_names():
                 raise ParameterError(
@@ -171,7 +166,7 @@ class OwnFile:
 
     def _parameters(self, line: int, words: Sequence[str]) -> tuple[LibraryParameter, ...]:
         """Return the parameters ``name=value`` of a ``.subckt`` line, with what PAR lines say of them."""
-        stated = header_parameters(self._path, self._header)
+        stated = {parameter.name: parameter for parameter in self._header.parameters()}
         found: list[LibraryParameter] = []
         for word in words:
             name, _, value = word.partition("=")
@@ -233,10 +228,6 @@ class OwnFile:
     def _part(self, text: str) -> str:
         """Return the subcircuit that an X line instantiates, in lower case."""
         return next(word for word in reversed(words_of(text)) if "=" not in word).lower()
-
-    def _fact(self, key: str, otherwise: str) -> str:
-        match = re.search(rf"^\* {key} +(.+)$", self._header, re.M)
-        return match.group(1).strip() if match else otherwise
 
     def _fail(self, line: int, what: str) -> NoReturn:
         raise ParameterError(f"{self._path}, line {line}: {what}.")

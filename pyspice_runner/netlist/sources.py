@@ -5,18 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.model.drive import Drive, Load, TwoPhaseDrive, check_together
+from pyspice_runner.model.drive import Drive, Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import unit_of
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import (
-    FEWEST_POINTS_PER_PERIOD,
     METERED,
-    UNIFORM_POINTS,
     SpeedRamp,
     add_brake,
     add_cooling,
@@ -25,7 +23,6 @@ from pyspice_runner.netlist.benches import (
     add_set_speed,
     connect_brake,
     start_voltages,
-    transient_options,
 )
 from pyspice_runner.netlist.compiled import (
     Module,
@@ -39,11 +36,10 @@ from pyspice_runner.netlist.compiled import (
 from pyspice_runner.netlist.contact import SLIDERS, Law
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.motor import SUBCIRCUIT, Discretisation, Motion, add_motor, plate_nodes
+from pyspice_runner.netlist.source import GROUPS, Pins, Source, UniformSource
 from pyspice_runner.netlist.trackers import Disturbance, Tracker, add_disturbance, tracked_source
 
-GROUPS = ("a", "b")
 Excitation = Drive | Driver | Tracker  # the drives that an analysis accepts
-Pins = tuple[str, str]  # nodes of groups A and B
 FREE, PAPER_LAW = Load(), Law()  # a free shaft; the law of the paper
 
 
@@ -66,114 +62,8 @@ class Bench:
     signals: Mapping[str, Signal] = field(default_factory=dict)
 
 
-class Source(Protocol):
-    """A source at the pins of a motor: ideal voltages, a driver circuit, a tracker.
-
-    A source adds itself to a circuit between ground and the nodes ``a`` and ``b``, and states what a run with it needs.
-    """
-
-    @property
-    def label(self) -> str:
-        """The source as in the caption of a figure."""
-
-    @property
-    def frequencies(self) -> tuple[float, ...]:
-        """Frequencies in Hz that the time step must resolve."""
-
-    @property
-    def period(self) -> float:
-        """Period of the voltages in s; means are over whole periods."""
-
-    @property
-    def uniform(self) -> bool:
-        """Whether a run takes uniform steps. Switching edges and digital events shorten them."""
-
-    @property
-    def continues(self) -> bool:
-        """Whether a run can continue from the motion of the motor alone, because the source has no state."""
-
-    @property
-    def rise_time(self) -> float:
-        """Time in s over which the amplitude rises at the start."""
-
-    @property
-    def fewest_points(self) -> int:
-        """Least number of steps in a period of the fastest motion."""
-
-    @property
-    def points_per_period(self) -> int:
-        """Default number of steps in a period of the fastest motion.
-
-        With uniform steps and modes exact at resonance the error of the trapezoidal rule falls with the square of the
-        step; at 128 it is below 0.1 % of the tip's motion at all reference points of the tests.
-        """
-
-    def check(self, motor: Motor) -> None:
-        """Raise a ParameterError if the source does not suit the motor."""
-
-    def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
-        """Return ngspice's options."""
-
-    def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:
-        """Add the source between ground and the nodes of groups A and B; it has been on for ``begun`` seconds."""
-
-    def initial_voltages(self) -> tuple[float, float]:
-        """Return the voltages of the pins in V just after t = 0, with which the plates start."""
-
-    def current(self, group: str) -> tuple[str, float]:
-        """Return the vector of the current of a group, and the factor from it to the current into the pin in A."""
-
-    @property
-    def vectors(self) -> tuple[str, ...]:
-        """Vectors that a run records in addition to those of the motor."""
-
-    def measured_period(self, samples: Mapping[str, Any]) -> float:
-        """Return the period in s at the end of a run, if the source changes it, otherwise :attr:`period`."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the source with every setting, JSON-ready."""
-
-
-class UniformSource:
-    """What ideal voltages with uniform steps have in common; a subclass has ``drive`` and ``add``."""
-
-    drive: TwoPhaseDrive
-    uniform = True
-    continues = False
-    rise_time = 0.0
-    points_per_period = UNIFORM_POINTS
-    fewest_points = FEWEST_POINTS_PER_PERIOD
-    vectors = ()
-
-    @property
-    def frequencies(self) -> tuple[float, ...]:
-        """The frequency of the drive in Hz."""
-        return self.drive.frequencies
-
-    @property
-    def period(self) -> float:
-        """Its period in s, over which means are taken."""
-        return self.drive.period
-
-    def check(self, motor: Motor) -> None:
-        """Raise a ParameterError for a frequency far from the modes, or a voltage above what a stator withstands."""
-        check_together(motor, self.drive)
-
-    def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
-        """Return the options of a run with uniform steps."""
-        return transient_options(motor, law.name if law else None)
-
-    def measured_period(self, samples: Mapping[str, Any]) -> float:  # noqa: ARG002
-        """Return the period of the drive."""
-        return self.period
-
-    def current(self, group: str) -> tuple[str, float]:
-        """Return the current of the group's source, which ngspice counts from the pin into the source."""
-        return f"i(v{group})", -1.0
-
-
 @dataclass(frozen=True)
-class DriveSource:
+class DriveSource(UniformSource):
     """Ideal voltage sources at the pins: ``Va`` and ``Vb``.
 
     Attributes:
@@ -181,55 +71,21 @@ class DriveSource:
     """
 
     drive: Drive
-    uniform = True
     continues = True
-    points_per_period = UNIFORM_POINTS
-    fewest_points = FEWEST_POINTS_PER_PERIOD
-    vectors = ()
 
     @property
     def label(self) -> str:
-        """The same as of the drive."""
+        """Caption of the drive."""
         return self.drive.label
 
     @property
-    def frequencies(self) -> tuple[float, ...]:
-        """The frequencies of the tones in Hz."""
-        return self.drive.frequencies
-
-    @property
-    def period(self) -> float:
-        """The same as of the drive."""
-        return self.drive.period
-
-    @property
     def rise_time(self) -> float:
-        """The soft start of the drive in s."""
+        """Soft start of the drive in s."""
         return self.drive.soft_start
-
-    def measured_period(self, samples: Mapping[str, Any]) -> float:  # noqa: ARG002
-        """Return the period of the drive."""
-        return self.period
-
-    def check(self, motor: Motor) -> None:
-        """Raise a ParameterError for a frequency far from the modes, or a voltage above what a stator withstands."""
-        check_together(motor, self.drive)
-
-    def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
-        """Return the options of a run with uniform steps."""
-        return transient_options(motor, law.name if law else None)
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add the two sources."""
         add_drive(circuit, self.drive, pins, begun=begun)
-
-    def initial_voltages(self) -> tuple[float, float]:
-        """Return U_A and U_B at t = 0."""
-        return self.drive.initial_voltages()
-
-    def current(self, group: str) -> tuple[str, float]:
-        """Return the current of the group's source, which ngspice counts from the pin into the source."""
-        return f"i(v{group})", -1.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return kind, label and values of the drive."""

@@ -28,9 +28,10 @@ from pyspice_runner.model.refusal import Stated
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.model.tracking import LoopFilter, StatorLag, propose_filter, stator_lag
 from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.drivers import GROUPS, Driver, add_driver, control_amplitude
+from pyspice_runner.netlist.drivers import Driver, add_driver, control_amplitude
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import dielectric_admittance, instantiate
+from pyspice_runner.netlist.source import GROUPS, Pins, Source
 
 TrackerKind = Literal["none", "pll", "observe-current", "observe-power"]
 DisturbanceKind = Literal["start", "target", "load", "preload", "temperature", "warm-up"]
@@ -211,7 +212,7 @@ def sensing(motor: Motor, tracker: Tracker, mode: int) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class TrackedSource:
+class TrackedSource(Source):
     """An oscillator whose frequency a tracker sets, directly at the pins or in front of a driver circuit.
 
     Nodes: ``sine``, ``cosine``, ``tuned`` (Hz) of the oscillator, ``control`` and ``tuning`` before it; ``motional``,
@@ -233,9 +234,6 @@ class TrackedSource:
     driver: Driver | None = None
     disturbance: Disturbance | None = None
     inject: str = ""
-    uniform = False  # digital events shorten steps
-    continues = False
-    rise_time = 0.0
     vectors = ("v(tuned)",)
     fewest_points = 50  # the phase detector responds to an edge at the end of a step: 7 degrees
 
@@ -278,7 +276,7 @@ class TrackedSource:
         """Return ngspice's options: behind switching edges those of the driver."""
         return self.driver.options(motor, law) if self.driver and self.driver.switched else TRACKER_OPTIONS
 
-    def add(self, circuit: Circuit, motor: Motor, pins: tuple[str, str], *, begun: float) -> None:  # noqa: ARG002
+    def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add oscillator, tracker, driver and sensing between ground and the nodes of groups A and B."""
         tracker, driver = self.tracker, self.driver
         parts = ["tracker_sense", "tracker_oscillator", "tracker_phases"]

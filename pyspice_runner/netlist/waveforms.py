@@ -20,7 +20,7 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.netlist.sources import UniformSource
+from pyspice_runner.netlist.source import UniformSource
 
 MOST_POINTS = 20_000  # ngspice searches them at every step
 MOST_BURSTS = 100
@@ -96,10 +96,6 @@ class Burst(_Shaped):
             for tone in (*self.drive.tones_a, *self.drive.tones_b)
         ]
         return found[0], found[1]
-
-    def initial_voltages(self) -> tuple[float, float]:
-        """Return U_A and U_B at t = 0."""
-        return self.drive.initial_voltages()
 
     def to_dict(self) -> dict[str, Any]:
         """Return drive and burst, JSON-ready."""

@@ -15,7 +15,7 @@ from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.motor import Discretisation, dielectric_branches
-from pyspice_runner.netlist.sources import Source
+from pyspice_runner.netlist.source import Source
 from pyspice_runner.run.audit import NEWTON, pressed_j
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, EnergyBalance
 

@@ -13,7 +13,8 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.motor import Discretisation, Motion
-from pyspice_runner.netlist.sources import FREE, PAPER_LAW, Bench, Source, motor_bench
+from pyspice_runner.netlist.source import Source
+from pyspice_runner.netlist.sources import FREE, PAPER_LAW, Bench, motor_bench
 from pyspice_runner.netlist.trackers import Disturbance
 from pyspice_runner.run.kernel import Outcome, transient
 from pyspice_runner.run.recording import Recording

@@ -9,7 +9,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.sources import Source
+from pyspice_runner.netlist.source import Source
 
 MOST_POINTS = 20_000_000  # recorded points: 4 GB of vectors, 160 MB per signal
 
