@@ -6,14 +6,15 @@ r"""The stator's electrical two-port, from ngspice's AC analysis, and the equiva
     \begin{pmatrix} Y_{AA} & Y_{AB} \\ Y_{BA} & Y_{BB} \end{pmatrix}
     \begin{pmatrix} U_A \\ U_B \end{pmatrix}
 
-Driven as *A* (B shorted) the admittance is Y_AA; as *A+B* (U on both, currents added) Y_AA + Y_AB + Y_BA + Y_BB; as
-*A−B* (U on A, −U on B, currents subtracted) Y_AA − Y_AB − Y_BA + Y_BB. In the preloaded state the contact is linearised
-at its operating point, where the tip sticks.
+:mod:`.spectrum` defines the connections of the groups. In the preloaded state the contact is linearised at its
+operating point, where the tip sticks.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from math import pi, sqrt
 from typing import Any, Literal, get_args
 
@@ -21,16 +22,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.benches import AC_OPTIONS, admittance_bench
+from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_two_port
+from pyspice_runner.run.kernel import Outcome, ac, run_bench
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, columns_of, connect
 from pyspice_runner.spectra.threads import one_thread
 from pyspice_runner.units import engineering
@@ -41,7 +42,10 @@ _ZOOM_POINTS = 1201  # over the zoom below: 100 points a bandwidth, so that a pa
 _ZOOM_BANDWIDTHS = 6.0  # on each side of a resonance
 _MOST_POINTS = 1_000_000
 
+_CURRENTS = [f"i(v{group}{copy})" for group in "ab" for copy in "12"]  # into a group (row), of a driven group (column)
+
 _Swept = tuple[NDArray[np.float64], NDArray[np.complex128]]  # frequencies and matrices
+_Sweep = Callable[[float, float, int], Outcome]  # first and last frequency, number of points
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ class Resonance:
         mode: name of the mode.
         fs: frequency of greatest conductance, Hz.
         fp: frequency of greatest resistance, Hz.
-        fm: frequency of greatest |Y|, Hz; ``None`` where the clamped capacitance hides it.
+        fm: frequency of greatest |Y|, Hz; ``None`` if the clamped capacitance masks it.
         fn: frequency of least |Y|, Hz; ``None`` likewise.
         coupling_factor: k_eff = √(1 − (fs/fp)²).
         quality_factor: Qm = √(L/C)/R of the motional arm.
@@ -81,12 +85,13 @@ class Admittance(Result):
         frequency_hz: frequencies, shape (points,).
         matrix_s: admittance matrix in S, shape (points, 2, 2); [.., 0, 1] is the current into A per volt on B.
         state: ``"free"`` or ``"preloaded"``.
-        normal_force_n: normal force at the operating point, as ngspice found it; 0 when free.
-        resonances: connection → its resonances, by rising frequency, of the modes that the connection drives and that
-            neighbours do not bury.
+        normal_force_n: normal force at ngspice's operating point; 0 when free.
+        resonances: connection → its resonances by rising frequency, without modes that the connection does not drive or
+            that neighbours mask.
         ngspice_version: version of ngspice.
         motor: the motor, JSON-ready.
-        audit: outcome of the physical audit; it has findings only where ``audit=False`` was given.
+        audit: outcome of the physical audit; it has findings only with ``audit=False``.
+        deck: netlist of the sweep.
     """
 
     frequency_hz: NDArray[np.float64]
@@ -97,6 +102,7 @@ class Admittance(Result):
     ngspice_version: str
     motor: dict[str, Any] = field(repr=False)
     audit: Audit = field(default_factory=Audit)
+    deck: str | None = field(default=None, repr=False)
 
     def driven(self, connection: Connection = "A") -> NDArray[np.complex128]:
         """Return the admittance in S seen when the groups are connected as ``A``, ``B``, ``A+B`` or ``A-B``."""
@@ -151,9 +157,8 @@ def admittance(
         stop: last frequency in Hz.
         points: number of frequencies, evenly spaced.
         state: ``"free"`` tip, or ``"preloaded"`` on the rotor.
-        timeout: wall time in s after which ngspice is ended.
-        audit: whether an admittance that is not passive is an error. If not, ``audit`` of the result says
-            where it is not.
+        timeout: wall-time limit in s of each ngspice run.
+        audit: whether an admittance that is not passive is an error. If not, ``audit`` of the result has the findings.
 
     Raises:
         ParameterError: for an invalid value.
@@ -163,18 +168,19 @@ def admittance(
         raise ParameterError(
             f"start = {start:g} Hz and stop = {stop:g} Hz are not valid: give 0 Hz < start < stop ≤ 1e9 Hz."
         )
-    if not 3 <= points <= _MOST_POINTS:  # of two, ngspice gives but the first
+    if not 3 <= points <= _MOST_POINTS:  # of two points, ngspice returns only the first
         raise ParameterError(f"points = {points} is not valid: it must be a whole number from 3 to {_MOST_POINTS}.")
     preloaded = state == "preloaded"
-    simulator = BatchSimulator(admittance_bench(motor, preloaded=preloaded), timeout=timeout)
-    simulator.options(**AC_OPTIONS)
-    normal_force = _operating_force(motor, simulator) if preloaded else 0.0
-    frequency, matrix = _sweep(simulator, start, stop, points)
+    bench = Bench(admittance_bench(motor, preloaded=preloaded), AC_OPTIONS)
+    normal_force = _operating_force(motor, bench, timeout) if preloaded else 0.0
+    sweep = partial(_sweep, bench, timeout)
+    outcome = sweep(start, stop, points)
+    frequency, matrix = _two_port(outcome)
     audited = Audit(audit_two_port(frequency, matrix))
     if audit:
         audited.withhold("result")
     near = [
-        (mode, bandwidth, _zoom(simulator, centre, bandwidth))
+        (mode, bandwidth, _zoom(sweep, centre, bandwidth))
         for mode, centre, bandwidth in _expected(motor, preloaded)
         if start < centre < stop
     ]
@@ -183,24 +189,24 @@ def admittance(
             found
             for mode, bandwidth, swept in near
             if _drives(connection, mode)
-            if (found := _resonance(simulator, motor, mode, swept, bandwidth, connection))
+            if (found := _resonance(sweep, motor, mode, swept, bandwidth, connection))
         )
         for connection in get_args(Connection)
     }
-    return Admittance(frequency, matrix, state, normal_force, resonances, ngspice_version(), motor.to_dict(), audited)
+    version, deck = outcome.ngspice_version, outcome.deck
+    return Admittance(frequency, matrix, state, normal_force, resonances, version, motor.to_dict(), audited, deck)
 
 
 def _drives(connection: Connection, mode: Mode) -> bool:
-    """Whether a connection of the groups drives a mode at all; what cancels but for round-off does not."""
+    """Whether a connection of the groups drives a mode; forces that cancel within round-off do not."""
     shares = np.array(COUPLING[connection]) * (mode.coupling_a_n_per_v, mode.coupling_b_n_per_v)
     return bool(abs(shares.sum()) > 1e-9 * np.abs(shares).sum())
 
 
-def _operating_force(motor: Motor, simulator: BatchSimulator) -> float:
-    """Return the normal force that ngspice's operating point settles at, once it is the preload."""
-    simulator.operating_point()
-    assert simulator.result is not None
-    found = float(simulator.result.raw.vectors["v(xmotor1.normal)"][0].real)
+def _operating_force(motor: Motor, bench: Bench, timeout: float | None) -> float:
+    """Return the normal force at ngspice's operating point, checked to be the preload."""
+    node = "v(xmotor1.normal)"
+    found = run_bench(bench, [node], timeout, "operating_point", {}).last()[node]
     preload = motor.contact.preload_n
     if abs(found - preload) > 1e-6 * preload:
         raise SimulationError(
@@ -210,19 +216,21 @@ def _operating_force(motor: Motor, simulator: BatchSimulator) -> float:
     return found
 
 
-def _sweep(simulator: BatchSimulator, start: float, stop: float, points: int) -> _Swept:
-    simulator.ac(variation="lin", number_of_points=points, start_frequency=start, stop_frequency=stop)
-    assert simulator.result is not None
-    vectors = simulator.result.raw.vectors
-    matrix = np.empty((len(vectors["frequency"]), 2, 2), dtype=complex)
-    for row, into in enumerate("ab"):
-        for column, driven in enumerate("12"):
-            matrix[:, row, column] = -np.asarray(vectors[f"i(v{into}{driven})"], dtype=complex)
-    return np.ascontiguousarray(vectors["frequency"].real), matrix
+def _sweep(bench: Bench, timeout: float | None, start: float, stop: float, points: int) -> Outcome:
+    return ac(
+        bench, _CURRENTS, timeout=timeout, variation="lin", number_of_points=points, start_frequency=start,
+        stop_frequency=stop,
+    )  # fmt: skip
+
+
+def _two_port(outcome: Outcome) -> _Swept:
+    phasors = outcome.phasors()
+    matrix = -np.stack([phasors[name] for name in _CURRENTS], axis=-1).reshape(-1, 2, 2)
+    return np.ascontiguousarray(phasors["frequency"].real), matrix
 
 
 def _expected(motor: Motor, preloaded: bool) -> list[tuple[Mode, float, float]]:
-    """Return every mode with the frequency (Hz) and bandwidth (Hz) to look for it."""
+    """Return every mode with its expected frequency (Hz) and bandwidth (Hz)."""
     if not preloaded:
         return [(mode, mode.frequency_hz, mode.frequency_hz / mode.quality_factor) for mode in motor.modes]
     # the rotor and the carrier on the contact's springs have resonances too, which are not modes of the stator
@@ -235,7 +243,7 @@ def _expected(motor: Motor, preloaded: bool) -> list[tuple[Mode, float, float]]:
 
 
 def _distance(frequency: float, mode: Mode, motor: Motor) -> float:
-    """How far a resonance of the coupled system is from what this mode alone would have under preload."""
+    """Return the distance of a resonance of the coupled system from that of this mode alone under preload, Hz."""
     normal = contact_law.normal_stiffness_at_preload(motor.contact) * mode.tip_y**2
     tangential = contact_law.tangential_stiffness_at_preload(motor.contact) * mode.tip_x**2
     alone = sqrt((mode.stiffness_n_per_m + normal + tangential) / mode.mass_kg) / (2.0 * pi)
@@ -243,11 +251,11 @@ def _distance(frequency: float, mode: Mode, motor: Motor) -> float:
 
 
 def _resonance(
-    simulator: BatchSimulator, motor: Motor, mode: Mode, swept: _Swept, bandwidth: float, connection: Connection
+    sweep: _Sweep, motor: Motor, mode: Mode, swept: _Swept, bandwidth: float, connection: Connection
 ) -> Resonance | None:
-    """Read the frequencies and the motional arm of one resonance, and zoom in on its antiresonance.
+    """Return the characteristic frequencies and the motional arm of a mode; sweep its antiresonance.
 
-    A mode that its neighbours bury, so that no arm of positive resistance fits there, has none.
+    ``None`` for a mode that its neighbours mask, so that no arm of positive resistance fits.
     """
     frequency, y = swept[0], connect(swept[1], connection)
     fs = _peak(frequency, y.real)
@@ -256,7 +264,7 @@ def _resonance(
         return None
     weight_a, weight_b = COUPLING[connection]
     clamped = weight_a**2 * motor.piezo.capacitance_a_f + weight_b**2 * motor.piezo.capacitance_b_f
-    frequency_anti, matrix = _zoom(simulator, fs * sqrt(1.0 + capacitance / clamped), bandwidth)
+    frequency_anti, matrix = _zoom(sweep, fs * sqrt(1.0 + capacitance / clamped), bandwidth)
     y_anti = connect(matrix, connection)
     fp = _peak(frequency_anti, (1.0 / y_anti).real)
     return Resonance(
@@ -273,10 +281,10 @@ def _resonance(
     )
 
 
-def _zoom(simulator: BatchSimulator, centre: float, bandwidth: float) -> _Swept:
-    """Return frequencies (Hz) some bandwidths around one, and the matrices of the admittance there."""
+def _zoom(sweep: _Sweep, centre: float, bandwidth: float) -> _Swept:
+    """Return frequencies (Hz) within some bandwidths of a centre, and the admittance matrices there."""
     low = max(centre - _ZOOM_BANDWIDTHS * bandwidth, 0.5 * centre)
-    return _sweep(simulator, low, centre + _ZOOM_BANDWIDTHS * bandwidth, _ZOOM_POINTS)
+    return _two_port(sweep(low, centre + _ZOOM_BANDWIDTHS * bandwidth, _ZOOM_POINTS))
 
 
 def _peak(frequency: NDArray[np.float64], values: NDArray[np.float64]) -> float:
@@ -290,7 +298,7 @@ def _peak(frequency: NDArray[np.float64], values: NDArray[np.float64]) -> float:
 
 
 def _local_peak(frequency: NDArray[np.float64], values: NDArray[np.float64], expected: float) -> float | None:
-    """Return the frequency of the local maximum nearest to the one expected; ``None`` where a slope hides it."""
+    """Return the frequency of the local maximum nearest to the expected one; ``None`` without a maximum."""
     inner = slice(1, -1)
     peaks = np.flatnonzero((values[inner] > values[:-2]) & (values[inner] >= values[2:])) + 1
     if not len(peaks):
@@ -303,9 +311,9 @@ def _local_peak(frequency: NDArray[np.float64], values: NDArray[np.float64], exp
 def _motional_arm(
     frequency: NDArray[np.float64], y: NDArray[np.complex128], fs: float, bandwidth: float
 ) -> tuple[float, float, float]:
-    """Fit R, L, C of one arm in front of a smooth background; the background is solved for linearly."""
+    """Fit R, L, C of one arm on a smooth background, which enters linearly."""
     near = np.exp(-0.5 * ((frequency - fs) / (2.0 * bandwidth)) ** 2)
-    # the background has complex coefficients; what it cannot follow is the part outside the span of its columns
+    # the background has complex coefficients; the part outside the span of its columns is the residual
     background, _ = np.linalg.qr(np.vander(frequency / fs - 1.0, 4) * near[:, None])
 
     def outside(values: NDArray[np.complex128]) -> NDArray[np.complex128]:

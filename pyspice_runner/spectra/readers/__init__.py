@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Readers of measured spectra: one module a family of formats, found by what is in the file."""
+"""Readers of measured spectra. The format is found by the content of the file."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from typing import Literal
 
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.spectra.readers import (
-    aim,
-    bode100,
-    e4990a,
-    hp4294a,
-    mfia,
-    nanovna,
-    plain,
-    touchstone,
-    waveforms,
-)
+from pyspice_runner.spectra.readers import hp4294a, mfia, plain, tabular, touchstone
 from pyspice_runner.spectra.readers.reading import STATED
 from pyspice_runner.spectra.readers.repair import spectrum_of
 from pyspice_runner.spectra.readers.text import clean, load
 from pyspice_runner.spectra.spectrum import Spectrum
 
-READERS = (hp4294a, e4990a, mfia, touchstone, bode100, waveforms, nanovna, aim, plain)  # asked in this order
-_WITH_TRACES = (hp4294a, e4990a, mfia)
+# tried in this order: the function that returns a reading, or None for a file in another format, and its options
+FORMATS = (
+    (hp4294a.read, ("trace",)),
+    (tabular.read_e4990a, ("trace",)),
+    (mfia.read, ("trace",)),
+    (touchstone.read, ("through",)),
+    (tabular.BODE100.read, ()),
+    (tabular.WAVEFORMS.read, ()),
+    (tabular.NANOVNA.read, ()),
+    (tabular.read_aim, ()),
+    (plain.read, ()),
+)
 
 
 @checked
@@ -37,29 +37,27 @@ def read_spectrum(
     columns: Sequence[str] | None = None,
     through: Literal["series", "shunt"] | None = None,
 ) -> Spectrum:
-    """Read a measured spectrum; the format is found by the file's content, not by its name.
+    """Read a measured spectrum. The format is found by the content of the file, not by its name.
 
     Formats: Keysight E4990A CSV, HP/Agilent 4294A ASCII, Omicron Bode 100 CSV, Digilent WaveForms CSV, NanoVNA CSV, AIM
     CSV, Zurich Instruments MFIA CSV, Touchstone of one or two ports (with the extra ``spectra``), plain CSV whose
-    header names quantity and unit in English, German or French, and the two-port that
-    ``piezomotor admittance --output`` writes.
+    header names quantity and unit in English, German or French, and the two-port CSV of ``piezomotor admittance``.
 
-    What had to be repaired (order of the frequencies, missing points, the unit, wraps or sign of the phase) is told in
-    ``Spectrum.warnings``.
+    ``Spectrum.warnings`` lists all repairs: order of the frequencies, missing points, unit, wraps or sign of the phase.
 
     Args:
         path: the file.
-        trace: which of several spectra in the file: ``"memory"`` for an analyser's memory trace, the number of
-            a sweep for the MFIA. By default the data trace, or the first sweep.
-        columns: names of the columns of a table without a header, or with one that is not known, such as
-            ``["frequency_hz", "magnitude_ohm", "phase_deg"]``; ``"-"`` for a column that does not count.
-        through: how one device was connected, if a Touchstone file of two ports is of one device: in ``"series"``
-            between the ports, or as a ``"shunt"`` from the line to ground. By default that is told from the
-            S-parameters, with a warning; a file that fits neither is the two-port of the groups A and B.
+        trace: one of several spectra in the file: ``"memory"`` for the memory trace of an analyser, the number of a
+            sweep for the MFIA. Default: the data trace, or the first sweep.
+        columns: names of the columns of a table whose header is missing or unknown, such as
+            ``["frequency_hz", "magnitude_ohm", "phase_deg"]``; ``"-"`` for a column to ignore.
+        through: connection of a single device in a two-port Touchstone file: in ``"series"`` between the ports, or as
+            a ``"shunt"`` from the line to ground. By default the S-parameters decide, with a warning; a file that fits
+            neither is the two-port of the groups A and B.
 
     Raises:
-        ParameterError: for columns that are not known or make no admittance.
-        SpectrumError: for a file that is none of these, with the line and what was expected there.
+        ParameterError: for unknown columns, or columns that make no admittance.
+        SpectrumError: for a file in no known format, with the line and what was expected there.
     """
     if columns is not None:
         headings = plain.stated(columns)
@@ -67,15 +65,16 @@ def read_spectrum(
             raise ParameterError("columns are those of a plain table. Leave trace and through out.")
         return spectrum_of(plain.read_stated(load(path), columns, headings))
     text = load(path)
-    for reader in READERS:
-        reading = touchstone.read(text, trace, through) if reader is touchstone else reader.read(text, trace)
+    given = {"trace": trace, "through": through}
+    for read, options in FORMATS:
+        reading = read(text, **{name: given[name] for name in options})
         if reading is None:
             continue
-        if through is not None and reader is not touchstone:
+        if through is not None and "through" not in options:
             raise SpectrumError(
                 f"{text.name} ({reading.format}) is no Touchstone file of two ports; leave through out."
             )
-        if trace is not None and reader not in _WITH_TRACES:
+        if trace is not None and "trace" not in options:
             raise SpectrumError(f"{text.name} ({reading.format}) has no trace {clean(trace, 20)!r}; leave trace out.")
         return spectrum_of(reading)
     raise SpectrumError(

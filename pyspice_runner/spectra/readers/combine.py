@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From any two quantities that an analyser shows to the complex admittance.
+"""The complex admittance of any two quantities that an analyser displays.
 
 Series elements make Z = R + jX with X = ωL_s = −1/(ωC_s), parallel ones Y = G + jB with B = ωC_p = −1/(ωL_p). A quality
-factor or loss D = 1/Q gives the size of the real part; of a passive part it is positive under each sign convention
-the instrument has for Q and D.
+factor or loss D = 1/Q gives the magnitude of the real part, which is positive for a passive part under every sign
+convention for Q and D.
 """
 
 from __future__ import annotations
@@ -20,23 +20,21 @@ Complexes = NDArray[np.complex128]
 _Part = Callable[[Floats, Floats], Floats]  # of angular frequency and value
 
 
-def _same(_: Floats, value: Floats) -> Floats:
-    return value
-
-
-def _rising(w: Floats, value: Floats) -> Floats:
-    return w * value
-
-
-def _falling(w: Floats, value: Floats) -> Floats:
-    return -1.0 / (w * value)
-
-
-_REACTANCE: dict[str, _Part] = {"x": _same, "cs": _falling, "ls": _rising}
-_SUSCEPTANCE: dict[str, _Part] = {"b": _same, "cp": _rising, "lp": _falling, "xp": lambda _, value: -1.0 / value}
+# imaginary part of Z, or of Y, by the quantity that gives it
+_REACTANCE: dict[str, _Part] = {
+    "x": lambda _, x: x,
+    "cs": lambda w, capacitance: -1.0 / (w * capacitance),
+    "ls": lambda w, inductance: w * inductance,
+}
+_SUSCEPTANCE: dict[str, _Part] = {
+    "b": lambda _, b: b,
+    "cp": lambda w, capacitance: w * capacitance,
+    "lp": lambda w, inductance: -1.0 / (w * inductance),
+    "xp": lambda _, x: -1.0 / x,
+}
 _POLAR = tuple(product(("abs_z", "abs_y"), ("phase_z", "phase_y")))
 
-# in the order of preference where a file has several: real and imaginary part have no trouble with signs and wraps
+# by preference, for a file with several: real and imaginary part have no ambiguity of sign or wrap
 _PAIRS = (
     ("r", "x"),
     ("g", "b"),
@@ -44,11 +42,10 @@ _PAIRS = (
     *((real, imag) for imag in _REACTANCE for real in ("r", "d", "q", "abs_z")),
     *((real, imag) for imag in _SUSCEPTANCE for real in ("g", "rp", "d", "q", "abs_z")),
 )
-_MODULI = ("abs_z", "abs_y")
 
 
 def pair_of(columns: Mapping[str, Floats]) -> tuple[str, str] | None:
-    """Return the two quantities that the admittance is made of; ``None`` if no two do."""
+    """Return the two quantities that make the admittance; ``None`` without such a pair."""
     return next((pair for pair in _PAIRS if pair[0] in columns and pair[1] in columns), None)
 
 
@@ -58,7 +55,7 @@ def is_polar(pair: tuple[str, str]) -> bool:
 
 
 def admittance(pair: tuple[str, str], frequency_hz: Floats, columns: Mapping[str, Floats]) -> Complexes:
-    """Return the admittance in S, not finite where the values make none."""
+    """Return the admittance in S; not finite at points whose values make none."""
     first, second = columns[pair[0]], columns[pair[1]]
     w = 2.0 * np.pi * frequency_hz
     with np.errstate(all="ignore"):
@@ -73,7 +70,7 @@ def admittance(pair: tuple[str, str], frequency_hz: Floats, columns: Mapping[str
 
 
 def _real_part(kind: str, value: Floats, modulus: Floats, imag: Floats) -> Floats:
-    """Return the real part beside an imaginary one; rounding may have made the modulus the smaller of the two."""
+    """Return the real part beside an imaginary one; a modulus may be the smaller of the two by rounding."""
     if kind == "d":
         return np.abs(imag * value)
     if kind == "q":
@@ -84,7 +81,7 @@ def _real_part(kind: str, value: Floats, modulus: Floats, imag: Floats) -> Float
 
 
 def with_named_phase(columns: Mapping[str, Floats]) -> dict[str, Floats]:
-    """Return the columns with a bare “phase” given to the magnitude that it stands beside, by custom |Z| first."""
+    """Return the columns with a bare “phase” assigned to the magnitude beside it, |Z| before |Y|."""
     named = dict(columns)
     if (angle := named.pop("phase", None)) is not None:
         named.setdefault("phase_y" if "abs_y" in named and "abs_z" not in named else "phase_z", angle)
@@ -92,25 +89,21 @@ def with_named_phase(columns: Mapping[str, Floats]) -> dict[str, Floats]:
 
 
 def contradiction(pair: tuple[str, str], y: Complexes, columns: Mapping[str, Floats]) -> str | None:
-    """Return the quantity that does not agree with the admittance made of two others, if there is one.
+    """Return a quantity that disagrees with the admittance of two others, if there is one.
 
-    The columns of one file say the same thing several times over; where they do not, some are swapped or mislabelled.
-    Printed digits differ by rounding, so it takes more than half of the points to be off by more than 5 %.
+    A file with several columns is redundant; a disagreement means swapped or mislabelled columns. Printed digits differ
+    by rounding, so the limit is 5 % at more than half of the points.
     """
     with np.errstate(all="ignore"):
         z = 1.0 / y
         truths = {"abs_z": np.abs(z), "abs_y": np.abs(y), "r": z.real, "x": z.imag, "g": y.real, "b": y.imag}
         angles = {"phase_z": np.angle(z), "phase_y": np.angle(y)}
-        for kind, values in columns.items():
-            if kind in pair:
-                continue
+        for kind in [kind for kind in columns if kind not in pair and kind in truths | angles]:
+            values = columns[kind]
             if kind in truths:
-                scale = np.abs(z) if kind in ("abs_z", "r", "x") else np.abs(y)
-                off = np.abs(values - truths[kind]) > 0.05 * scale
-            elif kind in angles:
-                off = np.abs(np.angle(np.exp(1j * (values - angles[kind])))) > 0.05
+                off = np.abs(values - truths[kind]) > 0.05 * np.abs(z if kind in ("abs_z", "r", "x") else y)
             else:
-                continue
+                off = np.abs(np.angle(np.exp(1j * (values - angles[kind])))) > 0.05
             known = np.isfinite(values)
             if 2 * np.count_nonzero(off & known) > np.count_nonzero(known):
                 return kind
@@ -118,8 +111,6 @@ def contradiction(pair: tuple[str, str], y: Complexes, columns: Mapping[str, Flo
 
 
 def negative_modulus(pair: tuple[str, str], columns: Mapping[str, Floats]) -> int | None:
-    """Return the place of the first modulus or parallel resistance that is below zero, if there is one."""
-    for kind in pair:
-        if kind in _MODULI and (below := np.flatnonzero(columns[kind] < 0.0)).size:
-            return int(below[0])
-    return None
+    """Return the place of the first negative modulus, if there is one."""
+    below = [np.flatnonzero(columns[kind] < 0.0) for kind in pair if kind in ("abs_z", "abs_y")]
+    return next((int(places[0]) for places in below if places.size), None)

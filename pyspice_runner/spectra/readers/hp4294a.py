@@ -1,13 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """HP, Agilent and Keysight 4294A, ASCII: settings in quotes, then for each trace ``"TRACE: A"``, a header, the points.
 
-A trace's columns are *Frequency*, *Data Trace Real*, *Data Trace Imag*, with *Memory Trace Real* and *Memory Trace
-Imag* where a memory trace was saved. They hold the measurement parameter as displayed; of a scalar the imaginary part
-is 0. Where *Data Real* and *Data Imag* were saved too, these are R and X, independent of what was displayed.
-
-In the manuals the parameter pairs are, as GPIB mnemonic and by trace: IMPH |Z|-θ, IRIM R-X, LSR Ls-Rs, LSQ Ls-Q, CSR
-Cs-Rs, CSQ Cs-Q, CSD Cs-D, AMPH |Y|-θ, ARIM G-B, LPG Lp-G, LPQ Lp-Q, CPG Cp-G, CPQ Cp-Q, CPD Cp-D, COMP Z-Y, IMLS
-|Z|-Ls, IMCS |Z|-Cs, IMLP |Z|-Lp, IMCP |Z|-Cp, IMRS |Z|-Rs, IMQ |Z|-Q, IMD |Z|-D, LPR Lp-Rp, CPR Cp-Rp.
+The columns of a trace are *Frequency*, *Data Trace Real*, *Data Trace Imag*, and with a saved memory trace *Memory
+Trace Real* and *Memory Trace Imag*: the measurement parameter as displayed; the imaginary part of a scalar is 0. *Data
+Real* and *Data Imag*, if saved, are R and X, independent of the display.
 """
 
 from __future__ import annotations
@@ -17,16 +13,16 @@ import re
 import numpy as np
 
 from pyspice_runner.spectra.readers.combine import pair_of, with_named_phase
-from pyspice_runner.spectra.readers.reading import Reading, wants_memory
+from pyspice_runner.spectra.readers.reading import MEMORY_NOTE, Reading, wants_memory
 from pyspice_runner.spectra.readers.table import Floats, Table, read_table
 from pyspice_runner.spectra.readers.text import Text, describe, quote
 
 FORMAT = "4294A ASCII"
+Traces = tuple[dict[str, Floats], Floats, Table]  # quantity → values, frequencies, and a table with their lines
 _MODEL = re.compile(r'\s*"?\s*(?:HP |AGILENT )?4294A\b', re.IGNORECASE)
 _SETTING = re.compile(r'\s*"([^":]+):\s*(.*?)\s*"\s*')
 
-# What the line MEASURE PARAMETER may say, in the order of the two traces. Full names first, then symbols.
-_TOKENS = (
+_TOKENS = (  # of the line MEASURE PARAMETER, in the order of the two traces; full names first, then symbols
     (r"IMPEDANCE MAG(?:NITUDE)?|\|Z\||IMPEDANCE ABS", "abs_z"),
     (r"ADMITTANCE MAG(?:NITUDE)?|\|Y\||ADMITTANCE ABS", "abs_y"),
     (r"PHASE(?: \((?:DEG|RAD)\))?|THETA|Θ", "phase"),
@@ -44,37 +40,17 @@ _TOKENS = (
     (r"IMAG(?:INARY)?", "imaginary"),
 )
 _TOKEN = re.compile("|".join(f"(?P<k{place}>{pattern})" for place, (pattern, _) in enumerate(_TOKENS)))
-_MNEMONICS = {
-    "IMPH": ("abs_z", "phase"),
-    "IRIM": ("r", "x"),
-    "LSR": ("ls", "r"),
-    "LSQ": ("ls", "q"),
-    "CSR": ("cs", "r"),
-    "CSQ": ("cs", "q"),
-    "CSD": ("cs", "d"),
-    "AMPH": ("abs_y", "phase"),
-    "ARIM": ("g", "b"),
-    "LPG": ("lp", "g"),
-    "LPQ": ("lp", "q"),
-    "CPG": ("cp", "g"),
-    "CPQ": ("cp", "q"),
-    "CPD": ("cp", "d"),
-    "COMP": ("complex", "complex"),
-    "IMLS": ("abs_z", "ls"),
-    "IMCS": ("abs_z", "cs"),
-    "IMLP": ("abs_z", "lp"),
-    "IMCP": ("abs_z", "cp"),
-    "IMRS": ("abs_z", "r"),
-    "IMQ": ("abs_z", "q"),
-    "IMD": ("abs_z", "d"),
-    "LPR": ("lp", "rp"),
-    "CPR": ("cp", "rp"),
-}
+_MNEMONICS = {  # of the manuals (GPIB): the quantities of traces A and B
+    "IMPH": "abs_z phase", "IRIM": "r x", "LSR": "ls r", "LSQ": "ls q", "CSR": "cs r", "CSQ": "cs q", "CSD": "cs d",
+    "AMPH": "abs_y phase", "ARIM": "g b", "LPG": "lp g", "LPQ": "lp q", "CPG": "cp g", "CPQ": "cp q", "CPD": "cp d",
+    "COMP": "complex complex", "IMLS": "abs_z ls", "IMCS": "abs_z cs", "IMLP": "abs_z lp", "IMCP": "abs_z cp",
+    "IMRS": "abs_z r", "IMQ": "abs_z q", "IMD": "abs_z d", "LPR": "lp rp", "CPR": "cp rp",
+}  # fmt: skip
 _EXPECTED = "a pair such as IMPEDANCE MAG PHASE (DEG), R-X, Cs-D, ADMITTANCE MAG PHASE (DEG), G-B, Cp-D or COMPLEX Z-Y"
 
 
 def read(text: Text, trace: str | None) -> Reading | None:
-    """Read the file; ``None`` if it is of another format."""
+    """Read the file; ``None`` if it is in another format."""
     if not _MODEL.match(text.lines[0]):
         return None
     settings = _settings(text)
@@ -82,41 +58,34 @@ def read(text: Text, trace: str | None) -> Reading | None:
     if index is None:
         raise text.refusal(0, "no line “MEASURE PARAMETER: …” follows", "one, since it names the two traces")
     tables = _traces(text, settings)
-    metadata = describe(
-        [("instrument", text.lines[0]), *((key.capitalize(), value) for key, (_, value) in settings.items())]
-    )
     measured = _measured_array(tables)
     pair = parameters(parameter)
     has_memory = any(_column(item, "memory", "real") is not None for item in tables.values())
     memory = wants_memory(text, trace, has_memory)
+    described = [("instrument", text.lines[0]), *((key.capitalize(), value) for key, (_, value) in settings.items())]
     if measured is not None and not memory:
         columns, frequency, table = measured
-        return Reading(text, FORMAT, frequency, np.array(table.indices), columns, metadata=metadata)
+        return Reading(text, FORMAT, frequency, np.array(table.indices), columns, metadata=describe(described))
     if pair is None:
         raise text.refusal(index, f"the parameters {quote(parameter)} are not known", _EXPECTED)
     columns, frequency, table = _displayed(text, tables, pair, "memory" if memory else "data", index)
-    if "RAD" in parameter.upper():
-        angle_unit = "rad"
-    else:
-        angle_unit = "deg"
+    unit = "rad" if "RAD" in parameter.upper() else "deg"
+    if unit == "deg":
         columns = {kind: np.deg2rad(values) if kind == "phase" else values for kind, values in columns.items()}
     if pair_of(with_named_phase(columns)) is None:
-        raise text.refusal(
-            index, f"{quote(parameter)} does not tell whether the reactance is capacitive or inductive", _EXPECTED
-        )
-    reading = Reading(text, FORMAT, frequency, np.array(table.indices), columns, angle_unit, metadata=metadata)
-    if has_memory and not memory:
-        reading.warnings.append("The file also holds a memory trace; trace=“memory” reads that one.")
-    return reading
+        found = f"{quote(parameter)} does not tell whether the reactance is capacitive or inductive"
+        raise text.refusal(index, found, _EXPECTED)
+    warnings = [MEMORY_NOTE] if has_memory and not memory else []
+    indices = np.array(table.indices)
+    return Reading(text, FORMAT, frequency, indices, columns, unit, metadata=describe(described), warnings=warnings)
 
 
 def parameters(named: str) -> tuple[str, str] | None:
-    """Return the quantities of traces A and B that a MEASURE PARAMETER line names, ``None`` if it is not understood."""
+    """Return the quantities of traces A and B by the MEASURE PARAMETER line; ``None`` if unknown."""
     upper = " ".join(named.upper().replace("_", " ").replace("-", " ").split())
-    if upper in _MNEMONICS:
-        return _MNEMONICS[upper]
-    if "COMPLEX" in upper:
-        return "complex", "complex"
+    if upper in _MNEMONICS or "COMPLEX" in upper:
+        first, second = _MNEMONICS.get(upper, "complex complex").split()
+        return first, second
     found = [_TOKENS[int(str(match.lastgroup)[1:])][1] for match in _TOKEN.finditer(upper)]
     if len(found) != 2 or found[0] == found[1] or found[0] in ("imaginary", "phase"):
         return None
@@ -144,12 +113,12 @@ def _settings(text: Text) -> dict[str, tuple[int, str]]:
 
 def _traces(text: Text, settings: dict[str, tuple[int, str]]) -> dict[str, Table]:
     """Return the tables of traces A and B, of equal length and as long as NUMBER of POINTS says."""
-    _, stated = settings.get("NUMBER OF POINTS", (0, ""))
+    line, stated = settings.get("NUMBER OF POINTS", (0, ""))
     points = int(stated) if stated.isdecimal() and len(stated) < 7 else None
     starts = [
         (match[2].strip().upper(), index)
-        for index, line in enumerate(text.lines)
-        if (match := _setting(line)) and match[1].strip().upper() == "TRACE"
+        for index, row in enumerate(text.lines)
+        if (match := _setting(row)) and match[1].strip().upper() == "TRACE"
     ]
     tables: dict[str, Table] = {}
     for place, (name, start) in enumerate(starts):
@@ -157,14 +126,11 @@ def _traces(text: Text, settings: dict[str, tuple[int, str]]) -> dict[str, Table
         header = text.find(lambda line: line.lstrip().lower().startswith(('"frequency"', "frequency")), start, stop)
         if header is None:
             raise text.refusal(start, f"trace {quote(name)} has no column “Frequency”", "a sweep of the frequency")
-        # the last line carries its points to the end of the file, so an end that is missing shows in their number
+        # the last trace extends to the end of the file, so the number of points shows a missing end
         table = read_table(text, header, header + 1, len(text.lines) if stop is None else stop, "\t")
         if points is not None and len(table.rows) != points:
-            raise text.refusal(
-                table.indices[-1],
-                f"trace {quote(name)} ends after {len(table.rows)} points",
-                f"{points}, as line {settings['NUMBER OF POINTS'][0] + 1} says",
-            )
+            found = f"trace {quote(name)} ends after {len(table.rows)} points"
+            raise text.refusal(table.indices[-1], found, f"{points}, as line {line + 1} says")
         if stop is None and not text.ended and len({len(row[-1].lstrip("+-")) for row in table.rows[-2:]}) > 1:
             raise text.refusal(table.indices[-1], "the file ends within a number", "a file that was not cut short")
         tables.setdefault(name, table)
@@ -173,25 +139,23 @@ def _traces(text: Text, settings: dict[str, tuple[int, str]]) -> dict[str, Table
     return tables
 
 
-def _column(table: Table, wanted: str, part: str) -> int | None:
-    """Return the place of *Data Trace Real* or its like."""
-    name = f"{wanted} trace {part}"
+def _column(table: Table, wanted: str, part: str, array: str = "trace ") -> int | None:
+    """Return the place of a column such as *Data Trace Real*."""
+    name = f"{wanted} {array}{part}"
     return next((place for place, cell in enumerate(table.names) if cell.strip('" ').lower() == name), None)
 
 
-def _measured_array(tables: dict[str, Table]) -> tuple[dict[str, Floats], Floats, Table] | None:
-    """Return R and X where the data array was saved beside the displayed trace."""
+def _measured_array(tables: dict[str, Table]) -> Traces | None:
+    """Return R and X if the data array was saved beside the displayed trace."""
     for table in tables.values():
-        names = [cell.strip('" ').lower() for cell in table.names]
-        if "data real" in names and "data imag" in names:
-            frequency, r, x = table.numbers([0, names.index("data real"), names.index("data imag")])
+        real, imag = _column(table, "data", "real", ""), _column(table, "data", "imag", "")
+        if real is not None and imag is not None:
+            frequency, r, x = table.numbers([0, real, imag])
             return {"r": r, "x": x}, frequency, table
     return None
 
 
-def _displayed(
-    text: Text, tables: dict[str, Table], pair: tuple[str, str], wanted: str, index: int
-) -> tuple[dict[str, Floats], Floats, Table]:
+def _displayed(text: Text, tables: dict[str, Table], pair: tuple[str, str], wanted: str, index: int) -> Traces:
     """Return the displayed traces by quantity."""
     columns: dict[str, Floats] = {}
     frequencies = []
@@ -201,20 +165,18 @@ def _displayed(
             raise text.refusal(index, f"trace {name} is missing", "both traces, which make the admittance together")
         real, imag = _column(table, wanted, "real"), _column(table, wanted, "imag")
         if real is None or imag is None:
-            raise text.refusal(
-                table.indices[0] - 1,
-                f"trace {name} has no {wanted} trace",
-                f"columns “{wanted.capitalize()} Trace Real”",
-            )
+            found = f"trace {name} has no {wanted} trace"
+            raise text.refusal(table.indices[0] - 1, found, f"columns “{wanted.capitalize()} Trace Real”")
         frequency, value, rest = table.numbers([0, real, imag])
         frequencies.append(frequency)
-        if kind == "complex":  # Z in trace A; trace B says the same as Y
+        if kind == "complex":  # Z in trace A; Y in trace B repeats it
             return {"r": value, "x": rest}, frequency, table
         if rest.any():
-            place = table.indices[int(np.argmax(rest != 0.0))]
-            raise text.refusal(
-                place, f"{quote(table.names[imag])} of a scalar is not 0", "0, or the parameters COMPLEX Z-Y"
+            place, found = (
+                table.indices[int(np.argmax(rest != 0.0))],
+                f"{quote(table.names[imag])} of a scalar is not 0",
             )
+            raise text.refusal(place, found, "0, or the parameters COMPLEX Z-Y")
         columns[kind] = value
     if not np.array_equal(frequencies[0], frequencies[1]):
         raise text.refusal(tables["B"].indices[0], "trace B has other frequencies than trace A", "the same in both")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Zurich Instruments MFIA and MFLI, CSV of LabOne's sweeper.
 
-One line a field and sweep: ``chunk;timestamp;size;fieldname;value;value;…``, padded with ``nan``. Of the fields,
-``frequency`` (or ``grid``), ``realz`` and ``imagz`` or ``absz`` and ``phasez`` (radians) are used.
+One line per field and sweep: ``chunk;timestamp;size;fieldname;value;value;…``, padded with ``nan``. The fields in use
+are ``frequency`` (or ``grid``), ``realz`` and ``imagz`` or ``absz`` and ``phasez`` (radians).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _WANTED = {*_FIELDS, "frequency", "grid"}
 
 
 def read(text: Text, trace: str | None) -> Reading | None:
-    """Read the file; ``None`` if it is of another format."""
+    """Read the file; ``None`` if it is in another format."""
     header = text.find(lambda line: line.lower().lstrip('" ').startswith("chunk"), 0, 50)
     if header is None or "fieldname" not in text.lines[header].lower():
         return None
@@ -42,15 +42,14 @@ def read(text: Text, trace: str | None) -> Reading | None:
             header, f"sweep {quote(wanted)} has the fields {quote(', '.join(fields))}", "frequency, realz and imagz"
         )
     filled = np.flatnonzero(np.isfinite(frequency[1]))
-    size = int(filled[-1]) + 1 if filled.size else 0  # what follows is padding
-    columns = {kind: values[:size] for kind, values in columns.items()}
-    indices = np.full(size, frequency[0])
-    reading = Reading(text, FORMAT, frequency[1][:size], indices, columns, angle_unit="rad", metadata={"sweep": wanted})
+    size = int(filled[-1]) + 1 if filled.size else 0  # the rest is padding
+    warnings = []
     if trace is None and len(sweeps) > 1:
-        reading.warnings.append(
-            f"The file holds {len(sweeps)} sweeps; the first was read. trace=“{order[1]}” reads the second."
-        )
-    return reading
+        warnings = [f"The file holds {len(sweeps)} sweeps; the first was read. trace=“{order[1]}” reads the second."]
+    return Reading(
+        text, FORMAT, frequency[1][:size], np.full(size, frequency[0]),
+        {kind: values[:size] for kind, values in columns.items()}, "rad", metadata={"sweep": wanted}, warnings=warnings,
+    )  # fmt: skip
 
 
 def _sweeps(text: Text, header: int, mark: str | None) -> dict[str, dict[str, tuple[int, Floats]]]:

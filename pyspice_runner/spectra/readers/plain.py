@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain CSV whose header or user names quantity and unit, and the two-port that ``piezomotor admittance`` writes.
+"""Plain CSV whose header or user names quantity and unit, and the two-port CSV of ``piezomotor admittance``.
 
-Such as ``frequency_hz,conductance_s,susceptance_s``, ``Frequency (kHz); |Z| (kOhm); Phase (deg)`` or
+Examples: ``frequency_hz,conductance_s,susceptance_s``, ``Frequency (kHz); |Z| (kOhm); Phase (deg)`` or
 ``f/Hz  Re(Z)/Ω  -Im(Z)/Ω``: commas, semicolons, tabs or spaces; comments above, after ``#``, ``!`` or ``%``.
 """
 
@@ -16,7 +16,7 @@ from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.model.refusal import check_keys
 from pyspice_runner.spectra.readers.combine import pair_of, with_named_phase
 from pyspice_runner.spectra.readers.quantities import DIMENSION, Heading, heading
-from pyspice_runner.spectra.readers.reading import A_PAIR, Reading, cut_warning, from_headings
+from pyspice_runner.spectra.readers.reading import A_PAIR, Reading, cut_warning, from_header, from_headings
 from pyspice_runner.spectra.readers.table import SEPARATORS, Table, number, read_table, separator, split
 from pyspice_runner.spectra.readers.text import Text, described, quote
 
@@ -25,7 +25,7 @@ TWO_PORT_FORMAT = "two-port CSV"
 _COMMENT = "#!% \t"
 _LONGEST = 4000  # characters of a line that may be a header or a row
 _EXAMPLE = "frequency_hz,magnitude_ohm,phase_deg"
-_STATED = (  # names that a user may state; every heading that is known is valid too
+_STATED = (  # suggested names; every known heading is valid too
     "frequency_hz", "frequency_khz", "frequency_mhz", "magnitude_ohm", "magnitude_s", "phase_deg", "phase_rad",
     "resistance_ohm", "reactance_ohm", "conductance_s", "susceptance_s", "real_ohm", "imaginary_ohm", "real_s",
     "imaginary_s", "rs_ohm", "xs_ohm", "cs_f", "ls_h", "rp_ohm", "xp_ohm", "cp_f", "lp_h", "d", "q", "phase_z_deg",
@@ -34,26 +34,26 @@ _STATED = (  # names that a user may state; every heading that is known is valid
 _TWO_PORT = tuple(f"y_{into}{by}_{part}_s" for into, by, part in product("ab", "ab", ("real", "imag")))
 
 
-def read(text: Text, _trace: str | None) -> Reading | None:
-    """Read the file; ``None`` if it has no header that names a frequency."""
+def read(text: Text) -> Reading | None:
+    """Read the file; ``None`` without a header that names a frequency."""
     header = text.find(_names_frequency, 0, 200)
     if header is None:
         return None
-    line = text.lines[header].lstrip(_COMMENT)
-    mark = separator(line)
-    table = _table(text, header, mark)
-    metadata = described(text.lines[:header])
-    if set(_TWO_PORT) <= {name.lower() for name in table.names}:
-        return _two_port(table, metadata)
-    return from_headings(table, [heading(cell) for cell in table.names], FORMAT, metadata, header)
+    lines = list(text.lines)
+    lines[header] = lines[header].lstrip(_COMMENT)
+    text = Text(text.name, tuple(lines), text.ended)
+    mark = separator(lines[header])
+    if set(_TWO_PORT) <= {name.lower() for name in split(lines[header], mark)}:
+        return _two_port(read_table(text, header, header + 1, None, mark), described(lines[:header]))
+    return from_header(text, header, FORMAT)
 
 
 def read_stated(text: Text, columns: Sequence[str], headings: Sequence[Heading]) -> Reading:
-    """Read a table whose columns the user states, from the first row of numbers on; what is above does not count.
+    """Read a table with stated columns, from the first row of numbers on; lines above are ignored.
 
     Args:
         text: the file.
-        columns: their names, ``-`` for one that does not count.
+        columns: names of the columns, ``-`` for one to ignore.
         headings: their meanings, see :func:`stated`.
 
     Raises:
@@ -69,10 +69,10 @@ def read_stated(text: Text, columns: Sequence[str], headings: Sequence[Heading])
 
 
 def stated(columns: Sequence[str]) -> list[Heading]:
-    """Return the meanings of columns that the user states.
+    """Return the meanings of stated columns.
 
     Raises:
-        ParameterError: for a name that is not known, names no unit or occurs twice, or if they make no admittance.
+        ParameterError: for a name that is unknown, has no unit or occurs twice, or if they make no admittance.
     """
     headings = [Heading(name) if name == "-" else heading(name) for name in columns]
     kinds: dict[str, str] = {}
@@ -86,9 +86,9 @@ def stated(columns: Sequence[str]) -> list[Heading]:
                 )
             check_keys({item.cell: None}, _STATED, "columns", "")
             continue
-        if item.wrong or (item.scale is None and DIMENSION[item.kind] != "angle"):
-            why = item.wrong or "it names no unit"
-            raise ParameterError(f"columns: {quote(item.cell)}: {why}. Write it as {_example(item.kind)}.")
+        if item.wrong or (item.fault and DIMENSION[item.kind] != "angle"):
+            example = next(name for name in _STATED if heading(name).kind == item.kind)
+            raise ParameterError(f"columns: {item.fault}. Write it as {example}.")
         if item.kind in kinds:
             raise ParameterError(
                 f"columns: {quote(kinds[item.kind])} and {quote(item.cell)} are the same quantity. "
@@ -100,11 +100,6 @@ def stated(columns: Sequence[str]) -> list[Heading]:
     if pair_of(with_named_phase(dict.fromkeys(kinds, np.zeros(0)))) is None:
         raise ParameterError(f"columns = {','.join(columns)} makes no admittance. Give {A_PAIR}, as in {_EXAMPLE}.")
     return headings
-
-
-def _example(kind: str) -> str:
-    """Return a name with a unit for a quantity."""
-    return next(name for name in _STATED if heading(name).kind == kind)
 
 
 def _first_row(text: Text, columns: Sequence[str]) -> tuple[int, str | None]:
@@ -125,11 +120,8 @@ def _first_row(text: Text, columns: Sequence[str]) -> tuple[int, str | None]:
                 other = index, len(cells)
     if other is None:
         raise SpectrumError(f"{text.name} has no row of {len(columns)} numbers, one for each of {','.join(columns)}.")
-    raise text.refusal(
-        other[0],
-        f"{other[1]} columns, but columns states {len(columns)}",
-        "a name for each, - for one that does not count",
-    )
+    found = f"{other[1]} columns, but columns states {len(columns)}"
+    raise text.refusal(other[0], found, "a name for each, - for one that does not count")
 
 
 def _numbers(cells: Sequence[str], mark: str | None) -> bool:
@@ -156,22 +148,13 @@ def _names_frequency(line: str) -> bool:
     return len(cells) >= 3 and any(heading(cell).kind == "frequency" for cell in cells)
 
 
-def _table(text: Text, header: int, mark: str | None) -> Table:
-    """Read the table; the header may stand behind a comment's sign."""
-    lines = list(text.lines)
-    lines[header] = lines[header].lstrip(_COMMENT)
-    return read_table(Text(text.name, tuple(lines), text.ended), header, header + 1, None, mark)
-
-
 def _two_port(table: Table, metadata: dict[str, str]) -> Reading:
     names = [name.lower() for name in table.names]
     if "frequency_hz" not in names:
         raise table.text.refusal(table.indices[0] - 1, "no column frequency_hz", "one beside those of the two-port")
     frequency, *parts = table.numbers([names.index(name) for name in ("frequency_hz", *_TWO_PORT)])
     entries = [real + 1j * imag for real, imag in zip(parts[::2], parts[1::2], strict=True)]
-    matrix = np.stack(entries, axis=-1).reshape(-1, 2, 2)
-    reading = Reading(table.text, TWO_PORT_FORMAT, frequency, np.array(table.indices), metadata=metadata)
-    reading.matrix_s = matrix
-    reading.columns = dict(zip(_TWO_PORT, parts, strict=True))
-    reading.warnings += cut_warning(table)
-    return reading
+    return Reading(
+        table.text, TWO_PORT_FORMAT, frequency, np.array(table.indices), dict(zip(_TWO_PORT, parts, strict=True)),
+        matrix_s=np.stack(entries, axis=-1).reshape(-1, 2, 2), metadata=metadata, warnings=cut_warning(table),
+    )  # fmt: skip

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a column's heading says: which quantity, in which unit."""
+"""Quantity and unit of a column by its heading."""
 
 from __future__ import annotations
 
@@ -13,51 +13,32 @@ from unicodedata import normalize
 
 from pyspice_runner.spectra.readers.text import quote
 
-# quantity → the dimension of its unit; an angle's unit may be missing, the values then tell
-DIMENSION = {
-    "frequency": "Hz",
-    "abs_z": "Ohm",
-    "phase_z": "angle",
-    "r": "Ohm",  # series resistance, the real part of Z
-    "x": "Ohm",
-    "rp": "Ohm",  # parallel resistance, 1/G
-    "xp": "Ohm",
-    "abs_y": "S",
-    "phase_y": "angle",
-    "phase": "angle",  # of whichever magnitude stands beside it
-    "g": "S",
-    "b": "S",
-    "ls": "H",
-    "lp": "H",
-    "cs": "F",
-    "cp": "F",
-    "q": "",
-    "d": "",
-}
-
-# names in English, German and French; of those with accents, :func:`_spellings` adds what is left of them
-_NAMES = {
-    "frequency": "frequency freq f frequenz messfrequenz fréquence",
-    "abs_z": "|z| z |impedance| impedance impedanz impédance scheinwiderstand",
-    "phase_z": "zphz",
-    "r": "r rs rseries resistance seriesresistance z' zr widerstand wirkwiderstand serienwiderstand resistanz "
-    "résistance résistancesérie",
-    "x": "x xs xseries reactance seriesreactance z'' zi blindwiderstand reaktanz réactance",
-    "rp": "rp rparallel parallelresistance parallelwiderstand résistanceparallèle",
-    "xp": "xp xparallel parallelreactance",
-    "abs_y": "|y| y |admittance| admittance admittanz scheinleitwert",
-    "phase_y": "",
-    "phase": "phase theta th angle arg phi phaseangle phasenwinkel phasenlage winkel déphasage argument",
-    "g": "g gp conductance y' leitwert wirkleitwert konduktanz",
-    "b": "b bp susceptance y'' blindleitwert suszeptanz",
-    "ls": "ls lseries seriesinductance serieninduktivität inductancesérie",
-    "lp": "lp lparallel parallelinductance parallelinduktivität inductanceparallèle",
-    "cs": "cs cseries seriescapacitance serienkapazität capacitésérie",
-    "cp": "cp cparallel parallelcapacitance parallelkapazität capacitéparallèle",
-    "q": "q qualityfactor güte gütefaktor facteurdequalité",
-    "d": "d dissipation dissipationfactor losstangent tandelta verlustfaktor facteurdepertes",
-}
-_PARTS = {  # of an impedance or an admittance; which of the two the unit says, or a name beside it
+# quantity → dimension of its unit, and names in English, German and French (without accents: :func:`_spellings`).
+# An angle may have no unit; its values then decide.
+_QUANTITIES = {
+    "frequency": ("Hz", "frequency freq f frequenz messfrequenz fréquence"),
+    "abs_z": ("Ohm", "|z| z |impedance| impedance impedanz impédance scheinwiderstand"),
+    "phase_z": ("angle", "zphz"),
+    # series resistance, the real part of Z
+    "r": ("Ohm", ("r rs rseries resistance seriesresistance z' zr widerstand wirkwiderstand serienwiderstand resistanz "
+                  "résistance résistancesérie")),
+    "x": ("Ohm", "x xs xseries reactance seriesreactance z'' zi blindwiderstand reaktanz réactance"),
+    "rp": ("Ohm", "rp rparallel parallelresistance parallelwiderstand résistanceparallèle"),  # 1/G
+    "xp": ("Ohm", "xp xparallel parallelreactance"),
+    "abs_y": ("S", "|y| y |admittance| admittance admittanz scheinleitwert"),
+    "phase_y": ("angle", ""),
+    "phase": ("angle", "phase theta th angle arg phi phaseangle phasenwinkel phasenlage winkel déphasage argument"),
+    "g": ("S", "g gp conductance y' leitwert wirkleitwert konduktanz"),
+    "b": ("S", "b bp susceptance y'' blindleitwert suszeptanz"),
+    "ls": ("H", "ls lseries seriesinductance serieninduktivität inductancesérie"),
+    "lp": ("H", "lp lparallel parallelinductance parallelinduktivität inductanceparallèle"),
+    "cs": ("F", "cs cseries seriescapacitance serienkapazität capacitésérie"),
+    "cp": ("F", "cp cparallel parallelcapacitance parallelkapazität capacitéparallèle"),
+    "q": ("", "q qualityfactor güte gütefaktor facteurdequalité"),
+    "d": ("", "d dissipation dissipationfactor losstangent tandelta verlustfaktor facteurdepertes"),
+}  # fmt: skip
+DIMENSION = {kind: dimension for kind, (dimension, _) in _QUANTITIES.items()}
+_PARTS = {  # of an impedance or an admittance; the unit or a name beside it decides which
     ("abs_z", "abs_y"): "magnitude mag abs modulus mod betrag module",
     ("r", "g"): "real re realpart realteil partieréelle réel réelle",
     ("x", "b"): "imaginary imag im imagpart imaginarypart imaginärteil partieimaginaire imaginaire",
@@ -69,10 +50,10 @@ _BESIDE += [f"{{part}}{of}{{side}}" for of in ("of", "der", "von", "de", "del'")
 
 
 def _spellings(name: str) -> set[str]:
-    """Return a name with its accents, without them, as German writes it without them, and with its accents lost.
+    """Return a name with accents, without, in German spelling without (ae, oe, ue), and without the accented letters.
 
-    A letter with an accent that was written in one encoding and read in another becomes one or more letters that are
-    not ASCII, or a question mark; both are left out, see :func:`_kind`.
+    An accented letter read in the wrong encoding becomes letters outside ASCII or a question mark; :func:`_kind` drops
+    both.
     """
     plain = "".join(sign for sign in normalize("NFKD", name) if sign.isascii())
     german = name.translate({ord(sign): f"{letter}e" for sign, letter in zip("äöü", "aou", strict=True)})
@@ -93,29 +74,24 @@ _KIND = {
     for kind, sides in zip(kinds, _SIDES, strict=True)
     for form, part, side in product(_BESIDE, parts.split(), sides.split())
     for spelling in _spellings(form.format(part=part, side=side))
-} | _table(_NAMES)
-_BY_UNIT = {  # names that say nothing without their unit
+} | _table({kind: names for kind, (_, names) in _QUANTITIES.items()})
+_BY_UNIT = {  # names with no meaning without a unit
     name: dict(zip(("Ohm", "S"), kinds, strict=True))
     for kinds, parts in _PARTS.items()
     for name in _table({kinds[0]: parts})
     if name not in _KIND
 }
-_SIGNED = frozenset({"x", "b"})  # chemists plot −Im Z
+_SIGNED = frozenset({"x", "b"})  # electrochemistry plots −Im Z
 
 _PREFIX = {"": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}
-_MISREAD = {"Î©": "Ohm", "â„¦": "Ohm", "Âµ": "u", "Î¼": "u"}  # UTF-8 read as Windows' Western European
-_SPELLING = _MISREAD | {
-    "\N{OHM SIGN}": "Ohm",
-    "Ω": "Ohm",
-    "ohms": "Ohm",
-    "Ohms": "Ohm",
-    "OHMS": "Ohm",
-    "µ": "u",
-    "μ": "u",
-    "siemens": "S",
-    "Siemens": "S",
-    "mho": "S",
-    "℧": "S",
+_SPELLING = {
+    spelling: unit
+    for unit, spellings in {
+        "Ohm": "Î© â„¦ \N{OHM SIGN} Ω ohms Ohms OHMS",  # also UTF-8 read as Windows' Western European
+        "u": "Âµ Î¼ µ μ",
+        "S": "siemens Siemens mho ℧",
+    }.items()
+    for spelling in spellings.split()
 }
 _ANGLE = dict.fromkeys(("deg", "degree", "degrees", "°", "â°", "grad"), pi / 180) | dict.fromkeys(
     ("rad", "radian", "radians", "radiant"), 1.0
@@ -130,13 +106,13 @@ _TAILED = re.compile(r"(.+?)(?: (?:in|en))?[_ ]([^_ ]+)")
 
 @dataclass(frozen=True)
 class Heading:
-    """A column's meaning.
+    """The meaning of a column.
 
     Attributes:
-        cell: the heading as it stands in the file.
-        kind: the quantity, a key of ``DIMENSION``; ``None`` if it is none that is known.
-        scale: factor that makes SI units of the values, radians of angles; ``None`` if no unit is named.
-        wrong: what is wrong with it, when the quantity is known and the unit does not fit; else empty.
+        cell: the heading in the file.
+        kind: the quantity, a key of ``DIMENSION``; ``None`` if unknown.
+        scale: factor to SI units, for angles to radians; ``None`` if no unit is named.
+        wrong: fault of the unit of a known quantity; empty without one.
     """
 
     cell: str
@@ -144,15 +120,20 @@ class Heading:
     scale: float | None = None
     wrong: str = ""
 
+    @property
+    def fault(self) -> str:
+        """The heading and why its values have no known unit; empty if they have one."""
+        why = self.wrong or ("it names no unit" if self.scale is None else "")
+        return f"{quote(self.cell)}: {why}" if why else ""
+
 
 @cache
 def unit_of(text: str) -> tuple[str, float] | None:
-    """Return dimension and factor to SI of a unit; ``None`` if it is none that is known here."""
+    """Return dimension and factor to SI of a unit; ``None`` if unknown."""
     unit = text.strip()
     if len(unit) > 12:
         return None
-    angle = _ANGLE.get(unit.lower()) or _ANGLE.get(_ascii(unit.lower()))
-    if angle:
+    if angle := _ANGLE.get(unit.lower()) or _ANGLE.get(_ascii(unit.lower())):
         return "angle", angle
     if not unit or unit in ("1", "-"):
         return "", 1.0
@@ -162,7 +143,7 @@ def unit_of(text: str) -> tuple[str, float] | None:
     if not match or match[1] not in _PREFIX:
         return None
     dimension = {"hz": "Hz", "ohm": "Ohm", "s": "S", "f": "F", "h": "H"}[match[2].lower()]
-    prefix = "M" if unit == "mhz" else match[1]  # a header in small letters means megahertz
+    prefix = "M" if unit == "mhz" else match[1]  # a lower-case header means megahertz
     return dimension, _PREFIX[prefix]
 
 
@@ -190,7 +171,7 @@ def heading(cell: str) -> Heading:
 
 
 def _kind(name: str, unit: tuple[str, float] | None) -> str | None:
-    """Return the quantity of a name, also of one that has lost its accents."""
+    """Return the quantity of a name, with or without its accented letters."""
     for spelling in (name, _ascii(name)):
         if spelling in _KIND:
             return _KIND[spelling]

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a reader returns: columns in SI units with their places in the file."""
+"""The result of a reader: columns in SI units with their lines in the file."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,28 +11,29 @@ from numpy.typing import NDArray
 
 from pyspice_runner.errors import SpectrumError
 from pyspice_runner.spectra.readers.combine import pair_of, with_named_phase
-from pyspice_runner.spectra.readers.quantities import DIMENSION, Heading
-from pyspice_runner.spectra.readers.table import Floats, Table
-from pyspice_runner.spectra.readers.text import Text, quote
+from pyspice_runner.spectra.readers.quantities import DIMENSION, Heading, heading
+from pyspice_runner.spectra.readers.table import Floats, Table, read_table, separator
+from pyspice_runner.spectra.readers.text import Text, described, quote
 
 STATED = "the columns stated by --columns frequency_hz,magnitude_ohm,phase_deg (columns= in Python)"  # ends a message
 A_PAIR = "two that make an admittance, such as R (Ohm) and X (Ohm), G (S) and B (S), |Z| (Ohm) and Phase (deg)"
+MEMORY_NOTE = "The file also holds a memory trace; trace=“memory” reads that one."
 
 
 @dataclass
 class Reading:
-    """The content of a file in one format, not yet checked for sense.
+    """The content of a file in one format, before the plausibility checks.
 
     Attributes:
         text: the file.
         format: name of the format.
-        frequency_hz: frequencies in Hz as they stand in the file.
-        indices: the line of each point, counted from 0.
-        columns: quantity → values in SI units; angles in radians, or as they are if ``angle_unit`` is ``None``.
-        angle_unit: ``"deg"`` or ``"rad"`` as the file names it; ``None`` if it names none.
-        matrix_s: a two-port's admittance, shape (points, 2, 2), in place of the columns.
-        metadata: what the file says of the measurement.
-        warnings: what the reader left out or chose.
+        frequency_hz: frequencies in Hz in the order of the file.
+        indices: line of each point, counted from 0.
+        columns: quantity → values in SI units; angles in radians, or as printed if ``angle_unit`` is ``None``.
+        angle_unit: ``"deg"`` or ``"rad"`` as named in the file; ``None`` if it names none.
+        matrix_s: admittance of a two-port, shape (points, 2, 2), instead of the columns.
+        metadata: description of the measurement from the file.
+        warnings: omissions and choices of the reader.
     """
 
     text: Text
@@ -45,11 +47,14 @@ class Reading:
     warnings: list[str] = field(default_factory=list)
 
 
+def cut_note(index: int) -> str:
+    """Return the warning for an omitted last line, counted from 0."""
+    return f"Line {index + 1}, the last, has no line end and may be cut short, so it was left out."
+
+
 def cut_warning(table: Table) -> list[str]:
-    """Return the warning that a last row was left out, if it was."""
-    if table.cut is None:
-        return []
-    return [f"Line {table.cut + 1}, the last, has no line end and may be cut short, so it was left out."]
+    """Return the warning for the omitted last row of a table, if there is one."""
+    return [] if table.cut is None else [cut_note(table.cut)]
 
 
 def steady(values: Floats) -> bool:
@@ -59,10 +64,10 @@ def steady(values: Floats) -> bool:
 
 
 def swept(reading: Reading) -> Reading:
-    """Return the reading of an instrument that never jumps about in frequency, checked that it did not.
+    """Return the reading of an instrument that always sweeps the frequency steadily.
 
     Raises:
-        SpectrumError: if it did; then another column stands in the frequency's place.
+        SpectrumError: if the frequency jumps; the column is then another quantity.
     """
     if not steady(reading.frequency_hz):
         raise reading.text.refusal(
@@ -72,7 +77,7 @@ def swept(reading: Reading) -> Reading:
 
 
 def wants_memory(text: Text, trace: str | None, there: bool) -> bool:
-    """Whether a memory trace is asked for, in a format that may have one beside the data trace.
+    """Whether ``trace`` selects the memory trace, in a format that may have one beside the data trace.
 
     Raises:
         SpectrumError: if there is none, or for another name.
@@ -85,6 +90,25 @@ def wants_memory(text: Text, trace: str | None, there: bool) -> bool:
     return True
 
 
+def from_header(
+    text: Text,
+    header: int,
+    format_name: str,
+    meaning: Callable[[str], Heading] = heading,
+    stop: int | None = None,
+    above: Sequence[str] | None = None,
+    bare: str = "comment",
+) -> Reading:
+    """Read the table below a header line; ``above`` are the lines that describe the measurement.
+
+    Raises:
+        SpectrumError: as by :func:`read_table` and :func:`from_headings`.
+    """
+    table = read_table(text, header, header + 1, stop, separator(text.lines[header]))
+    metadata = described(text.lines[:header] if above is None else above, bare)
+    return from_headings(table, [meaning(cell) for cell in table.names], format_name, metadata, header)
+
+
 def from_headings(
     table: Table, headings: list[Heading], format_name: str, metadata: dict[str, str], header: int
 ) -> Reading:
@@ -92,7 +116,7 @@ def from_headings(
 
     Raises:
         SpectrumError: if there is no frequency, no two quantities that make an admittance, if two columns of one
-            quantity differ, or a cell is no number.
+            quantity differ, or a cell is not a number.
     """
     frequency = _the_frequency(table, headings, header)
     usable = [i for i, h in enumerate(headings) if h.kind and h.scale is not None and not h.wrong and i != frequency]
@@ -125,26 +149,20 @@ def from_headings(
 def _the_frequency(table: Table, headings: list[Heading], header: int) -> int:
     found = [place for place, item in enumerate(headings) if item.kind == "frequency"]
     if len(found) != 1:
-        raise table.text.refusal(
-            header,
-            f"{len(found) or 'no'} columns of frequency",
-            f"one, headed as “Frequency (Hz)” or “frequency_hz”, or {STATED}",
-        )
-    item = headings[found[0]]
-    if item.wrong or item.scale is None:
-        why = item.wrong or "it names no unit"
+        expected = f"one, headed as “Frequency (Hz)” or “frequency_hz”, or {STATED}"
+        raise table.text.refusal(header, f"{len(found) or 'no'} columns of frequency", expected)
+    if why := headings[found[0]].fault:
         expected = f"Hz, kHz, MHz or GHz, as in “Frequency (kHz)”, or {STATED}"
-        raise table.text.refusal(header, f"{quote(item.cell)}: {why}", expected)
+        raise table.text.refusal(header, why, expected)
     return found[0]
 
 
 def _no_quantities(text: Text, header: int, headings: list[Heading]) -> SpectrumError:
-    """Return the error for a header that does not hold two quantities which make an admittance."""
+    """Return the error for a header without two quantities that make an admittance."""
     expected = f"{A_PAIR}, or {STATED}"
-    for item in headings:
-        if item.kind and item.kind != "frequency" and (item.wrong or item.scale is None):
-            why = item.wrong or "it names no unit"
-            return text.refusal(header, f"{quote(item.cell)}: {why}", expected)
-    known = [quote(item.cell) for item in headings if item.kind and item.kind != "frequency"]
+    quantities = [item for item in headings if item.kind and item.kind != "frequency"]
+    if why := next((item.fault for item in quantities if item.fault), ""):
+        return text.refusal(header, why, expected)
+    known = [quote(item.cell) for item in quantities]
     found = f"of the columns only {' and '.join(known[:4])}" if known else "no column of a quantity that is known"
     return text.refusal(header, found, expected)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What measured files get wrong, put right with a warning that says so, or refused.
+"""Repair of common faults in measured files, each with a warning, and rejection of what no passive part can do.
 
-Order and repetition of the frequencies, missing values, degrees called radians, a phase that wraps or is off by 180°.
+Order and repetition of the frequencies, missing values, degrees labelled radians, a phase that wraps or is off by 180°.
 """
 
 from __future__ import annotations
@@ -35,22 +35,21 @@ def spectrum_of(reading: Reading) -> Spectrum:
     Raises:
         SpectrumError: if the columns do not make one.
     """
-    warnings = list(reading.warnings)
-    _refuse_swapped(reading)
+    _reject_swapped(reading)
     if reading.matrix_s is None:
-        y, polar = _one_port(reading, warnings)
+        y, polar = _one_port(reading)
         matrix = y[:, None, None]
     else:
         matrix, polar = reading.matrix_s, False
-    frequency, matrix, indices = _finite(reading, matrix, warnings)
-    frequency, matrix = _ordered(reading, frequency, matrix, indices, warnings)
+    frequency, matrix = _ordered(reading, *_finite(reading, matrix))
     if matrix.shape[-1] == 1:
-        matrix = _right_way_round(reading, matrix[:, 0, 0], polar, warnings)[:, None, None]
-    _refuse_nonsense(reading, matrix)
-    return Spectrum(frequency, matrix, reading.text.name, reading.format, tuple(warnings), reading.metadata)
+        matrix = _right_way_round(reading, matrix[:, 0, 0], polar)[:, None, None]
+    _reject_nonsense(reading, matrix)
+    return Spectrum(frequency, matrix, reading.text.name, reading.format, tuple(reading.warnings), reading.metadata)
 
 
-def _one_port(reading: Reading, warnings: list[str]) -> tuple[Complexes, bool]:
+def _one_port(reading: Reading) -> tuple[Complexes, bool]:
+    """Return the admittance of the columns, and whether they are modulus and phase."""
     columns = with_named_phase(reading.columns)
     angles = [kind for kind in columns if DIMENSION[kind] == "angle"]
     pair = pair_of(columns)
@@ -59,13 +58,11 @@ def _one_port(reading: Reading, warnings: list[str]) -> tuple[Complexes, bool]:
     if not is_polar(pair) and reading.angle_unit is None:
         columns = {kind: values for kind, values in columns.items() if kind not in angles}
     elif angles:
-        factor = _angle_factor(reading, columns[angles[0]], columns, warnings)
-        for kind in angles:
-            columns[kind] = columns[kind] * factor
+        factor = _angle_factor(reading, columns[angles[0]], columns)
+        columns |= {kind: columns[kind] * factor for kind in angles}
     if (place := negative_modulus(pair, columns)) is not None:
-        raise reading.text.refusal(
-            int(reading.indices[place]), "a magnitude below zero", "positive ones (columns may be swapped)"
-        )
+        index = int(reading.indices[place])
+        raise reading.text.refusal(index, "a magnitude below zero", "positive ones (columns may be swapped)")
     y = admittance(pair, reading.frequency_hz, columns)
     if (odd := contradiction(pair, y, columns)) is not None:
         raise SpectrumError(
@@ -73,17 +70,17 @@ def _one_port(reading: Reading, warnings: list[str]) -> tuple[Complexes, bool]:
             f"{_word(pair[1])}; columns may be swapped, or a unit wrong."
         )
     if pair[0] == "abs_z" and not is_polar(pair):
-        warnings.append(
+        reading.warnings.append(
             "The real part is what a modulus leaves beside its imaginary part, so that losses are only as good as "
             "the printed digits."
         )
     if is_polar(pair):
-        _tell_wraps(reading.frequency_hz, columns[pair[1]], warnings)
+        _note_wraps(reading, columns[pair[1]])
     return y, is_polar(pair)
 
 
 def _word(kind: str) -> str:
-    """Return a quantity as one writes it."""
+    """Return a quantity as written in messages."""
     side = kind[-1].upper()
     return {"abs": f"|{side}|", "phase": "phase"}.get(kind.partition("_")[0], kind.capitalize())
 
@@ -91,40 +88,42 @@ def _word(kind: str) -> str:
 # --- phase ---
 
 
-def _angle_factor(reading: Reading, angle: Floats, columns: dict[str, Floats], warnings: list[str]) -> float:
-    """Return what to multiply the angles by, told by their values where the heading does not or cannot be right.
+def _angle_factor(reading: Reading, angle: Floats, columns: dict[str, Floats]) -> float:
+    """Return the factor to radians of the angles; their values decide if the unit is missing or cannot be right.
 
-    A reader has made radians of what is headed as degrees. Beyond ±2π nothing is radians. Within ±π, degrees would
-    mean a phase of at most 3.1°, which is a resistor; it is not one if its magnitude varies over the band.
+    The reader has converted angles labelled as degrees. Beyond ±2π they are not radians. Within ±π, degrees would mean
+    a phase of at most 3.1°, a resistor, whose magnitude does not vary over the band.
     """
-    unit = reading.angle_unit
+    unit, degrees = reading.angle_unit, float(np.pi / 180.0)
     raw = np.rad2deg(angle) if unit == "deg" else angle  # as printed
     known = raw[np.isfinite(raw)]
     largest = float(np.abs(known).max()) if known.size else 0.0
+    named = {"deg": "in degrees", "rad": "in radians", None: "without a unit"}[unit]
     if unit != "deg" and largest > 2.01 * np.pi:
-        told = "in radians" if unit == "rad" else "without a unit"
-        warnings.append(f"The phase is given {told} but reaches {largest:.4g}, so it was taken as degrees.")
-        return float(np.pi / 180.0)
-    if unit != "rad" and largest < 1.01 * np.pi and _magnitude_varies(reading.frequency_hz, columns):
-        told = "in degrees" if unit == "deg" else "without a unit"
-        warnings.append(
-            f"The phase is given {told} but stays within ±{largest:.4g} while the magnitude varies, "
-            "so it was taken as radians."
+        note = f"The phase is given {named} but reaches {largest:.4g}, so it was taken as degrees."
+        factor = degrees
+    elif unit != "rad" and largest < 1.01 * np.pi and _magnitude_varies(reading.frequency_hz, columns):
+        note = (
+            f"The phase is given {named} but stays within ±{largest:.4g} while the magnitude varies, so it was taken "
         )
-        return float(180.0 / np.pi) if unit == "deg" else 1.0
-    if unit is None:
-        if largest > 1.01 * np.pi:
-            warnings.append(f"The phase names no unit; it reaches {largest:.4g} and was taken as degrees.")
-            return float(np.pi / 180.0)
+        note += "as radians."
+        factor = float(180.0 / np.pi) if unit == "deg" else 1.0
+    elif unit is not None:
+        return 1.0
+    elif largest > 1.01 * np.pi:
+        note = f"The phase names no unit; it reaches {largest:.4g} and was taken as degrees."
+        factor = degrees
+    else:
         raise SpectrumError(
             f"{reading.text.name}: the phase names no unit and its values do not tell; head it as "
             "“Phase (deg)” or “Phase (rad)”."
         )
-    return 1.0
+    reading.warnings.append(note)
+    return factor
 
 
 def _magnitude_varies(frequency: Floats, columns: dict[str, Floats]) -> bool:
-    """Whether |Z| or |Y| varies by more than a part whose phase is below 3.1° could."""
+    """Whether |Z| or |Y| varies more than that of a part with a phase below 3.1° can."""
     size = next((columns[kind] for kind in ("abs_z", "abs_y") if kind in columns), None)
     if size is None:
         return False
@@ -136,31 +135,31 @@ def _magnitude_varies(frequency: Floats, columns: dict[str, Floats]) -> bool:
     return bool(high - low > 0.1 + 0.1 * octaves)
 
 
-def _tell_wraps(frequency: Floats, angle: Floats, warnings: list[str]) -> None:
-    order = np.argsort(frequency, kind="stable")
-    steps = np.abs(np.diff(angle[order]))
-    if (jumps := np.flatnonzero(steps > 1.5 * np.pi)).size:
+def _note_wraps(reading: Reading, angle: Floats) -> None:
+    order = np.argsort(reading.frequency_hz, kind="stable")
+    jumps = np.flatnonzero(np.abs(np.diff(angle[order])) > 1.5 * np.pi)
+    if jumps.size:
         times = "once" if jumps.size == 1 else f"{jumps.size} times"
-        first = frequency[order][jumps[0]]
-        warnings.append(f"The phase wraps by 360° {times}, first at {first:g} Hz; it was unwrapped.")
+        first = reading.frequency_hz[order][jumps[0]]
+        reading.warnings.append(f"The phase wraps by 360° {times}, first at {first:g} Hz; it was unwrapped.")
 
 
-def _right_way_round(reading: Reading, y: Complexes, polar: bool, warnings: list[str]) -> Complexes:
-    """Turn an admittance by 180° if its real part is negative throughout and its reactance runs the wrong way.
+def _right_way_round(reading: Reading, y: Complexes, polar: bool) -> Complexes:
+    """Negate an admittance whose real part is negative throughout and whose reactance has the wrong sign.
 
-    A capacitor whose small real part came out negative has the right reactance and is left as it is.
+    A capacitor whose small real part is negative has the right reactance and stays as it is.
     """
-    share = float(np.mean(y.real < 0.0))
-    if share < 0.9:
-        if share > 0.01:
-            warnings.append(
-                f"The real part is negative at {np.count_nonzero(y.real < 0.0)} of {y.size} points: "
+    negative = np.count_nonzero(y.real < 0.0)
+    if negative < 0.9 * y.size:
+        if negative > 0.01 * y.size:
+            reading.warnings.append(
+                f"The real part is negative at {negative} of {y.size} points: "
                 "noise, or a compensation that is not complete; nothing was changed."
             )
         return y
     reactive = np.mean(np.abs(y.imag) > np.abs(y.real)) > 0.5
     if reactive and foster(y) > 0.0:
-        warnings.append(
+        reading.warnings.append(
             "The real part is negative throughout, but small, and the reactance is as it should be: "
             "the compensation is not complete; nothing was changed."
         )
@@ -170,25 +169,27 @@ def _right_way_round(reading: Reading, y: Complexes, polar: bool, warnings: list
             f"{reading.text.name}: the real part is negative throughout and larger than the imaginary part; "
             "the two columns may be swapped."
         )
-    warnings.append("The real part was negative throughout: the phase was off by 180°, which was added.")
+    reading.warnings.append("The real part was negative throughout: the phase was off by 180°, which was added.")
     return -y
 
 
 # --- points ---
 
 
-def _finite(reading: Reading, matrix: Complexes, warnings: list[str]) -> tuple[Floats, Complexes, NDArray[np.int64]]:
-    """Leave out points without values, and the one at 0 Hz."""
+def _finite(reading: Reading, matrix: Complexes) -> tuple[Floats, Complexes, NDArray[np.int64]]:
+    """Return the points with values above 0 Hz, and their lines."""
     frequency, text = reading.frequency_hz, reading.text
-    if (below := np.flatnonzero(frequency < 0.0)).size:
-        raise text.refusal(int(reading.indices[below[0]]), "a frequency below 0 Hz", "positive ones")
-    if (above := np.flatnonzero(frequency > _HIGHEST)).size:
-        found = f"a frequency of {frequency[above[0]]:.3g} Hz"
-        raise text.refusal(int(reading.indices[above[0]]), found, f"at most {_HIGHEST:g} Hz (the unit may be wrong)")
+    for outside, found, expected in (
+        (frequency < 0.0, "a frequency below 0 Hz", "positive ones"),
+        (frequency > _HIGHEST, "a frequency of {:.3g} Hz", f"at most {_HIGHEST:g} Hz (the unit may be wrong)"),
+    ):
+        if outside.any():
+            place = int(outside.argmax())
+            raise text.refusal(int(reading.indices[place]), found.format(frequency[place]), expected)
     good = np.isfinite(frequency) & np.isfinite(matrix).all(axis=(1, 2))
     zero = good & (frequency == 0.0)
     if zero.any():
-        warnings.append("The point at 0 Hz was left out.")
+        reading.warnings.append("The point at 0 Hz was left out.")
     if bad := np.count_nonzero(~good):
         first = int(reading.indices[np.argmin(good)]) + 1
         if 2 * bad > good.size:
@@ -197,7 +198,7 @@ def _finite(reading: Reading, matrix: Complexes, warnings: list[str]) -> tuple[F
                 "expected numbers at most of them."
             )
         points = "1 point was" if bad == 1 else f"{bad} points were"
-        warnings.append(f"{points} left out where values are missing or zero, first in line {first}.")
+        reading.warnings.append(f"{points} left out where values are missing or zero, first in line {first}.")
     keep = good & ~zero
     if np.count_nonzero(keep) < 2:
         raise SpectrumError(f"{text.name} has fewer than 2 complete points; expected a spectrum.")
@@ -205,63 +206,58 @@ def _finite(reading: Reading, matrix: Complexes, warnings: list[str]) -> tuple[F
 
 
 def _ordered(
-    reading: Reading, frequency: Floats, matrix: Complexes, indices: NDArray[np.int64], warnings: list[str]
+    reading: Reading, frequency: Floats, matrix: Complexes, indices: NDArray[np.int64]
 ) -> tuple[Floats, Complexes]:
-    """Let the frequencies rise, each of them once."""
+    """Return the points by rising frequency, each frequency once."""
     steps = np.diff(frequency)
     if (steps > 0.0).all():
         return frequency, matrix
     order = np.argsort(frequency, kind="stable")
     if (steps < 0.0).all():
-        warnings.append("The frequencies fall from point to point; the points were put in rising order.")
+        reading.warnings.append("The frequencies fall from point to point; the points were put in rising order.")
     elif (steps < 0.0).any():
-        warnings.append("The frequencies do not rise from point to point; the points were sorted.")
+        reading.warnings.append("The frequencies do not rise from point to point; the points were sorted.")
     frequency, matrix, indices = frequency[order], matrix[order], indices[order]
     repeated = np.flatnonzero(np.diff(frequency) == 0.0)
-    if repeated.size:
-        size = np.abs(matrix).max(axis=(1, 2))
-        differ = np.abs(matrix[repeated + 1] - matrix[repeated]).max(axis=(1, 2)) > _SAME * size[repeated]
-        if differ.any():
-            place = int(repeated[np.argmax(differ)])
-            raise reading.text.refusal(
-                int(indices[place + 1]),
-                f"{frequency[place]:.12g} Hz as in line {indices[place] + 1}, with other values",
-                "each frequency once; if these are several sweeps, export one",
-            )
-        times = "1 point" if repeated.size == 1 else f"{repeated.size} points"
-        warnings.append(f"{times} came twice, with the same values; one of each was kept.")
-        keep = np.ones(frequency.size, dtype=bool)
-        keep[repeated + 1] = False
-        frequency, matrix = frequency[keep], matrix[keep]
-    return frequency, matrix
+    if not repeated.size:
+        return frequency, matrix
+    size = np.abs(matrix).max(axis=(1, 2))
+    differ = np.abs(matrix[repeated + 1] - matrix[repeated]).max(axis=(1, 2)) > _SAME * size[repeated]
+    if differ.any():
+        place = int(repeated[np.argmax(differ)])
+        found = f"{frequency[place]:.12g} Hz as in line {indices[place] + 1}, with other values"
+        expected = "each frequency once; if these are several sweeps, export one"
+        raise reading.text.refusal(int(indices[place + 1]), found, expected)
+    times = "1 point" if repeated.size == 1 else f"{repeated.size} points"
+    reading.warnings.append(f"{times} came twice, with the same values; one of each was kept.")
+    return np.delete(frequency, repeated + 1), np.delete(matrix, repeated + 1, axis=0)
 
 
-def _refuse_nonsense(reading: Reading, matrix: Complexes) -> None:
-    """Refuse what no passive part can do."""
-    name = reading.text.name
+# --- rejection ---
+
+
+def _reject_nonsense(reading: Reading, matrix: Complexes) -> None:
+    """Raise an error for an admittance that no passive part has."""
+    fault = ""
     if matrix.shape[-1] == 1:
         if turns_backwards(matrix[:, 0, 0]):
-            raise SpectrumError(
-                f"{name}: the circles of Y run against the clock, which none of a passive part do; real and imaginary "
-                "part may be swapped, or the sign of the phase or the imaginary part reversed."
+            fault = (
+                "the circles of Y run against the clock, which none of a passive part do; real and imaginary "
+                "part may be swapped, or the sign of the phase or the imaginary part reversed"
             )
-        return
-    hint = " (if one device lies between the ports, state through = series or shunt)"
-    hint = hint if reading.format == "Touchstone" else ""
-    if not reciprocal(matrix):
-        raise SpectrumError(
-            f"{name}: from A to B and from B to A the admittances differ, which those of no passive part do; "
-            f"columns may be swapped{hint}."
-        )
-    if not passive(matrix) or any(turns_backwards(connect(matrix, connection)) for connection in COUPLING):
-        raise SpectrumError(
-            f"{name}: the admittances are not those of a passive part; columns may be swapped, or a sign "
-            f"reversed{hint}."
-        )
+    elif not reciprocal(matrix):
+        fault = "from A to B and from B to A the admittances differ, which those of no passive part do; "
+        fault += "columns may be swapped"
+    elif not passive(matrix) or any(turns_backwards(connect(matrix, connection)) for connection in COUPLING):
+        fault = "the admittances are not those of a passive part; columns may be swapped, or a sign reversed"
+    if fault:
+        of_device = matrix.shape[-1] == 2 and reading.format == "Touchstone"
+        hint = " (if one device lies between the ports, state through = series or shunt)" if of_device else ""
+        raise SpectrumError(f"{reading.text.name}: {fault}{hint}.")
 
 
-def _refuse_swapped(reading: Reading) -> None:
-    """Refuse frequencies that jump about while another column runs steadily: the two are swapped."""
+def _reject_swapped(reading: Reading) -> None:
+    """Raise an error for frequencies that jump while another column runs steadily: the two are swapped."""
     if steady(reading.frequency_hz):
         return
     for kind, values in reading.columns.items():

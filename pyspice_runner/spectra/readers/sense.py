@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the admittance of every passive part obeys: signs of a file with something swapped or reversed.
+"""Properties of the admittance of every passive part, which reveal swapped columns and reversed signs.
 
 *Foster*: reactance rises with frequency; |Z| falls where Z is capacitive and rises where it is inductive. *Causality*:
-with rising frequency the circles of resonances in the planes of Y and of Z are run through clockwise; to exchange
-real and imaginary part, or to reverse the sign of one, mirrors them. *Reciprocity*: a two-port's matrix is symmetric.
+with rising frequency the circles of resonances in the planes of Y and of Z run clockwise; swapping real and imaginary
+part, or reversing the sign of one, mirrors them. *Reciprocity*: the matrix of a two-port is symmetric.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from numpy.typing import NDArray
 
 Complexes = NDArray[np.complex128]
 
-_LOOP = 0.55  # part of its bounding box that a locus encloses: a circle 0.79, one that does not turn back at most 0.5
+_LOOP = 0.55  # enclosed share of the bounding box: a circle has 0.79, a locus that does not turn back at most 0.5
 
 
 def foster(y: Complexes) -> float:
-    """Return a positive number if the reactance runs the right way on the whole, a negative one if −Y's does."""
+    """Return a positive number if the reactance rises on the whole, a negative one if that of −Y does."""
     inductive = np.sign(-y.imag[:-1] - y.imag[1:])
     size = np.maximum(np.abs(y), np.finfo(float).tiny)
     return float(np.sum(inductive * -np.diff(np.log(size))))
 
 
 def turns_backwards(y: Complexes) -> bool:
-    """Whether the locus clearly has circles, and they are run through against the clock."""
+    """Whether the locus clearly has circles that run counterclockwise."""
     with np.errstate(all="ignore"):
         z = 1.0 / y
     if not np.isfinite(z).all():
@@ -41,15 +41,15 @@ def reciprocal(matrix: Complexes) -> bool:
 
 
 def passive(matrix: Complexes) -> bool:
-    """Whether no voltages at the ports draw power from the part at most points, but for 2 % of what flows."""
+    """Whether the part delivers no power at most points, within 2 % of its largest admittance."""
     loss = np.linalg.eigvalsh(0.5 * (matrix + matrix.conj().transpose(0, 2, 1)))[:, 0]
     return bool(np.mean(loss < -0.02 * np.abs(matrix).max(axis=(1, 2))) < 0.5)
 
 
 def _enclosed(locus: Complexes) -> tuple[float, float]:
-    """Return the area that a locus encloses, positive against the clock: of its bounding box, and of what it sweeps.
+    """Return the enclosed area, positive counterclockwise, over that of the bounding box and over the swept area.
 
-    Of noise, what is swept this way and that cancels.
+    The second ratio is small for noise, which sweeps area in both directions.
     """
     largest = float(np.abs(locus).max())
     if not largest > 0.0:

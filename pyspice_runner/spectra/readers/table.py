@@ -20,20 +20,20 @@ _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,
 _LONGEST_NUMBER = 60
 SEPARATORS = (";", "\t", ",")  # in this order, since a comma may be a decimal sign
 _MISSING = frozenset(
-    {"", "nan", "+nan", "-nan", "inf", "+inf", "-inf", "1.#qnan", "1.#inf", "-1.#inf", "-", "--", "---"}
+    ("", "nan", "+nan", "-nan", "inf", "+inf", "-inf", "1.#qnan", "1.#inf", "-1.#inf", "-", "--", "---")
 )
 
 
 @dataclass(frozen=True)
 class Table:
-    """A header and its rows, as strings; numbers are made of the columns that a reader asks for.
+    """A header and its rows, as strings; :meth:`numbers` converts columns.
 
     Attributes:
-        text: where the table stands.
-        names: the header's cells.
-        rows: the cells of each row.
-        indices: the line of each row, counted from 0.
-        cut: line of a last row that was left out because the file may end within it.
+        text: the file.
+        names: cells of the header.
+        rows: cells of each row.
+        indices: line of each row, counted from 0.
+        cut: line of an omitted last row, within which the file may end.
     """
 
     text: Text
@@ -43,10 +43,10 @@ class Table:
     cut: int | None = None
 
     def numbers(self, columns: list[int]) -> list[Floats]:
-        """Return columns as numbers; NaN where a cell is empty or says that there is none.
+        """Return columns as numbers; NaN for an empty cell or a mark of a missing value.
 
         Raises:
-            SpectrumError: for a cell that is no number, or if both decimal signs occur.
+            SpectrumError: for a cell that is not a number, or if both decimal signs occur.
         """
         commas = [any("," in row[column] for row in self.rows) for column in columns]
         if any(commas):
@@ -78,7 +78,7 @@ def number(cell: str) -> float | None:
 
 
 def separator(header: str) -> str | None:
-    """Return what separates the cells of a header; ``None`` for white space."""
+    """Return the separator of the cells of a header; ``None`` for white space."""
     return next((mark for mark in SEPARATORS if mark in header), None)
 
 
@@ -102,13 +102,13 @@ def read_table(
     mark: str | None = ",",
     names: Sequence[str] | None = None,
 ) -> Table:
-    """Read the rows of a table from line ``start`` up to ``stop`` (exclusive; ``None``: the file's end).
+    """Read the rows of a table from line ``start`` up to ``stop`` (exclusive; ``None``: end of the file).
 
-    The header stands in line ``header``, or is ``names``. A last line without an end may have been cut within a number;
-    it is left out, and the table says so.
+    The header is line ``header``, or ``names``. A last line without an end may have been cut within a number; it is
+    omitted, as ``cut`` of the table says.
 
     Raises:
-        SpectrumError: for a row whose cells are not those of the header, or if fewer than two are there.
+        SpectrumError: for a row with another number of cells than the header, or with fewer than two rows.
     """
     names = split(text.lines[header], mark) if header is not None else list(names) if names else None
     while names and not names[-1]:  # a separator at the end of the header
@@ -126,18 +126,12 @@ def read_table(
         while len(cells) > len(names) and not cells[-1]:
             cells.pop()
         if len(cells) != len(names):
-            raise text.refusal(index, f"{_columns(len(cells))}", f"{len(names)}, as in the line before or the header")
+            found = "1 column" if len(cells) == 1 else f"{len(cells)} columns"
+            raise text.refusal(index, found, f"{len(names)}, as in the line before or the header")
         rows.append(cells)
         indices.append(index)
     if len(rows) < 2:
         where = (header if header is not None else start) + 1
-        raise SpectrumError(f"{text.name}, line {where}: {_points(len(rows))} follow; expected at least 2.")
+        found = "1 complete point and no more" if rows else "no complete points"
+        raise SpectrumError(f"{text.name}, line {where}: {found} follow; expected at least 2.")
     return Table(text, tuple(names or ()), tuple(rows), tuple(indices), cut)
-
-
-def _columns(count: int) -> str:
-    return "1 column" if count == 1 else f"{count} columns"
-
-
-def _points(count: int) -> str:
-    return {0: "no complete points", 1: "1 complete point and no more"}.get(count, f"{count} points")

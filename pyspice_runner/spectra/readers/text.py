@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A file as lines of text: size, encoding and line ends are settled here, so that no reader thinks of them."""
+"""A file as lines of text: size, encoding and line ends."""
 
 from __future__ import annotations
 
@@ -16,11 +16,7 @@ MOST_BYTES = 16 * 2**20  # some 200 000 points; an analyser writes 801 or 1601
 
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
-_DECODERS: tuple[tuple[bytes, str], ...] = (
-    (BOM_UTF8, "utf-8"),
-    (BOM_UTF16_LE, "utf-16-le"),
-    (BOM_UTF16_BE, "utf-16-be"),
-)
+_DECODERS = ((BOM_UTF8, "utf-8"), (BOM_UTF16_LE, "utf-16-le"), (BOM_UTF16_BE, "utf-16-be"))
 
 
 @dataclass(frozen=True)
@@ -28,9 +24,9 @@ class Text:
     """The lines of a file.
 
     Attributes:
-        name: the file's name, printable.
-        lines: its lines, without their ends; line 1 of the file is ``lines[0]``.
-        ended: whether the last line has an end; if not, the file may have been cut within it.
+        name: printable name of the file.
+        lines: its lines, without line ends; line 1 of the file is ``lines[0]``.
+        ended: whether the last line has a line end; if not, the file may have been cut within it.
     """
 
     name: str
@@ -38,7 +34,7 @@ class Text:
     ended: bool = True
 
     def refusal(self, index: int, found: str, expected: str) -> SpectrumError:
-        """Return the error that says where, what was found and what was expected, in one sentence."""
+        """Return the error for a line: what was found and what was expected."""
         return SpectrumError(f"{self.name}, line {index + 1}: {found}; expected {expected}.")
 
     def find(self, accept: Callable[[str], object], start: int = 0, stop: int | None = None) -> int | None:
@@ -55,11 +51,10 @@ def load(path: str | Path) -> Text:
     """
     path = Path(path)
     name = clean(path.name or str(path), 80)
+    data = b""
     try:
         status = path.stat()
-        regular = stat.S_ISREG(status.st_mode)
-        data = b""
-        if regular and status.st_size <= MOST_BYTES:
+        if (regular := stat.S_ISREG(status.st_mode)) and status.st_size <= MOST_BYTES:
             with path.open("rb") as file:
                 data = file.read(MOST_BYTES + 1)
     except (OSError, ValueError) as error:
@@ -87,19 +82,15 @@ def decode(data: bytes, name: str) -> str:
     Raises:
         SpectrumError: for bytes that are none of these.
     """
-    for mark, encoding in _DECODERS:
-        if data.startswith(mark):
-            attempts: tuple[str, ...] = (encoding,)
-            data = data[len(mark) :]
-            break
-    else:
-        attempts = _guesses(data)
+    mark, attempts = next(((m, (e,)) for m, e in _DECODERS if data.startswith(m)), (b"", _guesses(data)))
+    data = data.removeprefix(mark)
     for encoding in attempts:
         try:
             content = data.decode(encoding)
         except UnicodeDecodeError:
             continue
-        if not (control := _CONTROL.search(content)):
+        control = _CONTROL.search(content)
+        if not control:
             return content
         line = len(_LINE_END.findall(content, 0, control.start())) + 1
         raise SpectrumError(f"{name}, line {line}: a control character, so this is not text; expected a text export.")
@@ -107,18 +98,18 @@ def decode(data: bytes, name: str) -> str:
 
 
 def clean(text: str, most: int) -> str:
-    """Return text from a file fit to be shown: printable, on one line, and short."""
+    """Return text from a file for display: printable, on one line, and short."""
     flat = " ".join("".join(c if c.isprintable() else " " for c in text[: 4 * most]).split())
     return flat if len(flat) <= most else flat[: most - 1] + "…"
 
 
 def quote(text: str) -> str:
-    """Return text from a file as it is quoted in a message."""
+    """Return text from a file in quotes, for a message."""
     return f"“{clean(text, 40)}”"
 
 
 def describe(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
-    """Return what a file says of its measurement: the first forty entries, printable and short."""
+    """Return the metadata of a measurement: the first forty entries, printable and short."""
     metadata: dict[str, str] = {}
     for key, value in pairs:
         if len(metadata) == 40:
@@ -129,17 +120,15 @@ def describe(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
 
 
 def described(lines: Iterable[str], bare: str = "comment") -> dict[str, str]:
-    """Return what lines such as ``# Date: today`` say; one without a colon stands under the name ``bare``."""
+    """Return the metadata in lines such as ``# Date: today``; the key of a line without a colon is ``bare``."""
     entries = (line[:400].strip(' \t#!%",;').partition(":") for line in lines)
     return describe((key, value) if colon else (bare, key) for key, colon, value in entries)
 
 
 def _guesses(data: bytes) -> tuple[str, ...]:
-    """Return the encodings to try; every other byte of UTF-16 is zero where a text is ASCII."""
+    """Return the encodings to try; every other byte of ASCII text in UTF-16 is zero."""
     head = data[:2000]
-    half = max(len(head) // 2, 1)
-    if head[1::2].count(0) > 0.8 * half and head[::2].count(0) == 0:
-        return ("utf-16-le",)
-    if head[::2].count(0) > 0.8 * half and head[1::2].count(0) == 0:
-        return ("utf-16-be",)
+    even, odd = head[::2].count(0), head[1::2].count(0)
+    if max(even, odd) > 0.8 * max(len(head) // 2, 1) and min(even, odd) == 0:
+        return ("utf-16-le" if odd else "utf-16-be",)
     return ("utf-8", "cp1252", "latin-1")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Touchstone 1 of one port or two, through scikit-rf (the extra ``spectra``).
 
-The number of ports is told from the columns, not from the file's name. Port 1 is group A, port 2 group B, unless both
-ports belong to one device. In series between them it has S₁₁ + S₂₁ = 1 and Y = S₂₁/(2 Z₀ (1 − S₂₁)); as a shunt from
-the line to ground it has S₂₁ − S₁₁ = 1 and Z = Z₀ S₂₁/(2 (1 − S₂₁)), by Kirchhoff's laws with both ports ended by Z₀.
+The columns, not the file name, give the number of ports. Port 1 is group A, port 2 group B, unless both ports belong to
+one device. In series between the ports, S₁₁ + S₂₁ = 1 and Y = S₂₁/(2 Z₀ (1 − S₂₁)); as a shunt from the line to ground,
+S₂₁ − S₁₁ = 1 and Z = Z₀ S₂₁/(2 (1 − S₂₁)), by Kirchhoff's laws with both ports terminated in Z₀.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from pyspice_runner.errors import SpectrumError
 from pyspice_runner.spectra.readers.combine import Complexes
-from pyspice_runner.spectra.readers.reading import Reading
+from pyspice_runner.spectra.readers.reading import Reading, cut_note
 from pyspice_runner.spectra.readers.table import number
 from pyspice_runner.spectra.readers.text import Text, described, quote
 
@@ -26,16 +26,16 @@ _SIDES = ("s", "y", "z", "g", "h")
 _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
 _GROUP = dict.fromkeys(_HERTZ, "unit") | dict.fromkeys(_SIDES, "side") | dict.fromkeys(("ri", "ma", "db"), "form")
 _PORTS = {3: 1, 9: 2}
-_ONE_DEVICE = 0.1  # share of S₂₁ by which the rule of one device may be missed, for fixture and calibration
+_ONE_DEVICE = 0.1  # error of the rule of one device as a share of S₂₁, for fixture and calibration
 _ASSUMED = {
     "series": "The two ports are those of one device in series between them, and it was read as one port.",
     "shunt": "The two ports are those of one device from the line to ground (a shunt), and it was read as one port.",
 }
-_NOISE = 5  # numbers in a line of noise parameters, which may follow a two-port
+_NOISE = 5  # numbers in a line of noise parameters, which may follow the points of a two-port
 
 
 class _Option(NamedTuple):
-    """The option line: factor of the frequency, kind of parameter, number format, reference resistance."""
+    """The option line: factor to Hz, kind of parameter, number format, reference resistance in Ω."""
 
     hertz: float
     side: str
@@ -43,8 +43,8 @@ class _Option(NamedTuple):
     reference: float
 
 
-def read(text: Text, _trace: str | None, through: str | None = None) -> Reading | None:
-    """Read the file; ``None`` if it is of another format. Of two ports, ``through`` makes one device of both."""
+def read(text: Text, through: str | None) -> Reading | None:
+    """Read the file; ``None`` if it is in another format. ``through`` makes one device of two ports."""
     first = text.find(lambda line: line.strip() and not line.lstrip().startswith("!"), 0, 1000)
     if first is None:
         return None
@@ -61,14 +61,10 @@ def read(text: Text, _trace: str | None, through: str | None = None) -> Reading 
         found = "one port" if ports == 1 else f"{option.side.upper()} parameters"
         raise text.refusal(first, found, "S parameters of two ports, or through left out")
     values = _parameters(text, option, rows, ports)
-    assumed = _assumed(values) if ports == 2 and option.side == "s" and through is None else None
-    if device := through or assumed:
-        matrix = _through(values[:, 1, 0], option.reference, device)
-        ports = 1
-    else:
-        matrix = _admittance(text, option, values)
-    if assumed:
-        warnings.append(f"{_ASSUMED[assumed]} State through = series or shunt if that is wrong.")
+    device = through
+    if device is None and ports == 2 and option.side == "s" and (device := _assumed(values)):
+        warnings.append(f"{_ASSUMED[device]} State through = series or shunt if that is wrong.")
+    matrix = _through(values[:, 1, 0], option.reference, device) if device else _admittance(text, option, values)
     if option.side != "s" and option.reference != 1.0:
         warnings.append(
             f"The {option.side.upper()} parameters were taken as normalised to {option.reference:g} Ω, "
@@ -76,7 +72,7 @@ def read(text: Text, _trace: str | None, through: str | None = None) -> Reading 
         )
     metadata = described(entry for entry in text.lines if entry.lstrip().startswith("!"))
     reading = Reading(text, FORMAT, frequency, np.array(indices), metadata=metadata, warnings=warnings)
-    if ports == 2:
+    if matrix.shape[-1] == 2:
         reading.matrix_s = matrix
     else:
         reading.columns = {"g": matrix[:, 0, 0].real, "b": matrix[:, 0, 0].imag}
@@ -84,7 +80,7 @@ def read(text: Text, _trace: str | None, through: str | None = None) -> Reading 
 
 
 def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int], list[str]]:
-    """Return the points in rising order of line, checked to be numbers; noise parameters are left out."""
+    """Return the points without noise parameters, their lines and warnings."""
     rows: list[list[float]] = []
     indices: list[int] = []
     last = len(text.lines) - (0 if text.ended else 1)
@@ -93,25 +89,19 @@ def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int], list[st
         cells = line.split()
         if not cells or line.lstrip().startswith("#"):
             continue
-        values = [number(cell) for cell in cells]
-        if any(value is None or not np.isfinite(value) for value in values):
-            bad = next(
-                cell for cell, value in zip(cells, values, strict=True) if value is None or not np.isfinite(value)
-            )
-            raise text.refusal(index, f"{quote(bad)} is no number", "numbers")
+        values = [np.nan if (value := number(cell)) is None else value for cell in cells]
+        if not np.isfinite(values).all():
+            raise text.refusal(index, f"{quote(cells[np.isfinite(values).argmin()])} is no number", "numbers")
         if rows and len(rows[0]) == 9 and len(cells) == _NOISE:
             break
         if len(cells) not in _PORTS or (rows and len(cells) != len(rows[0])):
             expected = f"{len(rows[0])}" if rows else "3 (one port) or 9 (two ports)"
             raise text.refusal(index, f"{len(cells)} numbers", expected)
-        rows.append([value for value in values if value is not None])
+        rows.append(values)
         indices.append(index)
     if len(rows) < 2:
         raise text.refusal(start - 1, f"only {len(rows)} complete points follow", "at least 2")
-    warnings = []
-    if not text.ended:
-        warnings.append(f"Line {last + 1}, the last, has no line end and may be cut short, so it was left out.")
-    return rows, indices, warnings
+    return rows, indices, [] if text.ended else [cut_note(last)]
 
 
 def _option(text: Text, index: int, line: str) -> _Option:
@@ -131,10 +121,10 @@ def _option(text: Text, index: int, line: str) -> _Option:
 
 
 def _parameters(text: Text, option: _Option, rows: list[list[float]], ports: int) -> Complexes:
-    """Let scikit-rf make complex matrices of the points.
+    """Make complex matrices of the points with scikit-rf.
 
-    It tells the number of ports from a name and takes frequencies that fall for noise, so it gets a name and
-    frequencies that suit it; of Y and Z, which it would normalise in its own way, it is told that they are S.
+    scikit-rf takes the number of ports from the file name, and falling frequencies for noise parameters; it gets a name
+    and frequencies to match. Y and Z are passed as S, to keep scikit-rf from normalising them.
     """
     try:
         from skrf.io.touchstone import Touchstone
@@ -175,9 +165,9 @@ def _through(s21: Complexes, reference: float, device: str) -> Complexes:
 def _assumed(s: Complexes) -> str | None:
     """Return ``series`` or ``shunt`` if the S-parameters are those of one device between the ports.
 
-    Through a series device one current flows, 1 − S₁₁ = S₂₁; both ports of a shunt have one voltage, 1 + S₁₁ = S₂₁. Of
-    a direct connection both hold, so the rule that holds better counts. Neither holds of two groups, except at the
-    resonance of a mode that they share.
+    A series device has one current, 1 − S₁₁ = S₂₁; both ports of a shunt have one voltage, 1 + S₁₁ = S₂₁. A direct
+    connection satisfies both; the smaller error decides. Two groups satisfy neither, except at the resonance of a
+    shared mode.
     """
     reflected, passed = s[:, 0, 0], s[:, 1, 0]
     missed = {"series": np.abs(1.0 - reflected - passed), "shunt": np.abs(1.0 + reflected - passed)}
