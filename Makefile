@@ -53,7 +53,7 @@ ngspice46: setup ## run decks and engine in ngspice 46, unpacked into .tools bes
 verilog-a: ## compile the Verilog-A motor and run it in ngspice 46, beside the subcircuits (100 MB)
 	@sh scripts/setup.sh test dev compiled
 	@sh scripts/backports.sh ngspice
-	$(PY) -m pytest -n $(JOBS) tests/tools/verilog_a.py tests/tools/compiled_engine.py tests/tools/vacask.py tests/tools/simulators.py tests/tools/verilog_a_averaged.py
+	$(PY) -m pytest -n $(JOBS) tests/tools/verilog_a.py tests/tools/compiled_engine.py tests/tools/vacask.py tests/tools/simulators.py
 
 lint: setup ## check style, format and types of the sources
 	$(PY) -m ruff check .

@@ -12,15 +12,12 @@ import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.averaged import TRUSTED_CHECK, TRUSTED_OPEN
-from pyspice_runner.analysis.averaged_signals import SIGNAL_PHASES, averaged_signals
 from pyspice_runner.analysis.controlled import Sample
-from pyspice_runner.analysis.small_signals import INPUTS, OUTPUTS
 from pyspice_runner.analysis.steady import steady_states
 from pyspice_runner.model.drive import Load
 from pyspice_runner.netlist.contact import law_of
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.setup import Setup
-from pyspice_runner.run.steps import time_step
 
 PAGE = Path(__file__).with_name("averaged_accuracy.md")
 ALLOWED = 0.02  # of the friction torque: error of a point whose check passes
@@ -55,13 +52,6 @@ MOVING = (  # set, V, Hz, degrees
     ("bimodal40", 110.0, 40.1e3, 120.0),
     ("andersen2002-unintended-mode", 50.0, 48e3, 180.0),
 )
-RUNNING = (  # set, V, Hz, degrees
-    ("andersen2002-unintended-mode", 100.0, 46e3, 150.0),
-    ("bimodal40", 60.0, 40.4e3, 120.0),
-)
-SLOWEST = 100.0  # Hz
-FINER = 32  # steps of the small signals in one of simulate: there their small values change by less than 1 %
-ALLOWED_SIGNAL = (0.03, 3.0)  # relative, degrees
 INTRODUCTION = f"""
 Mean torque of a held shaft: the averaged motor (`simulate_averaged`, {SETTLED * 1e3:g} ms) against the steady state of
 the full model (`steady_state`). The error is relative to the friction torque μ F₀ R. The check passes where the motion
@@ -74,20 +64,6 @@ distance.
 TRANSIENTS_TEXT = f"""
 Speed of a free shaft on the mount, from rest; at {STEP * 1e3:g} ms frequency, amplitude or load change. Both motors are
 sampled every {SAMPLE * 1e3:g} ms until {END * 1e3:g} ms. The load is {LOAD * 1e3:g} mN·m.
-"""
-
-
-SIGNALS_TEXT = f"""
-Transfer functions by `.ac` (`averaged_signals`, {SIGNAL_PHASES} phases) against the small signals of the steady state
-(`small_signals`, 1/{FINER} of its usual step): fixed distance, free shaft, all inputs and outputs, modulation from
-{SLOWEST:g} Hz to a tenth of the drive's frequency. A row has the greatest errors of the outputs for one input.
-"""
-SIGNALS_LIMITS = """
-Some transfer functions are small because two effects almost cancel. There both sides have a greater error. For
-`andersen2002` at 200 V, 55 kHz, 90°, where the slider changes its direction within few phases, 26 of 32 transfer
-functions are within 3 % and 3° at 128 phases and 28 at 256; the others are those from phase and frequency to the speed
-(5 to 40 %) and from the load to the phase of a current. There the small signals themselves change by up to 8 % with
-their step.
 """
 
 
@@ -182,66 +158,6 @@ def transients(cases: tuple[tuple[str, str], ...] | None = None) -> Iterator[Tra
             yield Transient(name, drive, event, float(np.interp(begin, time, full)), float(full[-1]), error)
 
 
-@dataclass(frozen=True)
-class Signals:
-    """Errors of all transfer functions from one input.
-
-    Attributes:
-        name: set.
-        drive: the drive.
-        of: the input.
-        errors: output → greatest relative error of the magnitude, greatest error of the phase in degrees.
-    """
-
-    name: str
-    drive: pr.TwoPhaseDrive
-    of: str
-    errors: dict[str, tuple[float, float]]
-
-    @property
-    def line(self) -> str:
-        """A row of the table: the greatest errors, and the outputs that have them."""
-        cells = [self.name, self.drive.label, self.of]
-        for part, scale in enumerate((100.0, 1.0)):
-            worst = max(self.errors, key=lambda output: self.errors[output][part])
-            cells.append(f"{scale * self.errors[worst][part]:.1f} ({worst})")
-        return f"| {' | '.join(cells)} |"
-
-
-def signals(cases: tuple[int, ...] = (0, 1)) -> Iterator[Signals]:
-    """Compare ``.ac`` with the small signals of the steady state, for the drives of the given numbers."""
-    for name, voltage, frequency, phase in (RUNNING[case] for case in cases):
-        motor = pr.load_motor(name).updated({"mount": None})
-        drive = pr.TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase)
-        ours = averaged_signals(motor, drive, start=SLOWEST, stop=0.0999 * frequency, points=3)
-        step = time_step(motor, DriveSource(drive), law_of("spring-slider")) / FINER
-        full = pr.small_signals(motor, drive, frequencies=ours.modulation_hz, step=step)
-        for of in INPUTS:
-            ratios = {output: ours.transfer(output, of) / full.transfer(output, of) for output in OUTPUTS}
-            yield Signals(
-                name, drive, of,
-                {
-                    output: (float(np.abs(np.abs(ratio) - 1.0).max()), float(np.abs(np.degrees(np.angle(ratio))).max()))
-                    for output, ratio in ratios.items()
-                },
-            )  # fmt: skip
-
-
-def signals_section() -> list[str]:
-    """Return the lines of the section on small signals."""
-    return [
-        "## Small signals",
-        "",
-        *textwrap.wrap(" ".join(SIGNALS_TEXT.split()), 110),
-        "",
-        "| motor | drive | input | greatest error of the magnitude, % | of the phase, degrees |",
-        "|---|---|---|---|---|",
-        *(row.line for row in signals()),
-        "",
-        *textwrap.wrap(" ".join(SIGNALS_LIMITS.split()), 110),
-    ]
-
-
 def _commanded(
     motor: pr.Motor, drive: pr.TwoPhaseDrive, changes: dict[str, float], averaged: bool
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -304,7 +220,6 @@ def page() -> str:
                 for row in moving
             ),
             "",
-            *signals_section(),
             "",
         ]
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A speed loop designed by ``.ac`` of the averaged motor: loop gain, and its step response on both motors."""
+"""A speed loop designed from the small signals of the motor: loop gain, and its step response on both motors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 from style import BLACK, BLUE, GREY, VERMILION, canvas, draft, drive_words, farthest, main, motor_words, samples, write
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.averaged_signals import averaged_signals
 from pyspice_runner.analysis.controlled import ControlledRun, Sample
 
 MOTOR = pr.load_motor("bimodal40")
@@ -48,7 +47,7 @@ def run(gain: float, constant: float, *, averaged: bool) -> ControlledRun:
 
 
 def draw(folder: Path) -> list[str]:
-    signals = averaged_signals(MOTOR, DRIVE, start=1.0, stop=500.0, points=10)
+    signals = pr.small_signals(MOTOR, DRIVE, frequencies=np.geomspace(1.0, 500.0, 28))
     frequency, plant = signals.modulation_hz, signals.transfer("speed", "amplitude")
     gain, constant, loop = design(frequency, plant)
     averaged, full = (run(gain, constant, averaged=averaged) for averaged in (True, False))
@@ -60,7 +59,7 @@ def draw(folder: Path) -> list[str]:
     size.axhline(1.0, color=BLACK, lw=0.7)
     phase.axhline(-180.0, color=BLACK, lw=0.7)
     phase.plot([CROSSOVER] * 2, [-180.0, MARGIN - 180.0], "o-", color=VERMILION, ms=3, label=f"margin {MARGIN:g}°")
-    size.set(ylabel="magnitude", title="(a) small signals, averaged motor")
+    size.set(ylabel="magnitude", title="(a) small signals")
     phase.set(ylabel="phase / °", xlabel="modulation frequency / Hz")
     samples(speed, averaged, full, "speed_rad_s", 1.0, "speed / rad/s")
     samples(voltage, averaged, full, "voltage_a_v", 1.0, "amplitude / V")

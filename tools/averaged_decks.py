@@ -182,8 +182,8 @@ def _small_signal(motor: Motor) -> str:
         "Small signals",
         """Small signals. .ac modulates the amplitude of both groups about the operating point: v(shaft) is the speed
         in rad/s for 1 V of amplitude. For a modulation of the frequency, give Vfrequency AC 1 and the others AC 0; for
-        the load torque, Iload AC 1. Valid to about a fortieth of the drive frequency; averaged_signals of the package
-        writes decks that are valid to a tenth. Prints magnitude and phase in rad.""",
+        the load torque, Iload AC 1. Valid to about a fortieth of the drive frequency. Prints magnitude and phase in
+        rad.""",
         _parameters(motor)
         | {
             "torque": ("4m", "N.m, load"),  "lowest": (1, "Hz"), "highest": ("1k", "Hz"),

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.averaged_signals import AveragedSignals
 from pyspice_runner.analysis.small_signals import SmallSignals
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.model.tracking import LoopFilter, StatorLag
@@ -56,7 +55,7 @@ class LoopDesign:
 
 
 def loop_design(
-    tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter, signals: SmallSignals | AveragedSignals | None = None
+    tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter, signals: SmallSignals | None = None
 ) -> LoopDesign:
     """Return the loop gain of a phase-locked loop.
 
@@ -64,8 +63,8 @@ def loop_design(
         tracker: the tracker.
         lag: of the stator.
         loop_filter: the filter.
-        signals: small signals of the running motor, or of the averaged one. Their transfer function from the frequency
-            to the phase of the motional current of group A then takes the place of the lag.
+        signals: small signals of the running motor. Their transfer function from the frequency to the phase of the
+            motional current of group A then replaces the lag.
 
     Raises:
         SimulationError: if ngspice fails, or the loop gain does not cross 1 near the bandwidth.

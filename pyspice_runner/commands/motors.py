@@ -99,7 +99,7 @@ def export(
     ] = "",
     thermal: Annotated[bool, typer.Option("--thermal", help="Add drift with temperature, and its two pins.")] = False,
     averaged: Annotated[
-        bool, typer.Option("--averaged", help="Write the motor averaged over the drive's period (.lib, .va, .fmu).")
+        bool, typer.Option("--averaged", help="Write the motor averaged over the drive's period (.lib, .fmu).")
     ] = False,
     dialect: Annotated[str, typer.Option(help="Dialect of the .lib: spice (ngspice, LTspice) or xyce.")] = "spice",
     changes: SetOption = None,
@@ -121,7 +121,6 @@ def export(
     from pyspice_runner.netlist.fmu import fmu_texts
     from pyspice_runner.netlist.motor import motor_library
     from pyspice_runner.netlist.veriloga import motor_module
-    from pyspice_runner.netlist.veriloga_averaged import averaged_module
     from pyspice_runner.netlist.xyce import Dialect, check_dialect, in_dialect
 
     if is_circuit_file(source):
@@ -131,7 +130,7 @@ def export(
         _export_circuit(source, changes, as_json, output, plot, name or "resonator")
         return
     check_contact(context, contact)
-    of_averaged, of_full = (".lib", ".va", ".fmu"), (".lib", ".va", ".fmu", ".asy", ".kicad_sym", ".s2p", ".toml")
+    of_averaged, of_full = (".lib", ".fmu"), (".lib", ".va", ".fmu", ".asy", ".kicad_sym", ".s2p", ".toml")
     check_targets(output, of_averaged if averaged else of_full, plot, [source])
     check_dialect(dialect, output)
     if output is not None:
@@ -143,8 +142,7 @@ def export(
         text = fmu_texts(loaded, name=name, thermal=drift)["modelDescription.xml"]
     elif averaged:
         check_averaged(contact)
-        write = averaged_module if output is not None and output.suffix == ".va" else averaged_library
-        text = write(loaded, name=name, thermal=drift)
+        text = averaged_library(loaded, name=name, thermal=drift)
     elif output is not None and output.suffix == ".va":
         text = motor_module(loaded, contact=contact, sliders=sliders, name=name, thermal=drift)
     else:

@@ -34,7 +34,6 @@ from pyspice_runner.netlist.symbols import (
     ltspice_symbol,
 )
 from pyspice_runner.netlist.veriloga import motor_module
-from pyspice_runner.netlist.veriloga_averaged import averaged_module
 from pyspice_runner.netlist.xyce import Dialect, check_dialect, in_dialect
 from pyspice_runner.spectra.touchstone import touchstone
 
@@ -98,8 +97,8 @@ def export_motor(
         sliders: number of sliders of the brush in it.
         name: name of the subcircuit in the ``.lib``, the ``.va`` and the symbols; by default ``piezomotor``.
         thermal: drift with temperature, for the pins ``temperature`` and ``heat`` (``piezomotor_thermal`` by default).
-        averaged: whether to write the averaged motor, ``.subckt`` or ``module piezomotor_averaged``, as a ``.lib`` or
-            ``.va``; a ``.fmu`` always contains it.
+        averaged: whether to write the averaged motor, ``.subckt piezomotor_averaged``, as a ``.lib``; a ``.fmu``
+            always contains it.
         dialect: ``"spice"`` writes the ``.lib`` for ngspice and LTspice, ``"xyce"`` for Xyce.
 
     Raises:
@@ -113,7 +112,6 @@ def export_motor(
             path,
             {
                 ".lib": _text(lambda _: in_dialect(averaged_library(motor, name=name, thermal=thermal), dialect)),
-                ".va": _text(lambda _: averaged_module(motor, name=name, thermal=thermal)),
                 ".fmu": lambda file: _write_fmu(fmu_texts(motor, name=name, thermal=thermal), file),
             },
         )

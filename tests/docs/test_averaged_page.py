@@ -55,25 +55,3 @@ def test_no_transient_is_off_by_more_than_three_per_cent() -> None:
     errors = [float(cells[5]) for cells in rows if cells[3].strip() in SCRIPT["TRANSIENTS"]]
     assert len(errors) == len(EVENTS)
     assert max(errors) <= 100.0 * SCRIPT["ALLOWED_TRANSIENT"]
-
-
-@pytest.mark.parametrize("case", [pytest.param(0, marks=pytest.mark.soak), pytest.param(1, marks=pytest.mark.soak)])
-def test_the_errors_of_small_signals_are_what_is_measured(case: int) -> None:
-    """Within 0.3 % and degrees: tenths are printed, and where effects cancel, small differences count ten times.
-
-    The suite has the highest frequency of the second motor: tests/analysis/test_averaged_signals.py.
-    """
-    for row in SCRIPT["signals"]((case,)):
-        start = f"| {row.name} | {row.drive.label} | {row.of} |"
-        (line,) = (line for line in LINES if line.startswith(start))
-        for ours, page in zip(row.line.split("|")[4:6], line.split("|")[4:6], strict=True):
-            assert float(ours.split()[0]) == pytest.approx(float(page.split()[0]), abs=0.3)
-
-
-def test_no_small_signal_is_off_by_more_than_three_per_cent_and_three_degrees() -> None:
-    inputs = ("amplitude", "phase", "frequency", "load_torque")
-    rows = [line.split("|") for line in LINES if len(line.split("|")) == 7 and line.split("|")[3].strip() in inputs]
-    assert len(rows) == len(inputs) * len(SCRIPT["RUNNING"])
-    size, turn = SCRIPT["ALLOWED_SIGNAL"]
-    assert max(float(cells[4].split()[0]) for cells in rows) <= 100.0 * size
-    assert max(float(cells[5].split()[0]) for cells in rows) <= turn

@@ -16,16 +16,11 @@ from pyspice_runner.netlist.averaged import (
     averaged_contact,
     check_resolution,
     contact_pins,
-    contact_text,
 )
-from pyspice_runner.netlist.library import data_path, definitions, read_library
+from pyspice_runner.netlist.library import definitions, read_library
 from tests.netlist.batch import measured
 
 CONTACT = {"normal_stiffness": 5e9, "compliance": 4e-7, "mu": 0.25, "radius": 0.012, "preload": 6.0, "damping": 0.4}
-
-
-def test_contact_library_is_what_the_package_writes() -> None:
-    assert (data_path("behavioral") / "piezomotor_averaged_contact.lib").read_text() == contact_text()
 
 
 @pytest.mark.parametrize(
@@ -128,7 +123,8 @@ def test_contact_gives_the_sums_of_the_law_over_a_period(tmp_path: Path, speed: 
     assert found["open"] == pytest.approx((law["normal"] == 0.0).mean(), abs=1.0 / phases)
 
 
-def test_default_resolution_is_the_one_of_the_library() -> None:
-    library = read_library("piezomotor_averaged_contact")
-    assert f"{PHASES} phases, {HARMONICS} harmonics" in library.title
-    assert [pin.name for pin in library.pins] == contact_pins(HARMONICS)
+def test_averaged_contact_has_the_parameters_of_a_phase() -> None:
+    library = averaged_contact()
+    assert library.parameters == read_library("piezomotor_averaged_phase").parameters
+    assert list(library.pin_names) == contact_pins(HARMONICS)
+    assert library.subcircuit.count("\nXphase") == PHASES

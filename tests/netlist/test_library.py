@@ -283,19 +283,12 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
         "heat_w": (0.5 * 2 * pi * 50e3 * 2e-9 * 2 ** (2 / pi * atan(0.01)) * 0.01 * 10.0**2, 1e-6),
     },
     "piezomotor_averaged_bending": {"deflection_um": (-0.5, 1e-6)},
-    "piezomotor_averaged_mode_fine": {"current_a": (-0.1 * 0.1 / 15.0, 1e-3)},
-    "piezomotor_averaged_bending_fine": {"deflection_um": (-0.5, 1e-6)},
     "piezomotor_averaged_check": {"response_um": (1e6 / (1.0 - (2 * pi * 20e3) ** 2), 1e-6)},
     # the curvature of the rotor takes x²/2R = 0.05 nm from the static penetration
     "piezomotor_averaged_phase": {
         "friction_n": (0.25 * 7.0 * (1e6 * (4.0 / 7e9) ** (2 / 3) - 5e-5) ** 1.5, 1e-6),
         "normal_n": (7.0 * (1e6 * (4.0 / 7e9) ** (2 / 3) - 5e-5) ** 1.5, 1e-6),
     },
-    "piezomotor_averaged_phase_fine": {
-        "friction_n": (0.25 * 7.0 * (1e6 * (4.0 / 7e9) ** (2 / 3) - 5e-5) ** 1.5, 1e-6),
-        "normal_n": (7.0 * (1e6 * (4.0 / 7e9) ** (2 / 3) - 5e-5) ** 1.5, 1e-6),
-    },
-    "piezomotor_averaged_contact": {"friction_n": (-0.25 * 4.0, 1e-6), "slip": (1.0, 1e-6)},
     # as piezomotor_mode, the coupling 5 % greater
     "piezomotor_mode_thermal": {"peak_velocity_m_s": (1.05 * 0.12 / 15.0, 2e-4)},
     "piezomotor_group_thermal": {"conductance_s": (1.2 * CONDUCTANCE, 0.05)},

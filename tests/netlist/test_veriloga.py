@@ -9,12 +9,9 @@ from pathlib import Path
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.cli import run
 from pyspice_runner.netlist.contact import contact_values
-from pyspice_runner.netlist.fmu import variables
 from pyspice_runner.netlist.library import data_path, read_library
 from pyspice_runner.netlist.veriloga import motor_module
-from pyspice_runner.netlist.veriloga_averaged import averaged_module
 
 PARAMETER = re.compile(
     r'^ *\(\* desc="(?P<meaning>[^"]+)"(?:, units="(?P<unit>[^"]+)")? \*\) parameter (?:real|integer) '
@@ -111,43 +108,3 @@ def test_a_brush_has_a_cell_for_every_slider(sliders: int, tmp_path: Path) -> No
         assert text.count(f"I(cell_{number}) <+ ddt(1e-6 * V(cell_{number}))") == 1
     assert f"cell_{sliders + 1}" not in text
     assert text.count("I(slider) <+") == 1
-
-
-# --- the averaged motor ---
-
-
-def test_the_averaged_file_is_the_module_of_bimodal40() -> None:
-    text = (data_path("behavioral") / "piezomotor_averaged.va").read_text(encoding="utf-8")
-    assert text == averaged_module(pr.load_motor("bimodal40"))
-
-
-def test_every_time_derivative_of_the_averaged_motor_stands_before_the_loop_with_its_constant_inside() -> None:
-    """A ddt after the loop has been seen to vanish in OpenVAF, without a message; `make verilog-a` would show it."""
-    text = averaged_module(pr.load_motor("andersen2002-unintended-mode"))
-    before, after = text.split("for (n = 0;")
-    assert before.count("<+ ddt(") == 2 + 4 + 3 * 7  # groups; rotor, slider and carrier; seven states of each mode
-    assert "ddt(" not in after
-    assert not re.search(r"\* *ddt\(", before)
-
-
-def test_the_averaged_module_has_the_parameters_of_the_unit_for_control_tools() -> None:
-    """Both declare units and ranges by hand; the unit has more, for the thermal network around the motor."""
-    motor = pr.load_motor("andersen2002-unintended-mode")
-    thermal = pr.Thermal.of(motor)
-    found = parameters(averaged_module(motor, thermal=thermal))
-    same = {"frequency_drift": "drift_f", "coupling_drift": "drift_k", "capacitance_drift": "drift_c"}
-    expected = {item.name: item for item in variables(motor, thermal) if item.causality == "parameter"}
-    del expected["heat_capacity"], expected["thermal_resistance"]
-    for name, item in expected.items():
-        number = re.fullmatch(r"mode\[(\d)\]\.(\w+)", name)
-        one = found.pop(f"{number[2]}_{number[1]}" if number else same.get(name, name))
-        assert (one["unit"] or "1") == item.unit, name
-        assert [float(one[key]) for key in ("least", "greatest")] == [float(item.least), float(item.greatest)], name
-        assert float(one["value"]) == pytest.approx(item.start, rel=1e-9), name
-    assert found.keys() == {"mounted"}
-
-
-def test_the_command_writes_the_averaged_module(tmp_path: Path) -> None:
-    target = tmp_path / "motor.va"
-    assert run(["export", "andersen2002", "--averaged", "--name", "mean", "--output", str(target)]) == 0
-    assert "\nmodule mean(a_re, a_im, b_re, b_im, frequency, shaft, temperature, heat);\n" in target.read_text()
