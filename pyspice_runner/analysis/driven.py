@@ -13,7 +13,7 @@ import hashlib
 import re
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import ceil, pi
 
 import numpy as np
@@ -53,11 +53,9 @@ class DrivenMap(PeriodMap):
 
     Attributes:
         uniform: whether ngspice's steps are uniform; otherwise it shortens them at edges.
-        outputs: by the identity of a plant, the harmonics of the outputs of its stage in its last period.
     """
 
     uniform: bool = False
-    outputs: dict[int, dict[str, tuple[Tone, ...]]] = field(default_factory=dict)
 
     @property
     def discretisation(self) -> Discretisation:
@@ -67,6 +65,9 @@ class DrivenMap(PeriodMap):
     def traces(self, copies: Sequence[Copy]) -> list[Trace | None]:
         """Return the traces of the copies over a period; ``None`` where ngspice does not find one."""
         return self._evaluated(copies, self.duration, whole=True)
+
+    def _write(self, copies: Sequence[Copy]) -> None:
+        """Leave the subcircuits to :func:`driven_bench`."""
 
     @property
     def duration(self) -> float:
@@ -101,13 +102,12 @@ class DrivenMap(PeriodMap):
             states = driven_states(copy.plant, samples, instance, self.discretisation)
             contact = [samples[f"v({instance}.xmotor.{name})"] for name in _CONTACT] if whole else [time] * 5
             rows = [np.interp(even, time, row) for row in (*states, *contact)]
-            traces.append(Trace(even, np.array(rows[: len(states)]), *rows[len(states) :]))
-            if whole and not self.uniform:
-                within = slice(first, last + 1)
-                self.outputs[id(copy.plant)] = {
-                    group: self._harmonics(time[within], samples[f"v({instance}.out_{group})"][within])
-                    for group in "ab"
-                }
+            within = slice(first, last + 1)
+            outputs = {
+                group: self._harmonics(time[within], samples[f"v({instance}.out_{group})"][within])
+                for group in ("ab" if whole and not self.uniform else "")
+            }
+            traces.append(replace(Trace(even, np.array(rows[: len(states)]), *rows[len(states) :]), outputs=outputs))
         return traces
 
     def ends(self, time: Array) -> tuple[int, int]:
@@ -130,7 +130,6 @@ class DrivenShooting(Shooting):
 
     def __init__(self, points: Sequence[Point], period_map: DrivenMap, timeout: float | None = None) -> None:
         super().__init__(points, period_map)
-        self.outputs = period_map.outputs
         self.even = period_map if period_map.uniform else DrivenMap(
             period_map.period, _EVEN * ceil(period_map.steps / 2 / _EVEN), timeout, uniform=True
         )  # fmt: skip
@@ -160,7 +159,8 @@ class DrivenShooting(Shooting):
             plant = point.plant
             assert isinstance(plant, DrivenPlant)
             if not plant.driver.uniform:
-                plant = replace(plant, stage=self.outputs[id(plant)])
+                assert point.trace is not None
+                plant = replace(plant, stage=point.trace.outputs)
             states = np.vstack([point.state, point.state + PERTURBATION * np.diag(point.scale)])
             copies += [Copy(plant, state) for state in states]
         traces = self.even.traces(copies)
@@ -253,7 +253,6 @@ def driven_answers(setups: Sequence[Setup]) -> list[DrivenAnswer]:
 
     The first point of each curve starts from a short transient, the others from that point's solution.
     """
-    drivers: dict[int, tuple[Driver, TwoPhaseDrive]] = {}
     points: list[DrivenPoint] = []
     for setup in setups:
         driver = setup.source
@@ -261,8 +260,7 @@ def driven_answers(setups: Sequence[Setup]) -> list[DrivenAnswer]:
         stage = TwoPhaseDrive(
             voltage=driver.voltage, frequency=driver.frequency, phase_deg=driver.phase_deg, ratio_b=driver.ratio_b
         )
-        _, drive = drivers.setdefault(id(driver), (driver, stage))
-        plant = DrivenPlant(setup.motor, drive, setup.load, setup.law, driver)
+        plant = DrivenPlant(setup.motor, stage, setup.load, setup.law, driver)
         points.append(DrivenPoint(plant, np.zeros(plant.order), _scale(plant)))
     first = setups[0]
     maps = tuple(
@@ -296,9 +294,9 @@ def _scale(plant: DrivenPlant) -> Array:
 
 def _search(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
     shooting = DrivenShooting(points, period_map)
-    curves: dict[tuple[int, int], list[DrivenPoint]] = {}
+    curves: dict[str, list[DrivenPoint]] = {}
     for point in points:
-        curves.setdefault((id(point.plant.motor), id(point.plant.drive)), []).append(point)
+        curves.setdefault(point.plant.curve, []).append(point)
     seeds = [curve[len(curve) // 2] for curve in curves.values()]
     for decays in (0.0, *SETTLING):
         _retry([seed for seed in seeds if not seed.done], shooting, period_map, decays)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from math import ceil
@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.errors import SimulationError
-from pyspice_runner.netlist.copies import Copy, Plant, copies_bench, copy_name
+from pyspice_runner.model.drive import Tone
+from pyspice_runner.netlist.copies import Copy, Plant, copies_bench, copy_name, motor_texts
 from pyspice_runner.netlist.motor import Discretisation
 from pyspice_runner.run.kernel import run_bench, simulator
 
@@ -51,6 +52,7 @@ class Trace:
         contact_state: switch state, 0 separated, 1 stick, 2 slip.
         slider_um: displacement of the slider, not cut off at its limit, µm.
         penetration_um: penetration, negative where there is a gap, µm.
+        outputs: harmonics of the output of a driver's stage, by group, if its steps are not uniform.
     """
 
     time: Array
@@ -60,6 +62,7 @@ class Trace:
     contact_state: Array
     slider_um: Array
     penetration_um: Array
+    outputs: Mapping[str, tuple[Tone, ...]] = field(default_factory=dict)
 
     @property
     def forces(self) -> Array:
@@ -95,7 +98,7 @@ class PeriodMap:
     simulated_s: float = 0.0
     ngspice_version: str = ""
     _hashes: set[str] = field(default_factory=set, repr=False)
-    _texts: dict[int, tuple[str, str]] = field(default_factory=dict, repr=False)
+    _texts: dict[str, dict[str, str]] = field(default_factory=dict, repr=False)  # subcircuits of each motor, by name
 
     @property
     def step(self) -> float:
@@ -145,6 +148,7 @@ class PeriodMap:
             return []
         self.evaluations += len(copies)
         self.simulated_s += len(copies) * duration
+        self._write(copies)
         workers = self.workers
         decks = ceil(len(copies) / COPIES_PER_DECK)
         decks = max(ceil(decks / workers) * workers if decks > 1 else 1, min(workers, len(copies) // 4))
@@ -157,6 +161,11 @@ class PeriodMap:
             return evaluated(parts[0])
         with ThreadPoolExecutor(workers) as pool:
             return [trace for traces in pool.map(evaluated, parts) for trace in traces]
+
+    def _write(self, copies: Sequence[Copy]) -> None:
+        """Write the subcircuits of new motors, before the threads of the decks read them."""
+        new = [copy for copy in copies if copy.plant.motor_name not in self._texts]
+        self._texts |= motor_texts(new, self.discretisation, plates=False, compiled=self.compiled)
 
     def _deck(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
         """Run one deck; where that fails, run its halves, so that one copy does not take the others along."""

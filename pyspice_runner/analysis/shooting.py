@@ -435,9 +435,9 @@ class Shooting:
 
 def _seeds(points: Sequence[Point]) -> list[Point]:
     """Return the points to solve first: of a long curve at held speeds every third, otherwise all."""
-    curves: dict[tuple[int, int], list[Point]] = {}
+    curves: dict[str, list[Point]] = {}
     for point in points:
-        curves.setdefault((id(point.plant.motor), id(point.plant.drive)), []).append(point)
+        curves.setdefault(point.plant.curve, []).append(point)
     seeds = []
     for curve in curves.values():
         if len(curve) < LONG_CURVE or any(point.plant.load.speed is None or point.guessed for point in curve):
@@ -450,10 +450,7 @@ def _seeds(points: Sequence[Point]) -> list[Point]:
 def _neighbours(point: Point, solved: Sequence[Point]) -> list[Point]:
     """Return the two solved points of the same curve whose speeds are nearest."""
     speed = point.plant.load.speed or 0.0
-    others = [
-        other for other in solved
-        if other.done and other.plant.motor is point.plant.motor and other.plant.drive is point.plant.drive
-    ]  # fmt: skip
+    others = [other for other in solved if other.done and other.plant.curve == point.plant.curve]
     return sorted(others, key=lambda other: abs((other.plant.load.speed or 0.0) - speed))[:2]
 
 
@@ -468,8 +465,7 @@ def _neighbour(point: Point, points: Sequence[Point]) -> Point | None:
         return None
     others = [
         other for other in points
-        if other.done and other.plant.load.speed is not None and other.plant.motor is point.plant.motor
-        and other.plant.drive is point.plant.drive
+        if other.done and other.plant.load.speed is not None and other.plant.curve == point.plant.curve
     ]  # fmt: skip
     return min(others, key=lambda other: abs((other.plant.load.speed or 0.0) - speed), default=None)
 

@@ -320,12 +320,7 @@ def _solve(
     steps = 2 * ceil(0.5 * period / finest - 1e-9)
     coarse = max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
     maps = [PeriodMap(period, coarse, timeout, workers, setups[0].solver.compiled)]
-    plants: list[Plant] = []
-    same: dict[int, Drive] = {}
-    for setup in setups:
-        drive = same.setdefault(id(setup.source), _drive(setup))
-        plants.append(Plant(setup.motor, drive, setup.load, setup.law))
-    points = [start_point(plant) for plant in plants]
+    points = [start_point(Plant(setup.motor, _drive(setup), setup.load, setup.law)) for setup in setups]
     for point, start in zip(points, starts, strict=True):
         if start is not None:
             point.guess(start)

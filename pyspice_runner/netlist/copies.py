@@ -7,9 +7,11 @@ same motor share its subcircuit; the state at the start is a set of parameters o
 
 from __future__ import annotations
 
+import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import pi
 from typing import Any
 
@@ -31,6 +33,7 @@ from pyspice_runner.netlist.compiled import (
     module_subcircuit,
 )
 from pyspice_runner.netlist.contact import SLIDERS, Law
+from pyspice_runner.netlist.library import PREFIX
 from pyspice_runner.netlist.motor import Discretisation, Motion, MotorSubCircuit, dielectric_branches, plate_nodes
 from pyspice_runner.netlist.sources import Bench
 
@@ -58,6 +61,16 @@ class Plant:
     drive: Drive
     load: Load
     law: Law | None
+
+    @cached_property
+    def motor_name(self) -> str:
+        """Name of the motor's subcircuit in a bench of copies. Motors with equal values have equal names."""
+        return content_name("motor", self.motor.model_dump_json(), self.law)
+
+    @cached_property
+    def curve(self) -> str:
+        """Name of the curve on which the point is: equal for plants that differ only in the load."""
+        return content_name("curve", self.motor_name, self.drive.model_dump_json())
 
     @property
     def modes(self) -> int:
@@ -108,21 +121,23 @@ class Plant:
         """Number of states."""
         return 2 * self.modes + self.sliders + 2 * (self.mount is not None) + self.turns
 
-    def motor_text(
-        self, discretisation: Discretisation, name: str, *, plates: bool = True, compiled: bool = False
-    ) -> str:
-        """Return the subcircuits of the motor, with the state as parameters of the X line: r1 …, v1 …, u, z, s, w.
+    def motor_texts(
+        self, discretisation: Discretisation, *, plates: bool = True, compiled: bool = False
+    ) -> dict[str, str]:
+        """Return the subcircuit of the motor and those of its parts, by name.
 
-        ``plates`` tells whether it has the clamped capacitances. A compiled module has them, and no such parameters.
+        The state is a set of parameters of the X line: r1 …, v1 …, u, z, s, w. ``plates`` tells whether the motor has
+        its clamped capacitances. A compiled module has them, and no such parameters.
         """
+        name = self.motor_name
         if compiled:
             assert self.law is not None
-            return module_subcircuit(self.motor, self.law, discretisation, name)
+            return {name: module_subcircuit(self.motor, self.law, discretisation, name)}
         still = (0.0,) * self.modes
         definition = MotorSubCircuit(
             self.motor, contact=self.law.name if self.law else None,
             sliders=self.law.sliders if self.law else SLIDERS, discretisation=discretisation,
-            start=Motion(still, still, 0.0, 0.0, (), ()), name=name,
+            start=Motion(still, still, 0.0, 0.0, (), ()), name=name, prefix=PREFIX,
         )  # fmt: skip
         text = str(definition)
         numbers = range(1, self.modes + 1)
@@ -135,7 +150,7 @@ class Plant:
         if not plates:
             text = re.sub(r"^Xgroup_[ab] .*\n", "", text, flags=re.M)
         text = _with(text, "Xmount", start="{z}", velocity="{s}")
-        return f"{definition.parts}\n{_with(text, 'Xrotor', start='{w}').strip()}"
+        return definition.part_texts | {name: _with(text, "Xrotor", start="{w}").strip()}
 
     def start_values(self, state: Array, discretisation: Discretisation) -> dict[str, float]:
         """Return the parameters of the X line for a state."""
@@ -239,15 +254,28 @@ class Copy:
     probes: tuple[Probe, ...] = ()
 
 
+def content_name(prefix: str, *values: object) -> str:
+    """Return a name that depends only on the values, in lower case as in ngspice's vectors."""
+    return f"{prefix}_{hashlib.sha256(repr(values).encode()).hexdigest()[:16]}"
+
+
 def copy_name(number: int) -> str:
     """Return the name of a copy's instance, in lower case as in ngspice's vectors."""
     return f"xc{number}"
 
 
+def motor_texts(
+    copies: Sequence[Copy], discretisation: Discretisation, *, plates: bool = True, compiled: bool = False
+) -> dict[str, dict[str, str]]:
+    """Return the subcircuits of each motor, by its name; the arguments are those of :func:`copies_bench`."""
+    plants = {copy.plant.motor_name: copy.plant for copy in copies}
+    return {name: plant.motor_texts(discretisation, plates=plates, compiled=compiled) for name, plant in plants.items()}
+
+
 def copies_bench(
     copies: Sequence[Copy],
     discretisation: Discretisation,
-    texts: dict[int, tuple[str, str]] | None = None,
+    texts: Mapping[str, dict[str, str]] | None = None,
     *,
     plates: bool = True,
     compiled: bool = False,
@@ -259,32 +287,27 @@ def copies_bench(
     Args:
         copies: the copies.
         discretisation: adaptation to the uniform step.
-        texts: subcircuits of motors that exist already, by the identity of the motor: name and text.
-            New ones are added to it.
+        texts: the subcircuits of each motor, by :attr:`Plant.motor_name`; by default they are written.
         plates: whether the motors have their clamped capacitances. Without them the currents of the sources are those
             of the modes alone, and the motion is the same.
         compiled: whether the motors are compiled modules; these have their plates.
     """
     first = copies[0].plant
-    texts = {} if texts is None else texts
+    texts = texts or motor_texts(copies, discretisation, plates=plates, compiled=compiled)
     lines: list[str] = []
     sources: dict[tuple[Any, ...], int] = {}
-    written: set[int] = set()
     start: dict[str, float] = {}
     signals: dict[str, Signal] = {}
     modules = {copy.plant.module: None for copy in copies} if compiled else {}
     lines += [loading(module) for module in modules]
+    subcircuits: dict[str, str] = {}
+    for name in dict.fromkeys(copy.plant.motor_name for copy in copies):
+        subcircuits |= texts[name]
+    lines += subcircuits.values()
     for number, copy in enumerate(copies):
         plant, instance = copy.plant, copy_name(number)
-        motor = id(plant.motor)
-        if motor not in written:
-            written.add(motor)
-            if motor not in texts:
-                name = f"motor{len(texts)}"
-                texts[motor] = name, plant.motor_text(discretisation, name, plates=plates, compiled=compiled)
-            lines.append(texts[motor][1])
         at_pins = tuple(probe for probe in copy.probes if probe.place != "shaft")
-        key = (id(plant.drive), copy.begun, at_pins)
+        key = (plant.drive, copy.begun, at_pins)
         if key not in sources:
             sources[key] = len(sources)
             lines += _drive_lines(plant, at_pins, copy.begun, sources[key])
@@ -299,7 +322,7 @@ def copies_bench(
         start_values = {} if compiled else plant.start_values(copy.state, discretisation)
         values = " ".join(f"{name}={value:.17g}" for name, value in start_values.items())
         pins = f"a{sources[key]} b{sources[key]} 0 {shaft}"
-        lines.append(f"{instance} {pins} {texts[motor][0]} {values}")
+        lines.append(f"{instance} {pins} {plant.motor_name} {values}")
         inside = plant.start_nodes(copy.state, copy.begun, copy.probes, plates=plates or compiled)
         if compiled:
             inside |= module_start(plant.motor, discretisation, plant.motion(copy.state))

@@ -26,7 +26,7 @@ from pyspice_runner.netlist.benches import (
     connect_brake,
     transient_options,
 )
-from pyspice_runner.netlist.copies import Copy, Plant, copy_name
+from pyspice_runner.netlist.copies import Copy, Plant, content_name, copy_name
 from pyspice_runner.netlist.drivers import Driver, Part, add_driver, control_amplitude
 from pyspice_runner.netlist.library import Library
 from pyspice_runner.netlist.motor import Discretisation, plate_nodes
@@ -89,6 +89,11 @@ class DrivenPlant(Plant):
 
     driver: Driver
     stage: Mapping[str, tuple[Tone, ...]] = field(default_factory=dict)
+
+    @cached_property
+    def bench_name(self) -> str:
+        """Name of the subcircuit of motor and driver. Plants with equal values have equal names."""
+        return content_name("driven", self.motor_name, self.driver.model_dump_json(), self.load, self.stage)
 
     @property
     def uniform(self) -> bool:
@@ -153,8 +158,7 @@ class DrivenPlant(Plant):
         """Return the subcircuit of motor, driver and shaft, with the state as parameters of the X line."""
         start = self.start_values(np.zeros(self.order), discretisation)
         lines = [self._stage_lines(), *self._control_lines(), self._shaft_lines(discretisation, meters=meters)]
-        motor = f"{name}_motor"
-        lines.append(f"Xmotor a b 0 shaft {motor} {' '.join(f'{one}={{{one}}}' for one in start)}")
+        lines.append(f"Xmotor a b 0 shaft {self.motor_name} {' '.join(f'{one}={{{one}}}' for one in start)}")
         text = "\n".join(lines)
         for store in self.stores:
             text = _append(text, f"X{store.instance}", f"start_{store.device}={{{store.name}}}")
@@ -166,7 +170,8 @@ class DrivenPlant(Plant):
         for library in {library.name: library for library in self.driver.libraries()}.values():
             parts = _with_start(parts, library)
         parameters = " ".join(f"{one}=0" for one in [*start, *(store.name for store in self.stores)])
-        whole = f"{parts}\n{self.motor_text(discretisation, motor)}\n.subckt {name} mark {parameters}\n{text}\n.ends"
+        motor = "\n".join(self.motor_texts(discretisation).values())
+        whole = f"{parts}\n{motor}\n.subckt {name} mark {parameters}\n{text}\n.ends"
         return re.sub(r"\n\n+", "\n", whole)
 
     def _stage_lines(self) -> str:
@@ -238,7 +243,7 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
         discretisation: adaptation to the step.
         meters: whether each shaft has a dynamometer, and the motor the meters of :func:`.dynamometer_bench`.
     """
-    lines, names, start = [], dict[int, str](), dict[str, float]()
+    lines, names, start = [], set[str](), dict[str, float]()
     first = copies[0].plant
     assert isinstance(first, DrivenPlant)
     if not first.uniform:
@@ -247,16 +252,16 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
     for number, copy in enumerate(copies):
         plant, instance = copy.plant, copy_name(number)
         assert isinstance(plant, DrivenPlant)
-        if id(plant) not in names:
-            names[id(plant)] = f"driven{len(names)}"
-            text = plant.bench_text(discretisation, names[id(plant)], meters=meters)
+        if plant.bench_name not in names:
+            names.add(plant.bench_name)
+            text = plant.bench_text(discretisation, plant.bench_name, meters=meters)
             lines += [text] if len(names) == 1 else [_without_known(text, lines)]
         values = plant.start_values(copy.state[: plant.inner], discretisation)
         values |= zip(
             (store.name for store in plant.stores), copy.state[plant.inner + len(plant.plates) :], strict=True
         )
         words = " ".join(f"{name}={value:.17g}" for name, value in values.items())
-        lines.append(f"{instance} mark {names[id(plant)]} {words}")
+        lines.append(f"{instance} mark {plant.bench_name} {words}")
         nodes = dict(zip(plant.plates, copy.state[plant.inner :], strict=False))
         nodes |= plant.start_nodes(copy.state[: plant.inner], 0.0, plates=False)
         start |= {f"{instance}.xmotor.{node}": float(value) for node, value in nodes.items()}

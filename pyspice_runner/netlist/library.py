@@ -274,6 +274,11 @@ def definitions(*libraries: Library, prefix: str = PREFIX) -> str:
         prefix: first part of the names of a motor's parts instead of ``piezomotor``: two motors in one netlist
             then have no common name.
     """
+    return "\n".join(definition_texts(*libraries, prefix=prefix).values())
+
+
+def definition_texts(*libraries: Library, prefix: str = PREFIX) -> dict[str, str]:
+    """Return the texts of :func:`definitions` by the names of the subcircuits in the netlist."""
     wanted: dict[str, Library] = {}
 
     def add(library: Library) -> None:
@@ -283,9 +288,11 @@ def definitions(*libraries: Library, prefix: str = PREFIX) -> str:
 
     for library in libraries:
         add(library)
-    text = "\n".join(library.subcircuit for library in wanted.values())
-    names = "|".join(re.escape(name) for name in wanted)
-    return re.sub(rf"\b({names})\b", lambda match: part_name(match.group(), prefix), text)
+    names = re.compile(rf"\b({'|'.join(re.escape(name) for name in wanted)})\b")
+    return {
+        part_name(name, prefix): names.sub(lambda match: part_name(match.group(), prefix), library.subcircuit)
+        for name, library in wanted.items()
+    }
 
 
 def part_name(name: str, prefix: str = PREFIX) -> str:

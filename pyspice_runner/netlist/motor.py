@@ -35,7 +35,7 @@ from pyspice_runner.netlist.library import (
     LibraryParameter,
     check_name,
     check_parameters,
-    definitions,
+    definition_texts,
     part_name,
     read_library,
 )
@@ -126,16 +126,26 @@ def plate_nodes(group: str) -> list[str]:
 
 
 class Assembly(SubCircuit):
-    """A subcircuit that consists of parts from libraries; the names of the parts begin with its name."""
+    """A subcircuit that consists of parts from libraries; the names of the parts begin with its name.
+
+    Attributes:
+        prefix: first part of the names of the parts.
+    """
 
     def __init__(self, name: str, *pins: str, **defaults: str) -> None:
         super().__init__(name, *pins, **defaults)
+        self.prefix = name
         self._libraries: list[Library] = []
 
     @property
     def parts(self) -> str:
         """The text of the subcircuits of the parts."""
-        return definitions(*self._libraries, prefix=self.name)
+        return "\n".join(self.part_texts.values())
+
+    @property
+    def part_texts(self) -> dict[str, str]:
+        """The text of the subcircuit of each part, by its name."""
+        return definition_texts(*self._libraries, prefix=self.prefix)
 
     def _put(
         self,
@@ -148,7 +158,7 @@ class Assembly(SubCircuit):
         """Add an instance of a part; the ``passed`` parameters are those of the X line of the same name."""
         library = part if isinstance(part, Library) else read_library(part)
         self._libraries.append(library)
-        named = replace(library, name=part_name(library.name, self.name))
+        named = replace(library, name=part_name(library.name, self.prefix))
         instantiate(self, instance, named, nodes, **{**values, **{name: f"{{{name}}}" for name in passed}})
 
 
@@ -167,6 +177,7 @@ class MotorSubCircuit(Assembly):
         approach: whether there is, as the last pin, ``approach`` (1 V = 1 um), by which the tip, or the far end of the
             mount's springs, moves towards the rotor, which changes the preload.
         name: name of the subcircuit; by default ``piezomotor``, or ``piezomotor_thermal``.
+        prefix: first part of the names of its parts; by default its name. Motors with the same law may share parts.
     """
 
     def __init__(
@@ -180,6 +191,7 @@ class MotorSubCircuit(Assembly):
         thermal: Thermal | None = None,
         approach: bool = False,
         name: str = "",
+        prefix: str = "",
     ) -> None:
         law = contact_library(contact, sliders, motor.contact) if contact else None
         rotor = read_library("piezomotor_rotor")
@@ -207,6 +219,7 @@ class MotorSubCircuit(Assembly):
         pins = ("a", "b", "com", "shaft", *warm, *(("approach",) if approach else ()))
         defaults = {parameter.name: repr(parameter.default) for parameter in self.settable}
         super().__init__(name or (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT), *pins, **defaults)
+        self.prefix = prefix or self.name
         drift = {"capacitance_drift": thermal.capacitance_drift_per_k} if thermal else {}
         for group, capacitance in (("a", motor.piezo.capacitance_a_f), ("b", motor.piezo.capacitance_b_f)):
             values = {"capacitance": capacitance, "loss": _loss_tangent(motor)}

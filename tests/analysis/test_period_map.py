@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Many motors in the decks of a period map, which run side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.analysis import period_map, steady
+from pyspice_runner.analysis.period_map import PeriodMap
+from pyspice_runner.analysis.shooting import start_point
+from pyspice_runner.errors import SimulationError
+from pyspice_runner.model.drive import Load
+from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.copies import Copy, Plant, copies_bench
+
+
+def plants(friction: Sequence[float]) -> list[Plant]:
+    """Return plants whose motors differ in the friction, each with objects of its own."""
+    found = []
+    for value in friction:
+        motor = pr.load_motor("andersen2002").updated({"contact.friction": float(value)})
+        drive = pr.TwoPhaseDrive(voltage=100.0, frequency=51.7e3, phase_deg=90.0)
+        found.append(Plant(motor, drive, Load(3.0), Law()))
+    return found
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_many_motors_need_no_second_attempt(monkeypatch: pytest.MonkeyPatch, workers: int) -> None:
+    monkeypatch.setattr(period_map, "cores", lambda: workers)
+    monkeypatch.setattr(steady, "cores", lambda: workers)
+    decks: list[int] = []
+    run = PeriodMap._run
+
+    def counted(self: PeriodMap, copies: Sequence[Copy], duration: float, whole: bool) -> object:
+        try:
+            return run(self, copies, duration, whole)
+        except (SimulationError, period_map._Uneven) as error:  # PeriodMap would repeat the deck in halves
+            pytest.fail(f"a deck of {len(copies)} copies failed: {error}")
+        finally:
+            decks.append(len(copies))
+
+    monkeypatch.setattr(PeriodMap, "_run", counted)
+    found = pr.working_points(
+        pr.load_motor("andersen2002"), pr.TwoPhaseDrive(voltage=100.0, frequency=51.7e3, phase_deg=90.0),
+        over={"contact.friction": np.linspace(0.15, 0.35, 40)}, speed=3.0,
+    )  # fmt: skip
+    assert found.converged.all()
+    assert len(decks) > 10
+
+
+def test_motors_share_names_by_their_values() -> None:
+    one, same, other = plants([0.2, 0.2, 0.3])
+    assert one.motor is not same.motor
+    assert one.motor_name == same.motor_name != other.motor_name
+    assert one.curve == same.curve != other.curve
+
+
+def test_a_deck_has_each_subcircuit_once() -> None:
+    mapped = PeriodMap(1.0 / 51.7e3, 128)
+    copies = [Copy(plant, start_point(plant).state) for plant in plants([0.2, 0.2, 0.3])]
+    text = str(copies_bench(copies, mapped.discretisation).circuit)
+    names = [line.split()[1] for line in text.splitlines() if line.startswith(".subckt")]
+    assert len(names) == len(set(names))
+    assert len([name for name in names if name.startswith("motor_")]) == 2
