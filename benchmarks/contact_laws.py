@@ -15,16 +15,16 @@ DRIVES = {
     ),
     "two phases": (pr.TwoPhaseDrive(voltage=100.0, frequency=51.7e3), (-2.0, 0.0, 2.0, 4.0)),
 }
-LAWS = (("spring-slider", 8), ("brush", 8), ("brush", 32), ("coulomb", 8))
+LAWS = (pr.Law("spring-slider"), pr.Law("brush", 8), pr.Law("brush", 32), pr.Law("coulomb"))
 LOSSES = ("power_a_w", "power_b_w", "friction_loss_w", "damping_loss_w", "dielectric_loss_w")
 DURATION = 2e-3  # s, of the runs that are timed
 REPEATS = 3
 
 
-def curve(name: str, law: str, sliders: int) -> dict[str, float]:
+def curve(name: str, law: pr.Law) -> dict[str, float]:
     """Return stall torque (N·m), no-load speed (rad/s), and powers at stall (W)."""
     drive, speeds = DRIVES[name]
-    found = pr.speed_torque(MOTOR, drive, speeds=speeds, contact=law, sliders=sliders)
+    found = pr.speed_torque(MOTOR, drive, speeds=speeds, contact=law)
     assert found["settled"].all()
     torques = found["torque_n_m"].values
     stall = found.sel(speed_rad_s=0.0)
@@ -35,10 +35,10 @@ def curve(name: str, law: str, sliders: int) -> dict[str, float]:
     }
 
 
-def seconds(name: str, law: str, sliders: int) -> float:
+def seconds(name: str, law: pr.Law) -> float:
     """Return ngspice's wall time for 1 ms of the free-running motor, the shortest of several runs."""
     drive, _ = DRIVES[name]
-    runs = (pr.simulate(MOTOR, drive, duration=DURATION, contact=law, sliders=sliders) for _ in range(REPEATS))
+    runs = (pr.simulate(MOTOR, drive, duration=DURATION, contact=law) for _ in range(REPEATS))
     return min(run.solver_seconds for run in runs) / (1e3 * DURATION)
 
 
@@ -47,10 +47,10 @@ def main() -> None:
     print("| drive | law | stall torque, µN·m | no-load speed, rad/s | power | friction | modes | dielectric | cost |")
     print("|---|---|---|---|---|---|---|---|---|")
     for name in DRIVES:
-        for law, sliders in LAWS:
-            found, cost = curve(name, law, sliders), seconds(name, law, sliders)
+        for law in LAWS:
+            found, cost = curve(name, law), seconds(name, law)
             powers = (found["power_a_w"] + found["power_b_w"], *(found[loss] for loss in LOSSES[2:]))
-            label = f"{law}, {sliders}" if law == "brush" else law
+            label = f"{law.name}, {law.sliders}" if law.sliders else law.name
             print(
                 f"| {name} | {label} | {1e6 * found['stall']:.4g} | {found['no_load']:.2f} | "
                 f"{' | '.join(f'{power:.3f}' for power in powers)} | {cost:.2f} |",

@@ -25,7 +25,8 @@ from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
 from pyspice_runner.engine.ngspice import run_deck
-from pyspice_runner.netlist.sources import PAPER_LAW, DriveSource
+from pyspice_runner.netlist.contact import PAPER_LAW
+from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.steps import shortest_period
 
 ROOT = Path(__file__).resolve().parents[1]

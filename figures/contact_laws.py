@@ -22,7 +22,7 @@ DRIVES = {
     ),
 }
 SLIDERS = 2 if draft() else 8
-RUN = {"sliders": SLIDERS, **({"tolerance": 0.1} if draft() else {})}
+RUN = {"tolerance": 0.1} if draft() else {}
 LOSSES = {"friction_loss_w": (VERMILION, "friction"), "damping_loss_w": (PURPLE, "modes"),
           "dielectric_loss_w": (GREY, "dielectric")}  # fmt: skip
 
@@ -32,7 +32,12 @@ def draw(folder: Path) -> list[str]:
     figure, axes = canvas(2, 2, 6.6)
     said = []
     for column, (title, (drive, speeds)) in enumerate(DRIVES.items()):
-        curves = {law: pr.speed_torque(motor, drive, speeds=speeds, contact=law, **RUN) for law in LAWS}
+        curves = {
+            law: pr.speed_torque(
+                motor, drive, speeds=speeds, contact=pr.Law(law, SLIDERS if law == "brush" else None), **RUN
+            )
+            for law in LAWS
+        }
         torque, losses = axes[:, column]
         for law, (colour, style) in LAWS.items():
             torque.plot(speeds, 1e3 * curves[law]["torque_n_m"], style, color=colour, marker="o", ms=3, label=law)

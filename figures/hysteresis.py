@@ -53,7 +53,7 @@ def draw(folder: Path) -> list[str]:
     axes[1, 1].loglog(fine, microslip_loss(fine), color=BLACK, lw=4.0, alpha=0.25, label="Mindlin, exact")
     relative = {}
     for sliders, colour in ((4, PURPLE), (8, BLUE), (16, VERMILION)):
-        runs = [hysteresis(motor, amplitude, "brush", sliders=sliders) for amplitude in amplitudes.tolist()]
+        runs = [hysteresis(motor, amplitude, pr.Law("brush", sliders)) for amplitude in amplitudes.tolist()]
         losses = np.array([run.loss_j / (slide * run.limit_m) for run in runs])
         lost = losses > 1e-6
         axes[1, 1].loglog(amplitudes[lost], losses[lost], "o-", color=colour, ms=3, lw=0.9, label=f"{sliders} sliders")

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from style import BLACK, BLUE, GREEN, GREY, HERE, ORANGE, PURPLE, VERMILION, canvas, draft, main, write
 
+import pyspice_runner as pr
 from pyspice_runner.analysis.impact import impact
 from pyspice_runner.model.impact import Throw
 
@@ -27,9 +28,9 @@ BETWEEN = (1.0, 6.0, 7.5, 12.0, 14.5, 17.0, 22.5, 26.0, 33.0)  # degrees, furthe
 SPEED = 3.9  # m/s, of the measurements
 
 
-def rebounds(law: str, poisson: float, psis: np.ndarray, sliders: int = 8) -> np.ndarray:
+def rebounds(law: str, poisson: float, psis: np.ndarray, sliders: int | None = None) -> np.ndarray:
     throws = (Throw(psi=psi, poisson=poisson) for psi in psis.tolist())
-    return np.array([impact(throw, law, sliders=sliders, steps=STEPS).psi_2 for throw in throws])
+    return np.array([impact(throw, pr.Law(law, sliders), steps=STEPS).psi_2 for throw in throws])
 
 
 def measured() -> np.ndarray:

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from pyspice_runner.model.load import available_motors, load_motor
     from pyspice_runner.model.motor import Motor
     from pyspice_runner.model.thermal import Thermal
+    from pyspice_runner.netlist.contact import Law
     from pyspice_runner.netlist.drivers import Driver
     from pyspice_runner.netlist.trackers import Tracker
     from pyspice_runner.spectra.admittance import admittance
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Driver": "netlist.drivers",
+    "Law": "netlist.contact",
     "Motor": "model.motor",
     "ParameterError": "errors",
     "SimulationError": "errors",
@@ -88,6 +90,7 @@ _HOMES = {
 
 __all__ = [
     "Driver",
+    "Law",
     "Motor",
     "ParameterError",
     "SimulationError",

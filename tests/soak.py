@@ -39,9 +39,10 @@ from pyspice_runner.model.drive import FASTEST_SHAFT, FASTEST_SURFACE, Drive, ch
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Contact, Mode, Parameters, Piezo, Rotor
 from pyspice_runner.netlist.benches import UNIFORM_POINTS
+from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.drivers import DriverKind, NetworkKind
 from pyspice_runner.netlist.source import Source
-from pyspice_runner.netlist.sources import PAPER_LAW, DriveSource
+from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.netlist.trackers import DisturbanceKind
 from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.steps import shortest_period

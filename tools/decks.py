@@ -25,12 +25,13 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.model.tracking import LoopFilter, StatorLag
 from pyspice_runner.netlist.benches import AC_OPTIONS, METERED, TRANSIENT_OPTIONS, admittance_bench
+from pyspice_runner.netlist.contact import PAPER_LAW, Law
 from pyspice_runner.netlist.contact_benches import cyclic_bench, impact_bench
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.library import data_path
 from pyspice_runner.netlist.motor import Discretisation, plate_nodes
 from pyspice_runner.netlist.source import GROUPS
-from pyspice_runner.netlist.sources import PAPER_LAW, Bench, DriveSource, dynamometer_bench, motor_bench
+from pyspice_runner.netlist.sources import Bench, DriveSource, dynamometer_bench, motor_bench
 from pyspice_runner.netlist.trackers import (
     RAIL,
     TrackedSource,
@@ -268,7 +269,7 @@ def _dynamometer(motor: Motor) -> str:
 def _impact() -> str:
     throw = Throw(psi=1.2)
     step = float(f"{throw.duration_s / 1000:.2g}")
-    circuit = impact_bench(throw, contact="brush", step=step, title="Impact: a steel sphere thrown at a half-space")
+    circuit = impact_bench(throw, law=Law("brush"), step=step, title="Impact: a steel sphere thrown at a half-space")
     circuit.raw_spice += "* velocity of the patch in units of kappa v_n\nEpsi psi 0 vx 0 1\n"
     inertia = throw.inertia_kg_m2 / throw.mass_kg
     parameters: Parameters = {
@@ -317,7 +318,7 @@ def _hysteresis(motor: Motor, swing: float, what: str, remark: str) -> str:
     step, period = 1e-6, 1e-3
     circuit = cyclic_bench(
         contact, motor.rotor, amplitude=amplitude, swing=swing, phase_deg=90.0, frequency=1.0 / period,
-        step=step, title=f"Hysteresis: {what}",
+        law=Law("brush"), step=step, title=f"Hysteresis: {what}",
     )  # fmt: skip
     circuit.raw_spice += "Bslips slips 0 V=max(0,V(state)-1)\n"
     parameters: Parameters = {

@@ -28,6 +28,7 @@ from pyspice_runner.netlist.averaged import (
     check_averaged,
     check_resolution,
 )
+from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.ceramic import stated
 from pyspice_runner.run.kernel import Outcome, transient
@@ -178,7 +179,7 @@ def simulate_averaged(
     drive: Drive,
     duration: float,
     *,
-    contact: str = "spring-slider",
+    contact: ContactLaw | None = "spring-slider",
     speed: float | None = None,
     load_torque: float = 0.0,
     courses: Mapping[str, SkipValidation[ArrayLike]] | None = None,

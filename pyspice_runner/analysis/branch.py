@@ -29,7 +29,7 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive, Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, Law, law_of
+from pyspice_runner.netlist.contact import ContactLaw, Law, law_of
 from pyspice_runner.netlist.copies import Copy, Plant
 from pyspice_runner.netlist.sources import DriveSource, unit_in, updated
 from pyspice_runner.run.settings import Solver
@@ -69,7 +69,6 @@ def steady_branch(
     speed: float | None = None,
     load_torque: float = 0.0,
     contact: ContactLaw | None = "spring-slider",
-    sliders: int = SLIDERS,
     step: float | None = None,
     points: int = MOST_POINTS,
     timeout: float | None = None,
@@ -86,7 +85,6 @@ def steady_branch(
         speed: at which the shaft is held, rad/s; ``None`` leaves it free.
         load_torque: torque in N·m that a load draws from the free shaft.
         contact: law of the contact, as in :func:`simulate`; ``None`` for a free tip.
-        sliders: number of sliders of the brush.
         step: longest time step in s; by default that of :func:`simulate`.
         points: greatest number of points.
         timeout: wall time in s after which a run of ngspice is ended.
@@ -105,7 +103,7 @@ def steady_branch(
     if not 2 <= points <= MOST_POINTS:
         raise ParameterError(f"points = {points} is not valid: it must be a whole number from 2 to {MOST_POINTS}.")
     family = _Family(
-        motor, drive, follow, Load(speed, load_torque), law_of(contact, sliders),
+        motor, drive, follow, Load(speed, load_torque), law_of(contact),
         Solver(step, None, True, timeout, False), start, stop,
     )  # fmt: skip
     for value in (start, stop):  # both ends are checked before any run

@@ -19,7 +19,7 @@ from pyspice_runner.analysis.matching import Matching, State, check_duration, pr
 from pyspice_runner.model.drive import Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
+from pyspice_runner.netlist.contact import ContactLaw, law_of
 from pyspice_runner.netlist.drivers import RAILS, Driver, Part
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.result import Audit, Result
@@ -258,7 +258,6 @@ def drive_report(
     *,
     duration: float = 3e-3,
     contact: ContactLaw | None = "spring-slider",
-    sliders: int = SLIDERS,
     speed: float | None = None,
     load_torque: float = 0.0,
     match: State | None = None,
@@ -274,7 +273,6 @@ def drive_report(
         driver: the driver; its ``voltage`` is that of its stage, or with ``match`` that of the groups.
         duration: simulated time in s.
         contact: law of the contact; ``None`` for a free tip.
-        sliders: number of sliders of the brush.
         speed: if given, the shaft is held at this speed, rad/s.
         load_torque: torque in N·m that a load draws from the free shaft.
         match: state of the motor for which the driver is matched first, by a series inductor, or by its LLCC filter.
@@ -289,7 +287,7 @@ def drive_report(
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
     solver = Solver(step, timeout=timeout, audit=audit)
-    setup = Setup(motor, driver, Load(speed, load_torque), law_of(contact, sliders), solver)
+    setup = Setup(motor, driver, Load(speed, load_torque), law_of(contact), solver)
     check_duration(setup, duration)
     states: Sequence[State] = _PROPOSED if proposals else [match] if match else []
     matching: dict[str, Matching] = {state: proposal(setup, driver, duration, state) for state in states}

@@ -14,7 +14,7 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, Law
+from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.netlist.contact_benches import cyclic_bench
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.result import Audit, Result
@@ -81,12 +81,11 @@ class Hysteresis(Result):
 def hysteresis(
     motor: Motor,
     amplitude: float,
-    contact: ContactLaw = "spring-slider",
+    contact: ContactLaw | None = "spring-slider",
     *,
     swing: float = 0.0,
     phase_deg: float = 0.0,
     harmonic: int = 1,
-    sliders: int = SLIDERS,
     timeout: float | None = None,
     audit: bool = True,
 ) -> Hysteresis:
@@ -102,7 +101,6 @@ def hysteresis(
         swing: of the normal force, relative to F₀.
         phase_deg: by which the force is ahead, degrees.
         harmonic: number n of swings of the force a cycle.
-        sliders: number of sliders of the brush.
         timeout: wall time in s after which ngspice is ended.
         audit: whether forces that fail the physical audit are an error. If not, ``provenance["audit"]`` has what was
             found.
@@ -111,7 +109,7 @@ def hysteresis(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    law = Law(contact, sliders)
+    law = touching_law(contact, "The loop is that of the friction force.")
     for name, value, low, high in (("amplitude", amplitude, 0.0, 1e3), ("swing", swing, -0.99, 0.99)):
         if not low <= value <= high:
             raise ParameterError(f"{name} = {value:g} is not valid: it must be a number from {low:g} to {high:g}.")
@@ -121,7 +119,7 @@ def hysteresis(
     step = 1.0 / (STEPS * FREQUENCY)
     circuit = cyclic_bench(
         motor.contact, motor.rotor, amplitude=amplitude * limit, swing=swing, phase_deg=phase_deg, harmonic=harmonic,
-        frequency=FREQUENCY, law=law.name, sliders=law.sliders, step=step,
+        frequency=FREQUENCY, law=law, step=step,
     )  # fmt: skip
     outcome = transient(
         Bench(circuit, TRANSIENT_OPTIONS), ["v(normal)", "v(friction)", "v(state)"], step=step,
@@ -146,12 +144,12 @@ def hysteresis(
         limit_m=limit,
         provenance={
             "contact": motor.contact.model_dump(),
-            "law": contact,
+            "law": law.name,
             "amplitude": amplitude,
             "swing": swing,
             "phase_deg": phase_deg,
             "harmonic": harmonic,
-            **({"sliders": sliders} if contact == "brush" else {}),
+            **({"sliders": law.sliders} if law.sliders else {}),
             "ngspice_version": outcome.ngspice_version,
             "audit": Audit(findings).to_dict(),
         },

@@ -12,7 +12,7 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.impact import Throw
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, Law
+from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.netlist.contact_benches import impact_bench
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.result import Audit, Result
@@ -103,9 +103,8 @@ class Impact(Result):
 @checked
 def impact(
     throw: Throw,
-    contact: ContactLaw = "spring-slider",
+    contact: ContactLaw | None = "spring-slider",
     *,
-    sliders: int = SLIDERS,
     steps: int = STEPS,
     timeout: float | None = None,
     audit: bool = True,
@@ -115,7 +114,6 @@ def impact(
     Args:
         throw: sphere, half-space and velocities.
         contact: law of the contact, as in ``simulate``.
-        sliders: number of sliders of the brush.
         steps: number of time steps of an impact without loss.
         timeout: wall time in s after which ngspice is ended.
         audit: whether an impact that fails the physical audit is an error. If not, ``provenance["audit"]`` has what
@@ -125,11 +123,11 @@ def impact(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    law = Law(contact, sliders)
+    law = touching_law(contact, "The sphere hits a half-space.")
     if not FEWEST_STEPS <= steps <= MOST_STEPS:
         raise ParameterError(f"steps = {steps} is not valid: it must be a whole number from {FEWEST_STEPS} to 1e6.")
     step = throw.duration_s / steps
-    bench = Bench(impact_bench(throw, contact=law.name, sliders=law.sliders, step=step), TRANSIENT_OPTIONS)
+    bench = Bench(impact_bench(throw, law=law, step=step), TRANSIENT_OPTIONS)
     vectors = ("vy", "vx", "centre", "spin", "normal", "friction", "state", "xcontact.delta")
     # a lossy impact lasts longer; e^(-0.36) is above all of Hunt and Crossley's
     end = 1.1 * throw.duration_s / throw.restitution**0.36

@@ -16,7 +16,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Load, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
+from pyspice_runner.netlist.contact import ContactLaw, law_of
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.run.settings import Solver
@@ -128,7 +128,6 @@ def propose_matching(
     *,
     state: State = "running",
     contact: ContactLaw | None = "spring-slider",
-    sliders: int = SLIDERS,
     duration: float = 3e-3,
     speed: float | None = None,
     load_torque: float = 0.0,
@@ -145,7 +144,6 @@ def propose_matching(
         driver: frequency, voltages and phase that the groups are to have.
         state: ``"free"``, ``"preloaded"``, ``"running"`` or ``"hot"``.
         contact: law of the contact, for ``"running"``; ``None`` for a free tip.
-        sliders: number of sliders of the brush.
         duration: simulated time in s, for ``"running"``.
         speed: if given, the shaft is held at this speed, rad/s.
         load_torque: torque in N·m that a load draws from the free shaft.
@@ -155,7 +153,7 @@ def propose_matching(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    setup = Setup(motor, driver, Load(speed, load_torque), law_of(contact, sliders), Solver(timeout=timeout))
+    setup = Setup(motor, driver, Load(speed, load_torque), law_of(contact), Solver(timeout=timeout))
     check_duration(setup, duration)
     return proposal(setup, driver, duration, state)
 
@@ -217,7 +215,7 @@ def _two_port(setup: Setup, driver: Driver, state: Literal["free", "preloaded", 
     )
     signals = small_signals(
         setup.motor, drive, frequencies=[BESIDE * frequency], speed=setup.load.speed, load_torque=setup.load.torque,
-        contact=setup.law.name, sliders=setup.law.sliders, timeout=setup.solver.timeout,
+        contact=setup.law, timeout=setup.solver.timeout,
     )  # fmt: skip
     return np.asarray(signals.hot_admittance_s.mean(axis=0))
 

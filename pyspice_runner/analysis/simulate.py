@@ -17,7 +17,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
+from pyspice_runner.netlist.contact import ContactLaw, law_of
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import source_of
 from pyspice_runner.netlist.trackers import Tracker
@@ -47,7 +47,6 @@ def simulate(
     *,
     duration: float,
     contact: ContactLaw | None = "spring-slider",
-    sliders: int = SLIDERS,
     speed: float | None = None,
     load_torque: float = 0.0,
     step: float | None = None,
@@ -74,7 +73,6 @@ def simulate(
         duration: simulated time in s.
         contact: law of the contact: ``"spring-slider"``, the paper's; ``"brush"``, which slips from the edge inwards;
             ``"coulomb"``, without a spring along the tangent; ``None`` for a free tip, which starts from r = 0.
-        sliders: number of sliders of the brush.
         speed: if given, the shaft is held at this speed, rad/s.
         load_torque: torque in N·m that a load draws from the free shaft at any speed; against the positive
             direction when positive.
@@ -103,7 +101,7 @@ def simulate(
         SimulationError: if ngspice fails or its result cannot be trusted.
         Interrupted: when interrupted; ``partial`` has what was done, marked as not complete.
     """
-    law = law_of(contact, sliders)
+    law = law_of(contact)
     reason = "A motor that its losses heat has no compiled form." if thermal else ""
     reason = reason or ("A tracker needs the B-sources." if isinstance(drive, Tracker) else "")
     setup = Setup(

@@ -30,7 +30,7 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive, Tone, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
+from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.netlist.copies import Copy, Plant, Probe
 from pyspice_runner.netlist.motor import dielectric_admittance
 from pyspice_runner.netlist.sources import DriveSource
@@ -153,8 +153,7 @@ def small_signals(
     frequencies: SkipValidation[Sequence[float] | Array],
     speed: float | None = None,
     load_torque: float = 0.0,
-    contact: ContactLaw = "spring-slider",
-    sliders: int = SLIDERS,
+    contact: ContactLaw | None = "spring-slider",
     step: float | None = None,
     timeout: float | None = None,
 ) -> SmallSignals:
@@ -167,7 +166,6 @@ def small_signals(
         speed: at which the shaft is held, rad/s; ``None`` leaves it free.
         load_torque: torque in N·m that a load draws from the free shaft.
         contact: law of the contact, as in :func:`simulate`.
-        sliders: number of sliders of the brush.
         step: longest time step in s; by default that of :func:`simulate`. A finer step also makes the
             additional voltages, torques and deviations smaller. Where two effects almost cancel, transfer functions
             need a step that is finer by 16 to 64.
@@ -186,13 +184,14 @@ def small_signals(
         raise ParameterError(f"frequencies has {worst:g} Hz: the modulation must be > 0 and ≤ {highest:.4g} Hz.")
     if not drive.voltage:
         raise ParameterError("drive.voltage = 0 V is not valid here: there is no running motor. Give a voltage > 0 V.")
+    law = touching_law(contact, "The two-port of a free tip does not depend on the drive: take admittance.")
     state = steady_state(
-        motor, drive, speed=speed, load_torque=load_torque, contact=contact, sliders=sliders, step=step,
+        motor, drive, speed=speed, load_torque=load_torque, contact=law, step=step,
         timeout=timeout,
     )  # fmt: skip
     if not state.stable or state.solution is None:
         raise SimulationError("There is no stable steady state about which small signals would be defined.")
-    usual = time_step(motor, DriveSource(drive), law_of(contact, sliders))
+    usual = time_step(motor, DriveSource(drive), law)
     fineness = sqrt(min(1.0, step / usual)) if step is not None else 1.0
     every = [
         _Linear.about(state.solution.moved(number / OFFSETS * state.step_s), state.step_s, fineness, timeout).responses(

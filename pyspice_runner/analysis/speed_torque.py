@@ -32,7 +32,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked, quoted
 from pyspice_runner.model.strength import exceeded
 from pyspice_runner.netlist.benches import SpeedRamp
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, Law
+from pyspice_runner.netlist.contact import ContactLaw, Law, touching_law
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.motor import Motion
 from pyspice_runner.netlist.sources import source_of, unit_in, updated
@@ -58,6 +58,7 @@ _FEWEST_BLOCKS = 4  # of patience
 _APPROACH = 100.0  # times a motion may be nearer after a block: e at least, 20 to 100 while the driven modes settle
 _SMALL = 0.02  # of the friction torque that the mean normal force allows; drifts below tolerance times this are noise
 _MOST_POINTS = 100_000
+_NO_TORQUE = "A free tip exerts no torque."
 
 OUTCOME = {
     **UNITS,
@@ -82,8 +83,7 @@ def speed_torque(
     over: Mapping[str, SkipValidation[Sequence[float] | Array]] | None = None,
     mode: Method = "steady",
     follow: str | None = None,
-    contact: ContactLaw = "spring-slider",
-    sliders: int = SLIDERS,
+    contact: ContactLaw | None = "spring-slider",
     step: float | None = None,
     tolerance: float = TOLERANCE,
     patience: int = PATIENCE,
@@ -119,7 +119,6 @@ def speed_torque(
             followed through its folds, stable or not; the result is that of :func:`.steady_branch`, and every other
             axis has one value.
         contact: law of the contact, as in ``simulate``.
-        sliders: number of sliders of the brush.
         step: longest time step in s; by default that of ``simulate``.
         tolerance: change from block to block that still counts as settled: of the normal force relative to itself, of
             the torque relative to itself plus a fiftieth of the friction torque that the normal force allows; the
@@ -141,6 +140,7 @@ def speed_torque(
         SimulationError: if ngspice fails or its result cannot be trusted; ``partial`` has the finished points.
         Interrupted: when interrupted; ``partial`` has those points, and NaN for the others.
     """
+    law = touching_law(contact, _NO_TORQUE)
     settling = Settling(tolerance, patience)
     axes = {path: axis(path, values) for path, values in (over or {}).items()}
     axes[SPEED] = axis("speeds", speeds)
@@ -148,9 +148,8 @@ def speed_torque(
     _check(axes, mode, follow)
     _check_driver(drive, mode, follow)
     if mode == "steady" and follow is not None:
-        is_compiled(engine, motor, Law(contact, sliders), "A branch is followed with the B-sources.")
-        return _branch(motor, drive, axes, follow, contact=contact, sliders=sliders, step=step, timeout=timeout)
-    law = Law(contact, sliders)
+        is_compiled(engine, motor, law, "A branch is followed with the B-sources.")
+        return _branch(motor, drive, axes, follow, contact=law, step=step, timeout=timeout)
     solver = _solver(motor, drive, law, mode, engine, step=step, timeout=timeout, audit=audit)
     settings = {**law.to_dict(), "step_s": step, "tolerance": tolerance, "patience": patience}
     settings["engine"] = "compiled" if solver.compiled else "spice"
@@ -253,8 +252,7 @@ def operating_point(
     *,
     speed: float = 0.0,
     mode: Literal["steady", "settle", "hold"] = "steady",
-    contact: ContactLaw = "spring-slider",
-    sliders: int = SLIDERS,
+    contact: ContactLaw | None = "spring-slider",
     step: float | None = None,
     tolerance: float = TOLERANCE,
     patience: int = PATIENCE,
@@ -270,7 +268,6 @@ def operating_point(
         speed: at which the shaft is held, rad/s.
         mode: as in :func:`speed_torque`, but for ``"ramp"``.
         contact: as in :func:`speed_torque`.
-        sliders: as in :func:`speed_torque`.
         step: as in :func:`speed_torque`.
         tolerance: as in :func:`speed_torque`.
         patience: as in :func:`speed_torque`.
@@ -286,7 +283,7 @@ def operating_point(
     if mode not in ("steady", "settle"):
         raise ParameterError(f"mode = {quoted(mode)} is not valid: it must be 'steady' or 'settle'.")
     (speed,) = axis("speed", [speed])
-    law = Law(contact, sliders)
+    law = touching_law(contact, _NO_TORQUE)
     solver = _solver(motor, drive, law, mode, engine, step=step, timeout=timeout, audit=audit)
     bench = _dynamometer(motor, drive, {}, law, solver)
     Load(float(speed)).check(motor)
@@ -307,14 +304,13 @@ def operating_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -
         given = {
             "speed": 0.0,
             "contact": "spring-slider",
-            "sliders": SLIDERS,
             "step": None,
             "timeout": None,
             "engine": "spice",
             **settings,
         }
         try:
-            law = Law(given["contact"], given["sliders"])
+            law = touching_law(given["contact"], _NO_TORQUE)
             solver = _solver(motor, drive, law, "steady", given["engine"], step=given["step"], timeout=given["timeout"])
             bench = _dynamometer(motor, drive, {}, law, solver)
             Load(float(given["speed"])).check(motor)

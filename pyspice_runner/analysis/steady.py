@@ -30,7 +30,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.strength import exceeded
 from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
+from pyspice_runner.netlist.contact import ContactLaw, law_of
 from pyspice_runner.netlist.copies import Copy, Plant, drive_voltage
 from pyspice_runner.netlist.driven import DrivenPlant
 from pyspice_runner.netlist.drivers import Driver
@@ -189,7 +189,6 @@ def steady_state(
     speed: float | None = None,
     load_torque: float = 0.0,
     contact: ContactLaw | None = "spring-slider",
-    sliders: int = SLIDERS,
     step: float | None = None,
     accuracy: float = ACCURACY,
     timeout: float | None = None,
@@ -205,7 +204,6 @@ def steady_state(
         speed: at which the shaft is held, rad/s; ``None`` leaves it free but for its bearing and the load.
         load_torque: torque in N·m that a load draws from the free shaft.
         contact: law of the contact, as in ``simulate``; ``None`` for a free tip.
-        sliders: number of sliders of the brush.
         step: longest time step in s of the result; by default that of ``simulate``.
         accuracy: error of the torque, relative to the friction torque under the preload, above which the step is
             halved, twice at most.
@@ -220,7 +218,7 @@ def steady_state(
         ParameterError: for an invalid value, or for tones without a common period.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    law = law_of(contact, sliders)
+    law = law_of(contact)
     compiled = is_compiled(engine, motor, law, BEHIND_DRIVER if isinstance(drive, Driver) else "")
     setup = Setup(
         motor, drive if isinstance(drive, Driver) else DriveSource(drive), Load(speed, load_torque), law,

@@ -23,7 +23,7 @@ from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.model.tracking import StatorLag
 from pyspice_runner.netlist.averaged import HARMONICS, check_averaged
 from pyspice_runner.netlist.averaged_tracker import averaged_tracked_bench, check_averaged_tracker
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, law_of
+from pyspice_runner.netlist.contact import ContactLaw, law_of
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.trackers import (
     Disturbance,
@@ -191,7 +191,6 @@ def track(
     speed: float | None = None,
     step: float | None = None,
     driver: Driver | None = None,
-    sliders: int = SLIDERS,
     averaged: bool = False,
     timeout: float | None = None,
     audit: bool = True,
@@ -221,7 +220,6 @@ def track(
         step: largest time step, s; by default 1/200 of the period of the fastest motion.
         driver: driver circuit through which the tracker drives the motor. Its voltages and phase are then those of the
             drive; the tracker sets its frequency, and senses behind it, at the pins.
-        sliders: number of sliders of the brush.
         averaged: whether the averaged motor is tracked. ``loop`` is then that of its ``.ac`` at the end of the run, at
             the speed that is reached; ``None`` if the tracker is not locked.
         timeout: wall time in s after which a run is ended.
@@ -232,7 +230,7 @@ def track(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    law = law_of(contact, sliders)
+    law = law_of(contact)
     mode = len(motor.modes) - 1 if mode is None else mode
     _check_together(motor, tracker, mode, disturb, contact, speed)
     if averaged:

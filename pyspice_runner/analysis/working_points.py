@@ -27,7 +27,7 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive, Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import as_number, checked, quoted
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, Law
+from pyspice_runner.netlist.contact import ContactLaw, Law, touching_law
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import DriveSource, unit_in, updated
 from pyspice_runner.run.settings import Solver
@@ -72,8 +72,7 @@ def working_points(
     limits: Mapping[str, float] | None = None,
     speed: float | None = None,
     load_torque: float = 0.0,
-    contact: ContactLaw = "spring-slider",
-    sliders: int = SLIDERS,
+    contact: ContactLaw | None = "spring-slider",
     step: float | None = None,
     accuracy: float = ACCURACY,
     timeout: float | None = None,
@@ -93,7 +92,6 @@ def working_points(
             for the speed, and held at half of the free rotor's speed under the given drive for efficiency and power.
         load_torque: torque in N·m that a load draws from the free shaft.
         contact: law of the contact, as in :func:`simulate`.
-        sliders: number of sliders of the brush.
         step: longest time step in s; by default that of :func:`simulate`.
         accuracy: error of the torque, relative to the friction torque under the preload, above which the step is
             halved, twice at most.
@@ -117,7 +115,8 @@ def working_points(
     count = prod(len(values) for values in axes.values())
     if not axes or count > MOST_POINTS:
         raise ParameterError(f"over has {count if axes else 0} points: it must have 1 to {MOST_POINTS}.")
-    base = _Base(motor, drive, Law(contact, sliders), Solver(step, None, True, timeout, False), accuracy)
+    law = touching_law(contact, "A free tip has no torque and moves no rotor.")
+    base = _Base(motor, drive, law, Solver(step, None, True, timeout, False), accuracy)
     if speed is None and not load_torque and not {"speed", "load_torque"} & axes.keys():
         speed = _usual_speed(base, objective)
     shape = tuple(len(values) for values in axes.values())

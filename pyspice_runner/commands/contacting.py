@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pyspice_runner.commands.common import refuse_idle
+import pyspice_runner as pr
 
 DEFAULT_LAW = "spring-slider"
 NONE = "none"
@@ -18,15 +18,6 @@ def _complete_law(incomplete: str) -> list[str]:
     return [name for name in (*_LAWS, NONE) if name.startswith(incomplete)]
 
 
-LawOption = Annotated[
-    str,
-    typer.Option(
-        "--contact",
-        metavar="LAW",
-        help="Contact law: spring-slider, brush, coulomb, or the path of a .lib file.",
-        autocompletion=_complete_law,
-    ),
-]
 ContactOption = Annotated[
     str,
     typer.Option(
@@ -36,19 +27,15 @@ ContactOption = Annotated[
         autocompletion=_complete_law,
     ),
 ]
-SlidersOption = Annotated[int, typer.Option(help="Number of sliders of the brush.")]
+SlidersOption = Annotated[int | None, typer.Option(help="Number of sliders of the brush; default: 8.")]
 
 
-def law_named(contact: str) -> str | None:
-    """Return the law as the package names it: ``None`` for a free tip."""
-    return None if contact == NONE else contact
-
-
-def check_contact(context: typer.Context, contact: str) -> None:
-    """Refuse ``--sliders`` for a law that has none.
+def law_named(contact: str, sliders: int | None = None) -> pr.Law | None:
+    """Return the law of ``--contact`` and ``--sliders``; ``None`` for a free tip.
 
     Raises:
-        ParameterError: naming the option.
+        ParameterError: for an unknown law, or sliders without a brush.
     """
-    if contact != "brush":
-        refuse_idle(context, "without --contact brush", "sliders")
+    if sliders is not None and contact != "brush":
+        raise pr.ParameterError("--sliders has no effect without --contact brush. Leave it out.")
+    return None if contact == NONE else pr.Law(contact, sliders)

@@ -20,12 +20,11 @@ from pyspice_runner.commands.common import (
     engineering,
     warn_of,
 )
-from pyspice_runner.commands.contacting import DEFAULT_LAW, LawOption, SlidersOption, check_contact
+from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
 
 
 def impact(
-    context: typer.Context,
-    contact: LawOption = DEFAULT_LAW,
+    contact: ContactOption = DEFAULT_LAW,
     poisson: Annotated[float, typer.Option(help="Poisson's ratio of sphere and half-space.")] = 0.3,
     psi: Annotated[float, typer.Option(help="Incidence: 2(1-v)/(2-v) v_t/(mu v_n) of the contact patch.")] = 1.0,
     friction: Annotated[float, typer.Option(help="Coefficient of friction.")] = 0.2,
@@ -35,7 +34,7 @@ def impact(
     radius: Annotated[float, typer.Option(help="Radius of the sphere, m.")] = 5e-3,
     density: Annotated[float, typer.Option(help="Density of the sphere, kg/m3.")] = 7850.0,
     youngs_modulus: Annotated[float, typer.Option(help="Young's modulus of sphere and half-space, Pa.")] = 206e9,
-    sliders: SlidersOption = 8,
+    sliders: SlidersOption = None,
     timeout: TimeoutOption = None,
     audit: AuditOption = True,
     as_json: JsonOption = False,
@@ -46,7 +45,7 @@ def impact(
 
     Example: piezomotor impact --contact brush --poisson 0.3 --psi 1.2 --plot impact.png
     """
-    check_contact(context, contact)
+    law = law_named(contact, sliders)
     check_targets(output, (".csv", ".json", ".cir"), plot)
     from pyspice_runner.analysis.impact import impact as rebound
     from pyspice_runner.model.impact import Throw
@@ -56,7 +55,7 @@ def impact(
         radius_m=radius, density_kg_m3=density, youngs_modulus_pa=youngs_modulus, poisson=poisson,
     )  # fmt: skip
     with busy("ngspice runs the impact"):
-        result = rebound(throw, contact, sliders=sliders, timeout=timeout, audit=audit)
+        result = rebound(throw, law, timeout=timeout, audit=audit)
     warn_of(result.audit.findings)
     table = Table("quantity", "value", title=f"{contact}, Poisson's ratio {poisson:g}")
     table.add_row("ψ₁ → ψ₂", f"{result.psi_1:.4g} → {result.psi_2:.4g}")

@@ -25,7 +25,7 @@ from pyspice_runner.commands.common import (
     load_changed,
     points_progress,
 )
-from pyspice_runner.commands.contacting import DEFAULT_LAW, LawOption, SlidersOption, check_contact
+from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
 from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 
 
@@ -40,7 +40,6 @@ class ObjectiveKind(StrEnum):
 
 @with_drive_options
 def map_points(
-    context: typer.Context,
     motor: MotorArgument,
     drive: DriveOptions,
     over: Annotated[
@@ -58,8 +57,8 @@ def map_points(
         float | None, typer.Option(help="Speed at which the shaft is held, rad/s; default: by the objective.")
     ] = None,
     load: Annotated[float, typer.Option(help="Torque that a load draws from the free shaft, N.m.")] = 0.0,
-    contact: LawOption = DEFAULT_LAW,
-    sliders: SlidersOption = 8,
+    contact: ContactOption = DEFAULT_LAW,
+    sliders: SlidersOption = None,
     step: Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")] = None,
     accuracy: Annotated[float, typer.Option(help="Error allowed of the torque, relative to mu F0 R.")] = ACCURACY,
     timeout: TimeoutOption = None,
@@ -73,7 +72,7 @@ def map_points(
     Example: piezomotor map andersen2002-unintended-mode --over drive.frequency=44e3:46e3:5
     --over drive.voltage=60,100 --limit current_a=0.06 --plot map.png
     """
-    check_contact(context, contact)
+    law = law_named(contact, sliders)
     check_targets(output, (".nc", ".csv", ".json"), plot)
     loaded = load_changed(motor, changes)
     axes = {}
@@ -84,7 +83,7 @@ def map_points(
     with points_progress() as progress:
         dataset = pr.working_points(
             loaded, drive.stated(loaded), over=axes, objective=objective.value, limits=limits, speed=speed,
-            load_torque=load, contact=contact, sliders=sliders, step=step, accuracy=accuracy, timeout=timeout,
+            load_torque=load, contact=law, step=step, accuracy=accuracy, timeout=timeout,
             progress=progress,
         )  # fmt: skip
     result = dataset.piezomotor

@@ -28,7 +28,7 @@ from pyspice_runner.commands.common import (
     view,
     write_table,
 )
-from pyspice_runner.commands.contacting import DEFAULT_LAW, LawOption, SlidersOption, check_contact
+from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
 
 _SYMBOL, _DATA = ("contact", "sliders"), ("contact", "sliders", "name", "thermal")
 # options that a file of this ending does not depend on
@@ -92,8 +92,8 @@ def export(
             autocompletion=complete_motor,
         ),
     ],
-    contact: LawOption = DEFAULT_LAW,
-    sliders: SlidersOption = 8,
+    contact: ContactOption = DEFAULT_LAW,
+    sliders: SlidersOption = None,
     name: Annotated[
         str, typer.Option(help="Name of the subcircuit; different names may be used in one deck.", show_default=False)
     ] = "",
@@ -129,7 +129,7 @@ def export(
             refuse_idle(context, f"on a {output.suffix}, which names no subcircuit", "name")
         _export_circuit(source, changes, as_json, output, plot, name or "resonator")
         return
-    check_contact(context, contact)
+    law = law_named(contact, sliders)
     of_averaged, of_full = (".lib", ".fmu"), (".lib", ".va", ".fmu", ".asy", ".kicad_sym", ".s2p", ".toml")
     check_targets(output, of_averaged if averaged else of_full, plot, [source])
     check_dialect(dialect, output)
@@ -138,20 +138,20 @@ def export(
     loaded = load_changed(source, changes)
     drift = Thermal.of(loaded) if thermal else None
     if output is not None and output.suffix == ".fmu":
-        check_averaged(contact)
+        check_averaged(law)
         text = fmu_texts(loaded, name=name, thermal=drift)["modelDescription.xml"]
     elif averaged:
-        check_averaged(contact)
+        check_averaged(law)
         text = averaged_library(loaded, name=name, thermal=drift)
     elif output is not None and output.suffix == ".va":
-        text = motor_module(loaded, contact=contact, sliders=sliders, name=name, thermal=drift)
+        text = motor_module(loaded, contact=law, name=name, thermal=drift)
     else:
-        text = motor_library(loaded, contact=contact, sliders=sliders, name=name, thermal=drift)
+        text = motor_library(loaded, contact=law, name=name, thermal=drift)
 
     def save(path: Path) -> None:
         with busy("writing"):
             pr.export_motor(
-                loaded, path, contact=contact, sliders=sliders, name=name, thermal=drift, averaged=averaged,
+                loaded, path, contact=law, name=name, thermal=drift, averaged=averaged,
                 dialect=cast(Dialect, dialect),
             )  # fmt: skip
 

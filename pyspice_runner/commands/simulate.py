@@ -30,7 +30,7 @@ from pyspice_runner.commands.common import (
     run_progress,
     warn_of,
 )
-from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, check_contact, law_named
+from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
 from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 from pyspice_runner.errors import Interrupted
 from pyspice_runner.netlist.waveforms import Burst, Waveform, read_waveform
@@ -57,7 +57,7 @@ def simulate(
     drive: DriveOptions,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 5e-3,
     contact: ContactOption = DEFAULT_LAW,
-    sliders: SlidersOption = 8,
+    sliders: SlidersOption = None,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
     load_torque: Annotated[float, typer.Option(help="Torque of a load on the shaft, N.m.")] = 0.0,
     step: Annotated[float | None, typer.Option(help="Uniform time step, s; default: from the fastest motion.")] = None,
@@ -94,7 +94,7 @@ def simulate(
 
     Example: piezomotor simulate bimodal40 --voltage 100 --duration 20e-3 --output run.csv --plot run.png
     """
-    check_contact(context, contact)
+    law = law_named(contact, sliders)
     check_targets(output, (".csv", ".nc", ".json", ".cir"), plot)
     loaded = load_changed(motor, changes)
     excitation = drive.stated(loaded)
@@ -103,7 +103,7 @@ def simulate(
         refuse_idle(context, "with --averaged", *_OF_CYCLES)
         with run_progress("ngspice runs the averaged motor") as progress:
             mean = pr.simulate_averaged(
-                loaded, excitation, duration, contact=contact, speed=speed, load_torque=load_torque,
+                loaded, excitation, duration, contact=law, speed=speed, load_torque=load_torque,
                 progress=progress, timeout=timeout,
             )  # fmt: skip
         warn_of(mean.cautions)
@@ -122,8 +122,7 @@ def simulate(
                 loaded,
                 shaped,
                 duration=duration,
-                contact=law_named(contact),
-                sliders=sliders,
+                contact=law,
                 speed=speed,
                 load_torque=load_torque,
                 step=step,

@@ -23,13 +23,12 @@ from pyspice_runner.commands.common import (
     grid,
     load_changed,
 )
-from pyspice_runner.commands.contacting import DEFAULT_LAW, LawOption, SlidersOption, check_contact
+from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
 from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 
 
 @with_drive_options
 def small_signals(
-    context: typer.Context,
     motor: MotorArgument,
     drive: DriveOptions,
     frequencies: Annotated[
@@ -37,8 +36,8 @@ def small_signals(
     ] = "10,30,100,300,1000,3000",
     speed: Annotated[float | None, typer.Option(help="Speed at which the shaft is held, rad/s; default: free.")] = None,
     load: Annotated[float, typer.Option(help="Torque that a load draws from the free shaft, N.m.")] = 0.0,
-    contact: LawOption = DEFAULT_LAW,
-    sliders: SlidersOption = 8,
+    contact: ContactOption = DEFAULT_LAW,
+    sliders: SlidersOption = None,
     step: Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")] = None,
     timeout: TimeoutOption = None,
     changes: SetOption = None,
@@ -50,13 +49,13 @@ def small_signals(
 
     Example: piezomotor small-signals andersen2002-unintended-mode --frequency 46e3 --load 5e-3 --frequencies 100,1000
     """
-    check_contact(context, contact)
+    law = law_named(contact, sliders)
     check_targets(output, (".json", ".csv", ".nc"), plot)
     loaded = load_changed(motor, changes)
     with busy("ngspice runs periods of the drive"):
         result = pr.small_signals(
             loaded, drive.stated(loaded), frequencies=grid("--frequencies", frequencies), speed=speed,
-            load_torque=load, contact=contact, sliders=sliders, step=step, timeout=timeout,
+            load_torque=load, contact=law, step=step, timeout=timeout,
         )  # fmt: skip
     table = Table("quantity", "value", title=f"{loaded.name}: {result.state.drive.label}")
     for name, value in result.summary().items():

@@ -31,7 +31,7 @@ from pyspice_runner.commands.common import (
     points_progress,
     warn_of,
 )
-from pyspice_runner.commands.contacting import DEFAULT_LAW, LawOption, SlidersOption, check_contact
+from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
 from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 from pyspice_runner.errors import Interrupted
 
@@ -53,7 +53,6 @@ class ModeKind(StrEnum):
 
 @with_drive_options
 def speed_torque(
-    context: typer.Context,
     motor: MotorArgument,
     drive: DriveOptions,
     speeds: Annotated[
@@ -67,8 +66,8 @@ def speed_torque(
         str | None,
         typer.Option(metavar="AXIS", help="Go on from point to point along this axis; with steady, through folds."),
     ] = None,
-    contact: LawOption = DEFAULT_LAW,
-    sliders: SlidersOption = 8,
+    contact: ContactOption = DEFAULT_LAW,
+    sliders: SlidersOption = None,
     tolerance: Annotated[float, typer.Option(help="Largest change from block to block of a settled point.")] = 1e-3,
     patience: Annotated[int, typer.Option(help="Number of blocks after which a point counts as not settled.")] = 40,
     step: Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")] = None,
@@ -85,7 +84,7 @@ def speed_torque(
     Example: piezomotor speed-torque andersen2002-unintended-mode --voltage 100 --frequency 46e3 --phase 180
     --speeds=-5:25:13 --plot curve.png
     """
-    check_contact(context, contact)
+    law = law_named(contact, sliders)
     check_targets(output, (".nc", ".csv", ".json"), plot)
     loaded = load_changed(motor, changes)
     excitation = drive.stated(loaded)
@@ -100,8 +99,7 @@ def speed_torque(
                 over={path.strip(): grid(f"--over {path}", values)} if over else None,
                 mode=mode.value,
                 follow=follow,
-                contact=contact,
-                sliders=sliders,
+                contact=law,
                 tolerance=tolerance,
                 patience=patience,
                 step=step,

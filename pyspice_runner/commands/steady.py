@@ -26,19 +26,18 @@ from pyspice_runner.commands.common import (
     load_changed,
     warn_of,
 )
-from pyspice_runner.commands.contacting import DEFAULT_LAW, LawOption, SlidersOption, check_contact
+from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
 from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 
 
 @with_drive_options
 def steady(
-    context: typer.Context,
     motor: MotorArgument,
     drive: DriveOptions,
     speed: Annotated[float | None, typer.Option(help="Speed at which the shaft is held, rad/s; default: free.")] = None,
     load: Annotated[float, typer.Option(help="Torque that a load draws from the free shaft, N.m.")] = 0.0,
-    contact: LawOption = DEFAULT_LAW,
-    sliders: SlidersOption = 8,
+    contact: ContactOption = DEFAULT_LAW,
+    sliders: SlidersOption = None,
     step: Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")] = None,
     accuracy: Annotated[float, typer.Option(help="Error allowed of the torque, relative to mu F0 R.")] = 2e-3,
     timeout: TimeoutOption = None,
@@ -53,12 +52,12 @@ def steady(
 
     Example: piezomotor steady bimodal40 --voltage 90 --speed 30 --json
     """
-    check_contact(context, contact)
+    law = law_named(contact, sliders)
     check_targets(output, (".json", ".csv", ".nc", ".cir"), plot)
     loaded = load_changed(motor, changes)
     with busy("ngspice runs periods of the drive"):
         result = pr.steady_state(
-            loaded, drive.stated(loaded), speed=speed, load_torque=load, contact=contact, sliders=sliders,
+            loaded, drive.stated(loaded), speed=speed, load_torque=load, contact=law,
             step=step, accuracy=accuracy, timeout=timeout, audit=audit, engine=engine.value,
         )  # fmt: skip
     warn_of(result.audit.findings)

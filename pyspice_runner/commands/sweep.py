@@ -33,7 +33,7 @@ from pyspice_runner.commands.common import (
     points_progress,
     refuse_idle,
 )
-from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, check_contact, law_named
+from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
 from pyspice_runner.commands.drive import DRIVERS, MosfetOption, PartOption, changes_of, driver_of, two_phase
 from pyspice_runner.commands.driving import DriveOptions, with_drive_options
 
@@ -111,7 +111,7 @@ def sweep(
     ] = None,
     duration: Annotated[float | None, typer.Option(help="Simulate: simulated time, s; default: 5e-3.")] = None,
     contact: ContactOption = DEFAULT_LAW,
-    sliders: SlidersOption = 8,
+    sliders: SlidersOption = None,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
     load_torque: Annotated[float | None, typer.Option(help="Simulate: torque of a load, N.m.")] = None,
     timeout: TimeoutOption = None,
@@ -127,7 +127,7 @@ def sweep(
 
     Example: piezomotor sweep andersen2002 --over drive.voltage=40:80:5 --tolerance contact.friction=10% --samples 16
     """
-    check_contact(context, contact)
+    law = law_named(contact, sliders)
     if analysis is AnalysisKind.operating_point:
         refuse_idle(context, "on --analysis operating-point", "duration", "load_torque")
     if analysis is AnalysisKind.drive:
@@ -149,11 +149,9 @@ def sweep(
         axes[path] = pr.Tolerance(_percent(path, text), distribution.value)
     settings: dict[str, Any] = {"speed": speed, "duration": duration, "load_torque": load_torque, "timeout": timeout}
     settings["engine"] = None if engine is EngineKind.spice else engine.value  # which is the default of the run
-    if contact == "brush":
-        settings["sliders"] = sliders
     run = {name: value for name, value in settings.items() if value is not None}
     if contact != DEFAULT_LAW:  # which is the default of the run
-        run["contact"] = law_named(contact)
+        run["contact"] = law
     how = _question(analysis, excitation, quantity) | run
     with _cluster(scheduler, workers) as executor, points_progress() as progress:
         try:

@@ -204,6 +204,8 @@ def _complaint(function: Callable[..., Any], error: ValidationError) -> str:
         return f"{where}: there are too many arguments without a name. Name them: {', '.join(names[1:4])}, …"
     name = names[place] if isinstance(place, int) else place
     if first["type"] == "unexpected_keyword_argument":
+        if name == "sliders" and "contact" in names:
+            return f"{where}: there is no argument 'sliders'. Write contact=Law(\"brush\", {quoted(first['input'])})."
         close = difflib.get_close_matches(name, names, n=1)
         hint = f"Did you mean {close[0]!r}?" if close else f"The arguments are {', '.join(names)}."
         return f"{where}: there is no argument {quoted(name)}. {hint}"

@@ -23,6 +23,7 @@ from pyspice_runner.model.drive import Load, TwoPhaseDrive, default_drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import add_cooling
+from pyspice_runner.netlist.contact import PAPER_LAW, ContactLaw, law_of
 from pyspice_runner.netlist.library import Library, Pin, check_name, read_library
 from pyspice_runner.netlist.motor import CROWN, MOUNTED, REVISION, Assembly, require_linear
 from pyspice_runner.netlist.sources import FREE, Bench
@@ -57,15 +58,17 @@ def check_resolution(phases: int, harmonics: int) -> None:
         raise ParameterError(f"phases = {phases} cannot resolve {harmonics} harmonics: give at least {least} phases.")
 
 
-def check_averaged(contact: str | None) -> None:
+def check_averaged(contact: ContactLaw | None) -> None:
     """Check that a law of the contact has an averaged model.
 
     Raises:
         ParameterError: for any other law than the spring-slider.
     """
-    if contact != "spring-slider":
+    law = law_of(contact)
+    if law != PAPER_LAW:
         raise ParameterError(
-            f"contact = {contact!r} has no averaged model: it must be 'spring-slider'. Use the full motor for others."
+            f"contact = {law.name if law else None!r} has no averaged model: it must be 'spring-slider'. Use the full "
+            "motor for others."
         )
 
 

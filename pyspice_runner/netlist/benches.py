@@ -13,7 +13,7 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Drive, Tone
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.contact import ContactLaw, Law
+from pyspice_runner.netlist.contact import PAPER_LAW, Law
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import (
     Motion,
@@ -37,12 +37,12 @@ METERED = ("metered_a", "metered_b")  # nodes of the source in front of the watt
 _METERS = ("piezomotor_contactmeter", "piezomotor_wattmeter", "piezomotor_heat", "piezomotor_groupheat")
 
 
-def transient_options(motor: Motor, contact: ContactLaw | None = "spring-slider") -> dict[str, str]:
+def transient_options(motor: Motor, law: Law | None = PAPER_LAW) -> dict[str, str]:
     """Return :data:`TRANSIENT_OPTIONS`, with smaller tolerances for a motor with small contact forces.
 
     A nanovolt and a nanoampere are negligible in a motor of centimetres, but not against micronewtons in a MEMS.
     """
-    if contact is None:
+    if law is None:
         return TRANSIENT_OPTIONS
     depth = 1e6 * contact_law.static_penetration(motor.contact)
     friction = motor.contact.friction * motor.contact.preload_n
@@ -140,7 +140,7 @@ def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circu
             motor,
             (f"a{copy}", f"b{copy}", circuit.gnd, f"shaft{copy}"),
             instance=f"motor{copy}",
-            contact="spring-slider" if preloaded else None,
+            law=PAPER_LAW if preloaded else None,
         )
     return circuit
 

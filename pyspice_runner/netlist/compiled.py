@@ -81,8 +81,7 @@ def module_of(motor: Motor, law: Law) -> Module:
 
     Motors with the same number of modes, with or without mount and dry friction of the bearing, have the same module.
     """
-    sliders = law.sliders if law.name == "brush" else 0
-    return _module(len(motor.modes), sliders, motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0)
+    return _module(len(motor.modes), law.sliders or 0, motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0)
 
 
 @cache
@@ -125,9 +124,9 @@ def module_subcircuit(motor: Motor, law: Law, discretisation: Discretisation | N
     module = module_of(motor, law)
     values = " ".join(
         f"{parameter}={value!r}"
-        for parameter, value in module_values(motor, law.name, discretisation=discretisation).items()
+        for parameter, value in module_values(motor, law, discretisation=discretisation).items()
     )
-    names = _NODES | {f"cell_{number}": f"xcontact.q{number}" for number in range(1, law.sliders + 1)}
+    names = _NODES | {f"cell_{number}": f"xcontact.q{number}" for number in range(1, (law.sliders or 0) + 1)}
     nodes = " ".join(names.get(port, port) for port in module.ports[len(PINS) :])
     return "\n".join(
         (

@@ -13,7 +13,6 @@ import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
@@ -21,8 +20,6 @@ from pyspice_runner.model.parameters import Contact
 from pyspice_runner.netlist.library import Library, data_path, parse_library, read_library
 from pyspice_runner.netlist.own_law import ENDING, PINS, read_own_law
 
-BuiltInLaw = Literal["spring-slider", "brush", "coulomb"]
-ContactLaw = BuiltInLaw | str  # a text is the path of a user's own law
 LIBRARIES: dict[str, str] = {
     "spring-slider": "piezomotor_contact",
     "brush": "piezomotor_brush",
@@ -33,29 +30,53 @@ MOST_SLIDERS = 200
 REACH = 4.0  # penetration over the static one that the sliders of a brush cover evenly: at eight times the force
 
 
+def is_own(contact: object) -> bool:
+    """Return whether a law is a user's own file, according to its ending."""
+    return isinstance(contact, str | Path) and str(contact).lower().endswith(ENDING)
+
+
 @dataclass(frozen=True)
 class Law:
-    """The law of a contact and its settings. ``None`` instead of a law is a free tip.
+    """The law of a contact. ``None`` instead of a law is a free tip.
 
     Attributes:
-        name: which law.
-        sliders: number of sliders of the brush.
+        name: ``"spring-slider"``, the paper's law; ``"brush"``, which slips from the edge inwards; ``"coulomb"``,
+            without a tangential spring; or the path of a ``.lib`` file with a law of the user's own.
+        sliders: number of sliders of the brush, 8 by default; ``None`` for the other laws.
 
     Raises:
-        ParameterError: by the constructor, for a law or a number of sliders that does not exist.
+        ParameterError: by the constructor, for an unknown law, or sliders that are out of range or have no effect.
     """
 
-    name: ContactLaw = "spring-slider"
-    sliders: int = SLIDERS
+    name: str = "spring-slider"
+    sliders: int | None = None
 
     def __post_init__(self) -> None:
-        check_law(self.name, free=False)
-        contact_library(self.name, self.sliders)
+        if is_own(self.name):
+            object.__setattr__(self, "name", str(self.name))
+            read_own_law(self.name)
+        elif self.name not in tuple(LIBRARIES):
+            raise ParameterError(
+                f"contact = {self.name!r} is not valid: it must be {', '.join(map(repr, LIBRARIES))}, None (free tip) "
+                f"or the path of a {ENDING} file."
+            )
+        if self.name == "brush":
+            sliders = SLIDERS if self.sliders is None else self.sliders
+            if sliders not in range(1, MOST_SLIDERS + 1):
+                raise ParameterError(
+                    f"sliders = {sliders} is not valid: it must be a whole number from 1 to {MOST_SLIDERS}."
+                )
+            object.__setattr__(self, "sliders", int(sliders))
+        elif self.sliders is not None:
+            raise ParameterError(
+                f"sliders = {self.sliders} has no effect on the law {self.name!r}. Leave it out, or write "
+                f'Law("brush", {self.sliders}).'
+            )
 
     @property
     def library(self) -> Library:
         """The library with the law's subcircuit."""
-        return contact_library(self.name, self.sliders)
+        return contact_library(self)
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -70,62 +91,62 @@ class Law:
 
     def to_dict(self) -> dict[str, object]:
         """Return the law as in the results, JSON-ready."""
-        return {"contact": self.name, **({"sliders": self.sliders} if self.name == "brush" else {})}
+        return {"contact": self.name, **({"sliders": self.sliders} if self.sliders else {})}
 
 
-def law_of(contact: ContactLaw | None, sliders: int = SLIDERS) -> Law | None:
-    """Return the law for the arguments ``contact`` and ``sliders`` of an analysis; ``None`` is a free tip.
-
-    Raises:
-        ParameterError: for a law or a number of sliders that does not exist.
-    """
-    check_law(contact)
-    return None if contact is None else Law(contact, sliders)
+ContactLaw = Law | str | Path  # as an analysis accepts it: a law, its name, or the path of a user's own
+PAPER_LAW = Law()
 
 
-def is_own(contact: object) -> bool:
-    """Return whether a law is a user's own file, according to its ending."""
-    return isinstance(contact, str | Path) and str(contact).lower().endswith(ENDING)
-
-
-def check_law(contact: str | None, *, free: bool = True) -> None:
-    """Check that the law exists; ``None``, a free tip, is valid only with ``free``.
+def law_of(contact: ContactLaw | None) -> Law | None:
+    """Return the law for the argument ``contact`` of an analysis; ``None`` is a free tip.
 
     Raises:
-        ParameterError: naming the laws.
+        ParameterError: for an unknown law.
     """
-    if contact in get_args(BuiltInLaw) or (free and contact is None):
-        return
-    if is_own(contact):
-        read_own_law(str(contact))
-        return
-    laws = ", ".join(repr(law) for law in get_args(BuiltInLaw))
-    tip = ", None (free tip)" if free else ""
-    raise ParameterError(f"contact = {contact!r} is not valid: it must be {laws}{tip} or the path of a {ENDING} file.")
+    return contact if contact is None or isinstance(contact, Law) else Law(contact)  # type: ignore[arg-type]
 
 
-def contact_library(law: ContactLaw, sliders: int = SLIDERS, contact: Contact | None = None) -> Library:
-    """Return the library of a law; the brush is written for the given number of sliders.
+def touching_law(contact: ContactLaw | None, reason: str) -> Law:
+    """Return the law for the argument ``contact`` of an analysis that needs a contact.
+
+    Args:
+        contact: the argument.
+        reason: why it needs one, as a sentence.
+
+    Raises:
+        ParameterError: for an unknown law, or a free tip.
+    """
+    law = law_of(contact)
+    if law is None:
+        raise ParameterError(f"contact = None (free tip) is not valid here: {reason} Give a law.")
+    return law
+
+
+def contact_library(law: Law, contact: Contact | None = None) -> Library:
+    """Return the library of a law; the brush is written for its number of sliders.
 
     The spring-slider with friction that falls with the slip velocity is a separate library.
 
+    Args:
+        law: the law.
+        contact: constants of the contact.
+
     Raises:
-        ParameterError: for a number of sliders that is out of range, or a user's own law that is not valid.
+        ParameterError: for a user's own law that is not valid.
     """
-    if sliders not in range(1, MOST_SLIDERS + 1):
-        raise ParameterError(f"sliders = {sliders} is not valid: it must be a whole number from 1 to {MOST_SLIDERS}.")
-    if is_own(law):
-        return read_own_law(str(law))
-    name = LIBRARIES[law]
-    if law == "spring-slider" and contact is not None and contact.sliding_ratio < 1.0:
+    if is_own(law.name):
+        return read_own_law(law.name)
+    name = LIBRARIES[law.name]
+    if law.name == "spring-slider" and contact is not None and contact.sliding_ratio < 1.0:
         return read_library("piezomotor_stribeck")
-    if law == "brush" and sliders != SLIDERS:
-        return parse_library(name, brush_library(int(sliders)))
+    if law.sliders not in (None, SLIDERS):
+        return parse_library(name, brush_library(law.sliders))
     return read_library(name)
 
 
 def contact_values(
-    law: ContactLaw,
+    law: Law,
     contact: Contact,
     *,
     radius: float,
@@ -157,14 +178,15 @@ def contact_values(
     if damping:
         if "damping" not in declared:
             raise ParameterError(
-                f"The contact law {law} has no parameter damping. Set contact.restitution to 1, or add it to the law."
+                f"The contact law {law.name} has no parameter damping. Set contact.restitution to 1, or add it to the "
+                "law."
             )
         values["damping"] = damping
     if contact.sliding_ratio < 1.0:
-        if law != "spring-slider":
+        if law.name != "spring-slider":
             raise ParameterError(
-                f"contact.sliding_ratio = {contact.sliding_ratio:g} is not valid with the contact {law}, which has one "
-                "coefficient of friction. Set it to 1, or choose the contact spring-slider."
+                f"contact.sliding_ratio = {contact.sliding_ratio:g} is not valid with the contact {law.name}, which "
+                "has one coefficient of friction. Set it to 1, or choose the contact spring-slider."
             )
         values |= {"sliding": contact.sliding_ratio, "stribeck": contact.stribeck_velocity_m_s}
     if "compliance" in declared:

@@ -10,7 +10,7 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.impact import Throw
 from pyspice_runner.model.parameters import Contact, Rotor
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, contact_library, contact_values
+from pyspice_runner.netlist.contact import Law, contact_library, contact_values
 from pyspice_runner.netlist.library import definitions
 from pyspice_runner.netlist.motor import instantiate
 from pyspice_runner.netlist.own_law import PINS
@@ -18,9 +18,7 @@ from pyspice_runner.netlist.own_law import PINS
 _HALF_SPACE = 10.0  # m: radius of the rotor that represents a half-space; its curvature has no effect in this bench
 
 
-def impact_bench(
-    throw: Throw, *, contact: ContactLaw = "brush", sliders: int = SLIDERS, step: float, title: str = ""
-) -> Circuit:
+def impact_bench(throw: Throw, *, law: Law, step: float, title: str = "") -> Circuit:
     """Return the bench of a sphere that hits a half-space at t = 0.
 
     The sphere is the tip: its masses are capacitors (mobility analogy, 1 V = 1 m/s or 1 rad/s, 1 A = 1 N or 1 N.m) on
@@ -29,19 +27,18 @@ def impact_bench(
 
     Args:
         throw: sphere, half-space and velocities.
-        contact: law of the contact; instance ``Xcontact``.
-        sliders: number of sliders of the brush.
+        law: law of the contact; instance ``Xcontact``.
         step: time step of the run in s; the time constant of a slider is half of it.
         title: title line of the deck.
     """
     circuit = Circuit(title or "sphere thrown at a half-space")
     constants = throw.contact
-    library = contact_library(contact, sliders, constants)
+    library = contact_library(law, constants)
     values = contact_values(
-        contact, constants, radius=_HALF_SPACE, preload=constants.preload_n,
+        law, constants, radius=_HALF_SPACE, preload=constants.preload_n,
         slider_time=step / 2.0, span=throw.greatest_penetration_m,
     )  # fmt: skip
-    if contact == "coulomb":  # creep velocity: a thousandth of the velocity at ψ = 1
+    if law.name == "coulomb":  # creep velocity: a thousandth of the velocity at ψ = 1
         values["creep"] = 1e-3 * throw.limit_ratio * throw.velocity_m_s
     seat = contact_law.static_penetration(constants)
     mass, radius = f"{throw.mass_kg:.10g}", f"{throw.radius_m:.10g}"
@@ -74,8 +71,7 @@ def cyclic_bench(
     phase_deg: float = 0.0,
     harmonic: int = 1,
     frequency: float = 1e3,
-    law: ContactLaw = "brush",
-    sliders: int = SLIDERS,
+    law: Law,
     step: float,
     title: str = "",
 ) -> Circuit:
@@ -93,18 +89,17 @@ def cyclic_bench(
         harmonic: number n of cycles of the force in a cycle of the displacement.
         frequency: of the displacement, Hz.
         law: law of the contact; instance ``Xcontact``.
-        sliders: number of sliders of the brush.
         step: time step of the run in s; the time constant of a slider is half of it.
         title: title line of the deck.
     """
     circuit = Circuit(title or "tip moved back and forth")
-    library = contact_library(law, sliders, contact)
+    library = contact_library(law, contact)
     span = contact_law.static_penetration(contact) * (1.0 + abs(swing)) ** (2.0 / 3.0)
     values = contact_values(
         law, contact, radius=rotor.radius_m, preload=contact.preload_n, slider_time=step / 2.0, span=span
     )
     omega = 2.0 * pi * frequency
-    if law == "coulomb":  # creep velocity: a hundredth of the greatest velocity
+    if law.name == "coulomb":  # creep velocity: a hundredth of the greatest velocity
         values["creep"] = min(max(0.01 * amplitude * omega, 1e-9), 1e3)
     depth = 1e6 * contact_law.static_penetration(contact)
     turn = f"{omega:.12g}*time"

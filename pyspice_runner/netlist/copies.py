@@ -32,7 +32,7 @@ from pyspice_runner.netlist.compiled import (
     module_start,
     module_subcircuit,
 )
-from pyspice_runner.netlist.contact import SLIDERS, Law
+from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.library import PREFIX
 from pyspice_runner.netlist.motor import Discretisation, Motion, MotorSubCircuit, dielectric_branches, plate_nodes
 from pyspice_runner.netlist.sources import Bench
@@ -135,8 +135,7 @@ class Plant:
             return {name: module_subcircuit(self.motor, self.law, discretisation, name)}
         still = (0.0,) * self.modes
         definition = MotorSubCircuit(
-            self.motor, contact=self.law.name if self.law else None,
-            sliders=self.law.sliders if self.law else SLIDERS, discretisation=discretisation,
+            self.motor, law=self.law, discretisation=discretisation,
             start=Motion(still, still, 0.0, 0.0, (), ()), name=name, prefix=PREFIX,
         )  # fmt: skip
         text = str(definition)
@@ -337,9 +336,9 @@ def copies_bench(
 def _options(copies: Sequence[Copy]) -> dict[str, str]:
     """Return the options that suit all copies."""
     first = copies[0].plant
-    options = dict(transient_options(first.motor, first.law.name if first.law else None))
+    options = dict(transient_options(first.motor, first.law))
     for copy in copies:
-        own = transient_options(copy.plant.motor, first.law.name if first.law else None)
+        own = transient_options(copy.plant.motor, first.law)
         options |= {name: own[name] for name in ("vntol", "abstol") if float(own[name]) < float(options[name])}
     return options
 

@@ -267,7 +267,7 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
         start |= {f"{instance}.xmotor.{node}": float(value) for node, value in nodes.items()}
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name} behind a driver")
     circuit.raw_spice += "\n".join(lines) + "\n"
-    uniform = transient_options(first.motor, first.law.name if first.law else None)
+    uniform = transient_options(first.motor, first.law)
     return Bench(circuit, uniform if first.uniform else first.driver.options(first.motor, first.law), start)
 
 

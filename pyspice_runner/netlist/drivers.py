@@ -300,7 +300,7 @@ class Driver(Stated, Source):
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
         """Return ngspice's options for a run with the driver."""
-        return SWITCHED_OPTIONS if self.switched else transient_options(motor, law.name if law else None)
+        return SWITCHED_OPTIONS if self.switched else transient_options(motor, law)
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add both channels and their control source between ground and the nodes of groups A and B.

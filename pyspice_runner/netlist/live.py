@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from math import pi, sqrt
-from typing import get_args
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
@@ -22,7 +21,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.averaged import OPTIONS as AVERAGED_OPTIONS
 from pyspice_runner.netlist.averaged import AveragedSubCircuit
 from pyspice_runner.netlist.benches import AC_OPTIONS, transient_options
-from pyspice_runner.netlist.contact import BuiltInLaw
+from pyspice_runner.netlist.contact import LIBRARIES, Law
 from pyspice_runner.netlist.motor import Assembly, Discretisation, MotorSubCircuit
 from pyspice_runner.netlist.sources import DriveSource, motor_bench
 
@@ -44,9 +43,9 @@ Values = dict[str, tuple[float | str, str]]  # name → number or expression, an
 def laws(motor: Motor) -> list[str]:
     """Return the built-in contact laws that a motor can have."""
     found = []
-    for law in get_args(BuiltInLaw):
+    for law in LIBRARIES:
         try:
-            MotorSubCircuit(motor, contact=law)
+            MotorSubCircuit(motor, law=Law(law))
         except ParameterError:
             continue
         found.append(law)
@@ -265,7 +264,7 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
     """Return the deck of the full motor, two sources and a load torque; with ``driver`` a user's lines between them."""
     step = live_step(motor, driver=driver)
     discretisation = Discretisation(step, exact_resonance=not driver)
-    circuit = _startable(_opened(MotorSubCircuit(motor, contact=law, discretisation=discretisation), motor), motor)
+    circuit = _startable(_opened(MotorSubCircuit(motor, law=Law(law), discretisation=discretisation), motor), motor)
     values = _settings(motor) | {
         "voltage_2": ("0", "V, amplitude of a second tone, which drives the groups against each other"),
         "frequency_2": (second_frequency(motor), "Hz, of the second tone"),
@@ -291,7 +290,7 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
         body += ["Vpin_a a pin_a 0", "Vpin_b b pin_b 0"]
     passed = ("preload", "friction", "inertia", "mount_stiffness", *inner)
     body.append(_instance(circuit, nodes, passed))
-    options = dict(transient_options(motor, law))
+    options = dict(transient_options(motor, Law(law)))
     if driver:
         options = {"method": "trap", "reltol": "1e-4", "abstol": "1e-9", "vntol": "1e-6"}
     start = [] if driver else _plates(motor)
@@ -372,7 +371,7 @@ def _admittance(motor: Motor) -> str:
         "points": ("2000", "number of frequencies"),
     }
     pressed = MotorSubCircuit(motor)
-    free = MotorSubCircuit(motor, contact=None, name=f"{pressed.name}_free")
+    free = MotorSubCircuit(motor, law=None, name=f"{pressed.name}_free")
     body = [_text(pressed), _text(free)]
     vectors = []
     for state, circuit in (("free", free), ("pressed", pressed)):

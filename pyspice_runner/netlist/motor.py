@@ -22,12 +22,13 @@ from pyspice_runner.model.parameters import Mode, Mount, Rotor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import (
+    PAPER_LAW,
     REACH,
-    SLIDERS,
     ContactLaw,
-    check_law,
+    Law,
     contact_library,
     contact_values,
+    touching_law,
 )
 from pyspice_runner.netlist.library import (
     PREFIX,
@@ -167,8 +168,7 @@ class MotorSubCircuit(Assembly):
 
     Args:
         motor: the motor.
-        contact: law of the contact; ``None`` for a free tip, without a force on the rotor.
-        sliders: number of sliders of the brush.
+        law: law of the contact; ``None`` for a free tip, without a force on the rotor.
         discretisation: adaptation to a run's time step, if any.
         start: motion with which a run with ``uic`` starts; by default preloaded rest. It does not
             include the plates and the cells of a brush: ``.ic`` sets their voltages.
@@ -184,8 +184,7 @@ class MotorSubCircuit(Assembly):
         self,
         motor: Motor,
         *,
-        contact: ContactLaw | None = "spring-slider",
-        sliders: int = SLIDERS,
+        law: Law | None = PAPER_LAW,
         discretisation: Discretisation | None = None,
         start: Motion | None = None,
         thermal: Thermal | None = None,
@@ -193,7 +192,7 @@ class MotorSubCircuit(Assembly):
         name: str = "",
         prefix: str = "",
     ) -> None:
-        law = contact_library(contact, sliders, motor.contact) if contact else None
+        library = contact_library(law, motor.contact) if law else None
         rotor = read_library("piezomotor_rotor")
         warm = ("temperature", "heat") if thermal else ()
         kind = "_thermal" if thermal else ""
@@ -205,16 +204,16 @@ class MotorSubCircuit(Assembly):
         flexibility = sum(mode.tip_y**2 / stiffness for mode, (_, stiffness) in zip(motor.modes, adapted, strict=True))
         flexibility += motor.contact.series_compliance_m_per_n
         touching: dict[str, float] = {}
-        if contact:
+        if law:
             touching = contact_values(
-                contact, motor.contact, radius=motor.rotor.radius_m, preload=preload, deflection=preload * flexibility,
+                law, motor.contact, radius=motor.rotor.radius_m, preload=preload, deflection=preload * flexibility,
                 slider_time=discretisation.slider_time if discretisation else None,
             )  # fmt: skip
-            if start and contact == "spring-slider":
+            if start and law.name == "spring-slider":
                 touching["start"] = 1e6 * start.slider_m
         turning = {"inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s}
         #: parameters of the X line, with their defaults and ranges
-        self.settable = (*_settable(law, touching), *_settable_rotor(rotor, turning))
+        self.settable = (*_settable(library, touching), *_settable_rotor(rotor, turning))
 
         pins = ("a", "b", "com", "shaft", *warm, *(("approach",) if approach else ()))
         defaults = {parameter.name: repr(parameter.default) for parameter in self.settable}
@@ -248,8 +247,9 @@ class MotorSubCircuit(Assembly):
             moved |= self._add_mount(motor.mount, preload, discretisation, start, approach=approach)
             moved |= self._add_stem(motor.contact.series_compliance_m_per_n, moved.get("y", "y"))
             nodes = tuple(moved.get(pin, pin) for pin in PINS)
-            law.check(**touching)
-            self._put("contact", law, nodes, {**touching, **_expressions(law, touching, flexibility)})
+            assert library is not None
+            library.check(**touching)
+            self._put("contact", library, nodes, {**touching, **_expressions(library, touching, flexibility)})
         else:
             self.R("free_fx", "fx", self.gnd, 1)
             self.R("free_fy", "fy", self.gnd, 1)
@@ -373,8 +373,7 @@ def add_motor(
     nodes: Sequence[str | int],
     *,
     instance: str = "motor",
-    contact: ContactLaw | None = "spring-slider",
-    sliders: int = SLIDERS,
+    law: Law | None = PAPER_LAW,
     discretisation: Discretisation | None = None,
     start: Motion | None = None,
     thermal: Thermal | None = None,
@@ -390,8 +389,7 @@ def add_motor(
         nodes: the four nodes for the pins a, b, com, shaft; those for temperature, heat and approach if it has
             these pins.
         instance: name of the instance (``X`` + this).
-        contact: as in :class:`MotorSubCircuit`.
-        sliders: as in :class:`MotorSubCircuit`.
+        law: as in :class:`MotorSubCircuit`.
         discretisation: as in :class:`MotorSubCircuit`.
         start: as in :class:`MotorSubCircuit`.
         thermal: as in :class:`MotorSubCircuit`.
@@ -404,7 +402,7 @@ def add_motor(
             does not have or whose value is out of range.
     """
     definition = MotorSubCircuit(
-        motor, contact=contact, sliders=sliders, discretisation=discretisation, start=start, thermal=thermal,
+        motor, law=law, discretisation=discretisation, start=start, thermal=thermal,
         approach=approach, name=name,
     )  # fmt: skip
     name = definition.name
@@ -425,8 +423,7 @@ def add_motor(
 def motor_library(
     motor: Motor,
     *,
-    contact: ContactLaw = "spring-slider",
-    sliders: int = SLIDERS,
+    contact: ContactLaw | None = "spring-slider",
     name: str = "",
     thermal: Thermal | None = None,
 ) -> str:
@@ -435,18 +432,15 @@ def motor_library(
     Args:
         motor: the motor.
         contact: law of the contact, as in ``simulate``.
-        sliders: number of sliders of the brush.
         name: name of the subcircuit; by default ``piezomotor``, or ``piezomotor_thermal`` with ``thermal``. The names
             of its parts begin with it, so that two exports with different names can be used in one circuit.
         thermal: drift with temperature; the subcircuit then has the pins ``temperature`` and ``heat``.
 
     Raises:
-        ParameterError: for an invalid law, number of sliders or name.
+        ParameterError: for an invalid law or name.
     """
-    check_law(contact, free=False)
-    circuit = MotorSubCircuit(
-        motor, contact=contact, sliders=sliders, thermal=thermal, name=check_name(name) if name else ""
-    )
+    law = touching_law(contact, "The library contains the rotor.")
+    circuit = MotorSubCircuit(motor, law=law, thermal=thermal, name=check_name(name) if name else "")
     name = circuit.name
     step = coarsest_step(motor)
     pins = [("shaft", "rad/s", "rotor speed; a current fed into the pin is a driving torque")]
@@ -455,10 +449,10 @@ def motor_library(
             ("temperature", "K", "temperature above that at which the parameters hold; if open, nothing drifts"),
             ("heat", "W", "heat of the losses, 1 V = 1 W; it may stay open"),
         ]
-    law = contact_library(contact, sliders, motor.contact)
+    library = contact_library(law, motor.contact)
     lines = [
         "* SPDX-License-Identifier: GPL-3.0-or-later",
-        f"* {name}: standing-wave piezomotor {motor.name}, with Hertz contact, friction ({contact}) and rotor",
+        f"* {name}: standing-wave piezomotor {motor.name}, with Hertz contact, friction ({law.name}) and rotor",
         "*",
         "*     a o---.---------------------------------.",
         "*           |  stator: clamped capacitance    |       1 V = 1 rad/s",
@@ -487,10 +481,10 @@ def motor_library(
         "* NODES inside, to plot: x y slider (um), vx vy (m/s), normal friction (N), state (0 open, 1 stick, 2 slip)",
         "*",
         '* SOURCE Andersen, Helbo, Blanke, "Modelling and Experiments of a Standing Wave Piezomotor", 2002, corrected',
-        f"* OMITS  {'' if thermal else 'temperature, '}piezoelectric hysteresis, {law.omits}",
+        f"* OMITS  {'' if thermal else 'temperature, '}piezoelectric hysteresis, {library.omits}",
         f"* REVISION {REVISION}",
         f"* STEP   at most {step:.2g} s; with a coarser one currents and speed are wrong, and no simulator warns",
-        f"* TESTED WITH {law.tested_with}",
+        f"* TESTED WITH {library.tested_with}",
         "*",
         "* USE    the first line of a deck is its title; then:",
         *(f"*   {line}" for line in source_lines(default_drive(motor))),

@@ -123,7 +123,7 @@ class UniformSource(Source):
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
         """Return the options of a run with uniform steps."""
-        return transient_options(motor, law.name if law else None)
+        return transient_options(motor, law)
 
     def initial_voltages(self) -> tuple[float, float]:
         """Return U_A and U_B at t = 0 in V."""

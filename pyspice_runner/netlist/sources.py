@@ -33,14 +33,14 @@ from pyspice_runner.netlist.compiled import (
     module_start,
     module_subcircuit,
 )
-from pyspice_runner.netlist.contact import SLIDERS, Law
+from pyspice_runner.netlist.contact import PAPER_LAW, Law
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.motor import SUBCIRCUIT, Discretisation, Motion, add_motor, plate_nodes
 from pyspice_runner.netlist.source import GROUPS, Pins, Source, UniformSource
 from pyspice_runner.netlist.trackers import Disturbance, Tracker, add_disturbance, tracked_source
 
 Excitation = Drive | Driver | Tracker  # the drives that an analysis accepts
-FREE, PAPER_LAW = Load(), Law()  # a free shaft; the law of the paper
+FREE = Load()  # a free shaft
 
 
 @dataclass(frozen=True)
@@ -174,8 +174,8 @@ def motor_bench(
         thermal = disturbance.coefficients
     add_motor(
         circuit, motor, ("a", "b", circuit.gnd, "shaft", *nodes),
-        contact=law.name if law else None, sliders=law.sliders if law else SLIDERS, discretisation=discretisation,
-        start=start, thermal=thermal, approach=disturbance is not None and disturbance.kind == "preload",
+        law=law, discretisation=discretisation, start=start,
+        thermal=thermal, approach=disturbance is not None and disturbance.kind == "preload",
     )  # fmt: skip
     return Bench(circuit, source.options(motor, law), _start(source, law, start))
 
@@ -241,7 +241,7 @@ def dynamometer_bench(
     add_set_speed(circuit, speed)
     add_motor(
         circuit, motor, ("a", "b", circuit.gnd, "shaft"),
-        contact=law.name, sliders=law.sliders, discretisation=discretisation, start=start,
+        law=law, discretisation=discretisation, start=start,
     )  # fmt: skip
     connect_brake(circuit, load_torque, grips=speed is not None)
     if meters:

@@ -15,7 +15,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw, contact_library, contact_values
+from pyspice_runner.netlist.contact import ContactLaw, Law, contact_values, touching_law
 from pyspice_runner.netlist.library import check_name, data_path
 from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, Discretisation, coarsest_step
 
@@ -29,8 +29,7 @@ _OF_CONTACT = {"mu": "friction", "damping": "normal_damping"}  # parameters of t
 def motor_module(
     motor: Motor,
     *,
-    contact: ContactLaw = "spring-slider",
-    sliders: int = SLIDERS,
+    contact: ContactLaw | None = "spring-slider",
     name: str = "",
     thermal: Thermal | None = None,
 ) -> str:
@@ -39,21 +38,20 @@ def motor_module(
     Args:
         motor: the motor.
         contact: ``"spring-slider"``, ``"coulomb"`` or ``"brush"``.
-        sliders: number of sliders of the brush.
         name: name of the module; by default ``piezomotor``.
         thermal: drift per kelvin at the pin ``temperature``; without it nothing drifts.
 
     Raises:
         ParameterError: for a law that the module does not have, or an invalid name.
     """
-    if contact not in WRITTEN:
+    law = touching_law(contact, "The module contains the rotor.")
+    if law.name not in WRITTEN:
         raise ParameterError(
-            f"contact = {contact!r} is not valid for a .va file: it must be one of {', '.join(WRITTEN)}. "
+            f"contact = {law.name!r} is not valid for a .va file: it must be one of {', '.join(WRITTEN)}. "
             "Export a .lib for a law of your own."
         )
-    contact_library(contact, sliders)  # says which numbers of sliders are valid
-    text = module_source(len(motor.modes), sliders if contact == "brush" else 0)
-    text = named(text, SUBCIRCUIT, motor, name, module_values(motor, contact, thermal=thermal))
+    text = module_source(len(motor.modes), law.sliders or 0)
+    text = named(text, SUBCIRCUIT, motor, name, module_values(motor, law, thermal=thermal))
     return re.sub(
         r"(?m)^// STEP .*$", f"// STEP   at most {coarsest_step(motor):.2g} s; slider_time is half of it", text
     )
@@ -139,7 +137,7 @@ def _repeated(text: str, block: str, count: int) -> str:
 
 def module_values(
     motor: Motor,
-    contact: ContactLaw,
+    law: Law,
     *,
     thermal: Thermal | None = None,
     discretisation: Discretisation | None = None,
@@ -148,18 +146,18 @@ def module_values(
 
     Args:
         motor: the motor.
-        contact: law of the contact.
+        law: law of the contact.
         thermal: drift per kelvin.
         discretisation: adaptation to a run's time step, if any.
     """
-    law = contact_values(
-        contact, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=0.0,
+    constants = contact_values(
+        law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=0.0,
         slider_time=discretisation.slider_time if discretisation else None,
     )  # fmt: skip
-    touching = {_OF_CONTACT.get(name, name): value for name, value in law.items() if name != "deflection"}
+    touching = {_OF_CONTACT.get(name, name): value for name, value in constants.items() if name != "deflection"}
     values: dict[str, float | int] = {
         **{name: _digits(value) for name, value in touching.items()},
-        **({"law": LAWS[contact]} if contact in LAWS else {}),
+        **({"law": LAWS[law.name]} if law.name in LAWS else {}),
         "normal_damping": _digits(touching.get("normal_damping", 0.0)),
         "series_compliance": motor.contact.series_compliance_m_per_n,
         "inertia": motor.rotor.inertia_kg_m2,

@@ -11,10 +11,10 @@ from typing import Any
 from pyspice_runner.model.drive import Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.contact import PAPER_LAW, Law
 from pyspice_runner.netlist.motor import Discretisation, Motion
 from pyspice_runner.netlist.source import Source
-from pyspice_runner.netlist.sources import FREE, PAPER_LAW, Bench, motor_bench
+from pyspice_runner.netlist.sources import FREE, Bench, motor_bench
 from pyspice_runner.netlist.trackers import Disturbance
 from pyspice_runner.run.kernel import Outcome, transient
 from pyspice_runner.run.recording import Recording

@@ -20,7 +20,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import averaged_library, check_averaged
-from pyspice_runner.netlist.contact import SLIDERS, ContactLaw
+from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.equivalent import RESONATOR, circuit_library
 from pyspice_runner.netlist.fmu import C_FILES, fmu_texts
 from pyspice_runner.netlist.library import check_name
@@ -75,8 +75,7 @@ def export_motor(
     motor: Motor,
     path: str | Path,
     *,
-    contact: ContactLaw = "spring-slider",
-    sliders: int = SLIDERS,
+    contact: ContactLaw | None = "spring-slider",
     name: str = "",
     thermal: Thermal | None = None,
     averaged: bool = False,
@@ -94,7 +93,6 @@ def export_motor(
         motor: the motor.
         path: the file.
         contact: law of the contact in the ``.lib`` or ``.va``.
-        sliders: number of sliders of the brush in it.
         name: name of the subcircuit in the ``.lib``, the ``.va`` and the symbols; by default ``piezomotor``.
         thermal: drift with temperature, for the pins ``temperature`` and ``heat`` (``piezomotor_thermal`` by default).
         averaged: whether to write the averaged motor, ``.subckt piezomotor_averaged``, as a ``.lib``; a ``.fmu``
@@ -120,13 +118,13 @@ def export_motor(
     pins = MOTOR_PINS + (THERMAL_PINS if thermal else ())
 
     def library() -> str:
-        return motor_library(motor, contact=contact, sliders=sliders, name=name, thermal=thermal)
+        return motor_library(motor, contact=contact, name=name, thermal=thermal)
 
     return save_by_ending(
         path,
         {
             ".lib": _text(lambda _: in_dialect(library(), dialect)),
-            ".va": _text(lambda _: motor_module(motor, contact=contact, sliders=sliders, name=name, thermal=thermal)),
+            ".va": _text(lambda _: motor_module(motor, contact=contact, name=name, thermal=thermal)),
             ".asy": _text(lambda file: ltspice_symbol(subcircuit, pins, library_name(file), title)),
             ".kicad_sym": _text(lambda file: kicad_symbol(subcircuit, pins, library_name(file), title)),
             ".s2p": _text(lambda _: _stator(motor)),

@@ -152,7 +152,7 @@ def sweep(
     functions = {name: function for name, function in wanted.items() if not isinstance(function, str)}
     origin = _identity(analysis)
     _check_settings({path[4:] for path in over if path.startswith("run.")} | set(run), set(run), analysis)
-    for name, value in run.items():
+    for name, value in _plain(run).items():
         try:
             fingerprint(value)
         except (TypeError, ValueError, AttributeError, RecursionError):
@@ -177,7 +177,7 @@ def sweep(
         "parameter_set": motor.name,
         **{
             name: json.dumps(document)
-            for name, document in (("motor", motor.to_dict()), ("drive", _drive(drive)), ("run", run))
+            for name, document in (("motor", motor.to_dict()), ("drive", _drive(drive)), ("run", _plain(run)))
         },
         "analysis": origin["function"],
         **({"sampling": f"{sampling}, seed {seed}"} if "sample" in plan.shape else {}),
@@ -226,7 +226,7 @@ class _Task:
             "functions": {name: _identity(function) for name, function in self.functions.items()},
             "motor": self.motor.to_dict(),
             "drive": _drive(self.drive),
-            "run": {name: value for name, value in self.run.items() if name != "timeout"}
+            "run": {name: value for name, value in _plain(self.run).items() if name != "timeout"}
             | _law(self.run)
             | _tools(self.run),
             "versions": self.versions,
@@ -573,9 +573,15 @@ def _drive(drive: Excitation) -> dict[str, Any]:
     return {"kind": type(drive).__name__, **drive.model_dump(), **own}
 
 
+def _plain(run: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings of a run with the law of the contact as text and number."""
+    contact = run.get("contact")
+    return {**run, **(contact.to_dict() if isinstance(contact, Law) else {})}
+
+
 def _law(run: Mapping[str, Any]) -> dict[str, str]:
     """Return the hash of a contact law of the user's own, whose file may change while its name stays."""
-    contact = run.get("contact")
+    contact = _plain(run).get("contact")
     return {"contact_sha256": _sha256(Law(str(contact)).library.subcircuit)} if is_own(contact) else {}
 
 

@@ -103,12 +103,13 @@ def test_a_slider_that_slips_as_a_run_begins_leaves_no_trace_in_the_result() -> 
 
 @pytest.mark.parametrize("law", ["brush", "coulomb"])
 def test_every_contact_law_has_a_steady_state(law: Any) -> None:
+    law = pr.Law(law, 3 if law == "brush" else None)
     motor = MOTOR.updated({"mount": None})  # on the mount it settles ten times as slowly
-    state = pr.steady_state(motor, DRIVE, speed=6.0, contact=law, sliders=3)
+    state = pr.steady_state(motor, DRIVE, speed=6.0, contact=law)
     assert state.converged
     assert state.stable
     assert abs(state.balance_residual) < 1e-4
-    settled = operating_point(motor, DRIVE, speed=6.0, mode="settle", contact=law, sliders=3)
+    settled = operating_point(motor, DRIVE, speed=6.0, mode="settle", contact=law)
     assert state.torque_n_m == pytest.approx(settled["torque_n_m"], abs=5e-3 * friction_torque(MOTOR))
 
 

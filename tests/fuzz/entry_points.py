@@ -565,7 +565,7 @@ def _calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     drive = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3)
     tracker = pr.Tracker(kind="pll", voltage=50.0, frequency=51.7e3)
     driver = pr.Driver(kind="half-bridge", network="llcc", voltage=50.0, frequency=51.7e3)
-    held = {"contact": "spring-slider", "sliders": 8, "timeout": 5.0}
+    held = {"contact": "spring-slider", "timeout": 5.0}
     return {
         "updated": (lambda **changes: motor.updated(changes), dict(_numbers(motor.to_dict()))),
         "TwoPhaseDrive": (pr.TwoPhaseDrive, drive.model_dump()),
@@ -627,7 +627,7 @@ def _calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             lambda **run: pr.report(motor, drive, **run),
             {"duration": 1e-3, "speeds": [0.0, 1.0], "levels": [0.5, 1.0], "connection": "A", "timeout": 5.0},
         ),
-        "motor_library": (lambda **run: motor_library(motor, **run), {"contact": "brush", "sliders": 8}),
+        "motor_library": (lambda **run: motor_library(motor, **run), {"contact": "brush"}),
         "circuit_library": (
             lambda **run: circuit_library(load_circuit("fit.json"), **run),
             {"name": "resonator", "title": "a fit"},

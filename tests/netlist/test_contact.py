@@ -21,10 +21,12 @@ from pyspice_runner.netlist.contact import (
     LIBRARIES,
     PINS,
     SLIDERS,
+    Law,
     brush_library,
-    check_law,
     contact_library,
     contact_values,
+    law_of,
+    touching_law,
 )
 from pyspice_runner.netlist.library import data_path, definitions, parse_library, read_library
 from pyspice_runner.netlist.motor import MotorSubCircuit, add_motor
@@ -51,7 +53,7 @@ def test_all_laws_have_the_same_face(name: str) -> None:
 @pytest.mark.parametrize("sliders", [1, 2, 5, 40])
 def test_brush_is_written_for_any_number_of_sliders(sliders: int) -> None:
     library = parse_library("piezomotor_brush", brush_library(sliders))
-    assert contact_library("brush", sliders) == library
+    assert contact_library(Law("brush", sliders)) == library
     assert len(re.findall(r"^Cq\d+ ", library.subcircuit, re.M)) == sliders
     assert library.parameters == read_library("piezomotor_brush").parameters
 
@@ -74,7 +76,9 @@ SAVED = ("v(normal)", "v(friction)", "v(slider)", "v(state)", "v(xcontact.delta)
 
 def drag(sliders: int, span: float, speed: float, y: str = "0", more: str = "") -> dict[str, float]:
     """What a brush says after 40 µs of dragging at a speed in m/s."""
-    text = DECK.format(library=definitions(contact_library("brush", sliders)), y=y, speed=speed, span=span, more=more)
+    text = DECK.format(
+        library=definitions(contact_library(Law("brush", sliders))), y=y, speed=speed, span=span, more=more
+    )
     vectors = run_deck(text, vectors=list(SAVED), stop_time=40e-6).raw.vectors
     return {name[2:-1]: float(vectors[name][-1].real) for name in SAVED}
 
@@ -121,7 +125,9 @@ def test_separated_contact_forgets() -> None:
 
 
 def test_normal_damping_is_hunt_and_crossleys() -> None:
-    text = DECK.format(library=definitions(contact_library("brush")), y="0", speed=1.0, span=0.8, more="damping=0.6")
+    text = DECK.format(
+        library=definitions(contact_library(Law("brush"))), y="0", speed=1.0, span=0.8, more="damping=0.6"
+    )
     text = text.replace("Vvy vy 0 0", "Vvy vy 0 0.5")
     normal = run_deck(text, vectors=list(SAVED), stop_time=40e-6).raw.vectors["v(normal)"].real
     assert normal[-1] == pytest.approx(5.0 * (1 + 0.6 * 0.5), rel=1e-6)
@@ -150,13 +156,13 @@ def test_constant_of_hunt_and_crossley_solves_its_equation(restitution: float) -
 def test_a_motor_names_its_law_and_what_it_needs() -> None:
     motor = load_motor("andersen2002")
     for name in LIBRARIES:
-        text = str(MotorSubCircuit(motor, contact=name))
+        text = str(MotorSubCircuit(motor, law=Law(name)))
         assert f" {LIBRARIES[name]} " in text
         assert ("compliance=" in text) == (name != "coulomb")
         assert ("span=" in text) == (name == "brush")
         assert "damping=" not in text.split("Xcontact")[1].split("\n")[0]
     lossy = motor.updated({"contact.restitution": 0.8})
-    values = contact_values("coulomb", lossy.contact, radius=0.01, preload=5.0)
+    values = contact_values(Law("coulomb"), lossy.contact, radius=0.01, preload=5.0)
     assert values["damping"] == pytest.approx(law.hunt_crossley_damping(0.8, 0.1))
     assert motor.to_dict()["contact"].keys() < lossy.to_dict()["contact"].keys()
 
@@ -168,7 +174,7 @@ def test_linearised_where_it_sticks_a_brush_is_the_papers_spring() -> None:
         circuit = Circuit("preloaded")
         circuit.V("a", "a", circuit.gnd, "DC 0 AC 1")
         circuit.V("b", "b", circuit.gnd, "DC 0 AC 0")
-        add_motor(circuit, motor, ("a", "b", circuit.gnd, "shaft"), contact=name)
+        add_motor(circuit, motor, ("a", "b", circuit.gnd, "shaft"), law=Law(name))
         simulator = BatchSimulator(circuit)
         simulator.options(**AC_OPTIONS)
         simulator.save("i(va)", "v(xmotor.friction)")
@@ -179,19 +185,24 @@ def test_linearised_where_it_sticks_a_brush_is_the_papers_spring() -> None:
         np.testing.assert_allclose(found["brush"][vector], found["spring-slider"][vector], rtol=1e-5)
 
 
-def test_unknown_law_and_impossible_brush_are_refused() -> None:
+def test_an_unknown_law_and_sliders_that_are_invalid_or_idle_are_errors() -> None:
     with pytest.raises(ParameterError) as caught:
-        check_law("glue")
+        Law("glue")
     assert str(caught.value) == (
         "contact = 'glue' is not valid: it must be 'spring-slider', 'brush', 'coulomb', None (free tip) or the path of "
         "a .lib file."
     )
-    check_law(None)
-    with pytest.raises(ParameterError, match=r"contact = None is not valid: it must be 'spring-slider', 'brush', "):
-        check_law(None, free=False)
+    assert law_of(None) is None
+    assert law_of("brush") == Law("brush") == Law("brush", SLIDERS)
+    with pytest.raises(ParameterError, match=r"contact = None \(free tip\) is not valid here: It has none\. Give"):
+        touching_law(None, "It has none.")
+    with pytest.raises(
+        ParameterError, match=r"sliders = 8 has no effect on the law 'spring-slider'\. Leave it out, or"
+    ):
+        Law("spring-slider", 8)
     for sliders in (0, 201, 2.5):
         with pytest.raises(ParameterError, match="it must be a whole number from 1 to 200"):
-            contact_library("brush", sliders)  # type: ignore[arg-type]
+            Law("brush", sliders)  # type: ignore[arg-type]
 
 
 def test_generator_writes_the_library(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from pyspice_runner.model.drive import Drive, Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
 from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS, admittance_bench
-from pyspice_runner.netlist.contact import LIBRARIES
+from pyspice_runner.netlist.contact import LIBRARIES, Law, law_of
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import Discretisation, MotorSubCircuit, add_motor, motor_library
 from pyspice_runner.netlist.sources import DriveSource, motor_bench
@@ -161,8 +161,8 @@ def test_different_motors_in_one_circuit_are_refused() -> None:
     other = motor().updated({"contact.preload_n": 9.0})
     for changes in (
         {"motor": other},
-        {"contact": None},
-        {"contact": "brush"},
+        {"law": None},
+        {"law": Law("brush")},
         {"discretisation": Discretisation(1e-7)},
     ):
         arguments: dict[str, Any] = {"motor": motor(), **changes}
@@ -199,7 +199,7 @@ def test_three_modes_show_their_closed_form_admittance() -> None:
 
 
 def test_free_tip_has_no_contact() -> None:
-    free = MotorSubCircuit(motor(), contact=None)
+    free = MotorSubCircuit(motor(), law=None)
     assert "contact" not in str(free)
     assert "piezomotor_contact" not in free.parts
     assert "preload=0.0" in str(free)
@@ -239,7 +239,7 @@ def test_the_libraries_accept_every_motor_that_the_model_accepts(index: int) -> 
     subject = soak.case(1, index).motor  # from the whole range of every parameter
     # friction that falls with the slip velocity goes with the spring-slider only
     for law in (None, *(LIBRARIES if subject.contact.sliding_ratio == 1.0 else ("spring-slider",))):
-        assert str(MotorSubCircuit(subject, contact=law)).count("piezomotor_mode") == len(subject.modes)
+        assert str(MotorSubCircuit(subject, law=law_of(law))).count("piezomotor_mode") == len(subject.modes)
 
 
 # --- a mode under the trapezoidal rule -----------------------------------------------------------------------

@@ -16,7 +16,7 @@ import pyspice_runner as pr
 from pyspice_runner.engine.ngspice import find_ngspice, run_deck
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS
-from pyspice_runner.netlist.contact import LIBRARIES, ContactLaw
+from pyspice_runner.netlist.contact import LIBRARIES, Law
 from pyspice_runner.netlist.library import parse_library
 from pyspice_runner.netlist.motor import add_motor, motor_library
 from pyspice_runner.spectra.export import export_circuit
@@ -61,7 +61,7 @@ Xmotor a b 0 shaft {line}
 
 @pytest.mark.parametrize("law", LIBRARIES)
 @pytest.mark.parametrize("subject", [symmetric(), odd_motor()], ids=["symmetric", "bent sideways by the preload"])
-def test_a_parameter_of_the_x_line_does_what_it_does_in_the_package(subject: pr.Motor, law: ContactLaw) -> None:
+def test_a_parameter_of_the_x_line_does_what_it_does_in_the_package(subject: pr.Motor, law: str) -> None:
     by_line = run(motor_library(subject, contact=law), f"piezomotor {SETTINGS}", *SAVED)
     by_package = run(motor_library(subject.updated(CHANGES), contact=law), "piezomotor", *SAVED)
     untouched = run(motor_library(subject, contact=law), "piezomotor", *SAVED)
@@ -132,8 +132,8 @@ Xmotor a b 0 shaft piezomotor
 
 def test_two_different_exports_work_in_one_deck_in_any_order() -> None:
     """Other motor, other law, other number of sliders: each does what it does alone."""
-    first = motor_library(symmetric(), contact="brush", sliders=3, name="small")
-    second = motor_library(odd_motor(), contact="brush", sliders=8, name="large")
+    first = motor_library(symmetric(), contact=Law("brush", 3), name="small")
+    second = motor_library(odd_motor(), contact=Law("brush", 8), name="large")
     third = motor_library(symmetric(), contact="coulomb")
     alone = {
         name: run(library, name, "v(shaft)")["v(shaft)"]
@@ -199,7 +199,7 @@ def test_two_fits_and_two_kinds_of_motor_work_in_one_deck(tmp_path: Path) -> Non
     for file, circuit in zip(files[:2], circuits, strict=True):
         export_circuit(circuit, file, name=file.stem)
     pr.export_motor(symmetric(), files[2])
-    pr.export_motor(symmetric(), files[3], thermal=Thermal(), contact="brush", sliders=2)
+    pr.export_motor(symmetric(), files[3], thermal=Thermal(), contact=Law("brush", 2))
     text = "\n".join(file.read_text(encoding="ascii") for file in files)
     defined = re.findall(r"^\.subckt (\S+)", text, re.M)
     assert len(defined) == len(set(defined))

@@ -40,7 +40,7 @@ def admittance(motor: Motor, thermal: Thermal | None, frequency: float, temperat
     warm = ("temperature", "heat") if thermal else ()
     if temperature is not None:
         circuit.V("temperature", "temperature", circuit.gnd, f"DC {temperature!r}")
-    add_motor(circuit, motor, ("a", "b", circuit.gnd, "shaft", *warm), contact=None, thermal=thermal)
+    add_motor(circuit, motor, ("a", "b", circuit.gnd, "shaft", *warm), law=None, thermal=thermal)
     simulator = BatchSimulator(circuit)
     simulator.options(**AC_OPTIONS)
     simulator.ac(

@@ -95,12 +95,14 @@ def test_a_module_takes_a_name_and_no_law_that_it_does_not_have(tmp_path: Path) 
 @pytest.mark.parametrize("sliders", [1, 8, 20])
 def test_a_brush_has_a_cell_for_every_slider(sliders: int, tmp_path: Path) -> None:
     motor = pr.load_motor("bimodal40")
-    text = pr.export_motor(motor, tmp_path / "m.va", contact="brush", sliders=sliders).read_text(encoding="utf-8")
+    text = pr.export_motor(motor, tmp_path / "m.va", contact=pr.Law("brush", sliders)).read_text(encoding="utf-8")
     found = parameters(text)
     (span,) = (item for item in read_library("piezomotor_brush").parameters if item.name == "span")
     assert (float(found["span"]["least"]), float(found["span"]["greatest"])) == (span.least, span.greatest)
     assert found["span"]["unit"] == span.unit
-    values = contact_values("brush", motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n)
+    values = contact_values(
+        pr.Law("brush"), motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n
+    )
     assert float(found["span"]["value"]) == pytest.approx(values["span"], rel=1e-9)
     assert not {"law", "sliding", "creep"} & set(found)
     assert f"localparam integer sliders = {sliders};" in text

@@ -21,7 +21,8 @@ from pyspice_runner.analysis.impact import impact
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.cli import run
 from pyspice_runner.model.impact import Throw
-from pyspice_runner.netlist.sources import PAPER_LAW, DriveSource
+from pyspice_runner.netlist.contact import PAPER_LAW
+from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.audit import (
     DRIVER_BOUND,
     ENERGY_BOUND,

@@ -57,7 +57,7 @@ CASES: dict[str, tuple[pr.Motor, dict[str, Any]]] = {
     "fixed distance": (pr.load_motor("andersen2002").updated({"mount": None}), {}),
     "Coulomb friction": (MOTOR, {"contact": "coulomb"}),
     "brush": (MOTOR, {"contact": "brush"}),
-    "brush of three sliders": (MOTOR, {"contact": "brush", "sliders": 3}),
+    "brush of three sliders": (MOTOR, {"contact": pr.Law("brush", 3)}),
     "dry bearing": (MOTOR.updated({"rotor.bearing_friction_n_m": 1e-3}), {}),
     "tip bent sideways": (MOTOR.updated({"modes.0.tip_x": 0.2, "modes.1.tip_y": 0.5}), {}),
 }
@@ -91,7 +91,7 @@ def test_a_driver_runs_with_the_compiled_motor() -> None:
         {"speed": 2.0},
         {"load_torque": 1e-4},
         {"speed": 1.0, "contact": "coulomb"},
-        {"speed": 2.0, "contact": "brush", "sliders": 3},
+        {"speed": 2.0, "contact": pr.Law("brush", 3)},
     ],
 )
 def test_the_steady_state_is_that_of_the_b_sources(settings: dict[str, Any]) -> None:
@@ -185,7 +185,7 @@ def test_auto_is_right_where_the_compiler_itself_makes_wrong_code(changes: dict[
     With three or eight sliders, or without the mount, it does not; a later compiler may be right in all cases.
     """
     motor = MOTOR.updated(changes)
-    settings: dict[str, Any] = {"duration": 3e-4, "contact": "brush", "sliders": 4}
+    settings: dict[str, Any] = {"duration": 3e-4, "contact": pr.Law("brush", 4)}
     expected = pr.simulate(motor, DRIVE, **settings)
     found = pr.simulate(motor, DRIVE, engine="auto", **settings)
     assert away("rotor_speed_rad_s", expected, found) < 3e-4

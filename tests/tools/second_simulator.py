@@ -57,7 +57,7 @@ def vacask(
 ) -> tuple[RawFile, float]:
     """Run the motor ``n1`` on the nodes a, b, 0, shaft; return the vectors of ``run`` and the time in s."""
     module = module_of(motor, law)
-    values = module_values(motor, law.name, discretisation=discretisation)
+    values = module_values(motor, law, discretisation=discretisation)
     deck = "\n".join(
         (
             "motor",

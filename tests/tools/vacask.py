@@ -30,7 +30,7 @@ def test_a_transient_in_vacask_is_that_of_ngspice(case: str) -> None:
     """Both integrate by the trapezoidal rule, but begin with other steps, so that one is up to a step ahead."""
     motor, settings, law = CASES[case]
     drive = pr.default_drive(motor)
-    ours = pr.simulate(motor, drive, duration=1e-3, contact=law.name, sliders=law.sliders, **settings)
+    ours = pr.simulate(motor, drive, duration=1e-3, contact=law, **settings)
     theirs = second_simulator.simulate(motor, drive, duration=1e-3, law=law, **settings)
     late = ours.time_s[(ours.time_s > 2 * drive.period) & (ours.time_s < 0.999e-3)]
     for name in ("tip_x_m", "tip_y_m", "current_a_a", "current_b_a", "normal_force_n", "rotor_speed_rad_s"):
