@@ -86,7 +86,7 @@ def write_netcdf(path: Path, dataset: xarray.Dataset) -> None:
     """Write a dataset as NetCDF by way of memory, since HDF5 itself crashes when the disk is full."""
     content = io.BytesIO()
     dataset.to_netcdf(content, engine="h5netcdf")
-    path.write_bytes(content.getbuffer())
+    path.write_bytes(content.getvalue())  # not getbuffer(): a failed write keeps that view, and Python 3.13 complains
 
 
 def write_json(path: Path, document: Mapping[str, Any]) -> None:

@@ -45,6 +45,23 @@ def command(*words: str, cwd: Path, shell: bool = False, **environment: str) -> 
     return process.returncode, output, said
 
 
+PRIVATE = """
+script=$1; shift
+mount --make-rprivate / 2>/dev/null || {
+    # the root of a chroot is no mount point; a copy of it, mounted where nothing propagates, is one
+    mount --make-private /proc && mount -t tmpfs none /proc && mkdir /proc/root && mount --rbind / /proc/root &&
+    mount --make-rprivate /proc/root && exec chroot /proc/root sh -c "umount /proc && cd $PWD && $script" sh "$@"
+}
+exec sh -c "$script" sh "$@"
+"""
+
+
+def with_mounts(script: str) -> list[str]:
+    """A command that runs a script of the shell, with further arguments; no other process sees the script's mounts."""
+    user = [] if os.geteuid() == 0 else ["--user", "--map-root-user"]
+    return ["unshare", *user, "--mount", "--propagation", "unchanged", "sh", "-c", PRIVATE, "sh", script]
+
+
 def wait_for(condition: Callable[[], object], process: subprocess.Popen[str]) -> None:
     """Wait until a condition holds, or the process that is to bring it about has ended."""
     end = time.monotonic() + LONGEST

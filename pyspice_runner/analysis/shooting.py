@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil, log, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -260,7 +261,7 @@ class Point:
 def between(points: Sequence[Point]) -> Point:
     """Return a point in the middle of solved ones, with the mean of their derivatives, as a guess for another."""
     names = ("state", "at_start", "at_end", "force_slope")
-    means = {name: np.mean([getattr(point, name) for point in points], axis=0) for name in names}
+    means: dict[str, Any] = {name: np.mean([getattr(point, name) for point in points], axis=0) for name in names}
     return replace(points[0], **means, measured_end=None, measured_at=None, guessed=True)
 
 
