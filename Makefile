@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 .DEFAULT_GOAL := help
-.PHONY: help setup demo figures docs test soak fuzz bench lint format clean kicad ngspice46 verilog-a
+.PHONY: help setup demo figures docs test soak fuzz bench lint format clean fresh kicad ngspice46 verilog-a
 
 PY := .venv/bin/python
 JOBS ?= 2
+RELEASE ?=
+TARGETS ?= demo test
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z0-9]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -54,6 +56,9 @@ verilog-a: ## compile the Verilog-A motor and run it in ngspice 46, beside the s
 	@sh scripts/setup.sh test dev compiled
 	@sh scripts/backports.sh ngspice
 	$(PY) -m pytest -n $(JOBS) tests/tools/verilog_a.py tests/tools/compiled_engine.py tests/tools/vacask.py tests/tools/simulators.py
+
+fresh: ## run `make demo` and `make test` on a minimal Debian in a chroot, as root: RELEASE=trixie or bookworm
+	@sh scripts/fresh.sh "$(RELEASE)" $(TARGETS)
 
 lint: setup ## check style, format and types of the sources
 	$(PY) -m ruff check .
