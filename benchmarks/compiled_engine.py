@@ -86,7 +86,7 @@ def main() -> None:
             print(f"The compiled engine cannot be measured: {error}")
             return
         print(name, json.dumps(document[name]), flush=True)
-    TARGET.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    TARGET.write_text(json.dumps(document, separators=(",", ":")) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

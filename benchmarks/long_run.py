@@ -53,7 +53,7 @@ def main() -> None:
             f"({row['idle_bytes'] / 1e6:.0f} MB before), ngspice {row['ngspice_bytes'] / 1e6:.0f} MB",
             flush=True,
         )
-    TARGET.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+    TARGET.write_text(json.dumps(found, separators=(",", ":")) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

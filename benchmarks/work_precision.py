@@ -270,7 +270,7 @@ def main() -> None:
             print(
                 f"{name}: {row['solver']}, {row['setting']}: {row['error']:.2e} in {row['seconds']:.3f} s", flush=True
             )
-        TARGET.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+        TARGET.write_text(json.dumps(document, separators=(",", ":")) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

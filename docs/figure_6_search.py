@@ -171,7 +171,7 @@ def main() -> None:
     record: dict[str, Any] = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else {}
 
     def write() -> None:
-        RECORD.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+        RECORD.write_text(json.dumps(record, separators=(",", ":")) + "\n", encoding="utf-8")
 
     def run(
         table: str,

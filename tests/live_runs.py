@@ -284,7 +284,7 @@ def main(parts: list[str]) -> None:
             settled(page)
             record[part] = measures[part]()
             print(part, json.dumps(record[part], ensure_ascii=False)[:600], flush=True)
-    RECORD.write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    RECORD.write_text(json.dumps(record, separators=(",", ":"), ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -408,7 +408,9 @@ def main() -> int:
             found.append(one)
             print(one, flush=True)
         table = summary(found, arguments.seed)
-        arguments.output.write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        arguments.output.write_text(
+            json.dumps(table, separators=(",", ":"), ensure_ascii=False) + "\n", encoding="utf-8"
+        )
     print(json.dumps({name: table[name]["kinds"] for name in ("default", "accuracy")}, indent=1))
     return 0 if passes(table) else 1
 

@@ -147,9 +147,8 @@ def main() -> None:
         found = outcome(index)
         if found is not None:
             record.append(found)
-            RECORD.write_text(
-                "[\n" + ",\n".join(json.dumps(one, ensure_ascii=False) for one in record) + "\n]\n", encoding="utf-8"
-            )
+            text = json.dumps(record, separators=(",", ":"), ensure_ascii=False)
+            RECORD.write_text(text + "\n", encoding="utf-8")
     print(len(record), Counter(one["method"] for one in record))
     print(Counter(one["verdict"] for one in record if one["method"] in FOUND))
 

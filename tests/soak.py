@@ -471,7 +471,7 @@ def main() -> int:
             outcomes.append(one)
             progress.advance(bar)
     found = summary(outcomes, arguments.seed)
-    arguments.output.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    arguments.output.write_text(json.dumps(found, separators=(",", ":"), ensure_ascii=False) + "\n", encoding="utf-8")
     print(json.dumps(found, indent=1, ensure_ascii=False))
     return 0 if passes(found) else 1
 

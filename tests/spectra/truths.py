@@ -200,7 +200,7 @@ def measure(seed: int = SEED) -> dict[str, Any]:
 
 def write(found: dict[str, Any]) -> None:
     """Write truths.json and the table of the page."""
-    RESULT.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    RESULT.write_text(json.dumps(found, separators=(",", ":")) + "\n", encoding="utf-8")
     text = PAGE.read_text(encoding="utf-8")
     start = text.index("| class | extra arm")
     end = text.index("\n\n", start) + 1
