@@ -27,8 +27,7 @@ from pyspice_runner.view.live import live_page
 ROOT = Path(__file__).resolve().parents[1]
 FURTHER = (
     "pyspice_runner.analysis.impact.impact",
-    "pyspice_runner.model.impact.Throw",
-    "pyspice_runner.analysis.hysteresis.hysteresis",
+    "pyspice_runner.analysis.impact.Throw",
     "pyspice_runner.analysis.speed_torque.operating_point",
     "pyspice_runner.analysis.matching.propose_matching",
     "pyspice_runner.analysis.track.running_resonance",
@@ -37,7 +36,6 @@ FURTHER = (
     "pyspice_runner.model.tracking.propose_filter",
     "pyspice_runner.model.beam.resonator_modes",
     "pyspice_runner.model.circuit_file.load_circuit",
-    "pyspice_runner.model.traction.HertzPatch",
 )
 _OUTSIDE = re.compile(r"\]\(\.\./([^)#]+)(#[^)]*)?\)")
 PLAYGROUND = "playground.html"  # the live page, of which other pages show parts

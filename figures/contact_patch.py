@@ -13,7 +13,7 @@ import numpy as np
 from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, canvas, main, motor_words, write
 
 import pyspice_runner as pr
-from pyspice_runner.model.traction import HertzPatch, virgin_force
+from tools.benches.traction import HertzPatch, virgin_force
 
 TIP, ROTOR = (370e9, 0.22), (206e9, 0.30)  # Young's modulus (Pa) and Poisson's ratio, as assumed in andersen2002
 TIP_RADIUS = 5e-3  # m

@@ -9,8 +9,8 @@ import numpy as np
 from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, canvas, draft, main, motor_words, write
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.hysteresis import hysteresis
-from pyspice_runner.model.traction import microslip_loss, virgin_force
+from tools.benches.hysteresis import hysteresis
+from tools.benches.traction import microslip_loss, virgin_force
 
 LAWS = {"spring-slider": (ORANGE, "-"), "coulomb": (GREEN, "--"), "brush": (BLUE, "-")}
 AMPLITUDE = 0.8

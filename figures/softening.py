@@ -12,7 +12,7 @@ from style import BLACK, BLUE, VERMILION, canvas, draft, main, write
 
 import pyspice_runner as pr
 from pyspice_runner.engine.ngspice import run_deck
-from pyspice_runner.model.duffing import amplitudes, folds
+from tools.benches.duffing import amplitudes, folds
 from tools.decks import SOFTENING, softening_deck
 
 VOLTAGE = 50.0

@@ -15,16 +15,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.hysteresis import hysteresis
-from pyspice_runner.analysis.impact import impact
+from pyspice_runner.analysis.impact import Throw, impact
 from pyspice_runner.datasets import Curves, as_result
-from pyspice_runner.model.impact import Throw
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.units import engineering, unit_in
 
 pytestmark = pytest.mark.xdist_group("results")  # they are shared
 
-NAMES = ("run", "admittance", "spectrum", "fit", "two-port", "comparison", "impact", "hysteresis", "curves")
+NAMES = ("run", "admittance", "spectrum", "fit", "two-port", "comparison", "impact", "curves")
 
 
 def curves(settled: bool = True) -> xarray.Dataset:
@@ -57,7 +55,6 @@ def results() -> dict[str, Result]:
         "two-port": pr.fit_two_port(pr.Spectrum.from_admittance(y.frequency_hz, y.matrix_s, source="both"), modes=2),
         "comparison": pr.compare(spectrum, spectrum, modes=2),
         "impact": impact(Throw(psi=1.2)),
-        "hysteresis": hysteresis(motor, 0.5),
         "curves": as_result(curves()),
     }
 

@@ -17,16 +17,15 @@ from pathlib import Path
 
 from PySpice.Spice.Simulation import CircuitSimulation
 
+from pyspice_runner.analysis.impact import Throw, impact_bench
 from pyspice_runner.model.contact import limit_ratio, resonance_under_preload, static_penetration
 from pyspice_runner.model.drive import Load, TwoPhaseDrive, TwoToneDrive, default_drive
-from pyspice_runner.model.impact import Throw
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.model.tracking import LoopFilter, StatorLag
-from pyspice_runner.netlist.benches import AC_OPTIONS, METERED, TRANSIENT_OPTIONS, admittance_bench
+from pyspice_runner.netlist.benches import AC_OPTIONS, METERED, admittance_bench
 from pyspice_runner.netlist.contact import PAPER_LAW, Law
-from pyspice_runner.netlist.contact_benches import cyclic_bench, impact_bench
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.library import data_path
 from pyspice_runner.netlist.motor import Discretisation, plate_nodes
@@ -42,6 +41,7 @@ from pyspice_runner.netlist.trackers import (
     tracker_filter,
 )
 from tools.averaged_decks import LIBRARY, averaged_deck_texts, averaged_library_text
+from tools.benches.hysteresis import cyclic_bench
 
 PAPER, WORKING = "andersen2002", "bimodal40"  # the paper's motor, and one that was designed to turn
 _STEP = 100e-9  # s: twice the default slider_time of the contact, 180 points a period at 55 kHz
@@ -269,8 +269,8 @@ def _dynamometer(motor: Motor) -> str:
 def _impact() -> str:
     throw = Throw(psi=1.2)
     step = float(f"{throw.duration_s / 1000:.2g}")
-    circuit = impact_bench(throw, law=Law("brush"), step=step, title="Impact: a steel sphere thrown at a half-space")
-    circuit.raw_spice += "* velocity of the patch in units of kappa v_n\nEpsi psi 0 vx 0 1\n"
+    bench = impact_bench(throw, Law("brush"), step, "Impact: a steel sphere thrown at a half-space")
+    bench.circuit.raw_spice += "* velocity of the patch in units of kappa v_n\nEpsi psi 0 vx 0 1\n"
     inertia = throw.inertia_kg_m2 / throw.mass_kg
     parameters: Parameters = {
         "velocity": (throw.velocity_m_s, "m/s, approach v_n along the normal"),
@@ -303,7 +303,7 @@ def _impact() -> str:
         "duration_s": "WHEN v(xcontact.delta)=0 FALL=1",
     }
     return _deck(
-        Bench(circuit, TRANSIENT_OPTIONS),
+        bench,
         f"""Impact. A steel sphere, {1e3 * 2 * throw.radius_m:g} mm, hits a half-space of steel obliquely. The
         capacitors are its masses, and their initial voltages its velocities; v(vx) is that of the patch. To plot,
         inside ngspice: v(normal), v(friction) in N, v(xcontact.delta) in um, v(psi), v(state) 0 separated, 1 stick,
@@ -316,11 +316,11 @@ def _hysteresis(motor: Motor, swing: float, what: str, remark: str) -> str:
     contact = motor.contact
     amplitude = 0.8 * limit_ratio(contact) * static_penetration(contact)
     step, period = 1e-6, 1e-3
-    circuit = cyclic_bench(
-        contact, motor.rotor, amplitude=amplitude, swing=swing, phase_deg=90.0, frequency=1.0 / period,
-        law=Law("brush"), step=step, title=f"Hysteresis: {what}",
+    bench = cyclic_bench(
+        contact, motor.rotor, Law("brush"), amplitude=amplitude, swing=swing, phase_deg=90.0, frequency=1.0 / period,
+        step=step, title=f"Hysteresis: {what}",
     )  # fmt: skip
-    circuit.raw_spice += "Bslips slips 0 V=max(0,V(state)-1)\n"
+    bench.circuit.raw_spice += "Bslips slips 0 V=max(0,V(state)-1)\n"
     parameters: Parameters = {
         "frequency": (1.0 / period, "Hz"),
         "amplitude": (1e6 * amplitude, "um, of the displacement along the rotor"),
@@ -349,7 +349,7 @@ def _hysteresis(motor: Motor, swing: float, what: str, remark: str) -> str:
         "part_that_slips_greatest": f"MAX v(slips) {second}",
     }
     return _deck(
-        Bench(circuit, TRANSIENT_OPTIONS),
+        bench,
         f"""Hysteresis, {what}. The tip of the motor {motor.name} moves back and forth along a rotor at rest, by
         0.8 of the displacement at which all of the contact slips under the preload. To plot, inside ngspice:
         v(friction) in N over v(moved) in um, v(normal) in N, v(slips) the part of the contact that slips. Prints

@@ -17,7 +17,6 @@ from pyspice_runner.commands.common import (
     busy,
     check_targets,
     deliver,
-    engineering,
     warn_of,
 )
 from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
@@ -47,22 +46,17 @@ def impact(
     """
     law = law_named(contact, sliders)
     check_targets(output, (".csv", ".json", ".cir"), plot)
+    from pyspice_runner.analysis.impact import Throw
     from pyspice_runner.analysis.impact import impact as rebound
-    from pyspice_runner.model.impact import Throw
 
     throw = Throw(
         psi=psi, velocity_m_s=velocity, spin_rad_s=spin, friction=friction, restitution=restitution,
         radius_m=radius, density_kg_m3=density, youngs_modulus_pa=youngs_modulus, poisson=poisson,
     )  # fmt: skip
-    with busy("ngspice runs the impact"):
+    with busy("simulating the impact"):
         result = rebound(throw, law, timeout=timeout, audit=audit)
     warn_of(result.audit.findings)
     table = Table("quantity", "value", title=f"{contact}, Poisson's ratio {poisson:g}")
-    table.add_row("ψ₁ → ψ₂", f"{result.psi_1:.4g} → {result.psi_2:.4g}")
-    table.add_row("restitution, normal", f"{result.restitution_normal:.4f}")
-    table.add_row("restitution, tangential", f"{result.restitution_tangential:.4f}")
-    table.add_row("duration", f"{engineering(result.duration_s, 's')} = {result.duration_over_delta_v:.4f} δ/v")
-    table.add_row("greatest force", engineering(result.greatest_force_n, "N"))
-    table.add_row("greatest penetration", engineering(result.greatest_penetration_m, "m"))
-    table.add_row("spin after the impact", f"{result.spin_rad_s:.4g} rad/s")
+    for name, value in result.summary().items():
+        table.add_row(name, value)
     deliver(result.to_dict(), table, as_json, (output, result.save), (plot, result.plot))

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,10 +11,12 @@ from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.model.drive import Drive, Load
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.parameters import Contact
 from pyspice_runner.model.refusal import unit_of
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import (
     METERED,
+    TRANSIENT_OPTIONS,
     SpeedRamp,
     add_brake,
     add_cooling,
@@ -33,9 +35,11 @@ from pyspice_runner.netlist.compiled import (
     module_start,
     module_subcircuit,
 )
-from pyspice_runner.netlist.contact import PAPER_LAW, Law
+from pyspice_runner.netlist.contact import PAPER_LAW, Law, contact_library, contact_values
 from pyspice_runner.netlist.drivers import Driver
-from pyspice_runner.netlist.motor import SUBCIRCUIT, Discretisation, Motion, add_motor, plate_nodes
+from pyspice_runner.netlist.library import definitions
+from pyspice_runner.netlist.motor import SUBCIRCUIT, Discretisation, Motion, add_motor, instantiate, plate_nodes
+from pyspice_runner.netlist.own_law import PINS
 from pyspice_runner.netlist.source import GROUPS, Pins, Source, UniformSource
 from pyspice_runner.netlist.trackers import Disturbance, Tracker, add_disturbance, tracked_source
 
@@ -247,6 +251,41 @@ def dynamometer_bench(
     if meters:
         add_meters(circuit, motor, {"lag": discretisation.slider_time} if discretisation else {})
     return Bench(circuit, source.options(motor, law), _start(source, law, start))
+
+
+def contact_bench(
+    lines: Sequence[str],
+    law: Law,
+    contact: Contact,
+    *,
+    radius: float,
+    span: float,
+    creep: float,
+    step: float,
+    title: str,
+) -> Bench:
+    """Return a bench of the contact alone, the instance ``Xcontact``.
+
+    Its pins ``x`` and ``shaft`` are grounded; each other pin is a node of the same name.
+
+    Args:
+        lines: elements that move the tip, at the nodes ``y``, ``vx`` and ``vy``.
+        law: law of the contact.
+        contact: constants of the contact.
+        radius: radius of the rotor, m.
+        span: greatest penetration, m.
+        creep: creep velocity of Coulomb's law, m/s.
+        step: time step of the run in s; the time constant of a slider is half of it.
+        title: title line of the deck.
+    """
+    circuit = Circuit(title)
+    library = contact_library(law, contact)
+    values = contact_values(law, contact, radius=radius, preload=contact.preload_n, slider_time=step / 2.0, span=span)
+    if law.name == "coulomb":
+        values["creep"] = creep
+    circuit.raw_spice += "\n".join([definitions(library), *lines, ""])
+    instantiate(circuit, "contact", library, ["0" if pin in ("x", "shaft") else pin for pin in PINS], **values)
+    return Bench(circuit, TRANSIENT_OPTIONS)
 
 
 def _start(source: Source, law: Law | None, start: Motion | None) -> dict[str, float]:

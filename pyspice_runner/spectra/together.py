@@ -6,9 +6,10 @@ One circuit describes all spectra. With the voltage U and the charge amplitude q
 .. math::
     Y_m = \left[R\,(1 + \tfrac14 \kappa_q q^2) + j\omega L + \frac{1 - \tfrac34 \gamma_q q^2}{j\omega C}\right]^{-1},
 
-the fundamental of Duffing's oscillator (:mod:`pyspice_runner.model.duffing`), whose modal coordinate is r = q/θ: a mode
-with the coupling θ has the softening :math:`\gamma = \gamma_q\theta^2` and the growth of damping
-:math:`\kappa = \kappa_q\theta^2`. Where three amplitudes are possible, a sweep with rising frequency has the smallest.
+the fundamental of Duffing's oscillator (Nayfeh, Mook, *Nonlinear Oscillations*, 1979, section 4.1) with the modal
+coordinate r = q/θ: a mode with the coupling θ has the softening :math:`\gamma = \gamma_q\theta^2` and the growth of
+damping :math:`\kappa = \kappa_q\theta^2`. Where three amplitudes are possible, a sweep with rising frequency has the
+smallest.
 
 With temperature, the logarithms of frequency, coupling θ, clamped capacitance and quality factor change in proportion
 to it; the slopes of the first three are those of :class:`~pyspice_runner.model.thermal.Thermal`.

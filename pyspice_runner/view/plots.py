@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from pyspice_runner.analysis.averaged import AveragedRun
 from pyspice_runner.analysis.controlled import ControlledRun
 from pyspice_runner.analysis.drive import DriveReport
-from pyspice_runner.analysis.hysteresis import Hysteresis
 from pyspice_runner.analysis.impact import Impact
 from pyspice_runner.analysis.small_signals import INPUTS, OUTPUTS, SmallSignals, unit
 from pyspice_runner.analysis.steady import SteadyState
@@ -352,7 +351,7 @@ def _frequency_label(frequency_hz: NDArray[np.float64]) -> Label:
     return _MEGAHERTZ if frequency_hz[-1] >= 1e6 else LABELS["frequency_hz"]
 
 
-# --- contact benches ---
+# --- an impact ---
 
 
 @sheet.register
@@ -378,23 +377,6 @@ def _(result: Impact) -> Sheet:
     law, poisson = result.provenance["contact"], result.provenance["throw"]["poisson"]
     title = f"{law}, ν = {poisson:g}: ψ = {result.psi_1:.4g} rebounds as {result.psi_2:.4g}"
     return Sheet({"forces": forces, "velocity": patch, "slip": slip}, 1, (8.0, 2.7), title)
-
-
-@sheet.register
-def _(result: Hysteresis) -> Sheet:
-    displacement, force = Label("displacement", "µm", 1e6), LABELS["force_n"]
-
-    def loop(ax: Axes) -> None:
-        ax.plot(displacement.scale * result.displacement_m, result.friction_force_n, color=BLUE)
-        _dress(ax, displacement, Label("friction force", "N"), f"Loss in the last cycle: {1e6 * result.loss_j:.4g} µJ")
-
-    def normal(ax: Axes) -> None:
-        ax.plot(displacement.scale * result.displacement_m, result.normal_force_n, color=VERMILION)
-        _dress(ax, displacement, Label("normal force", "N"), "Normal force")
-
-    return Sheet(
-        {"loop": loop, "normal": normal}, 2, (5.0, 3.8), f"Tip moved back and forth, {force.name} by displacement"
-    )
 
 
 # --- motors ---

@@ -13,12 +13,12 @@ import xarray
 import pyspice_runner as pr
 from pyspice_runner.analysis.branch import folds
 from pyspice_runner.analysis.period_map import PeriodMap
-from pyspice_runner.model import duffing
 from pyspice_runner.model.drive import Load
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.copies import Copy, Plant
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.setup import Setup
+from tools.benches import duffing
 from tools.decks import SOFTENING
 
 pytestmark = pytest.mark.xdist_group("branches")  # they are shared

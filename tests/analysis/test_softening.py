@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.model.duffing import amplitudes, folds
 from tests.netlist.test_decks import measured
+from tools.benches.duffing import amplitudes, folds
 from tools.decks import SOFTENING
 
 MOTOR = pr.load_motor("bimodal40")

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from pyspice_runner.model.traction import microslip_loss
-from tests.analysis.test_hysteresis import loss, worst_force, worst_loss
 from tests.analysis.test_impact import worst
+from tests.tools.test_hysteresis import loss, worst_force, worst_loss
+from tools.benches.traction import microslip_loss
 
 pytestmark = pytest.mark.xdist_group("impact")
 

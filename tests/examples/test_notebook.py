@@ -12,7 +12,7 @@ from nbclient import NotebookClient
 NOTEBOOK = Path(__file__).resolve().parents[2] / "examples" / "notebook.ipynb"
 SHOWN = ("Motor", "Waveforms", "Admittance", "SpectrumFit", "TwoPortFit", "Trend", "Curves", "Sweep", "SteadyState",
          "AveragedRun", "DriveReport",
-         "Tracking", "Impact", "Hysteresis")  # fmt: skip
+         "Tracking", "Impact")  # fmt: skip
 
 
 @pytest.mark.slow

@@ -26,8 +26,7 @@ import numpy as np
 import typer
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.hysteresis import hysteresis
-from pyspice_runner.analysis.impact import impact
+from pyspice_runner.analysis.impact import Throw, impact
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.cli import app, run
 from pyspice_runner.commands.common import complete_motor
@@ -36,7 +35,6 @@ from pyspice_runner.engine.rawfile import RawFileError, read_rawfile
 from pyspice_runner.engine.silent import silent_fault
 from pyspice_runner.model.beam import resonator_modes
 from pyspice_runner.model.circuit_file import is_circuit_file, load_circuit
-from pyspice_runner.model.impact import Throw
 from pyspice_runner.model.load import SETS
 from pyspice_runner.netlist.equivalent import circuit_library
 from pyspice_runner.netlist.library import data_path, library_names, parse_library
@@ -619,10 +617,6 @@ def _calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
                 1e-7, "timeout": 5.0},
         ),
         "impact": (lambda **run: impact(Throw(), **run), {**held, "steps": 1000}),
-        "hysteresis": (
-            lambda **run: hysteresis(motor, **run),
-            {**held, "amplitude": 1.5, "swing": 0.1, "phase_deg": 0.0, "harmonic": 1},
-        ),
         "report": (
             lambda **run: pr.report(motor, drive, **run),
             {"duration": 1e-3, "speeds": [0.0, 1.0], "levels": [0.5, 1.0], "connection": "A", "timeout": 5.0},

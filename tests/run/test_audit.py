@@ -13,14 +13,11 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.analysis import drive as drive_module
-from pyspice_runner.analysis import hysteresis as hysteresis_module
 from pyspice_runner.analysis import impact as impact_module
 from pyspice_runner.analysis import speed_torque as speed_torque_module
-from pyspice_runner.analysis.hysteresis import hysteresis
-from pyspice_runner.analysis.impact import impact
+from pyspice_runner.analysis.impact import Throw, impact
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.cli import run
-from pyspice_runner.model.impact import Throw
 from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.audit import (
@@ -37,6 +34,8 @@ from pyspice_runner.run.audit import (
 from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.steps import shortest_period
 from pyspice_runner.run.waveforms import EnergyBalance
+from tools.benches import hysteresis as hysteresis_module
+from tools.benches.hysteresis import hysteresis
 
 MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
 HAMMER = pr.TwoPhaseDrive(voltage=150.0, frequency=13.5e3, phase_deg=0.0)
@@ -311,7 +310,7 @@ def test_a_tracked_motor_whose_contact_pulls_is_withheld_or_marked(monkeypatch: 
 
 
 def test_a_loop_and_an_impact_beyond_coulomb_are_withheld_or_marked(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert hysteresis(MOTOR, 0.8).to_dict()["audit"]["passed"]
+    assert hysteresis(MOTOR, 0.8).audit.passed
     assert impact(Throw()).provenance["audit"]["passed"]
     for module in (hysteresis_module, impact_module):
         monkeypatch.setattr(module, "audit_contact", lambda mu, *forces: audit_contact(0.5 * mu, *forces))
@@ -319,5 +318,5 @@ def test_a_loop_and_an_impact_beyond_coulomb_are_withheld_or_marked(monkeypatch:
         hysteresis(MOTOR, 1.8)
     with pytest.raises(pr.SimulationError, match=r"Friction exceeds mu F_N .* The impact is not returned"):
         impact(Throw(psi=15.0))
-    assert not hysteresis(MOTOR, 1.8, audit=False).to_dict()["audit"]["passed"]
+    assert not hysteresis(MOTOR, 1.8, audit=False).audit.passed
     assert not impact(Throw(psi=15.0), audit=False).provenance["audit"]["passed"]

@@ -11,10 +11,10 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.model.duffing import amplitudes, folds
 from pyspice_runner.model.parameters import Mode
 from pyspice_runner.spectra.together import TogetherFit
 from tests.resonators import resonator, spectrum
+from tools.benches.duffing import amplitudes, folds
 
 NOISE = 1e-3
 COUPLING = 0.1

@@ -3,19 +3,17 @@
 
 from __future__ import annotations
 
-import json
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.hysteresis import Hysteresis, hysteresis
-from pyspice_runner.model.traction import microslip_loss, virgin_force
 from pyspice_runner.netlist.contact import Law
 from tests.reference.row import drag
+from tools.benches.hysteresis import Hysteresis, hysteresis
+from tools.benches.traction import microslip_loss, virgin_force
 
 pytestmark = pytest.mark.xdist_group("impact")
 
@@ -137,14 +135,7 @@ def test_spring_slider_may_give_energy_back_at_a_varying_normal_force_and_the_br
     assert min(losses["brush"]) > -1e-3 * max(losses["brush"])
 
 
-def test_loop_is_saved_in_every_form(tmp_path: Path) -> None:
-    run = loop("brush", 0.5)
-    assert run.save(tmp_path / "loop.csv").read_text(encoding="utf-8").startswith("time_s,displacement_m,")
-    assert json.loads(run.save(tmp_path / "loop.json").read_text(encoding="utf-8"))["loss_j"] == run.loss_j
-    assert "piezomotor_brush" in run.save(tmp_path / "loop.cir").read_text(encoding="utf-8")
-
-
-def test_impossible_loops_are_refused() -> None:
+def test_invalid_motion_raises_an_error() -> None:
     for arguments, says in (
         ({"amplitude": -1.0}, "amplitude = -1 is not valid: it must be a number from 0 to 1000."),
         ({"amplitude": 1.0, "swing": 1.0}, "swing = 1 is not valid: it must be a number from -0.99 to 0.99."),

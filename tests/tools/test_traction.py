@@ -16,9 +16,9 @@ from scipy.integrate import quad
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as law
-from pyspice_runner.model.traction import HertzPatch, microslip_loss, virgin_force
 from tests.model.test_corrections import PAIRS, Pair, normal_displacement, tangential_displacement
 from tests.reference.row import drag
+from tools.benches.traction import HertzPatch, microslip_loss, virgin_force
 
 pairs = pytest.mark.parametrize("pair", PAIRS)
 
