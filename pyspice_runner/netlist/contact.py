@@ -3,15 +3,14 @@
 
 ``spring-slider`` is the paper's law, ``brush`` a row of sliders that slip one after the other (partial slip),
 ``coulomb`` friction as a function of the velocity, without a spring. All have the same pins. The path of a
-``.lib`` file is a user's own law, see :mod:`.own_law`. ``python -m pyspice_runner.netlist.contact`` writes
-``behavioral/piezomotor_brush.lib``; a test compares the file with :func:`brush_library`.
+``.lib`` file is a user's own law, see :mod:`.own_law`.
 """
 
 from __future__ import annotations
 
 import re
-import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 from pyspice_runner.errors import ParameterError
@@ -27,6 +26,7 @@ LIBRARIES: dict[str, str] = {
 }
 SLIDERS = 8
 MOST_SLIDERS = 200
+_STRIBECK = ("sliding", "stribeck")  # parameters of the friction that falls with the slip velocity
 REACH = 4.0  # penetration over the static one that the sliders of a brush cover evenly: at eight times the force
 
 
@@ -126,7 +126,7 @@ def touching_law(contact: ContactLaw | None, reason: str) -> Law:
 def contact_library(law: Law, contact: Contact | None = None) -> Library:
     """Return the library of a law; the brush is written for its number of sliders.
 
-    The spring-slider with friction that falls with the slip velocity is a separate library.
+    The spring-slider has the factor of Stribeck's curve only for a contact whose friction falls with the velocity.
 
     Args:
         law: the law.
@@ -138,11 +138,21 @@ def contact_library(law: Law, contact: Contact | None = None) -> Library:
     if is_own(law.name):
         return read_own_law(law.name)
     name = LIBRARIES[law.name]
-    if law.name == "spring-slider" and contact is not None and contact.sliding_ratio < 1.0:
-        return read_library("piezomotor_stribeck")
+    if law.name == "spring-slider" and (contact is None or contact.sliding_ratio == 1.0):
+        return _constant_friction(read_library(name))
     if law.sliders not in (None, SLIDERS):
         return parse_library(name, brush_library(law.sliders))
     return read_library(name)
+
+
+@cache
+def _constant_friction(library: Library) -> Library:
+    """Return the spring-slider without Stribeck's curve, whose exponential takes a sixth of the run time."""
+    text = re.sub(r"(?m)^(Bfriction .*V\(factor\))\*.*$", r"\1", library.subcircuit)
+    for name in _STRIBECK:
+        text = re.sub(rf"(?m)^(\.subckt .*) {name}=\S+", r"\1", text)
+    parameters = tuple(item for item in library.parameters if item.name not in _STRIBECK)
+    return replace(library, subcircuit=text, parameters=parameters)
 
 
 def contact_values(
@@ -199,7 +209,7 @@ def contact_values(
 
 
 def brush_library(sliders: int = SLIDERS) -> str:
-    """Return the text of ``behavioral/piezomotor_brush.lib`` with some number of sliders."""
+    """Return the text of ``behavioral/piezomotor_brush.lib``, which has eight sliders, with another number of them."""
     numbers = range(1, sliders + 1)
     cells = []
     for number in numbers:
@@ -217,107 +227,8 @@ def brush_library(sliders: int = SLIDERS) -> str:
             f"Gheld{number} 0 held c{number} 0 1",
             f"Bslips{number} 0 slips I={w}*u(abs(V(q{number}))-V(l{number}))",
         ]
-    return _BRUSH.format(
-        sliders=sliders,
-        square=sliders**2,
-        cells="\n".join(cells),
-        pins=" ".join(PINS),
-    )
-
-
-_BRUSH = """\
-* SPDX-License-Identifier: GPL-3.0-or-later
-* piezomotor_brush: a row of {sliders} friction sliders that slip from the edge inwards, on Hertz normal contact
-*
-*      rotor      ___|_|_|_|_|_|_|_|___      half of the contact's width, from its centre to its edge, in cells
-*                 s s s s s s s s s          of one width; springs without a coupling between them (method of
-*      tip       -o-o-o-o-o-o-o-o  o  o      dimensionality reduction). The last cell has no outer end.
-*                 1 2 ...    edge -->
-*
-* The penetration of an element at x is delta - x^2/R*, where that is positive; its normal force is E* per length times
-* the penetration, its tangential force G* per length times its displacement u. It slips at
-* |u| = mu E*/G* (delta - x^2/R*).
-* E*/G* = compliance * normal_stiffness^(2/3); R* cancels. A cell sums its elements: w is the part of it in
-* contact, in cells; q the sum of their displacements over w, the voltage of 1 uF that the relative velocity charges
-* where they are in contact; l the sum of their limits, mu E*/G* (delta w - cell (b^2 w + b w^2 + w^3/3)), with b the
-* inner edge of the cell.
-* The normal force, the friction force in gross slip and the stiffness in stick are thus exact for any number of cells.
-* A resistor holds q inside +-l with the time constant slider_time, half of the time step (see piezomotor_contact).
-* span is the penetration at which the contact reaches the end of cell {sliders}: choose it to cover the contact.
-* At a larger penetration the last cell grows.
-*
-* Written by python -m pyspice_runner.netlist.contact; do not edit.
-*
-* PIN  x         in     um     tip displacement, tangential
-* PIN  y         in     um     tip displacement towards the rotor
-* PIN  vx        in     m/s    tip velocity, tangential
-* PIN  vy        in     m/s    tip velocity towards the rotor
-* PIN  fx        out    N      force on the tip, tangential
-* PIN  fy        out    N      force on the tip, towards the rotor (a contact pushes: negative)
-* PIN  shaft     inout  rad/s  rotor speed; the contact feeds the torque R F_T, 1 A = 1 N.m
-* PIN  normal    out    N      normal force F_N
-* PIN  friction  out    N      friction force F_T, positive where it drives the rotor forward
-* PIN  slider    out    um     elastic displacement of the innermost cell, which slips last
-* PIN  state     out    1      0 separated, 1 stick, 2 gross slip, between them 1 + the part of the contact that slips
-*
-*      name              unit       default  min   max   meaning
-* PAR  normal_stiffness  N/m^1.5    7e9      1e3   1e13  K_N of the Hertz law
-* PAR  compliance        m/N^(2/3)  3.3e-7   2.2e-10 1e-2  tangential compliance K_t of tip and rotor together
-* PAR  mu                1          0.3      1e-4  5     coefficient of friction
-* PAR  radius            m          0.01     1e-4  10    radius of the rotor
-* PAR  preload           N          5        1e-6  1e5   static normal force F_0
-* PAR  deflection        um         0        0     1e6   static bending of the stator under the preload
-* PAR  damping           s/m        0        0     1e6   Hunt-Crossley damping: F_N grows by damping * approach velocity
-* PAR  span              um         1.6      1e-9  1e9   penetration that the sliders cover evenly
-* PAR  slider_time       s          50n      1e-12 1e-3  time constant that holds the sliders: half of the time step
-*
-* NEEDS  piezomotor_normal
-* SOURCE Popov, Hess, Method of Dimensionality Reduction in Contact Mechanics and Friction, 2015, applied to Hertz
-* OMITS  roughness, wear, adhesion, sideways slip in the contact, motion of the rotor's centre
-* REVISION 2
-* STEP   1/100 of the shortest period of the motion; slider_time is half of it
-* TESTED WITH ngspice 39 and 46
-*
-* USE    the first line of a deck is its title; then:
-*   * a tip pressed on a rotor at rest and moved along it at 10 mm/s: partial slip, then gross slip
-*   Vx x 0 0
-*   Vy y 0 0
-*   Vvx vx 0 0.01
-*   Vvy vy 0 0
-*   Vshaft shaft 0 0
-*   Xcontact {pins} piezomotor_brush mu=0.25 preload=4
-*   .tran 100n 100u 0 100n uic
-*   .measure tran friction_end_n FIND v(friction) AT=99u
-*   .measure tran state_end FIND v(state) AT=99u
-* END USE
-*
-.subckt piezomotor_brush {pins} normal_stiffness=7e9 compliance=3.3e-7 mu=0.3 radius=0.01 preload=5 deflection=0 \
-damping=0 span=1.6 slider_time=50n
-.param ratio={{compliance*normal_stiffness**(2/3)}}
-.param cell={{span/{square}}}
-.param spring={{1.5e-9*normal_stiffness*cell**0.5/ratio}}
-* normal contact, and the relative velocity as the voltage of slip
-Xnormal x y vx vy fx fy shaft normal friction delta factor slip piezomotor_normal \
-normal_stiffness={{normal_stiffness}} radius={{radius}} preload={{preload}} deflection={{deflection}} \
-damping={{damping}}
-Rslip slip 0 1
-* the edge of the contact, in cells, with a least penetration, so that the root is smooth
-Bdepth depth 0 V=max(V(delta),1e-9)
-Bedge edge 0 V=sqrt(max(V(delta),1e-9)/{{cell}})
-* cells, from the centre outwards: w, l, q held inside +-l, q; their sums, and the number of those that slip
-{cells}
-Rheld held 0 1
-Rslips slips 0 1
-* in gross slip the sum is mu ratio depth edge 2/3, and the friction force mu F_N
-Bfriction friction 0 V={{spring}}*V(factor)*V(held)
-* for plotting only
-Bslider slider 0 V=V(c1)/max(V(w1),1e-6)
-Bstate state 0 V=u(V(delta))*(1+V(slips)/V(edge))
-.ends piezomotor_brush
-"""
-
-
-if __name__ == "__main__":
-    target = data_path("behavioral") / f"{LIBRARIES['brush']}.lib"
-    target.write_text(brush_library(), encoding="utf-8", newline="\n")
-    sys.stdout.write(f"{target}\n")
+    text = (data_path("behavioral") / f"{LIBRARIES['brush']}.lib").read_text(encoding="utf-8")
+    text = re.sub(r"(?ms)^Bw1 .*?(?=^Rheld )", "\n".join(cells) + "\n", text, count=1)
+    text = text.replace(f"a row of {SLIDERS} ", f"a row of {sliders} ", 1)
+    text = text.replace(f"the end of cell {SLIDERS}:", f"the end of cell {sliders}:", 1)
+    return text.replace(f"{{span/{SLIDERS**2}}}", f"{{span/{sliders**2}}}", 1)

@@ -145,7 +145,7 @@ def _startable(circuit: Assembly, motor: Motor) -> Assembly:
         circuit.parameters[f"velocity_{index}"] = "0"
     circuit["Xrotor"].parameters["start"] = "{speed}"
     circuit.parameters["speed"] = "0"
-    if circuit["Xcontact"].subcircuit_name.endswith(("contact", "stribeck")):
+    if circuit["Xcontact"].subcircuit_name.endswith("contact"):
         circuit["Xcontact"].parameters["start"] = "{slider}"
         circuit.parameters["slider"] = "0"
     if motor.rotor.bearing_friction_n_m:

@@ -30,12 +30,12 @@ from pyspice_runner.netlist.contact import (
 )
 from pyspice_runner.netlist.library import data_path, definitions, parse_library, read_library
 from pyspice_runner.netlist.motor import MotorSubCircuit, add_motor
+from tests.netlist.batch import measured
 
 
 def test_brush_in_the_folder_is_what_the_package_writes() -> None:
     path = data_path("behavioral") / "piezomotor_brush.lib"
-    assert path.read_text(encoding="utf-8") == brush_library(), "python -m pyspice_runner.netlist.contact"
-    assert brush_library() == brush_library(SLIDERS)
+    assert path.read_text(encoding="utf-8") == brush_library(SLIDERS)
 
 
 @pytest.mark.parametrize("name", LIBRARIES.values())
@@ -48,6 +48,26 @@ def test_all_laws_have_the_same_face(name: str) -> None:
     for parameter in library.parameters:
         if parameter.name in shared and parameter.name != "slider_time":
             assert parameter == shared[parameter.name]
+
+
+def test_friction_of_the_spring_slider_falls_with_the_slip_velocity(tmp_path: Path) -> None:
+    """A tip pressed and dragged at the velocity of Stribeck's curve: μ F₀ (0.6 + 0.4/e)."""
+    library = read_library("piezomotor_contact")
+    usage = library.usage.replace("Vvx vx 0 0.01", "Vvx vx 0 0.05").replace("preload=4", "preload=4 sliding=0.6")
+    found = measured(f"Stribeck\n{definitions(library)}\n{usage}.end\n", tmp_path)
+    assert found["friction_end_n"] == pytest.approx(0.25 * 4.0 * (0.6 + 0.4 * np.exp(-1.0)), rel=1e-5)
+    assert found["state_end"] == pytest.approx(2.0)
+
+
+def test_only_friction_that_falls_with_the_velocity_has_the_exponential() -> None:
+    contact = load_motor("andersen2002").contact
+    plain = contact_library(Law(), contact)
+    falling = contact_library(Law(), contact.model_copy(update={"sliding_ratio": 0.7}))
+    assert "Bfriction friction 0 V=V(grip)*V(factor)\n" in plain.subcircuit
+    assert "exp(" in falling.subcircuit
+    assert {item.name for item in falling.parameters} - {item.name for item in plain.parameters} == {
+        "sliding", "stribeck"
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("sliders", [1, 2, 5, 40])

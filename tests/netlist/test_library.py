@@ -133,6 +133,8 @@ SAME = {  # library parameter: the model's field; both refuse the same values
     ("piezomotor_contact", "mu"): (Contact, "friction"),
     ("piezomotor_contact", "preload"): (Contact, "preload_n"),
     ("piezomotor_contact", "radius"): (Rotor, "radius_m"),
+    ("piezomotor_contact", "sliding"): (Contact, "sliding_ratio"),
+    ("piezomotor_contact", "stribeck"): (Contact, "stribeck_velocity_m_s"),
     ("piezomotor_bearing", "torque"): (Rotor, "bearing_friction_n_m"),
     ("piezomotor_bearing", "angle"): (Rotor, "bearing_presliding_rad"),
     ("piezomotor_mount", "stiffness"): (Mount, "stiffness_n_per_m"),
@@ -140,10 +142,6 @@ SAME = {  # library parameter: the model's field; both refuse the same values
     ("piezomotor_mount", "damping"): (Mount, "damping_n_s_per_m"),
     ("piezomotor_rotor", "inertia"): (Rotor, "inertia_kg_m2"),
     ("piezomotor_rotor", "bearing"): (Rotor, "bearing_damping_n_m_s"),
-}
-BESIDES = {  # of a library whose other parameters are those of piezomotor_contact
-    ("piezomotor_stribeck", "sliding"): (Contact, "sliding_ratio"),
-    ("piezomotor_stribeck", "stribeck"): (Contact, "stribeck_velocity_m_s"),
 }
 OWN = {  # what the model states otherwise: zero loss is written as next to none, two compliances as their sum
     ("piezomotor_mode", "preload"),
@@ -170,9 +168,9 @@ def test_every_parameter_is_accounted_for() -> None:
     assert parameters - OWN == SAME.keys(), "is the range that of the model?"
 
 
-@pytest.mark.parametrize(("library", "parameter"), [*SAME, *BESIDES])
+@pytest.mark.parametrize(("library", "parameter"), SAME)
 def test_ranges_and_units_are_those_of_the_model(library: str, parameter: str) -> None:
-    kind, field = (SAME | BESIDES)[library, parameter]
+    kind, field = SAME[library, parameter]
     declared = next(item for item in read_library(library).parameters if item.name == parameter)
     schema = kind.model_json_schema()["properties"][field]
     assert declared.least == schema.get("minimum", schema.get("exclusiveMinimum"))
@@ -257,7 +255,6 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
     "piezomotor_groupheat": {"heat_uj": (100.0 * (2e-3 + 1.111e-4), 1e-6)},
     # Ω = τ/C_R (1 − 1/e) after one J/C_R; trapezoidal rule with 2000 steps a time constant: below 1e-6
     "piezomotor_bearing": {"share": (1 - exp(-2), 1e-5), "torque_n_m": (-1e-3 * (1 - exp(-2)), 1e-5)},
-    "piezomotor_stribeck": {"friction_end_n": (0.25 * 4.0 * (0.6 + 0.4 * exp(-1)), 1e-5), "state_end": (2.0, 1e-9)},
     "piezomotor_mount": {
         "carrier_um": (_carrier()[0], 1e-4),
         "carrier_m_s": (_carrier()[1], 1e-4),

@@ -23,7 +23,7 @@ SAME = {
     "preload": ("contact", "preload"), "friction": ("contact", "mu"), "radius": ("contact", "radius"),
     "normal_stiffness": ("contact", "normal_stiffness"), "compliance": ("contact", "compliance"),
     "normal_damping": ("contact", "damping"), "slider_time": ("contact", "slider_time"),
-    "sliding": ("stribeck", "sliding"), "stribeck": ("stribeck", "stribeck"), "creep": ("coulomb", "creep"),
+    "sliding": ("contact", "sliding"), "stribeck": ("contact", "stribeck"), "creep": ("coulomb", "creep"),
     "inertia": ("rotor", "inertia"), "bearing": ("rotor", "bearing"),
     "bearing_torque": ("bearing", "torque"), "bearing_angle": ("bearing", "angle"),
     "mount_stiffness": ("mount", "stiffness"), "mount_mass": ("mount", "mass"), "mount_damping": ("mount", "damping"),
