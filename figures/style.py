@@ -22,7 +22,7 @@ from matplotlib.lines import Line2D
 import pyspice_runner as pr
 from pyspice_runner.analysis.controlled import ControlledRun
 from pyspice_runner.run.waveforms import Waveforms
-from pyspice_runner.view.plots import state_path as coloured_path
+from pyspice_runner.view.plot_runs import state_path as coloured_path
 from pyspice_runner.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, STATES, VERMILION
 
 # the colours are the package's; the scripts take them from here

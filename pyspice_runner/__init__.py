@@ -17,6 +17,8 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
+from pyspice_runner.display import draw_with
+
 if TYPE_CHECKING:
     __version__: str
 
@@ -125,6 +127,9 @@ __all__ = [
     "track",
     "working_points",
 ]
+
+
+draw_with(lambda: import_module("pyspice_runner.view.plots"))
 
 
 def __getattr__(name: str) -> Any:

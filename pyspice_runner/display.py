@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How an object is drawn, and shown on a line and in a notebook.
+"""The plot of an object, and its display on a line and in a notebook.
 
-What can be drawn imports no plotting library. ``plot`` and the display of a notebook load
-:mod:`pyspice_runner.view.plots` by name when they are called; that module imports the classes that it draws.
+An object with a plot imports no plotting library. The package registers the module that draws, with :func:`draw_with`;
+it is loaded when the first plot is drawn.
 """
 
 from __future__ import annotations
 
 import html
 from base64 import b64encode
-from importlib import import_module
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +19,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _IN_REPR = 4  # entries of the summary
+_drawing: Callable[[], Any]
+
+
+def draw_with(module: Callable[[], Any]) -> None:
+    """Register the function that loads the module with ``draw`` and ``picture``."""
+    global _drawing
+    _drawing = module
 
 
 class Shown:
-    """An object with a summary and a picture. A subclass has ``summary``; its panels are in the module of plots."""
+    """An object with a summary and a plot. A subclass defines ``summary``; its panels are in ``view/``."""
 
     def summary(self) -> dict[str, str]:
         """Return the most important values, ready to print: name → value with unit."""
@@ -30,7 +37,7 @@ class Shown:
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """What to know before using the object, one sentence each; plots and notebooks show it."""
+        """Limits of the validity of the object, one sentence each; plots and notebooks show them."""
         return ()
 
     def plot(self, path: str | Path | None = None, ax: Axes | None = None, *, panel: str | None = None) -> Axes:
@@ -39,16 +46,15 @@ class Shown:
         Args:
             path: picture to write, ``.png``, ``.svg`` or ``.pdf``.
             ax: Axes to draw into; by default a new figure.
-            panel: name of the only panel to draw; by default all, or with ``ax`` the first.
+            panel: name of a panel to draw alone; by default all panels, or with ``ax`` the first.
 
         Returns:
-            The Axes that was drawn into, of several the first; the others are in its ``figure.axes``.
+            The first Axes of the figure; the others are in its ``figure.axes``.
 
         Raises:
-            ParameterError: for an unknown panel, another ending, a place that cannot be written, or an object of which
-                there is no picture.
+            ParameterError: for an unknown panel or ending, a place that cannot be written, or an object without a plot.
         """
-        drawn: Axes = _view().draw(self, path, ax, panel)
+        drawn: Axes = _drawing().draw(self, path, ax, panel)
         return drawn
 
     def __repr__(self) -> str:
@@ -63,14 +69,9 @@ class Shown:
         )
         warned = "".join(f"<p><strong>Caution:</strong> {html.escape(caution)}</p>" for caution in self.cautions)
         try:
-            picture = b64encode(_view().picture(self)).decode("ascii")
-        except ParameterError:  # there is none, as of a motor that is given without its beam
+            picture = b64encode(_drawing().picture(self)).decode("ascii")
+        except ParameterError:  # no plot, such as of a motor without a beam
             shown = ""
         else:
             shown = f'<img alt="plot of {type(self).__name__}" src="data:image/png;base64,{picture}">'
         return f"<div><strong>{type(self).__name__}</strong><table>{rows}</table>{warned}{shown}</div>"
-
-
-def _view() -> Any:
-    """Return the module that draws. It imports what it draws, so that it is loaded by name and late."""
-    return import_module("pyspice_runner.view.plots")

@@ -7,6 +7,8 @@ what to do.
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -70,3 +72,20 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, message: str, partial: Any) -> None:
         super().__init__(message)
         self.partial = partial
+
+
+def did_you_mean(name: str, known: Iterable[str], otherwise: str = "Known are") -> str:
+    """Return a sentence with the known name nearest to an unknown one; without a near one, with all that are known.
+
+    A name that contains the unknown one as a word is near: ``rotor_speed_rad_s`` to ``speed``.
+
+    Args:
+        name: the unknown name.
+        known: the names that exist.
+        otherwise: beginning of the sentence that lists all.
+    """
+    known = list(known)
+    words = sorted((other for other in known if name in other.split("_")), key=len)
+    very, fairly = (difflib.get_close_matches(name, known, n=1, cutoff=cutoff) for cutoff in (0.8, 0.6))
+    close = very or words or fairly
+    return f"Did you mean {close[0]!r}?" if close else f"{otherwise} {', '.join(known)}."

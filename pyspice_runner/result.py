@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all results have in common: files, tables and the audit, and by :mod:`pyspice_runner.display` plots."""
+"""The base class of the results: files, tables and the audit; plots are in :mod:`pyspice_runner.display`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.display import Shown
-from pyspice_runner.errors import SimulationError
+from pyspice_runner.errors import SimulationError, did_you_mean
 from pyspice_runner.files import save_by_ending, write_csv, write_json, write_netcdf
 from pyspice_runner.units import unit_in
 
@@ -27,7 +27,7 @@ class Audit:
     """The outcome of the physical audit of a result (:mod:`pyspice_runner.run.audit`).
 
     Attributes:
-        findings: what cannot be true about the result, one sentence each.
+        findings: physical impossibilities in the result, one sentence each.
         done: whether there was enough data for an audit.
     """
 
@@ -62,8 +62,8 @@ class Audit:
 class Result(Shown):
     """Base of the results.
 
-    A subclass has ``to_dict`` and ``summary``. With ``columns`` it can be written as ``.csv`` and ``.nc`` and read as a
-    table; with an attribute ``deck`` it can be written as ``.cir``. What it looks like is in
+    A subclass defines ``to_dict`` and ``summary``. With ``columns`` it can be written as ``.csv`` and ``.nc`` and read
+    as a table; with an attribute ``deck`` it can be written as ``.cir``. Its plot is in
     :mod:`pyspice_runner.view.plots`.
     """
 
@@ -71,23 +71,33 @@ class Result(Shown):
     audit: Audit = Audit()
     units: ClassVar[Mapping[str, tuple[str, str]]] = {}  # column → unit and meaning, where the name does not say them
 
+    if not TYPE_CHECKING:  # type checkers report a misspelt name
+
+        def __getattr__(self, name: str) -> Any:
+            known = getattr(type(self), name, None)
+            if isinstance(known, property):  # it raised an AttributeError: raise that again
+                return known.fget(self)
+            public = [] if name.startswith("_") else [other for other in dir(self) if not other.startswith("_")]
+            hint = f" {did_you_mean(name, public)}" if public else ""
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}.{hint}")
+
     def to_dict(self) -> dict[str, Any]:
         """Return the result without its curves, JSON-ready, SI units."""
         raise NotImplementedError
 
     def columns(self) -> Mapping[str, NDArray[np.float64]]:
-        """Return the curves by name, all of one length; the first is what the others are plotted over."""
+        """Return the curves by name, all of one length; the first is the axis of the others."""
         return {}
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """What to know before using the result, one sentence each; by default the findings of the audit."""
+        """Limits of the validity of the result, one sentence each; by default the findings of the audit."""
         return self.audit.findings
 
     # --- files and tables ---
 
     def writers(self) -> dict[str, Callable[[Path], object]]:
-        """Return the endings that :meth:`save` takes, each with the function that writes such a file."""
+        """Return the endings that :meth:`save` accepts, each with the function that writes such a file."""
         found: dict[str, Callable[[Path], object]] = {".json": lambda file: write_json(file, self.to_dict())}
         if self.columns():
             found[".csv"] = lambda file: write_csv(file, self.columns())
@@ -97,10 +107,10 @@ class Result(Shown):
         return found
 
     def save(self, path: str | Path) -> Path:
-        """Write the result, by the ending of the file, and return its path.
+        """Write the result in the format of the file's ending, and return the path.
 
-        ``.json`` has :meth:`to_dict`, ``.csv`` and ``.nc`` (NetCDF) have :meth:`columns`, ``.cir`` has the deck that
-        was run, as far as the result has them. Some results have further endings.
+        ``.json`` contains :meth:`to_dict`, ``.csv`` and ``.nc`` (NetCDF) :meth:`columns`, and ``.cir`` the deck, as far
+        as the result has them. Some results have further endings.
 
         Raises:
             ParameterError: for another ending, or a place that cannot be written.

@@ -125,6 +125,14 @@ def test_the_audit_of_every_result_is_at_one_place(results: dict[str, Result]) -
         Audit(("Energy is missing.",)).withhold("run")
 
 
+@pytest.mark.parametrize(("name", "meant"), [("time", "time_s"), ("speed", "rotor_speed_rad_s")])
+def test_an_unknown_attribute_is_answered_with_the_nearest(results: dict[str, Result], name: str, meant: str) -> None:
+    with pytest.raises(AttributeError, match=f"Waveforms has no attribute '{name}'. Did you mean '{meant}'?"):
+        getattr(results["run"], name)
+    with pytest.raises(AttributeError, match=r"Admittance has no attribute 'frequency'. Did you mean 'frequency_hz'?"):
+        results["admittance"].frequency  # type: ignore[attr-defined]  # noqa: B018
+
+
 def test_the_efficiency_is_drawn_as_the_table_says_it() -> None:
     ax = Figure().subplots()
     Curves(curves()).plot(ax=ax, panel="efficiency")

@@ -2,8 +2,7 @@
 """The walls between the packages, import circles, and the lightness of the import.
 
 CONTRIBUTING.md says who may import what. Every ``import`` statement counts here, also inside a function and under
-``TYPE_CHECKING``. What is loaded by name with ``importlib`` does not count: the public names of the package, the plots
-of a result, and the page of a report.
+``TYPE_CHECKING``. Only the package itself loads modules by name: its public names, and the module that draws.
 """
 
 from __future__ import annotations
@@ -135,6 +134,11 @@ def test_no_two_files_import_each_other_on_any_way_round() -> None:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
         pytest.fail(f"import circle: {' → '.join(error.args[1])}")
+
+
+def test_only_the_package_itself_loads_modules_of_its_own_by_name() -> None:
+    loading = {module for module, path in MODULES.items() if "import_module(" in path.read_text(encoding="utf-8")}
+    assert loading == {"pyspice_runner", "pyspice_runner.engine.openvaf"}  # which finds the compiler's wheel
 
 
 def test_only_public_names_are_taken_from_the_package() -> None:

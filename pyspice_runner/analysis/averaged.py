@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -92,11 +92,12 @@ class AveragedRun(Result):
 
     units = COLUMNS
 
-    def __getattr__(self, name: str) -> Array:
-        curves = self.__dict__.get("curves", {})
-        if name in curves:
-            return np.asarray(curves[name])
-        raise AttributeError(f"An averaged run has no {name!r}; it has {', '.join(COLUMNS)}.")
+    if TYPE_CHECKING:  # the curves are attributes
+
+        def __getattr__(self, name: str) -> Array: ...
+
+    def __post_init__(self) -> None:
+        self.__dict__.update(self.curves)
 
     def columns(self) -> Mapping[str, Array]:
         """Return the curves over time."""

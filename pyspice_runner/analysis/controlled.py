@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import ceil, degrees, isfinite
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,11 +103,12 @@ class ControlledRun(Result):
 
     units = SAMPLES
 
-    def __getattr__(self, name: str) -> Array:
-        samples = self.__dict__.get("samples", {})
-        if name in samples:
-            return np.asarray(samples[name])
-        raise AttributeError(f"A controlled run has no {name!r}; it has {', '.join(SAMPLES)}.")
+    if TYPE_CHECKING:  # the samples are attributes
+
+        def __getattr__(self, name: str) -> Array: ...
+
+    def __post_init__(self) -> None:
+        self.__dict__.update(self.samples)
 
     def columns(self) -> Mapping[str, Array]:
         """Return the samples over time."""

@@ -98,6 +98,11 @@ class Motor(Shown, Parameters):
     structure: Structure | None = Field(default=None, exclude=True)
     provenance: dict[str, Provenance] = Field(default_factory=dict, exclude=True)
 
+    def __init__(self, *values: Any, **named: Any) -> None:
+        if values:
+            raise ParameterError("Motor: name every parameter, or use load_motor(NAME or FILE) and its method updated.")
+        super().__init__(**named)
+
     @model_validator(mode="after")
     def _check(self) -> Self:
         names = [mode.name for mode in self.modes]

@@ -8,10 +8,13 @@ unit (SI throughout). Where a value comes from is not said here but beside the v
 
 from __future__ import annotations
 
+import re
 from math import pi, sqrt
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from pyspice_runner.errors import ParameterError
 
 # Ranges are those of piezo motors that can be built, from MEMS to some kilograms: wide enough for any device that the
 # theory fits, narrow enough to catch a value given in mm, kHz or GPa. What the values must be to each other stands
@@ -34,6 +37,19 @@ class Parameters(BaseModel):
     """Base of all parameter classes: immutable, strict about unknown names."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, use_attribute_docstrings=False)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Raise a :class:`ParameterError` that names ``updated``, which returns a changed copy."""
+        if name.startswith("_"):
+            super().__setattr__(name, value)
+            return
+        kind = type(self).__name__
+        paths = {"Motor": name, "Mode": f"modes.{getattr(self, 'name', 0)}.{name}"}
+        paths |= {part: f"{part.lower()}.{name}" for part in ("Contact", "Rotor", "Mount", "Piezo", "Limits")}
+        owner = "motor" if kind in paths else re.findall("[A-Z][a-z]*", kind)[-1].lower()
+        changed = f"{owner}.updated({{{paths.get(kind, name)!r}: …}})"
+        hint = f"{changed} returns a changed copy." if hasattr(self, "updated") or kind in paths else "Make another."
+        raise ParameterError(f"{kind}: {name} cannot be assigned. {hint}")
 
 
 class Beam(Parameters):

@@ -3,17 +3,16 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from datetime import date
 from functools import wraps
 from numbers import Real
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, Self, TypeVar
 
 from pydantic import ConfigDict, ValidationError, validate_call
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.model.parameters import Parameters
 
 _P = TypeVar("_P", bound=Parameters)
@@ -22,19 +21,49 @@ _Result = TypeVar("_Result")
 
 
 class Stated(Parameters):
-    """Parameters that a user gives to the constructor.
+    """Parameters that a user gives to the constructor: by name, or in the order of their declaration.
+
+    Those of the class itself come before the inherited ones: ``TwoPhaseDrive(110.0, 40e3, 120.0)``.
 
     Raises:
         ParameterError: by the constructor, for an unknown name or an invalid value.
     """
 
-    def __init__(self, **values: Any) -> None:
-        name = type(self).__name__
-        check_keys(values, tuple(type(self).model_fields), name, "")
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        parameters = []
+        for name in cls._names():
+            field, kind = cls.model_fields[name], inspect.Parameter.POSITIONAL_OR_KEYWORD
+            default = inspect.Parameter.empty if field.is_required() else field.get_default(call_default_factory=True)
+            parameters.append(inspect.Parameter(name, kind, default=default))
+        cls.__signature__ = inspect.Signature(parameters)  # for help() and editors
+
+    def __init__(self, *values: Any, **named: Any) -> None:
+        where, names = type(self).__name__, self._names()
+        if len(values) > len(names):
+            raise ParameterError(f"{where}: there are {len(values)} values for {len(names)} parameters.")
+        positional = dict(zip(names, values, strict=False))
+        for name in positional.keys() & named:
+            raise ParameterError(f"{where}: {name} is given twice. The order of the values is {', '.join(names)}.")
+        check_keys(named, names, where, "")
         try:
-            super().__init__(**values)
+            super().__init__(**positional, **named)
         except ValidationError as error:
-            raise refusal(error, type(self), "", name) from error
+            raise refusal(error, type(self), "", where) from error
+
+    @classmethod
+    def _names(cls) -> list[str]:
+        """Return the names of the parameters in the order in which the constructor takes them."""
+        own = [name for name in cls.model_fields if name in cls.__annotations__]
+        return [*own, *(name for name in cls.model_fields if name not in own)]
+
+    def updated(self, changes: Mapping[str, Any]) -> Self:
+        """Return a copy with some values changed, by their names.
+
+        Raises:
+            ParameterError: for a name that does not exist or an invalid value.
+        """
+        return type(self)(**{**self.model_dump(), **changes})
 
 
 def build(kind: type[_P], entry: Any, path: str, where: str) -> _P:
@@ -123,8 +152,7 @@ def check_keys(table: Mapping[str, Any], allowed: Sequence[str], where: str, pat
     """Check the names in a table; the error gives the nearest name."""
     for key in table:
         if key not in allowed:
-            close = difflib.get_close_matches(key, allowed, n=1)
-            hint = f"Did you mean {close[0]!r}?" if close else f"Known are {', '.join(allowed)}."
+            hint = did_you_mean(key, allowed)
             raise ParameterError(f"{where}: there is no {quoted('.'.join(p for p in (path, key) if p))}. {hint}")
 
 
@@ -196,18 +224,19 @@ def checked(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Re
 
 def _complaint(function: Callable[..., Any], error: ValidationError) -> str:
     """Return what is wrong with the arguments of a call, one sentence about the first that is wrong."""
-    names = list(inspect.signature(function).parameters)
+    parameters = inspect.signature(function).parameters
+    names = list(parameters)
     where, faults = function.__name__, error.errors()
     first = next((fault for fault in faults if fault["type"].startswith("unexpected")), faults[0])
     place = first["loc"][0]
     if first["type"] == "unexpected_positional_argument":
-        return f"{where}: there are too many arguments without a name. Name them: {', '.join(names[1:4])}, …"
+        keyword = [f"{name}=…" for name, item in parameters.items() if item.kind is item.KEYWORD_ONLY]
+        return f"{where}: there are too many arguments without a name. Name them: {', '.join(keyword[:3])}."
     name = names[place] if isinstance(place, int) else place
     if first["type"] == "unexpected_keyword_argument":
         if name == "sliders" and "contact" in names:
             return f"{where}: there is no argument 'sliders'. Write contact=Law(\"brush\", {quoted(first['input'])})."
-        close = difflib.get_close_matches(name, names, n=1)
-        hint = f"Did you mean {close[0]!r}?" if close else f"The arguments are {', '.join(names)}."
+        hint = did_you_mean(name, [known for known in names if known != "self"], "The arguments are")
         return f"{where}: there is no argument {quoted(name)}. {hint}"
     if first["type"].startswith("missing"):
         return f"{where}: the argument {name} is missing."

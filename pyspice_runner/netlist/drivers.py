@@ -110,8 +110,8 @@ class Driver(Stated, Source):
     _stage: Library | None = PrivateAttr(None)  # the user's own files as read when the driver was created
     _transistor: Library | None = PrivateAttr(None)
 
-    def __init__(self, **values: Any) -> None:
-        super().__init__(**values)
+    def __init__(self, *values: Any, **named: Any) -> None:
+        super().__init__(*values, **named)
         if is_reference(self.kind):
             self._stage = read_driver(self.kind)
         elif self.kind not in get_args(DriverKind):

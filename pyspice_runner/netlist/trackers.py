@@ -72,8 +72,8 @@ class Tracker(Stated):
         "error of the copies of the clamped capacitances, relative", "1", default=0.0, ge=-0.9, le=2.0
     )
 
-    def __init__(self, **values: Any) -> None:
-        super().__init__(**values)
+    def __init__(self, *values: Any, **named: Any) -> None:
+        super().__init__(*values, **named)
         if abs(self.offset) > self.span:
             raise ParameterError(
                 f"Tracker: offset = {self.offset:g} is not valid; the oscillator reaches {self.span:g} either way, so "

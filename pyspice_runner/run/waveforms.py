@@ -161,17 +161,14 @@ class Waveforms(Result):
             if getattr(self, name) is None:
                 object.__delattr__(self, name)
 
-    if not TYPE_CHECKING:  # so that a misspelt name is found
+    if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
             if name in self.units:
                 raise NotRecordedError(f"{name} was not recorded in this run; name it among the signals of simulate.")
             if name == "energy":
                 raise NotRecordedError("An energy balance takes all signals at every step, as simulate records them.")
-            derived = getattr(type(self), name, None)
-            if isinstance(derived, property):  # it failed for want of a column: let it say which
-                return derived.fget(self)
-            raise AttributeError(f"Waveforms have no {name!r}.")
+            return super().__getattr__(name)
 
     @property
     def recorded(self) -> list[str]:

@@ -19,7 +19,7 @@ from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.motor import Structure
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.spectra.spectrum import COUPLING, Connection
-from pyspice_runner.view.report import Report
+from pyspice_runner.view.contents import Contents
 from pyspice_runner.view.style import BLUE, CYCLE, GREEN, GREY, LABELS, PURPLE, STATES, VERMILION
 
 if TYPE_CHECKING:
@@ -208,7 +208,7 @@ def _last_period(run: Waveforms) -> tuple[Array, dict[str, Array]]:
     return run.time_s[inside] - begin, {name: getattr(run, name)[inside] for name in names}
 
 
-def admittance(report: Report) -> tuple[go.Figure, go.Figure]:
+def admittance(report: Contents) -> tuple[go.Figure, go.Figure]:
     """Return |Y| and phase over frequency, and the G–B circle; ``meta.groups`` is the connection of every trace."""
     over = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.08)
     circle = go.Figure()
@@ -242,7 +242,7 @@ def admittance(report: Report) -> tuple[go.Figure, go.Figure]:
     return over, circle
 
 
-def _spectra(report: Report, connection: Connection) -> list[tuple[Array, Any, str, dict[str, Any]]]:
+def _spectra(report: Contents, connection: Connection) -> list[tuple[Array, Any, str, dict[str, Any]]]:
     """Return frequency, admittance, name and look of every spectrum that is drawn for a connection."""
     found: list[tuple[Array, Any, str, dict[str, Any]]] = []
     names = {"free": "tip free", "preloaded": "pressed on the rotor"}
@@ -257,7 +257,7 @@ def _spectra(report: Report, connection: Connection) -> list[tuple[Array, Any, s
     return found
 
 
-def speed_torque(report: Report) -> go.Figure:
+def speed_torque(report: Contents) -> go.Figure:
     """Return torque, shaft power and efficiency over speed, a curve for each level of the drive."""
     figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.06)
     panels = ("torque_n_m", "shaft_power_w", "efficiency")
@@ -283,7 +283,7 @@ def speed_torque(report: Report) -> go.Figure:
     return figure
 
 
-def _efficiency_range(report: Report) -> list[float]:
+def _efficiency_range(report: Contents) -> list[float]:
     """Return the range of efficiencies in %, −100 to 100 at most: it has no limit where hardly any power is drawn."""
     values = 100.0 * np.concatenate([np.ravel(curve["efficiency"].values) for curve in report.curves.values()])
     low, high = (float(value) for value in (np.nanmin([0.0, *values]), np.nanmax([0.0, *values])))

@@ -27,8 +27,8 @@ from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.spectra.export import export_motor
 from pyspice_runner.spectra.spectrum import COUPLING
 from pyspice_runner.units import engineering
+from pyspice_runner.view.contents import Contents
 from pyspice_runner.view.live import live_page, packed
-from pyspice_runner.view.report import Report
 
 HERE = Path(__file__).parent
 INK, GRID = {"light": "#1b1f24", "dark": "#e6e8eb"}, {"light": "#d5d9de", "dark": "#3a4048"}
@@ -55,7 +55,7 @@ class Row(NamedTuple):
     note: str
 
 
-def datasheet(report: Report) -> str:
+def datasheet(report: Contents) -> str:
     """Return the page.
 
     Raises:
@@ -116,7 +116,7 @@ def datasheet(report: Report) -> str:
     )
 
 
-def downloads(report: Report) -> dict[str, str]:
+def downloads(report: Contents) -> dict[str, str]:
     """Return file name → data URL of each file that the page contains for other programs."""
     motor = report.motor
     files = report.decks() | {
@@ -183,7 +183,7 @@ def _origin(provenance: Mapping[str, Provenance], path: str, name: str) -> Prove
     return Provenance("derived", "")
 
 
-def _resonances(report: Report) -> Iterator[dict[str, Any]]:
+def _resonances(report: Contents) -> Iterator[dict[str, Any]]:
     """Yield the rows of the table of equivalent circuits."""
     for state, result in report.spectra.items():
         for connection, items in result.resonances.items():

@@ -1,31 +1,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a result becomes a picture: which panels it has, on which figure they stand, and where that goes.
-
-:func:`sheet` has one implementation for each kind of result, in :mod:`pyspice_runner.view.plots`.
-"""
+"""Sheets of panels, the figures made from them, and the helpers that the panels share."""
 
 from __future__ import annotations
 
-import io
 import textwrap
 import warnings
-from collections.abc import Callable, Sequence
-from functools import singledispatch
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pyspice_runner.errors import ParameterError
 from pyspice_runner.files import save_by_ending
-from pyspice_runner.view.style import CAUTION
+from pyspice_runner.run.waveforms import Array
+from pyspice_runner.view.style import CAUTION, Label
 
 ENDINGS = (".png", ".svg", ".pdf")
+DASHES = ("-", "--", "-.", ":")
+LAST_PERIODS = 3  # of the drive, in panels that show the end of a run
+AXIS: dict[str, Any] = {"color": "0.3", "linewidth": 0.8}  # of a line through zero
 _DPI = 150
-_SCREEN_DPI = 80  # of the picture in a notebook
 _LETTERS_PER_INCH = 15  # of the font of captions
 
 Panel = Callable[[Axes], object]
@@ -47,55 +45,20 @@ class Sheet(NamedTuple):
     title: str = ""
 
 
-@singledispatch
-def sheet(result: Any) -> Sheet:
-    """Return the panels of a result.
-
-    Raises:
-        ParameterError: for an object that has no picture.
-    """
-    raise ParameterError(f"There is no plot of an object of type {type(result).__name__}.")
-
-
-def draw(result: Any, path: str | Path | None = None, ax: Axes | None = None, panel: str | None = None) -> Axes:
-    """Draw a result; see :meth:`pyspice_runner.display.Shown.plot`."""
-    page = sheet(result)
-    if panel is not None and panel not in page.panels:
-        raise ParameterError(f"There is no panel {panel!r}. The panels are {', '.join(page.panels)}.")
-    if ax is not None:
-        page.panels[panel or next(iter(page.panels))](ax)
-        figure: Any = ax.figure
-    else:
-        if panel is not None:
-            page = page._replace(panels={panel: page.panels[panel]}, columns=1)
-        figure = _filled([page], getattr(result, "cautions", ()), shown=path is None)
-        ax = figure.axes[0]
-    if path is not None:
-        save(figure, path)
-    return ax
-
-
-def draw_beside(results: Sequence[Any], path: str | Path) -> Path:
-    """Draw several results of one kind side by side, a column of panels for each."""
-    cautions = tuple(dict.fromkeys(caution for result in results for caution in result.cautions))
-    pages = [sheet(result)._replace(columns=1) for result in results]
-    return save(_filled(pages, cautions, shown=False), path)
-
-
-def picture(result: Any) -> bytes:
-    """Return the picture of a result as PNG, of the size that suits a notebook."""
-    file = io.BytesIO()
-    _write(_filled([sheet(result)], (), shown=False), file, _SCREEN_DPI, "png")
-    return file.getvalue()
-
-
 def save(figure: Figure, path: str | Path) -> Path:
     """Write a figure by the ending of the file.
 
     Raises:
         ParameterError: for another ending, or a place that cannot be written.
     """
-    return save_by_ending(path, dict.fromkeys(ENDINGS, lambda file: _write(figure, file, _DPI, None)))
+    return save_by_ending(path, dict.fromkeys(ENDINGS, lambda file: write(figure, file, _DPI)))
+
+
+def write(figure: Figure, file: Any, dpi: int, kind: str | None = None) -> None:
+    """Write a figure; a character without a glyph becomes a box."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing", UserWarning)
+        figure.savefig(file, dpi=dpi, format=kind)
 
 
 def plain(text: str) -> str:
@@ -103,14 +66,14 @@ def plain(text: str) -> str:
     return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in text).replace("$", r"\$")
 
 
-def _filled(pages: Sequence[Sheet], cautions: Sequence[str], *, shown: bool) -> Figure:
+def filled(pages: Sequence[Sheet], cautions: Sequence[str] = (), *, shown: bool = False) -> Figure:
     """Return a figure with a group of columns for each page, and the cautions below them.
 
     Args:
-        pages: sheets, of equally many rows.
-        cautions: what to know before using what is drawn.
+        pages: sheets with the same number of rows.
+        cautions: sentences to print below the panels.
         shown: whether the figure is for the screen. Then pyplot makes it, so that a notebook or ``pyplot.show()`` shows
-            it; otherwise no backend but Agg takes part.
+            it; otherwise only the Agg backend is used.
     """
     rows = max(-(-len(page.panels) // page.columns) for page in pages)
     width = sum(page.columns * page.size[0] for page in pages)
@@ -143,7 +106,43 @@ def _filled(pages: Sequence[Sheet], cautions: Sequence[str], *, shown: bool) -> 
     return figure
 
 
-def _write(figure: Figure, file: Any, dpi: int, kind: str | None) -> None:
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing", UserWarning)  # a box is drawn instead
-        figure.savefig(file, dpi=dpi, format=kind)
+# --- helpers of the panels ---
+
+
+def dress(ax: Axes, x: Label | str, y: Label | str, title: str = "") -> None:
+    """Label the axes of a panel, and give it a grid."""
+    ax.set(xlabel=str(x), ylabel=str(y))
+    if title:
+        ax.set_title(title)
+    ax.grid(True, alpha=0.3)
+
+
+def draw_lines(
+    ax: Axes,
+    x: tuple[Label, Any],
+    y: Label,
+    lines: Iterable[tuple[Any, dict[str, Any]]],
+    title: str = "",
+    **legend: Any,
+) -> None:
+    """Draw lines over one axis, in the units of the labels, with a legend if they have labels.
+
+    Args:
+        ax: Axes to draw into.
+        x: label and SI values of the horizontal axis.
+        y: label of the vertical axis.
+        lines: SI values of each line, and its Matplotlib properties.
+        title: title of the panel.
+        legend: properties of the legend.
+    """
+    for values, look in lines:
+        ax.plot(x[0].scale * x[1], y.scale * values, **look)
+    dress(ax, x[0], y, title)
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(**legend)
+
+
+def last_periods(time_s: Array, period_s: float) -> tuple[Any, Array]:
+    """Return a mask of the points in the last drive periods, and their time from the first of them in s."""
+    last = np.asarray(time_s >= time_s[-1] - LAST_PERIODS * period_s)
+    return last, time_s[last] - time_s[last][0]

@@ -1,17 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The contents of a motor's data sheet: spectra, a run, speed–torque curves, and the estimated errors."""
+"""The data sheet of a motor: spectra, a run from rest, and speed–torque curves."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
+from dataclasses import replace
 from functools import partial
-from importlib import import_module
-from math import sqrt
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,20 +16,17 @@ from pydantic import SkipValidation
 
 from pyspice_runner.analysis.simulate import simulate
 from pyspice_runner.analysis.speed_torque import Progress, axis, speed_torque
-from pyspice_runner.datasets import Curves
-from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import write_netcdf
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.benches import AC_OPTIONS, admittance_bench
-from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.spectra.admittance import Admittance, State, admittance
 from pyspice_runner.spectra.spectrum import Connection, Spectrum
-from pyspice_runner.units import engineering
+from pyspice_runner.view.contents import Contents
+from pyspice_runner.view.datasheet import datasheet
 
 if TYPE_CHECKING:
     import xarray
@@ -46,152 +40,19 @@ _NEAR = 6.0  # bandwidths on each side of a resonance that keep all points of a 
 _RUNS = 4  # two spectra, the run, and the run at twice the step
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Report(Result):
-    """The contents of a motor's data sheet.
-
-    Attributes:
-        motor: the motor.
-        drive: the drive of the run and, at several levels, of the curves.
-        spectra: state of the tip (``"free"``, ``"preloaded"``) → the stator's two-port.
-        run: the motor from rest.
-        coarse: the same run at twice the time step, from which the error is estimated.
-        curves: share of the drive's voltage → speed–torque curve.
-        measured: a measured spectrum to draw over the computed ones.
-        connection: how the groups were connected when it was measured, if it is a one-port.
-        created: when the report was made, ISO 8601.
-    """
-
-    motor: Motor
-    drive: Drive
-    spectra: dict[State, Admittance]
-    run: Waveforms
-    coarse: Waveforms
-    curves: dict[float, xarray.Dataset]
-    measured: Spectrum | None = None
-    connection: Connection = "A"
-    created: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
-
-    @property
-    def discretisation_error(self) -> dict[str, float]:
-        """Estimated error of the run from its time step, relative.
-
-        The integration is of second order: at twice the step the error is four times as large, so that a third of the
-        difference between the two runs is the error of the finer one. Where the motion is irregular, two runs differ
-        at any step, and the estimate is large.
-
-        Returns:
-            ``tip_path``: RMS distance between the tip's paths over the last drive periods, over the RMS size of the
-            path. ``rotor_speed``: of the mean speed, over the largest speed reached.
-        """
-        fine, coarse = self.run, self.coarse
-        window = coarse.window()
-        time = coarse.time_s[window]
-        distance, size = 0.0, 0.0
-        for name in ("tip_x_m", "tip_y_m"):
-            values = np.interp(time, fine.time_s, getattr(fine, name))
-            distance += float(np.mean((values - getattr(coarse, name)[window]) ** 2))
-            size += float(np.var(values))
-        speed = abs(fine.mean_rotor_speed_rad_s - coarse.mean_rotor_speed_rad_s)
-        largest = float(np.abs(fine.rotor_speed_rad_s).max())
-        return {
-            "tip_path": sqrt(distance / size) / 3.0 if size else 0.0,
-            "rotor_speed": speed / largest / 3.0 if largest else 0.0,
-        }
-
-    @property
-    def key_figures(self) -> dict[str, float | None]:
-        """The values at the top of a data sheet; ``None`` for a value that the curves do not reach."""
-        curve = self.curves[max(self.curves)]
-        speed, torque = curve["speed_rad_s"].values, curve["torque_n_m"].values
-        forward = np.where(curve["shaft_power_w"].values > 0.0, curve["efficiency"].values, -np.inf)
-        best = int(np.argmax(forward))
-        run = self.run
-        return {
-            "stall_torque_n_m": float(torque[speed == 0.0][0]) if (speed == 0.0).any() else None,
-            "no_load_speed_rad_s": _zero(speed, torque),
-            "best_efficiency": float(forward[best]) if np.isfinite(forward[best]) else None,
-            "best_efficiency_speed_rad_s": float(speed[best]) if np.isfinite(forward[best]) else None,
-            "run_speed_rad_s": run.mean_rotor_speed_rad_s,
-            "current_a_rms_a": float(np.sqrt(run.mean(run.current_a_a**2))),
-            "current_b_rms_a": float(np.sqrt(run.mean(run.current_b_a**2))),
-            "power_a_w": run.mean(run.voltage_a_v * run.current_a_a),
-            "power_b_w": run.mean(run.voltage_b_v * run.current_b_a),
-        }
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the contents of the report without its curves over time, JSON-ready."""
-        return {
-            "motor": self.motor.to_dict(),
-            "created": self.created,
-            "key_figures": self.key_figures,
-            "admittance": {state: result.to_dict() for state, result in self.spectra.items()},
-            "run": self.run.to_dict(),
-            "discretisation_error": self.discretisation_error,
-            "speed_torque": [
-                {
-                    "drive_share": share,
-                    "speed_rad_s": curve["speed_rad_s"].values.tolist(),
-                    **{
-                        name: [value if np.isfinite(value) else None for value in curve[name].values.tolist()]
-                        for name in ("torque_n_m", "shaft_power_w", "efficiency", "separated", "stick", "slip")
-                    },
-                    "settled": curve["settled"].values.tolist(),
-                }
-                for share, curve in self.curves.items()
-            ],
-            "measured": None if self.measured is None else {"source": self.measured.source},
-        }
-
-    def decks(self) -> dict[str, str]:
-        """Return file name → text of the decks that were run: the two spectra and the run from rest."""
-        decks = {"run.cir": self.run.deck}
-        for state, result in self.spectra.items():
-            simulator = BatchSimulator(admittance_bench(self.motor, preloaded=state == "preloaded"))
-            simulator.options(**AC_OPTIONS)
-            start, stop = (float(result.frequency_hz[place]) for place in (0, -1))
-            points = round((stop - start) / float(np.diff(result.frequency_hz).min())) + 1
-            simulator.prepare(
-                "ac", variation="lin", number_of_points=points, start_frequency=start, stop_frequency=stop
-            )
-            decks[f"admittance_{state}.cir"] = str(simulator)
-        return decks
+class Report(Contents):
+    """The contents of a motor's data sheet, with the page made of them."""
 
     def writers(self) -> dict[str, Callable[[Path], object]]:
-        """Return the writers by ending: ``.html``, one page that needs nothing else, and ``.json``.
+        """Return the writers by ending: ``.html``, one self-contained page, and ``.json``.
 
         The page needs Plotly and Jinja2; without them, writing it raises :class:`ParameterError`.
         """
 
         def page(file: Path) -> None:
-            datasheet = import_module("pyspice_runner.view.datasheet").datasheet  # it imports this module
             file.write_text(datasheet(self), encoding="utf-8", newline="\n")
 
         return {".html": page, **super().writers()}
-
-    @property
-    def audit(self) -> Audit:  # type: ignore[override]
-        """The outcome of the physical audit of the run."""
-        return self.run.audit
-
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """What to know before using the run, its spectra and its curves."""
-        curves = (caution for curve in self.curves.values() for caution in Curves(curve).cautions)
-        return tuple(dict.fromkeys((*self.run.cautions, *curves)))
-
-    def summary(self) -> dict[str, str]:
-        """Return motor, drive and key figures."""
-        figures = self.key_figures
-        shown = {
-            "stall torque": engineering(figures["stall_torque_n_m"], "N·m"),
-            "no-load speed": engineering(figures["no_load_speed_rad_s"], "rad/s"),
-            "best efficiency": "–"
-            if figures["best_efficiency"] is None
-            else f"{100.0 * figures['best_efficiency']:.3g} %",
-            "electrical power": engineering((figures["power_a_w"] or 0.0) + (figures["power_b_w"] or 0.0), "W"),
-        }
-        return {"motor": self.motor.name, "drive": self.drive.label, **shown}
 
 
 @checked
@@ -331,12 +192,3 @@ def _no_load(stall: float, torque: float, speed: float, fastest: float) -> float
     """Return where a straight line through the torques at standstill and at a speed is zero, at most ``fastest``."""
     drop = (stall - torque) / stall
     return float(np.copysign(min(abs(speed) / drop, fastest) if drop > 0.0 else fastest, speed))
-
-
-def _zero(x: Array, y: Array) -> float | None:
-    """Return where a curve first crosses zero, by a straight line between its points; ``None`` if it does not."""
-    crossings = np.flatnonzero(y[:-1] * y[1:] < 0.0)
-    if not len(crossings):
-        return None
-    place = crossings[0]
-    return float(x[place] - y[place] * (x[place + 1] - x[place]) / (y[place + 1] - y[place]))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from inspect import signature
 from math import pi, radians, sin
 from typing import Any
 
@@ -126,8 +127,19 @@ def test_the_first_voltages_are_those_at_time_zero(
 
 def test_drive_cannot_be_changed() -> None:
     drive = TwoPhaseDrive(voltage=1.0, frequency=1e3)
-    with pytest.raises(ValueError, match="frozen"):
+    with pytest.raises(ParameterError, match=r"voltage cannot be assigned. drive.updated\(\{'voltage': …\}\) returns"):
         drive.voltage = 2.0
+    assert drive.updated({"voltage": 2.0}) == TwoPhaseDrive(voltage=2.0, frequency=1e3)
+
+
+def test_values_without_names_are_taken_in_the_order_of_the_declaration() -> None:
+    assert TwoPhaseDrive(110, 40e3, 120) == TwoPhaseDrive(voltage=110.0, frequency=40e3, phase_deg=120.0)
+    assert TwoToneDrive(50.0, 13.5e3, 50.0, 27e3).frequencies == (13.5e3, 27e3)
+    assert list(signature(TwoPhaseDrive).parameters) == ["voltage", "frequency", "phase_deg", "ratio_b", "soft_start"]
+    with pytest.raises(ParameterError, match=r"there are 6 values for 5 parameters\."):
+        TwoPhaseDrive(1.0, 1e3, 0.0, 1.0, 0.0, 0.0)
+    with pytest.raises(ParameterError, match=r"voltage is given twice\. The order of the values is voltage, "):
+        TwoPhaseDrive(1.0, 1e3, voltage=1.0)
 
 
 def test_a_drive_without_a_kind_has_no_tones() -> None:
@@ -174,7 +186,7 @@ def test_wrong_value_is_rejected_with_its_range(kind: type[Drive], wrong: Any) -
         ({"volume": 11}, "TwoPhaseDrive: there is no 'volume'. Did you mean 'voltage'?"),
         (
             {"x": 1},
-            "TwoPhaseDrive: there is no 'x'. Known are soft_start, voltage, frequency, phase_deg, ratio_b.",
+            "TwoPhaseDrive: there is no 'x'. Known are voltage, frequency, phase_deg, ratio_b, soft_start.",
         ),
     ],
 )

@@ -231,7 +231,7 @@ def test_an_argument_of_another_type_is_an_error_that_names_the_function(given: 
         ((1.0,), {"load_torqe": 1.0}, "there is no argument 'load_torqe'. Did you mean 'load_torque'?"),
         ((1.0,), {"xyz": 1.0}, "there is no argument 'xyz'. The arguments are duration, load_torque, record_every."),
         ((), {}, "the argument duration is missing."),
-        ((1.0, 2.0), {}, "there are too many arguments without a name. Name them: load_torque, record_every, …"),
+        ((1.0, 2.0), {}, "there are too many arguments without a name. Name them: load_torque=…, record_every=…."),
         ((1.0,), {"duration": 2.0}, "the argument duration is given twice."),
     ],
 )
@@ -266,6 +266,16 @@ def test_a_typo_in_an_argument_of_a_public_function_names_the_function_and_the_a
     with pytest.raises(ParameterError) as caught:
         getattr(pr, name)(**{typo: 1})
     assert str(caught.value) == f"{name}: there is no argument '{typo}'. Did you mean '{meant}'?"
+
+
+def test_a_method_does_not_name_self_among_its_arguments() -> None:
+    with pytest.raises(ParameterError, match=r"updated: there is no argument 'x'. The arguments are changes\.$"):
+        pr.load_motor("andersen2002").updated(x=1)  # type: ignore[call-arg]
+
+
+def test_a_motor_without_named_parameters_points_to_load_motor() -> None:
+    with pytest.raises(ParameterError, match="Motor: name every parameter, or use load_motor"):
+        pr.Motor("andersen2002")
 
 
 def test_a_typo_in_an_argument_of_a_sweep_names_the_argument() -> None:

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panels of runs over time: waveforms, averaged and controlled runs, trackers and drivers."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+
+from pyspice_runner.analysis.averaged import AveragedRun
+from pyspice_runner.analysis.controlled import ControlledRun
+from pyspice_runner.analysis.drive import DriveReport
+from pyspice_runner.analysis.steady import SteadyState
+from pyspice_runner.analysis.track import Tracking
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.run.waveforms import Array, Waveforms
+from pyspice_runner.view.draw import DASHES, LAST_PERIODS, Panel, Sheet, draw_lines, dress, last_periods
+from pyspice_runner.view.style import BLUE, GREEN, GREY, GROUPS, LABELS, STATES, VERMILION, Label
+
+_SECONDS = Label("time", "s")
+
+
+def waveforms(run: Waveforms) -> Sheet:
+    """Return rotor speed, path of the tip, contact forces and currents, as far as they were recorded."""
+    panels: dict[str, tuple[Panel, tuple[str, ...]]] = {
+        "speed": (partial(_speed, run), ("rotor_speed_rad_s",)),
+        "path": (partial(_tip_path, run), ("tip_x_m", "tip_y_m", "contact_state")),
+        "forces": (partial(_forces, run), ("normal_force_n", "friction_force_n")),
+        "currents": (partial(_currents, run), ("current_a_a", "current_b_a")),
+    }
+    motor = run.provenance["motor"]
+    title = f"{motor['name']}, {motor['contact']['preload_n']:g} N preload: {run.provenance['drive']['label']}"
+    recorded = {name: panel for name, (panel, needs) in panels.items() if set(needs) <= set(run.recorded)}
+    if not recorded:
+        raise ParameterError("The run has no signals to plot. Record the rotor speed, tip, forces or currents.")
+    return Sheet(recorded, min(2, len(recorded)), (5.0, 3.5), title)
+
+
+def steady_state(state: SteadyState) -> Sheet:
+    """Return the panels of the period of a steady state."""
+    if state.waveforms is None:
+        raise ParameterError("This steady state has no waveforms to plot.")
+    return waveforms(state.waveforms)
+
+
+def _speed(run: Waveforms, ax: Axes) -> None:
+    lines = [(run.rotor_speed_rad_s, {"color": BLUE})]
+    draw_lines(ax, (LABELS["time_ms"], run.time_s), LABELS["rotor_speed_rad_s"], lines, "Rotor")
+
+
+def _tip_path(run: Waveforms, ax: Axes) -> None:
+    last, _ = last_periods(run.time_s, run.drive_period_s)
+    x, y = LABELS["tip_x_m"], LABELS["tip_y_m"]
+    state_path(ax, x.scale * run.tip_x_m[last], y.scale * run.tip_y_m[last], run.contact_state[last])
+    for state in np.unique(np.rint(run.contact_state[last]).astype(int)):
+        ax.plot([], [], color=STATES[state].colour, label=STATES[state].name)
+    dress(ax, x, y, f"Path of the tip, last {LAST_PERIODS} drive periods")
+    ax.legend()
+
+
+def state_path(ax: Axes, x: Array, y: Array, state: Array, **look: Any) -> None:
+    """Draw a path in the colours of the contact states; a step has the state at its end."""
+    points = np.column_stack([x, y])
+    colours = [STATES[number].colour for number in np.rint(state[1:]).astype(int)]
+    pieces = np.stack([points[:-1], points[1:]], axis=1)
+    ax.add_collection(LineCollection(list(pieces), colors=colours, **{"linewidths": 2, "capstyle": "round", **look}))
+    ax.autoscale_view()
+
+
+def _forces(run: Waveforms, ax: Axes) -> None:
+    last, time = last_periods(run.time_s, run.drive_period_s)
+    lines = [
+        (run.normal_force_n[last], {"color": BLUE, "label": "normal"}),
+        (run.friction_force_n[last], {"color": VERMILION, "linestyle": "--", "label": "friction"}),
+    ]
+    draw_lines(ax, (LABELS["time_us"], time), LABELS["force_n"], lines, "Contact forces")
+
+
+def _currents(run: Waveforms, ax: Axes) -> None:
+    last, time = last_periods(run.time_s, run.drive_period_s)
+    lines = [
+        (
+            getattr(run, f"current_{group}_a")[last],
+            {"color": colour, "linestyle": dash, "label": f"group {group.upper()}"},
+        )
+        for (group, colour), dash in zip(GROUPS.items(), DASHES, strict=False)
+    ]
+    draw_lines(ax, (LABELS["time_us"], time), LABELS["current_a"], lines, "Currents")
+
+
+def averaged_run(run: AveragedRun) -> Sheet:
+    """Return means and amplitudes over time."""
+    curves = {
+        "speed": (run.rotor_speed_rad_s, LABELS["rotor_speed_rad_s"]),
+        "torque": (run.torque_n_m, LABELS["torque_n_m"]),
+        "power": (run.electrical_power_w, LABELS["electrical_power_w"]),
+        "frequency": (run.frequency_hz, LABELS["frequency_hz"]),
+        "temperature": (run.temperature_k, Label("temperature rise", "K")),
+        "check": (run.check, Label("check (accurate below 2 %)", "%", 100.0)),
+    }
+    title = f"{run.provenance['motor']['name']}, averaged: {run.provenance['drive']['label']}"
+    return _over_seconds(run.time_s, curves, title)
+
+
+def controlled_run(run: ControlledRun) -> Sheet:
+    """Return what a controller measured and set, sample by sample."""
+    curves = {
+        "speed": (run.speed_rad_s, LABELS["rotor_speed_rad_s"]),
+        "position": (run.position_rad, Label("rotor position", "rad")),
+        "voltage": (run.voltage_a_v, Label("amplitude of group A", "V")),
+        "current": (run.current_amplitude_a, Label("current amplitude", "mA", 1e3)),
+        "current phase": (run.current_phase_deg, Label("current phase", "degrees")),
+        "frequency": (run.frequency_hz, LABELS["frequency_hz"]),
+    }
+    settings = run.provenance["run"]
+    kind = "averaged motor" if settings["averaged"] else "full motor"
+    title = f"{run.provenance['motor']['name']}, {kind}, a sample every {1e3 * settings['sample_time_s']:g} ms"
+    return _over_seconds(run.time_s, curves, title, marker=".")
+
+
+def _over_seconds(time_s: Array, curves: dict[str, tuple[Array, Label]], title: str, **look: Any) -> Sheet:
+    """Return a panel for each curve, over seconds."""
+
+    def draw_curve(values: Array, label: Label, ax: Axes) -> None:
+        draw_lines(ax, (_SECONDS, time_s), label, [(values, {"color": BLUE, **look})])
+        ax.ticklabel_format(axis="y", useOffset=False)
+
+    return Sheet({name: partial(draw_curve, *curve) for name, curve in curves.items()}, 2, (5.0, 2.5), title)
+
+
+def tracking(result: Tracking) -> Sheet:
+    """Return frequency, phase and speed over time, with the beginning of the disturbance."""
+    time, begin = LABELS["time_ms"], result.settings["disturbance"]["begin_s"]
+    curves = {
+        "frequency": (result.frequency_hz, LABELS["frequency_hz"]),
+        "phase": (result.phase_deg, Label("phase of the mode", "degrees")),
+        "speed": (result.rotor_speed_rad_s, LABELS["rotor_speed_rad_s"]),
+    }
+
+    def draw_curve(values: Array, label: Label, ax: Axes) -> None:
+        draw_lines(ax, (time, result.time_s), label, [(values, {"linewidth": 1.0})])
+        if begin is not None:
+            ax.axvline(time.scale * begin, color=GREY, linestyle=":", linewidth=1.0)
+        if label.unit == "degrees":
+            ax.set_ylim(-95.0, 95.0)
+
+    title = f"{result.settings['motor']}: {result.settings['disturbance']['kind']}"
+    return Sheet({name: partial(draw_curve, *curve) for name, curve in curves.items()}, 1, (8.0, 2.7), title)
+
+
+def drive_report(report: DriveReport) -> Sheet:
+    """Return voltages and currents of motor and power stage, the harmonics, and the powers."""
+    panels: dict[str, Panel] = {
+        "voltages": partial(_ports, report, "v", LABELS["voltage_v"], report.driver["label"]),
+        "currents": partial(_ports, report, "a", LABELS["current_a"], ""),
+        "spectrum": partial(_harmonics, report),
+        "powers": partial(_powers, report),
+    }
+    return Sheet(panels, 1, (6.5, 3.0), report.motor)
+
+
+def _ports(report: DriveReport, unit: str, label: Label, title: str, ax: Axes) -> None:
+    """Draw a quantity at the groups (solid) and at the power stage (dotted) over the last drive periods."""
+    waves = report.waveforms
+    last, time = last_periods(waves["time_s"], 1.0 / report.driver["frequency"])
+    lines = [
+        (waves[f"{place}_{group}_{unit}"][last],
+         {"linestyle": dash, "color": colour, "label": f"{name} {group.upper()}"})
+        for group, colour in GROUPS.items()
+        for place, dash, name in (("group", "-", "pin"), ("output", ":", "stage"))
+    ]  # fmt: skip
+    draw_lines(ax, (LABELS["time_us"], time), label, lines, title, fontsize="small", ncols=2)
+
+
+def _harmonics(report: DriveReport, ax: Axes) -> None:
+    largest = max(report.groups[group].harmonics[0].current_a for group in GROUPS)
+    for (group, colour), shift in zip(GROUPS.items(), (-0.2, 0.2), strict=True):
+        harmonics = report.groups[group].harmonics
+        orders = [item.order + shift for item in harmonics]
+        heights = [max(item.current_a, 1e-9) for item in harmonics]
+        ax.bar(orders, heights, 0.4, color=colour, label=f"pin {group.upper()}")
+    dress(ax, "harmonic", "current in A")
+    ax.set(yscale="log", ylim=(1e-5 * largest, 3.0 * largest))
+    ax.set_xticks(range(1, 21, 2))
+    ax.legend(fontsize="small")
+
+
+def _powers(report: DriveReport, ax: Axes) -> None:
+    shares = {"motor": report.motor_power_w}
+    for device, loss in report.losses_w.items():
+        part = device.partition("_")[0]
+        shares[part] = shares.get(part, 0.0) + loss
+    ax.barh(list(shares), list(shares.values()), color=[GREEN, *[VERMILION] * (len(shares) - 1)])
+    ax.invert_yaxis()
+    title = (
+        f"supply {report.power_in_w:.3g} W, power factor {report.power_factor:.3f}, "
+        f"{100 * report.driver_efficiency:.1f} % reach the motor"
+    )
+    dress(ax, "power in W", "", title)

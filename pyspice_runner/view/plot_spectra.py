@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panels of spectra: admittances, fits, comparisons, and small signals of a running motor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from pyspice_runner.analysis.small_signals import INPUTS, OUTPUTS, SmallSignals, unit
+from pyspice_runner.run.waveforms import Array
+from pyspice_runner.spectra.admittance import Admittance
+from pyspice_runner.spectra.compare import Comparison, Trend
+from pyspice_runner.spectra.fit import SpectrumFit
+from pyspice_runner.spectra.spectrum import COUPLING, Spectrum
+from pyspice_runner.spectra.twoport import TwoPortFit
+from pyspice_runner.view.draw import AXIS, DASHES, Panel, Sheet, draw_lines, dress, plain
+from pyspice_runner.view.style import BLUE, CYCLE, GREY, GROUPS, LABELS, ORANGE, VERMILION, Label
+
+_DOTS: dict[str, Any] = {"marker": ".", "markersize": 3, "linestyle": ""}
+_MARKS = ("o", "s", "^", "D")
+_MEGAHERTZ = Label("frequency", "MHz", 1e-6)
+
+
+class _Trace(NamedTuple):
+    """A curve of admittance over frequency, and its Matplotlib properties."""
+
+    frequency_hz: Array
+    admittance_s: Any
+    look: dict[str, Any]
+
+
+def _spectrum_panels(traces: list[_Trace]) -> dict[str, Panel]:
+    """Return |Y|, phase, and the circle of conductance and susceptance."""
+    frequency, magnitude = _frequency_label(traces[0].frequency_hz), LABELS["magnitude_s"]
+    real, imaginary = LABELS["conductance_s"], LABELS["susceptance_s"]
+
+    def draw_traces(ax: Axes, x: Label, y: Label, title: str, of: Callable[[_Trace], tuple[Any, Any]]) -> None:
+        for trace in traces:
+            across, up = of(trace)
+            ax.plot(x.scale * across, y.scale * up, **trace.look)
+        dress(ax, x, y, title)
+
+    def draw_magnitude(ax: Axes) -> None:
+        ax.set_yscale("log")
+        draw_traces(ax, frequency, magnitude, "Admittance", lambda trace: (trace[0], np.abs(trace.admittance_s)))
+        ax.legend(fontsize="small")
+
+    def draw_phase(ax: Axes) -> None:
+        draw_traces(
+            ax,
+            frequency,
+            LABELS["phase_deg"],
+            "Phase",
+            lambda trace: (trace[0], np.angle(trace.admittance_s, deg=True)),
+        )
+
+    def draw_circle(ax: Axes) -> None:
+        draw_traces(ax, real, imaginary, "G–B circle", lambda trace: (trace.admittance_s.real, trace.admittance_s.imag))
+        ax.axis("equal")
+
+    return {"magnitude": draw_magnitude, "phase": draw_phase, "circle": draw_circle}
+
+
+def _frequency_label(frequency_hz: Array) -> Label:
+    return _MEGAHERTZ if frequency_hz[-1] >= 1e6 else LABELS["frequency_hz"]
+
+
+def _with_residuals(
+    traces: list[_Trace], mark: Callable[[Axes], object], name: str, residuals: Panel, title: str
+) -> Sheet:
+    """Return the sheet of a comparison; ``mark`` completes the panels over frequency."""
+    panels = _spectrum_panels(traces)
+
+    def marked(panel: str) -> Panel:
+        return lambda ax: (panels[panel](ax), mark(ax))
+
+    order = {"magnitude": marked("magnitude"), "circle": panels["circle"], "phase": marked("phase"), name: residuals}
+    return Sheet(order, 2, (5.5, 4.0), title)
+
+
+def admittance(result: Admittance) -> Sheet:
+    """Return the admittance of both groups in phase, and in antiphase."""
+    traces = [
+        _Trace(result.frequency_hz, result.driven("A+B"), {"color": BLUE, "label": "A+B"}),
+        _Trace(result.frequency_hz, result.driven("A-B"), {"color": VERMILION, "linestyle": "--", "label": "A−B"}),
+    ]
+    return Sheet(_spectrum_panels(traces), 3, (4.4, 4.2), f"{result.motor['name']}, {result.state}")
+
+
+def spectrum(result: Spectrum) -> Sheet:
+    """Return a measured spectrum; of a two-port, every connection of the groups."""
+    frequency = result.frequency_hz
+    if result.ports == 1:
+        traces = [_Trace(frequency, result.admittance_s, {"color": BLUE, "label": "measured"})]
+    else:
+        traces = [
+            _Trace(frequency, result.driven(name).admittance_s,
+                   {"color": colour, "linestyle": dash, "label": name.replace("-", "−")})
+            for name, colour, dash in zip(COUPLING, CYCLE, DASHES, strict=True)
+        ]  # fmt: skip
+    return Sheet(_spectrum_panels(traces), 3, (4.4, 4.2), result.source)
+
+
+def spectrum_fit(fit: SpectrumFit) -> Sheet:
+    """Return the measured and the fitted admittance, and the residuals; dotted lines mark the series resonances."""
+    frequency = _frequency_label(fit.frequency_hz)
+    fine = np.union1d(np.linspace(fit.frequency_hz[0], fit.frequency_hz[-1], 4001), fit.frequency_hz)
+    arms = f"{len(fit.arms)} arm{'s' if len(fit.arms) > 1 else ''}"
+    traces = [
+        _Trace(fit.frequency_hz, fit.measured_s, {**_DOTS, "color": GREY, "label": "measured"}),
+        _Trace(fine, fit.admittance(fine), {"color": BLUE, "linewidth": 1.2, "label": f"fitted, {arms}"}),
+    ]
+
+    def mark_resonances(ax: Axes) -> None:
+        for arm in fit.arms:
+            if arm.in_band:
+                ax.axvline(frequency.scale * arm.series_resonance_hz, color=VERMILION, linewidth=0.8, linestyle=":")
+
+    def draw_residuals(ax: Axes) -> None:
+        lines = [
+            (fit.residuals.real, {**_DOTS, "color": BLUE, "label": "in phase"}),
+            (fit.residuals.imag, {**_DOTS, "color": ORANGE, "label": "in quadrature"}),
+        ]
+        title = f"Residuals: {100.0 * fit.rms_relative_error:.3g} % RMS"
+        draw_lines(ax, (frequency, fit.frequency_hz), Label("residual", "% of |Y|", 100.0), lines, title)
+        mark_resonances(ax)
+
+    return _with_residuals(traces, mark_resonances, "residuals", draw_residuals, fit.source)
+
+
+def two_port_fit(fit: TwoPortFit) -> Sheet:
+    """Return the couplings of the modes, with their standard errors."""
+
+    def draw_couplings(ax: Axes) -> None:
+        places = np.arange(len(fit.modes))
+        for (group, colour), shift in zip(GROUPS.items(), (-0.2, 0.2), strict=True):
+            values = [getattr(mode, f"coupling_{group}_n_per_v_kg05") for mode in fit.modes]
+            errors = [mode.standard_errors[f"coupling_{group}_n_per_v_kg05"] for mode in fit.modes]
+            ax.bar(places + shift, values, 0.4, yerr=errors, capsize=3, color=colour, label=f"group {group.upper()}")
+        ax.set_xticks(places, [f"{1e-3 * mode.series_resonance_hz:.4g} kHz" for mode in fit.modes])
+        ax.axhline(0.0, **AXIS)
+        ax.set(ylabel="coupling in N/(V·√kg)", title="Couplings of the modes")
+        ax.grid(True, axis="y", alpha=0.3)
+        ax.legend()
+
+    return Sheet({"couplings": draw_couplings}, 1, (7.0, 4.0), fit.source)
+
+
+def comparison(result: Comparison) -> Sheet:
+    """Return both admittances over the band of the measured one, and the deviations."""
+    reference, measured = result.reference, result.measured
+    traces = [
+        _Trace(reference.frequency_hz, reference.measured_s,
+               {"color": BLUE, "linewidth": 1.2, "label": plain(f"reference: {reference.source}")}),
+        _Trace(measured.frequency_hz, measured.measured_s,
+               {**_DOTS, "color": VERMILION, "label": plain(f"measured: {measured.source}")}),
+    ]  # fmt: skip
+    scale = _frequency_label(reference.frequency_hz).scale
+    band = scale * measured.frequency_hz[0], scale * measured.frequency_hz[-1]
+    title = f"{100.0 * result.rms_deviation:.3g} % RMS between the admittances"
+    return _with_residuals(traces, lambda ax: ax.set_xlim(*band), "deviations", partial(_deviations, result), title)
+
+
+def _deviations(result: Comparison, ax: Axes) -> None:
+    known = {key: 100.0 * value for key, value in result.deviations().items() if np.isfinite(value)}
+    names = [name.replace("_", " ") + (f", mode {mode}" if mode else "") for name, mode in known]
+    bars = ax.barh(names, list(known.values()), color=BLUE)
+    ax.bar_label(bars, [f"{value:+.2f}" for value in known.values()], padding=3, fontsize=7)
+    ax.invert_yaxis()
+    ax.margins(x=0.2)
+    ax.axvline(0.0, **AXIS)
+    dress(ax, LABELS["deviation"], "", "Measured less reference")
+
+
+def trend(result: Trend) -> Sheet:
+    """Return the deviations of several spectra from one reference."""
+    if len(result.comparisons) == 1:
+        return comparison(result.comparisons[0])
+    panels: dict[str, Panel] = {
+        name: partial(_trend, result, name, title)
+        for name, title in (
+            ("frequency", "Series resonance"),
+            ("quality_factor", "Quality factor"),
+            ("coupling_factor", "Coupling factor k_eff"),
+            ("clamped_capacitance", "Clamped capacitance"),
+        )
+    }
+    reference = result.comparisons[0].reference.source
+    return Sheet(panels, 2, (5.0, 3.5), f"{len(result.comparisons)} spectra against {reference}")
+
+
+def _trend(result: Trend, name: str, title: str, ax: Axes) -> None:
+    tables = [item.deviations() for item in result.comparisons]
+    for number, key in enumerate(key for key in tables[0] if key[0] == name):
+        values = [100.0 * table[key] if np.isfinite(table[key]) else np.nan for table in tables]
+        label = f"mode {key[1]}" if key[1] else None
+        ax.plot(result.at, values, color=CYCLE[number % 4], marker=_MARKS[number % 4], label=label)
+    ax.axhline(0.0, **AXIS)
+    if np.ptp(ax.get_ylim()) < 0.01:  # only rounding errors
+        ax.set_ylim(-0.1, 0.1)
+    dress(ax, plain(result.label), LABELS["deviation"], title)
+    if name != "clamped_capacitance":
+        ax.legend()
+
+
+def small_signals(result: SmallSignals) -> Sheet:
+    """Return the transfer functions from each input, and the admittance for a small voltage."""
+    panels: dict[str, Panel] = {
+        of: partial(_transfers, result, of) for of in INPUTS if any(name == of for _, name in result.transfers)
+    }
+    panels["admittance"] = partial(_small_admittance, result)
+    return Sheet(panels, 2, (5.4, 3.6), f"{result.state.motor.name}: small signals, {result.state.drive.label}")
+
+
+def _transfers(result: SmallSignals, of: str, ax: Axes) -> None:
+    """Draw the magnitudes of the transfer functions from one input, each relative to its first value."""
+    for number, output in enumerate(name for name in OUTPUTS if not name.startswith("motional")):
+        values = np.abs(result.transfer(output, of))
+        if values[0] > 0.0:
+            name = f"{output}, {values[0]:.3g} {unit(output, of)}"
+            look: dict[str, Any] = {"color": CYCLE[number % 4], "linestyle": DASHES[number // 4], "marker": "."}
+            ax.loglog(result.modulation_hz, values / values[0], label=name, **look)
+    dress(ax, "modulation frequency in Hz", "magnitude over that at the lowest", f"From {of}")
+    ax.legend(fontsize="x-small")
+
+
+def _small_admittance(result: SmallSignals, ax: Axes) -> None:
+    """Draw the admittance of each group for a small voltage, of the running motor and of the free stator."""
+    states = ((result.hot_admittance_s, "-", "running"), (result.cold_admittance_s, "--", "at rest, free"))
+    lines = [
+        (np.abs(matrix[:, place, place]), {"linestyle": dash, "color": colour, "label": f"{group.upper()}, {words}"})
+        for place, (group, colour) in enumerate(GROUPS.items())
+        for matrix, dash, words in states
+    ]
+    axis = LABELS["frequency_hz"], result.probe_hz
+    draw_lines(ax, axis, LABELS["magnitude_s"], lines, "Admittance for a small voltage", fontsize="x-small")
