@@ -8,7 +8,8 @@ from pathlib import Path
 from style import BLACK, BLUE, GREY, ORANGE, VERMILION, canvas, draft, main, write
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.track import Tracking, running_resonance
+from pyspice_runner.analysis.track import running_resonance
+from pyspice_runner.analysis.tracking import Tracking
 
 MOTOR = pr.load_motor("bimodal40")
 RECOMMENDED = pr.default_drive(MOTOR)

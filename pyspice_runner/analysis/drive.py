@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a driver and its motor do to each other: currents, powers, harmonics, losses, efficiency, matching.
+"""A motor and its drive electronics: currents, powers, harmonics, losses, efficiency, matching.
 
-Supply = losses in the driver + input of the motor; every report says how well that holds.
+Supply = losses in the driver + input of the motor; every report states the residual of this balance.
 """
 
 from __future__ import annotations
@@ -32,6 +32,10 @@ from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering
 
 _PROPOSED: tuple[State, ...] = ("free", "preloaded", "running")  # a report's proposals
+_MEANS = {
+    "motor_power_w": "power of the motor", "mean_torque_n_m": "mean torque",
+    "mean_rotor_speed_rad_s": "mean rotor speed",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,7 @@ class Harmonic:
 
 @dataclass(frozen=True)
 class Port:
-    """What passes through one place: the output of a power stage, or the pins of a group.
+    """Voltage, current and power at one place: the output of a power stage, or the pins of a group.
 
     Attributes:
         voltage_peak_v: greatest absolute value.
@@ -63,8 +67,8 @@ class Port:
         voltage_thd: RMS of the harmonics from the second on, over the fundamental.
         current_thd: the same of the current.
         slew_rate_v_per_s: greatest rate of the voltage.
-        resistance_ohm: real part of the fundamentals' quotient.
-        reactance_ohm: its imaginary part.
+        resistance_ohm: real part of the impedance at the fundamental.
+        reactance_ohm: imaginary part of that impedance.
         harmonics: fundamental and harmonics.
     """
 
@@ -93,29 +97,28 @@ class DriveReport(Result):
         motor: name of the motor.
         driver: the driver and every parameter of its parts, JSON-ready.
         run: settings of the run, JSON-ready.
-        outputs: group → what leaves its power stage, before transformer and network.
-        groups: group → what enters the group at its pin.
-        supply_power_w: mean power of all supplies but the gate drivers'. Of a stage without supply pins, and of ideal
-            sources, what leaves the output and is lost in the stage.
+        outputs: group → output of its power stage, in front of transformer and network.
+        groups: group → input of the group at its pin.
+        supply_power_w: mean power of all supplies but the gate drivers'. For a stage without supply pins, and for ideal
+            sources: output power plus losses of the stage.
         gate_power_w: mean power of the gate drivers.
-        supply_current_mean_a: rail → mean current asked of it, both groups together.
-        supply_current_peak_a: rail → greatest current asked of it.
-        losses_w: ``PART_GROUP.DEVICE`` → mean loss. ``driver_GROUP.total`` is what the user's own stage takes from its
-            supplies and does not put out, if its header has no ``LOSS`` lines.
+        supply_current_mean_a: rail → mean current, both groups together.
+        supply_current_peak_a: rail → peak current, both groups together.
+        losses_w: ``PART_GROUP.DEVICE`` → mean loss. ``driver_GROUP.total`` is the difference of supply and output power
+            of the user's own stage, if its header has no ``LOSS`` lines.
         stored_power_w: rate at which energy builds up in the driver's inductors and capacitors; 0 once settled.
         motor_power_w: mean power into both groups.
         shaft_power_w: mean power of the contact on the rotor.
         mean_torque_n_m: mean torque of the contact on the rotor.
         mean_rotor_speed_rad_s: mean speed.
-        to_come: by how much each mean would still change if the run went on, relative; ``None`` where the run is too
-            short to tell.
+        to_come: expected further relative change of each mean in a longer run; ``None`` where the run is too short.
         settling: relative change of the motor's power from the first to the second half of the window.
         matching: proposals, by state.
         waveforms: time and the voltages and currents of outputs and groups over the window.
         solver_seconds: wall time that ngspice took.
         ngspice_version: version of ngspice.
-        deck: the netlist that was run.
-        audit: outcome of the physical audit; it has findings only where ``audit=False`` was given.
+        deck: netlist of the run.
+        audit: outcome of the physical audit; it has findings only with ``audit=False``.
         ceramic: strain, stress and temperature rise of the ceramic, and ``warnings``; empty where not measured.
     """
 
@@ -151,18 +154,22 @@ class DriveReport(Result):
 
     @property
     def balance_residual(self) -> float:
-        """Power put in that is neither lost or stored in the driver nor put into the motor, over the power put in."""
-        found = sum(self.losses_w.values()) + self.stored_power_w + self.motor_power_w
-        return (self.power_in_w - found) / self.power_in_w
+        """Input power minus losses, stored power and motor power, over the input power."""
+        return (self.power_in_w - self.power_found_w) / self.power_in_w
+
+    @property
+    def power_found_w(self) -> float:
+        """Losses and stored power of the driver, and power into the motor."""
+        return sum(self.losses_w.values()) + self.stored_power_w + self.motor_power_w
 
     @property
     def driver_efficiency(self) -> float:
-        """Power into the motor over the power put in."""
+        """Power into the motor over the input power."""
         return self.motor_power_w / self.power_in_w
 
     @property
     def efficiency(self) -> float:
-        """Power on the shaft over the power put in; negative where the shaft is driven."""
+        """Shaft power over the input power; negative where the shaft is driven."""
         return self.shaft_power_w / self.power_in_w
 
     @property
@@ -175,18 +182,13 @@ class DriveReport(Result):
 
     @property
     def settled(self) -> bool:
-        """Whether power, torque and speed stay within 2 % if the run goes on."""
+        """Whether power, torque and speed would stay within 2 % in a longer run."""
         return all(share is not None and share <= SETTLED for share in self.to_come.values())
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit, and what has not settled."""
-        names = {
-            "motor_power_w": "power of the motor",
-            "mean_torque_n_m": "mean torque",
-            "mean_rotor_speed_rad_s": "mean rotor speed",
-        }
-        moving = [names[name] for name, share in self.to_come.items() if share is None or share > SETTLED]
+        """Findings of the audit, means that have not settled, and powers that are not valid."""
+        moving = [_MEANS[name] for name, share in self.to_come.items() if share is None or share > SETTLED]
         told = [f"Not settled at the end of the run: {', '.join(moving)}. Run it longer."] if moving else []
         if not self.driver["supplied"] and self.driver["kind"] != "ideal":
             told.append("The driver has no supply pins: powers and efficiencies count from its output.")
@@ -201,30 +203,17 @@ class DriveReport(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report, JSON-ready."""
+        names = (
+            "motor", "driver", "run", "groups", "outputs", "power_factor", "supply_power_w", "gate_power_w",
+            "supply_current_mean_a", "supply_current_peak_a", "losses_w", "stored_power_w", "motor_power_w",
+            "shaft_power_w", "mean_torque_n_m", "mean_rotor_speed_rad_s", "driver_efficiency", "efficiency",
+            "balance_residual", "settling", "settled", "to_come", "matching",
+        )  # fmt: skip
+        document = {name: getattr(self, name) for name in names}
+        for name in ("groups", "outputs", "matching"):
+            document[name] = {key: asdict(item) for key, item in document[name].items()}
         return {
-            "motor": self.motor,
-            "driver": self.driver,
-            "run": self.run,
-            "groups": {name: asdict(port) for name, port in self.groups.items()},
-            "outputs": {name: asdict(port) for name, port in self.outputs.items()},
-            "power_factor": self.power_factor,
-            "supply_power_w": self.supply_power_w,
-            "gate_power_w": self.gate_power_w,
-            "supply_current_mean_a": self.supply_current_mean_a,
-            "supply_current_peak_a": self.supply_current_peak_a,
-            "losses_w": self.losses_w,
-            "stored_power_w": self.stored_power_w,
-            "motor_power_w": self.motor_power_w,
-            "shaft_power_w": self.shaft_power_w,
-            "mean_torque_n_m": self.mean_torque_n_m,
-            "mean_rotor_speed_rad_s": self.mean_rotor_speed_rad_s,
-            "driver_efficiency": self.driver_efficiency,
-            "efficiency": self.efficiency,
-            "balance_residual": self.balance_residual,
-            "settling": self.settling,
-            "settled": self.settled,
-            "to_come": self.to_come,
-            "matching": {state: asdict(proposal) for state, proposal in self.matching.items()},
+            **document,
             "points": len(self.waveforms["time_s"]),
             "solver_seconds": self.solver_seconds,
             "ngspice_version": self.ngspice_version,
@@ -275,8 +264,8 @@ def drive_report(
         contact: law of the contact; ``None`` for a free tip.
         speed: if given, the shaft is held at this speed, rad/s.
         load_torque: torque in N·m that a load draws from the free shaft.
-        match: state of the motor for which the driver is matched first, by a series inductor, or by its LLCC filter.
-        proposals: whether to propose a matching for every state; it takes one more run.
+        match: state of the motor for which to match the driver first, by a series inductor or by its LLCC filter.
+        proposals: whether to propose a matching for every state, which takes one more run.
         step: uniform time step in s, or with a bridge the largest; by default from the fastest motion.
         timeout: wall time in s after which a run is ended.
         audit: whether a report that fails the physical audit is an error. If not, ``audit`` of the report has the
@@ -298,24 +287,12 @@ def drive_report(
     outcome = setup.run(duration, list(dict.fromkeys(vectors)))
     samples = outcome.vectors()
     window = Window(samples["time"], driver.period, uniform=driver.uniform)
-    outputs = {group: _port(window, samples, driver, f"out_{group}", group) for group in GROUPS}
-    groups = {group: _port(window, samples, driver, f"pin_{group}", group) for group in GROUPS}
-    supplies = _supplies(samples)
-    losses: dict[str, float] = {}
-    gates = stored = supply_power = 0.0
-    for group in GROUPS:
-        put_in, found = _budget(window, samples, driver, group, outputs[group].real_power_w)
-        supply_power += put_in
-        for part, powers in found:
-            losses |= {f"{part.label}_{group}.{name}": loss for name, loss in powers.losses.items()}
-            gates += powers.feed
-            stored += powers.stored
-    currents = {
-        rail: sum((amperes for _, amperes, name, _ in supplies if name == rail), np.zeros_like(samples["time"]))
-        for rail in dict.fromkeys(name for _, _, name, _ in supplies)
-    }
-    pin_a, pin_b = (power_at(samples, driver, f"pin_{group}", group) for group in GROUPS)
+    measured = _Measurement(window, samples, driver)
+    ports = {place: {group: measured.port(place, group) for group in GROUPS} for place in ("out", "pin")}
+    budgets = [measured.budget(group, ports["out"][group].real_power_w) for group in GROUPS]
+    power = measured.power("pin", "a") + measured.power("pin", "b")
     torque = motor.rotor.radius_m * samples.get("v(xmotor.friction)", np.zeros_like(samples["time"]))
+    currents = measured.supply_currents()
     report = DriveReport(
         motor=motor.name,
         driver=driver.to_dict(),
@@ -327,28 +304,27 @@ def drive_report(
             "averaged_periods": window.periods,
             "deck_sha256": outcome.deck_sha256,
         },
-        outputs=outputs,
-        groups=groups,
-        supply_power_w=supply_power,
-        gate_power_w=gates,
+        outputs=ports["out"],
+        groups=ports["pin"],
+        supply_power_w=sum(budget.put_in for budget in budgets),
+        gate_power_w=sum(budget.feed for budget in budgets),
         supply_current_mean_a={rail: window.mean(values) for rail, values in currents.items()},
         supply_current_peak_a={rail: float(np.abs(window.cut(values)).max()) for rail, values in currents.items()},
-        losses_w=losses,
-        stored_power_w=stored,
-        motor_power_w=sum(port.real_power_w for port in groups.values()),
+        losses_w={name: loss for budget in budgets for name, loss in budget.losses.items()},
+        stored_power_w=sum(budget.stored for budget in budgets),
+        motor_power_w=sum(port.real_power_w for port in ports["pin"].values()),
         shaft_power_w=window.mean(torque * samples["v(shaft)"]),
         mean_torque_n_m=window.mean(torque),
         mean_rotor_speed_rad_s=window.mean(samples["v(shaft)"]),
-        settling=window.settling(pin_a + pin_b),
-        to_come=_to_come(setup, samples, {"motor_power_w": pin_a + pin_b, "mean_torque_n_m": torque}),
+        settling=window.settling(power),
+        to_come=_to_come(setup, samples, {"motor_power_w": power, "mean_torque_n_m": torque}),
         matching=matching,
-        waveforms=_waveforms(window, samples, driver),
+        waveforms=measured.waveforms(),
         solver_seconds=outcome.seconds,
         ngspice_version=outcome.ngspice_version,
         deck=outcome.deck,
+        ceramic=ceramic(motor, setup.discretisation, samples, power, window),
     )
-    strained = ceramic(motor, setup.discretisation, samples, pin_a + pin_b, window)
-    report = replace(report, ceramic=strained)
     audited = Audit(_audited(motor, report, samples))
     if audit:
         audited.withhold("report")
@@ -356,7 +332,7 @@ def drive_report(
 
 
 def _to_come(setup: Setup, samples: dict[str, Array], signals: dict[str, Array]) -> dict[str, float | None]:
-    """Return by how much the means of some signals and of a free rotor's speed would still change, relative."""
+    """Return the expected further relative change of the means of signals and of a free rotor's speed."""
     motor, time = setup.motor, samples["time"]
     friction = motor.rotor.radius_m * motor.contact.friction * motor.contact.preload_n
     least = {"motor_power_w": 0.0, "mean_torque_n_m": SMALL_TORQUE * friction, "mean_rotor_speed_rad_s": ROUNDING_RAD_S}
@@ -372,92 +348,137 @@ def _to_come(setup: Setup, samples: dict[str, Array], signals: dict[str, Array])
 
 
 def _audited(motor: Motor, report: DriveReport, samples: dict[str, Array]) -> tuple[str, ...]:
-    """Return what cannot be true about the powers and the contact."""
+    """Return the findings of the audit of powers and contact."""
     reactive = sum(port.apparent_power_va for port in report.groups.values())
-    found = sum(report.losses_w.values()) + report.stored_power_w + report.motor_power_w
-    findings = audit_power(report.power_in_w, found, reactive)
+    findings = audit_power(report.power_in_w, report.power_found_w, reactive)
     if "v(xmotor.normal)" in samples:
         findings += audit_contact(motor.contact.friction, samples["v(xmotor.normal)"], samples["v(xmotor.friction)"])
     return findings
 
 
 @dataclass(frozen=True)
-class _Powers:
-    """Mean powers of one part in W: its losses by name, what it is fed besides its supplies, what it stores."""
+class _Budget:
+    """Mean powers in W of the channel of one group.
 
+    Attributes:
+        put_in: power of its supplies.
+        losses: ``PART_GROUP.DEVICE`` → loss.
+        feed: power of the gate drivers.
+        stored: rate of the stored energy.
+    """
+
+    put_in: float
     losses: dict[str, float]
     feed: float
     stored: float
 
 
-def _powers(window: Window, samples: dict[str, Array], part: Part) -> _Powers:
-    def node(kind: str, name: str) -> Array:
-        return samples[f"v(x{part.instance}.{kind}_{name})"]
+@dataclass(frozen=True)
+class _Measurement:
+    """Voltages, currents and powers of a driver over the window of a run.
 
-    energies = [window.cut(node("store", name)) for name, _ in part.library.stores]
-    return _Powers(
-        {name: window.mean(node("loss", name)) for name, _ in part.library.losses},
-        sum(window.mean(node("feed", name)) for name, _ in part.library.feeds),
-        sum(1e-6 * float(energy[-1] - energy[0]) / window.length for energy in energies),
-    )
-
-
-def _budget(
-    window: Window, samples: dict[str, Array], driver: Driver, group: str, output_w: float
-) -> tuple[float, list[tuple[Part, _Powers]]]:
-    """Return what the supplies of a group put in, and the powers of its parts.
-
-    What the user's own stage does not state follows by difference: its loss, or what it takes from sources of its own.
+    A place is ``"out"``, the output of a stage, or ``"pin"``, the pin of a group.
     """
-    found = [(part, _powers(window, samples, part)) for part in driver.parts(group)]
-    if not driver.supplied:
-        inside = sum(sum(own.losses.values()) + own.stored - own.feed for _, own in found[: int(driver.own)])
-        return output_w + inside, found
-    put_in = sum(window.mean(volts * amperes) for volts, amperes, _, fed in _supplies(samples) if fed == group)
-    stage, powers = found[0]
-    if driver.own and not stage.library.losses:
-        rest = put_in + powers.feed - powers.stored - output_w
-        found[0] = stage, replace(powers, losses={"total": rest})
-    return put_in, found
 
+    window: Window
+    samples: dict[str, Array]
+    driver: Driver
 
-def _supplies(samples: dict[str, Array]) -> list[tuple[Array, Array, str, str]]:
-    """Return voltage, delivered current and name of every rail, and the group that it supplies."""
-    return [
-        (samples[f"v({rail}_{group})"], -samples[f"i(v{rail}_{group})"], name, group)
-        for group in GROUPS
-        for rail, name in zip(RAILS, ("positive", "negative"), strict=True)
-        if f"i(v{rail}_{group})" in samples
-    ]
+    def voltage(self, place: str, group: str) -> Array:
+        """Return the voltage at a place."""
+        if place == "pin":
+            return self.samples[f"v({group})"]
+        back = self.samples[f"v(return_{group})"] if self.driver.kind == "full-bridge" else 0.0
+        return self.samples[f"v(line_{group})"] - back
 
+    def current(self, place: str, group: str) -> Array:
+        """Return the current at a place."""
+        return self.samples[f"i(v{place}_{group})"]
 
-def _port(window: Window, samples: dict[str, Array], driver: Driver, place: str, group: str) -> Port:
-    voltage, current = voltage_at(samples, driver, place, group), samples[f"i(v{place})"]
-    volts, amperes = window.harmonics(voltage), window.harmonics(current)
-    rms_v, rms_a = window.rms(voltage), window.rms(current)
-    power = window.mean(voltage * current)
-    complex_power = 0.5 * volts[0] * amperes[0].conjugate()
-    impedance = volts[0] / amperes[0] if abs(amperes[0]) else complex(0.0)
-    return Port(
-        voltage_peak_v=float(np.abs(window.cut(voltage)).max()),
-        voltage_rms_v=rms_v,
-        current_peak_a=float(np.abs(window.cut(current)).max()),
-        current_rms_a=rms_a,
-        real_power_w=power,
-        reactive_power_var=float(complex_power.imag),
-        apparent_power_va=rms_v * rms_a,
-        power_factor=_quotient(power, rms_v * rms_a),
-        displacement_factor=_quotient(float(complex_power.real), float(abs(complex_power))),
-        voltage_thd=_distortion(volts),
-        current_thd=_distortion(amperes),
-        slew_rate_v_per_s=window.slew_rate(voltage),
-        resistance_ohm=float(impedance.real),
-        reactance_ohm=float(impedance.imag),
-        harmonics=tuple(
-            Harmonic(order, order / window.period, abs(u), degrees(phase(u)), abs(i), degrees(phase(i)))
-            for order, (u, i) in enumerate(zip(volts.tolist(), amperes.tolist(), strict=True), start=1)
-        ),
-    )
+    def power(self, place: str, group: str) -> Array:
+        """Return the power that passes through a place."""
+        return self.voltage(place, group) * self.current(place, group)
+
+    def port(self, place: str, group: str) -> Port:
+        """Return the means and harmonics at a place."""
+        window, voltage, current = self.window, self.voltage(place, group), self.current(place, group)
+        volts, amperes = window.harmonics(voltage), window.harmonics(current)
+        rms_v, rms_a = window.rms(voltage), window.rms(current)
+        power = window.mean(voltage * current)
+        complex_power = 0.5 * volts[0] * amperes[0].conjugate()
+        impedance = volts[0] / amperes[0] if abs(amperes[0]) else complex(0.0)
+        return Port(
+            voltage_peak_v=float(np.abs(window.cut(voltage)).max()),
+            voltage_rms_v=rms_v,
+            current_peak_a=float(np.abs(window.cut(current)).max()),
+            current_rms_a=rms_a,
+            real_power_w=power,
+            reactive_power_var=float(complex_power.imag),
+            apparent_power_va=rms_v * rms_a,
+            power_factor=_quotient(power, rms_v * rms_a),
+            displacement_factor=_quotient(float(complex_power.real), float(abs(complex_power))),
+            voltage_thd=_distortion(volts),
+            current_thd=_distortion(amperes),
+            slew_rate_v_per_s=window.slew_rate(voltage),
+            resistance_ohm=float(impedance.real),
+            reactance_ohm=float(impedance.imag),
+            harmonics=tuple(
+                Harmonic(order, order / window.period, abs(u), degrees(phase(u)), abs(i), degrees(phase(i)))
+                for order, (u, i) in enumerate(zip(volts.tolist(), amperes.tolist(), strict=True), start=1)
+            ),
+        )
+
+    def budget(self, group: str, output_w: float) -> _Budget:
+        """Return the powers of the channel of a group whose stage delivers a power.
+
+        The header of the user's own stage may have no ``LOSS`` lines. Its loss is then the difference of supply and
+        output power, which is negative if the stage has sources of its own.
+        """
+        parts = self.driver.parts(group)
+        losses = {
+            f"{part.label}_{group}.{name}": self._mean(part, "loss", name)
+            for part in parts
+            for name, _ in part.library.losses
+        }
+        feeds = [sum(self._mean(part, "feed", name) for name, _ in part.library.feeds) for part in parts]
+        stored = [sum(self._growth(part, name) for name, _ in part.library.stores) for part in parts]
+        inside = stored[0] - feeds[0] if self.driver.own else 0.0  # of the user's own stage, besides its losses
+        if not self.driver.supplied:
+            lost = sum(loss for name, loss in losses.items() if self.driver.own and name.startswith("driver_"))
+            return _Budget(output_w + lost + inside, losses, sum(feeds), sum(stored))
+        put_in = sum(
+            self.window.mean(-self.samples[f"v({rail}_{group})"] * self.samples[f"i(v{rail}_{group})"])
+            for rail in RAILS
+            if f"i(v{rail}_{group})" in self.samples
+        )
+        if self.driver.own and not parts[0].library.losses:
+            losses = {f"{parts[0].label}_{group}.total": put_in - inside - output_w} | losses
+        return _Budget(put_in, losses, sum(feeds), sum(stored))
+
+    def supply_currents(self) -> dict[str, Array]:
+        """Return the currents that the rails deliver, both groups together."""
+        found: dict[str, Array] = {}
+        for group in GROUPS:
+            for rail, name in zip(RAILS, ("positive", "negative"), strict=True):
+                if f"i(v{rail}_{group})" in self.samples:
+                    found[name] = found.get(name, 0.0) - self.samples[f"i(v{rail}_{group})"]
+        return found
+
+    def waveforms(self) -> dict[str, Array]:
+        """Return voltages and currents of both groups over the window."""
+        columns = {"time_s": self.window.time}
+        for group in GROUPS:
+            for place, name in (("out", f"output_{group}"), ("pin", f"group_{group}")):
+                columns[f"{name}_v"] = self.window.cut(self.voltage(place, group))
+                columns[f"{name}_a"] = self.window.cut(self.current(place, group))
+        return columns
+
+    def _mean(self, part: Part, kind: str, name: str) -> float:
+        return self.window.mean(self.samples[part.power_vector(kind, name)])
+
+    def _growth(self, part: Part, name: str) -> float:
+        energy = self.window.cut(self.samples[part.power_vector("store", name)])
+        return 1e-6 * float(energy[-1] - energy[0]) / self.window.length
 
 
 def _distortion(phasors: NDArray[np.complex128]) -> float:
@@ -466,30 +487,6 @@ def _distortion(phasors: NDArray[np.complex128]) -> float:
 
 def _quotient(above: float, below: float) -> float:
     return above / below if below else 0.0
-
-
-def _waveforms(window: Window, samples: dict[str, Array], driver: Driver) -> dict[str, Array]:
-    columns = {"time_s": window.time}
-    for group in GROUPS:
-        for place in ("out", "pin"):
-            name = {"out": f"output_{group}", "pin": f"group_{group}"}[place]
-            columns[f"{name}_v"] = window.cut(voltage_at(samples, driver, f"{place}_{group}", group))
-            columns[f"{name}_a"] = window.cut(samples[f"i(v{place}_{group})"])
-    return columns
-
-
-def voltage_at(samples: dict[str, Array], driver: Driver, place: str, group: str) -> Array:
-    """Return the voltage at ``"out_g"``, the output of a stage, or ``"pin_g"``, the pin of a group."""
-    if place.startswith("pin"):
-        return samples[f"v({group})"]
-    if driver.kind == "full-bridge":
-        return samples[f"v(line_{group})"] - samples[f"v(return_{group})"]
-    return samples[f"v(line_{group})"]
-
-
-def power_at(samples: dict[str, Array], driver: Driver, place: str, group: str) -> Array:
-    """Return the power that passes through a place."""
-    return voltage_at(samples, driver, place, group) * samples[f"i(v{place})"]
 
 
 def _saved(driver: Driver, *, contact: bool) -> list[str]:
@@ -502,7 +499,5 @@ def _saved(driver: Driver, *, contact: bool) -> list[str]:
             rails = [rail for rail, volts in zip(RAILS, driver.rails(group), strict=True) if volts]
             names += [item for rail in rails for item in (f"v({rail}_{group})", f"i(v{rail}_{group})")]
         for part in driver.parts(group):
-            names += [f"v(x{part.instance}.loss_{name})" for name, _ in part.library.losses]
-            names += [f"v(x{part.instance}.feed_{name})" for name, _ in part.library.feeds]
-            names += [f"v(x{part.instance}.store_{name})" for name, _ in part.library.stores]
+            names += part.power_vectors
     return names

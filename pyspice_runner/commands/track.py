@@ -41,7 +41,7 @@ from pyspice_runner.commands.driving import recommended_phases
 
 if TYPE_CHECKING:
     from pyspice_runner.analysis.matching import State
-    from pyspice_runner.analysis.track import Tracking
+    from pyspice_runner.analysis.tracking import Tracking
 
 
 class TrackerName(StrEnum):

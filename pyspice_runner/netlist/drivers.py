@@ -15,7 +15,7 @@ from cmath import rect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi, radians, sqrt
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 from pydantic import Field, PrivateAttr
 from PySpice.Spice.Netlist import Circuit
@@ -40,16 +40,26 @@ IRF610 = "IRF610"  # the built-in MOSFET
 HEADROOM = 3.0  # V between an amplifier's output and its rails, if it does not state another one
 LARGEST_DEAD_TIME = 0.2  # of a period; with a quarter the transistors do not conduct at all
 _OWN = "driver"  # label of the user's own stage
-_STAGES: dict[str, tuple[str, str]] = {
-    "linear": ("amplifier", "driver_amplifier"),
-    "half-bridge": ("bridge", "driver_half_bridge"),
-    "full-bridge": ("bridge", "driver_full_bridge"),
+
+
+class _Slot(NamedTuple):
+    """Place of a built-in part in a channel: label of its parameters, library, and first part of its instance name."""
+
+    label: str
+    library: str
+    instance: str
+
+
+_STAGES = {
+    "linear": _Slot("amplifier", "driver_amplifier", "stage"),
+    "half-bridge": _Slot("bridge", "driver_half_bridge", "stage"),
+    "full-bridge": _Slot("bridge", "driver_full_bridge", "stage"),
 }
-_NETWORKS: dict[NetworkKind, tuple[str, str]] = {
-    "inductor": ("inductor", "driver_inductor"),
-    "llcc": ("llcc", "driver_llcc"),
+_TRANSFORMER = _Slot("transformer", "driver_transformer", "transformer")
+_NETWORKS = {
+    "inductor": _Slot("inductor", "driver_inductor", "network"),
+    "llcc": _Slot("llcc", "driver_llcc", "network"),
 }
-_INSTANCES = {"amplifier": "stage", "bridge": "stage", _OWN: "stage", "inductor": "network", "llcc": "network"}
 
 # At switching edges ngspice chooses the steps. With the default abstol of 1 pA they fall to a picosecond, at which
 # round-off alone is larger, and the run ends with "Timestep too small". docs/convergence.md has measurements.
@@ -74,6 +84,16 @@ class Part:
     group: str
     library: Library
     values: dict[str, float]
+
+    def power_vector(self, kind: str, name: str) -> str:
+        """Return the vector of a ``loss``, ``feed`` (1 V = 1 W) or ``store`` (1 V = 1 µJ) of the library's header."""
+        return f"v(x{self.instance}.{kind}_{name})"
+
+    @property
+    def power_vectors(self) -> list[str]:
+        """Vectors of all losses, feeds and stores."""
+        kinds = {"loss": self.library.losses, "feed": self.library.feeds, "store": self.library.stores}
+        return [self.power_vector(kind, name) for kind, entries in kinds.items() for name, _ in entries]
 
 
 class Driver(Stated, Source):
@@ -130,7 +150,7 @@ class Driver(Stated, Source):
 
     def _check(self) -> None:
         for path in self.settings:
-            self._check_setting(path)
+            self._located(path)
         for group in GROUPS:
             self.parts(group)
         if self._stage:
@@ -273,30 +293,23 @@ class Driver(Stated, Source):
         Raises:
             ParameterError: for a part or a parameter that does not exist.
         """
-        self._check_setting(path)
-        label, _, name = path.partition(".")
-        plain, group = (label[:-2], label[-1]) if label[-2:] in ("_a", "_b") else (label, "a")
-        return next(part.values[name] for part in self.parts(group) if part.label == plain)
+        part, name = self._located(path)
+        return part.values[name]
 
     def unit(self, path: str) -> str:
         """Return the unit of a part's parameter, by PART.PARAMETER."""
-        label, _, name = path.partition(".")
-        found = {part.label: part for group in GROUPS for part in self.parts(group)}
-        library = found[label[:-2] if label[-2:] in ("_a", "_b") else label].library
-        return next(parameter.unit for parameter in library.parameters if parameter.name == name)
+        part, name = self._located(path)
+        return next(parameter.unit for parameter in part.library.parameters if parameter.name == name)
 
     def parts(self, group: str) -> tuple[Part, ...]:
         """Return the chain of one group, from the stage to the pin."""
-        chain: list[tuple[str, str | Library]] = []
-        if self._stage:
-            chain.append((_OWN, self._stage))
-        elif self.kind in _STAGES:
-            chain.append(_STAGES[self.kind])
-        if self.kind == "full-bridge":
-            chain.append(("transformer", "driver_transformer"))
-        if self.network in _NETWORKS:
-            chain.append(_NETWORKS[self.network])
-        return tuple(self._part(label, name, group) for label, name in chain)
+        own = [self._part(_OWN, self._stage, f"stage_{group}", group)] if self._stage else []
+        slots = (_STAGES.get(self.kind), _TRANSFORMER if self.kind == "full-bridge" else None)
+        chain = [slot for slot in (*slots, _NETWORKS.get(self.network)) if slot]
+        return (
+            *own,
+            *(self._part(slot.label, read_library(slot.library), f"{slot.instance}_{group}", group) for slot in chain),
+        )
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
         """Return ngspice's options for a run with the driver."""
@@ -335,8 +348,7 @@ class Driver(Stated, Source):
         parts = [part.library for group in GROUPS for part in self.parts(group)]
         return [self._transistor, *parts] if self._transistor else parts
 
-    def _part(self, label: str, part: str | Library, group: str) -> Part:
-        library = part if isinstance(part, Library) else read_library(part)
+    def _part(self, label: str, library: Library, instance: str, group: str) -> Part:
         values = {
             parameter.name: self._setting(label, parameter.name, group, parameter.default)
             for parameter in library.parameters
@@ -349,7 +361,7 @@ class Driver(Stated, Source):
             library.check(**values)
         except ParameterError as error:
             raise ParameterError(f"Driver: {label} of group {group.upper()}: {error}") from None
-        return Part(f"{_INSTANCES.get(label, label)}_{group}", label, group, library, values)
+        return Part(instance, label, group, library, values)
 
     def _setting(self, label: str, name: str, group: str, default: float) -> float:
         for path in (f"{label}_{group}.{name}", f"{label}.{name}"):
@@ -357,21 +369,26 @@ class Driver(Stated, Source):
                 return self.settings[path]
         return default
 
-    def _check_setting(self, path: str) -> None:
-        """Raise a ParameterError for a setting that no part has."""
+    def _located(self, path: str) -> tuple[Part, str]:
+        """Return the part and the parameter's name of PART.PARAMETER.
+
+        Raises:
+            ParameterError: for a part or a parameter that does not exist.
+        """
         label, _, name = path.partition(".")
-        present = {part.label: part for group in GROUPS for part in self.parts(group)}
-        plain = label[:-2] if label[-2:] in ("_a", "_b") else label
+        plain, group = (label[:-2], label[-1]) if label.endswith(("_a", "_b")) else (label, "a")
+        present = {part.label: part for part in self.parts(group)}
         if plain not in present:
             labels = ", ".join(present) or "none"
             raise ParameterError(f"Driver: there is no part {quoted(label)} in this {self.name}; its parts: {labels}.")
         if plain == _OWN and name in DRIVEN:
             raise ParameterError(f"Driver: {path} follows from the driver's voltage, frequency and phase. Set these.")
-        known = [parameter.name for parameter in present[plain].library.parameters]
+        known = list(present[plain].values)
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1)
             hint = f"Did you mean {close[0]!r}?" if close else f"It has {', '.join(known)}."
             raise ParameterError(f"Driver: the {plain} has no parameter {quoted(name)}. {hint}")
+        return present[plain], name
 
     def _amplifier_rail(self, headroom: float) -> float:
         """Return the rail in V that an amplifier needs for the larger of both amplitudes, with a margin."""
@@ -435,31 +452,27 @@ def control_amplitude(driver: Driver, group: str) -> float:
 
 
 def _add_channel(circuit: Circuit, driver: Driver, group: str, pin: str) -> None:
-    ground = circuit.gnd
-    rest = list(driver.parts(group))
-    line = f"control_{group}"
+    """Add stage, transformer and network of one group; the pins of the libraries name the nodes."""
+    ground, back, output = circuit.gnd, f"return_{group}", f"out_{group}"
+
+    def add(part: Part, line: str, after: str) -> None:
+        nodes = {
+            "in": line, "out": after, "com": ground, "out_p": after, "out_n": back,
+            "p1": line, "p2": back, "s1": after, "s2": ground, **{rail: f"{rail}_{group}" for rail in RAILS},
+        }  # fmt: skip
+        instantiate(circuit, part.instance, part.library, [nodes[pin] for pin in part.library.pin_names], **part.values)
+
+    parts, control, line = list(driver.parts(group)), f"control_{group}", f"line_{group}"
     if driver.kind != "ideal":
-        stage = rest.pop(0)
-        pins = stage.library.pin_names
+        stage, *parts = parts
         for rail, volts in zip(RAILS, driver.rails(group), strict=True):
             ramp = f"PWL(0 0 {driver.supply_rise_s!r} {volts!r})" if volts else "DC 0"
-            if rail in pins:
+            if rail in stage.library.pin_names:
                 circuit.V(f"{rail}_{group}", f"{rail}_{group}", ground, ramp)
-        line = f"out_{group}"
-        nodes: dict[str, str | int] = {
-            "in": f"control_{group}", "com": ground, "out": line, "out_p": line, "out_n": f"return_{group}",
-            **{rail: f"{rail}_{group}" for rail in RAILS},
-        }  # fmt: skip
-        instantiate(circuit, stage.instance, stage.library, [nodes[pin] for pin in pins], **stage.values)
-    circuit.V(f"out_{group}", line, f"line_{group}", "DC 0")
-    line = f"line_{group}"
-    for part in rest:
+        add(stage, control, output)
+    circuit.V(f"out_{group}", control if driver.kind == "ideal" else output, line, "DC 0")
+    for part in parts:
         after = f"{part.label}_{group}"
-        ends: tuple[str | int, ...]
-        if part.label == "transformer":
-            ends = (line, f"return_{group}", after, ground)
-        else:
-            ends = (line, after, ground) if part.label == "llcc" else (line, after)
-        instantiate(circuit, part.instance, part.library, ends, **part.values)
+        add(part, line, after)
         line = after
     circuit.V(f"pin_{group}", line, pin, "DC 0")

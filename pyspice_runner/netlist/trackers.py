@@ -163,6 +163,18 @@ class Disturbance:
             self.kind, STEP_TIME
         )
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the disturbance, JSON-ready; values of other kinds are ``None``."""
+        own = {
+            "load": ("load_torque_n_m",), "preload": ("preload_change",), "target": ("target_step_deg",),
+            "temperature": ("drift", "drift_time_s"),
+        }  # fmt: skip
+        values = {
+            name: getattr(self, name) if name in own.get(self.kind, ()) else None
+            for name in ("load_torque_n_m", "preload_change", "drift", "target_step_deg", "drift_time_s")
+        }
+        return {"kind": self.kind, "begin_s": self.begin_s, **values}
+
 
 def mode_force(motor: Motor, tracker: Tracker, mode: int) -> float:
     """Return the amplitude in N of the force on a mode."""

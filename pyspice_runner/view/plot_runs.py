@@ -14,7 +14,7 @@ from pyspice_runner.analysis.averaged import AveragedRun
 from pyspice_runner.analysis.controlled import ControlledRun
 from pyspice_runner.analysis.drive import DriveReport
 from pyspice_runner.analysis.steady import SteadyState
-from pyspice_runner.analysis.track import Tracking
+from pyspice_runner.analysis.tracking import Tracking
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.view.draw import DASHES, LAST_PERIODS, Panel, Sheet, draw_lines, dress, last_periods

@@ -20,7 +20,7 @@ from pyspice_runner.analysis.drive import DriveReport
 from pyspice_runner.analysis.impact import Impact
 from pyspice_runner.analysis.small_signals import SmallSignals
 from pyspice_runner.analysis.steady import SteadyState
-from pyspice_runner.analysis.track import Tracking
+from pyspice_runner.analysis.tracking import Tracking
 from pyspice_runner.datasets import Branch, Curves, Sweep, WorkingPoints
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor

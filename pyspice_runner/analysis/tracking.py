@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Result of a run with a resonance tracker: whether it found the resonance and stayed there.
+
+The measure is the phase of the mode's own velocity against the force of the groups on it, in every period. The tracker
+does not see this phase, so an error of its sensing counts as an error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from math import isfinite, sqrt
+from typing import Any
+
+import numpy as np
+
+from pyspice_runner.analysis.loop import LoopDesign
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.tracking import StatorLag
+from pyspice_runner.netlist.trackers import Disturbance, TrackedSource
+from pyspice_runner.result import Audit, Result
+from pyspice_runner.run.kernel import Outcome
+from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, Array
+from pyspice_runner.run.window import change_to_come
+from pyspice_runner.units import engineering
+
+LOCKED_DEG = 20.0  # closer to the target is locked: a resonator has 94 % of its greatest amplitude or more
+LOST_DEG = 60.0  # farther from it, lock is lost: half the amplitude
+SMOOTHED_PERIODS = 20  # over which phase and speed are averaged
+POINTS_TO_COME = 1000  # of an averaged run, from which its further change is extrapolated
+
+
+@dataclass(frozen=True, repr=False)
+class Tracking(Result):
+    """A run with a tracker.
+
+    Attributes:
+        locked: whether the tracker locked before the disturbance, never lost lock, and is locked at the end; false
+            without a tracker.
+        lock_time_s: time after which it stays locked until the disturbance; ``None`` if it does not.
+        kept_lock: whether the phase came within 20° of its target before the disturbance, and stayed within 60°.
+        rms_phase_error_deg: of the mode's velocity, from lock to the end; from the start without lock.
+        worst_phase_error_deg: greatest deviation, averaged over 20 periods, in the same time.
+        residual_detuning_hz: drive frequency minus the frequency at which the phase has its target, at the end.
+        end_frequency_hz: mean frequency at the end.
+        speed_before_rad_s: speed when the disturbance began.
+        speed_after_rad_s: speed at the end.
+        speed_lost_rad_s: speed before the disturbance minus the lowest speed after it began.
+        stall_torque_n_m: torque on a held shaft; measured only if the load step is to be half of it.
+        to_come: expected further relative change of the speed, extrapolated from the part after the disturbance;
+            ``None`` if that part is too short, or for a held shaft.
+        lag: resonance and loaded quality factor of the mode, for which the filter was designed.
+        loop: the phase-locked loop's design; ``None`` for other trackers, and for an averaged one that is not locked.
+        settings: motor, tracker, disturbance and run, JSON-ready.
+        time_s: middle of each period.
+        frequency_hz: frequency of each period.
+        phase_deg: of the mode's velocity ahead of the force, each period.
+        rotor_speed_rad_s: mean of each period.
+        solver_seconds: wall time that ngspice took.
+        ngspice_version: version of ngspice.
+        deck: netlist of the run.
+        audit: outcome of the physical audit; it has findings only with ``audit=False``.
+        ceramic: strain, stress and temperature rise of the ceramic, and ``warnings``; empty where not measured.
+        temperature_k: of the stator above that at which its parameters hold; averaged runs only.
+        doubts: reasons, by the check of the averaged model, why the run may be wrong.
+    """
+
+    locked: bool
+    lock_time_s: float | None
+    kept_lock: bool
+    rms_phase_error_deg: float
+    worst_phase_error_deg: float
+    residual_detuning_hz: float
+    end_frequency_hz: float
+    speed_before_rad_s: float
+    speed_after_rad_s: float
+    speed_lost_rad_s: float
+    stall_torque_n_m: float | None
+    to_come: float | None
+    lag: StatorLag
+    loop: LoopDesign | None
+    settings: dict[str, Any]
+    time_s: Array = field(repr=False)
+    frequency_hz: Array = field(repr=False)
+    phase_deg: Array = field(repr=False)
+    rotor_speed_rad_s: Array = field(repr=False)
+    solver_seconds: float
+    ngspice_version: str
+    deck: str = field(repr=False)
+    audit: Audit = field(default_factory=Audit)
+    ceramic: dict[str, Any] = field(default_factory=dict)
+    temperature_k: Array | None = field(default=None, repr=False)
+    doubts: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result, JSON-ready."""
+        names = (
+            "locked", "lock_time_s", "kept_lock", "rms_phase_error_deg", "worst_phase_error_deg",
+            "residual_detuning_hz", "end_frequency_hz", "speed_before_rad_s", "speed_after_rad_s", "speed_lost_rad_s",
+            "stall_torque_n_m",
+        )  # fmt: skip
+        return {
+            **{name: getattr(self, name) for name in names},
+            "settled": self.settled,
+            "to_come": self.to_come,
+            "lag": {**asdict(self.lag), "time_constant_s": self.lag.time_constant_s},
+            "loop": None if self.loop is None else self.loop.to_dict(),
+            **self.settings,
+            "periods": len(self.time_s),
+            "solver_seconds": self.solver_seconds,
+            "ngspice_version": self.ngspice_version,
+            "audit": self.audit.to_dict(),
+            **({} if self.temperature_k is None else {"temperature_k": float(self.temperature_k[-1])}),
+            **self.ceramic,
+        }
+
+    @property
+    def settled(self) -> bool | None:
+        """Whether the speed would stay within 2 % in a longer run; ``None`` for a held shaft."""
+        if self.settings["run"]["speed_rad_s"] is not None:
+            return None
+        return self.to_come is not None and self.to_come <= SETTLED
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Findings of the audit, and whether the speed has not settled."""
+        moving = self.settled is False and self.settings["disturbance"]["kind"] != "warm-up"
+        told = ["The speed has not settled at the end of the run: run it longer."] * moving
+        return (*self.audit.findings, *self.doubts, *told, *self.ceramic.get("warnings", ()))
+
+    def columns(self) -> dict[str, Array]:
+        """Return frequency, phase and speed of each period over time; for an averaged run also the temperature."""
+        names = ("time_s", "frequency_hz", "phase_deg", "rotor_speed_rad_s")
+        heated = {} if self.temperature_k is None else {"temperature_k": self.temperature_k}
+        return {name: getattr(self, name) for name in names} | heated
+
+    def summary(self) -> dict[str, str]:
+        """Return lock, phase error, and the speeds before and after the disturbance."""
+        return {
+            "motor": str(self.settings["motor"]),
+            "tracker": str(self.settings["tracker"]["kind"]),
+            "locked": f"yes, after {engineering(self.lock_time_s, 's')}" if self.locked else "no",
+            "phase error": f"{self.rms_phase_error_deg:.3g}° RMS, {self.worst_phase_error_deg:.3g}° at most",
+            "residual detuning": engineering(self.residual_detuning_hz, "Hz"),
+            "frequency at the end": f"{1e-3 * self.end_frequency_hz:.6g} kHz",
+            "speed": f"{self.speed_before_rad_s:.4g} rad/s before, {self.speed_after_rad_s:.4g} rad/s at the end"
+            + (", not settled" if self.settled is False else ""),
+        }
+
+
+@dataclass(frozen=True)
+class TrackedRun:
+    """Inputs of a run with a tracker.
+
+    Attributes:
+        setup: motor, source, load, law and solver.
+        source: the tracker at its pins, with the disturbance.
+        disturbance: the disturbance.
+        duration: simulated time in s.
+        lag: resonance and lag of the mode, for which the filter was designed.
+        stall_torque_n_m: torque on a held shaft, if it was measured.
+    """
+
+    setup: Setup
+    source: TrackedSource
+    disturbance: Disturbance
+    duration: float
+    lag: StatorLag
+    stall_torque_n_m: float | None
+
+
+@dataclass(frozen=True)
+class Periods:
+    """Course of a run with a tracker: one point a period, or the points of an averaged run."""
+
+    time: Array
+    frequency: Array
+    phase: Array
+    speed: Array
+    weight: Array | None = None  # time of each point of an averaged run; None for periods
+
+    def smoothed(self, values: Array) -> Array:
+        """Return the means of the last 20 periods; an averaged run has no ripple."""
+        if self.weight is not None:
+            return values
+        summed = np.concatenate(([0.0], np.cumsum(values)))
+        last = np.arange(1, values.size + 1)
+        first = np.maximum(last - SMOOTHED_PERIODS, 0)
+        return np.asarray((summed[last] - summed[first]) / (last - first))
+
+    def mean(self, values: Array, where: Any) -> float:
+        """Return the mean of a part of the course over time."""
+        return float(np.average(values[where], weights=None if self.weight is None else self.weight[where]))
+
+    def to_come(self, begin: float) -> float | None:
+        """Return the expected further relative change of the speed, from the part after a time in s."""
+        time, speed = self.time, self.speed
+        if self.weight is not None:
+            time = np.linspace(begin, time[-1], POINTS_TO_COME)
+            speed = np.interp(time, self.time, speed)
+        since = time >= begin
+        change = change_to_come(time[since], speed[since], float(np.mean(np.diff(time[since]))))
+        scale = abs(float(np.mean(speed[-SMOOTHED_PERIODS:]))) + ROUNDING_RAD_S
+        return change / scale if isfinite(change) else None
+
+
+def judged(run: TrackedRun, periods: Periods, outcome: Outcome, loop: LoopDesign | None) -> Tracking:
+    """Return the result of a run: lock, phase errors and speeds.
+
+    Raises:
+        ParameterError: for a disturbance that begins too early.
+    """
+    setup, disturbance, tracker, time = run.setup, run.disturbance, run.source.tracker, periods.time
+    wanted = tracker.wanted_deg + disturbance.target_step_deg * (time > disturbance.begin_s)
+    error = periods.smoothed(periods.phase - wanted)
+    speed = periods.smoothed(periods.speed)
+    disturbed = disturbance.kind not in ("start", "warm-up")
+    begin = disturbance.begin_s if disturbed else float(time[-1])
+    averaged = periods.weight is not None
+    before = np.flatnonzero(time <= begin)
+    earliest = int(np.searchsorted(time, SMOOTHED_PERIODS / tracker.frequency)) if averaged else SMOOTHED_PERIODS
+    if begin < 2 * SMOOTHED_PERIODS / tracker.frequency if averaged else before.size < 2 * SMOOTHED_PERIODS:
+        raise ParameterError(f"begin = {begin:g} s is not valid; the disturbance needs 40 periods before it.")
+    far = np.flatnonzero(np.abs(error[before]) > LOCKED_DEG)
+    first = int(far[-1]) + 1 if far.size else earliest
+    # locked for at least the last tenth before the disturbance
+    acquired = first < before.size and time[first] <= 0.9 * begin
+    tracked = tracker.kind != "none"
+    since = slice(first if acquired else 0, None)
+    last = time >= time[-1] - max(
+        0.1 * (time[-1] - (begin if disturbed else 0.0)), SMOOTHED_PERIODS / run.lag.resonance_hz
+    )
+    kept = bool(acquired and np.all(np.abs(error[since]) < LOST_DEG))
+    end_phase = min(max(periods.mean(periods.phase, last), -89.9), 89.9)
+    speed_before = float(speed[before[-1]])
+    since_begin = speed[before[-1] :] if disturbed else speed[-1:]
+    return Tracking(
+        locked=bool(tracked and kept and np.all(np.abs(error[last]) < LOCKED_DEG)),
+        lock_time_s=float(time[first]) if tracked and acquired else None,
+        kept_lock=kept,
+        rms_phase_error_deg=sqrt(periods.mean((periods.phase - wanted) ** 2, since)),
+        worst_phase_error_deg=float(np.abs(error[since]).max()),
+        residual_detuning_hz=run.lag.detuning_hz(end_phase) - run.lag.detuning_hz(float(wanted[-1])),
+        end_frequency_hz=periods.mean(periods.frequency, last),
+        speed_before_rad_s=speed_before,
+        speed_after_rad_s=float(speed[-1]),
+        to_come=periods.to_come(begin if disturbed else 0.0) if setup.load.speed is None else None,
+        speed_lost_rad_s=float(speed_before - since_begin.min()),
+        stall_torque_n_m=run.stall_torque_n_m,
+        lag=run.lag,
+        loop=loop,
+        settings={
+            "motor": setup.motor.name,
+            "tracker": tracker.model_dump(),
+            "disturbance": disturbance.to_dict() | {"begin_s": begin if disturbed else None},
+            "driver": run.source.driver.to_dict() if run.source.driver else None,
+            "run": {
+                "duration_s": run.duration,
+                **setup.to_dict(),
+                "mode": run.source.mode,
+                "deck_sha256": outcome.deck_sha256,
+            },
+        },
+        time_s=time,
+        frequency_hz=periods.frequency,
+        phase_deg=periods.phase,
+        rotor_speed_rad_s=periods.speed,
+        solver_seconds=outcome.seconds,
+        ngspice_version=outcome.ngspice_version,
+        deck=outcome.deck,
+    )
