@@ -27,6 +27,8 @@ _REMIND = 0.01  # s; delay before a signal received where no exception can be ra
 def held() -> Iterator[Callable[[], AbstractContextManager[None]]]:
     """Delay signals until the end of the block, except within ``listening()``.
 
+    A signal without a handler ends the process behind the block, so that a child process in it is ended before.
+
     >>> with held() as listening:
     ...     place = "created here, and always removed"
     ...     with listening():
@@ -35,42 +37,59 @@ def held() -> Iterator[Callable[[], AbstractContextManager[None]]]:
     if not _signals_come_here():
         yield nullcontext
         return
-    handlers: dict[int, Any] = {}
-    came: list[int] = []
-    listens = False
+    keeper = _Keeper()
+    try:
+        yield keeper.listening
+    finally:
+        keeper.release()
 
-    def note(number: int, frame: FrameType | None) -> None:
-        if listens:
-            handlers[number](number, frame)
-        else:
-            came.append(number)
 
-    def raise_pending() -> None:
-        while came:
-            number = came.pop(0)
-            handlers[number](number, None)
+class _Keeper:
+    """Handlers of a block of :func:`held`, and the signals that came in it."""
+
+    def __init__(self) -> None:
+        self._handlers: dict[int, Any] = {}
+        self._came: list[int] = []
+        self._fatal: list[int] = []  # signals without a handler
+        self._listens = False
+        for number in _ENDING:
+            before = signal.getsignal(number)
+            if callable(before) or before is signal.SIG_DFL:
+                self._handlers[number] = before
+                signal.signal(number, self._note)
 
     @contextmanager
-    def listening() -> Iterator[None]:
-        nonlocal listens
+    def listening(self) -> Iterator[None]:
         try:
-            listens = True
-            raise_pending()
+            self._listens = True
+            self._raise_what_came()
             yield
         finally:
-            listens = False
+            self._listens = False
 
-    for number in _ENDING:
-        before = signal.getsignal(number)
-        if callable(before):
-            handlers[number] = before
-            signal.signal(number, note)
-    try:
-        yield listening
-    finally:
-        for number, before in handlers.items():
+    def release(self) -> None:
+        for number, before in self._handlers.items():
             signal.signal(number, before)
-        raise_pending()
+        for number in (*self._fatal, *(number for number in self._came if not callable(self._handlers[number]))):
+            os.kill(os.getpid(), number)
+        self._raise_what_came()
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self._listens:
+            self._handle(number, frame)
+        else:
+            self._came.append(number)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        if callable(self._handlers[number]):
+            self._handlers[number](number, frame)
+        else:
+            self._fatal.append(number)
+            raise Stopped(number)
+
+    def _raise_what_came(self) -> None:
+        while self._came:
+            self._handle(self._came.pop(0), None)
 
 
 def end_at_once() -> None:

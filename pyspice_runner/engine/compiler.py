@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import platform
 import shutil
-import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
+from pyspice_runner.engine.process import answer
 from pyspice_runner.errors import SimulationError
 
 COMPILERS = ("cc", "gcc", "clang")  # the first of them on the PATH is used
@@ -37,12 +37,8 @@ def compile_library(folder: Path, sources: Sequence[str], target: Path) -> None:
             "Install one: `sudo apt-get install gcc libc6-dev`."
         )
     command = [compiler, *_FLAGS, "-o", str(target.resolve()), *sources, "-lm"]
-    try:
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise SimulationError(
-            f"The C compiler {compiler} failed: {error}. Check it by `{compiler} --version`."
-        ) from None
+    hint = f"Check it by `{compiler} --version`."
+    done = answer(command, timeout=_TIMEOUT, hint=hint, what=f"The C compiler {compiler}", folder=folder)
     if done.returncode != 0:
         last = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[-200:])
         raise SimulationError(

@@ -16,7 +16,6 @@ import re
 import shutil
 import signal
 import subprocess
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from functools import cache
 from pathlib import Path
 from typing import IO
 
+from pyspice_runner.engine.process import FREE_SPACE, answer, end, new_folder, start
 from pyspice_runner.engine.rawfile import RawFile, RawFileError, read_rawfile
 from pyspice_runner.engine.silent import silent_fault
 from pyspice_runner.errors import Interrupted, SimulationError
@@ -35,8 +35,6 @@ _VERSION_TIMEOUT = 20.0  # s; ngspice answers within some 5 ms
 _PROGRESS_PERIOD = 0.2  # s; ngspice reports its progress no more often
 _LONGEST_LOG = 1 << 24  # bytes; a good run writes about 1 kB
 _FULL = 1 << 16  # bytes; a disk that ngspice has filled has less than this free, the size of one write
-_START_FILE = "spinit"
-_FREE_SPACE = "Free some space or set TMPDIR."
 _INSTALL_HINT = "Install it: `sudo apt-get install ngspice` (Debian, Ubuntu), `brew install ngspice` (macOS)."
 
 # Words by which ngspice 36 to 46 reports a problem, on standard output or standard error.
@@ -102,23 +100,10 @@ def version_of(executable: str) -> str:
     Raises:
         SimulationError: if it does not answer, or is older than version 36.
     """
-    try:
-        answer = subprocess.run(
-            [executable, "--version"],
-            capture_output=True,
-            encoding="utf-8",
-            errors="replace",
-            timeout=_VERSION_TIMEOUT,
-            stdin=subprocess.DEVNULL,
-            check=False,
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        full = isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE)
-        hint = "Raise the limit of open files, as by `ulimit -n 1024`." if full else _INSTALL_HINT
-        raise SimulationError(f"{executable} does not run: {error}. {hint}") from error
-    match = re.search(r"ngspice-(\d+)([.\d+]*)", answer.stdout)
+    said = answer([executable, "--version"], timeout=_VERSION_TIMEOUT, hint=_INSTALL_HINT).stdout
+    match = re.search(r"ngspice-(\d+)([.\d+]*)", said)
     if not match:
-        raise SimulationError(f"{executable} does not say which version it is. {_INSTALL_HINT}", log=answer.stdout)
+        raise SimulationError(f"{executable} does not state its version. {_INSTALL_HINT}", log=said)
     if int(match.group(1)) < OLDEST_VERSION:
         raise SimulationError(f"ngspice {match.group(1)} is too old; version {OLDEST_VERSION} or later is needed.")
     return match.group(1) + match.group(2).rstrip("+.")
@@ -157,7 +142,7 @@ def run_deck(
     executable = executable or find_ngspice()
     version = version_of(executable)
     with held() as listening:  # while ngspice runs; an interrupt before or after waits until its files are cleared away
-        folder = _new_folder()
+        folder = new_folder()
         deck_path = folder / "deck.cir"
         keep = False
         try:
@@ -178,7 +163,7 @@ def run_deck(
             _check_end(raw, "frequency", stop_frequency, "Hz", log)
         except _Unsound as error:
             keep = True
-            full = "" if shutil.disk_usage(folder).free > _FULL else f" The disk of {folder} is full. {_FREE_SPACE}"
+            full = "" if shutil.disk_usage(folder).free > _FULL else f" The disk of {folder} is full. {FREE_SPACE}"
             for scrap in ("out.raw", "log"):
                 (folder / scrap).unlink(missing_ok=True)
             raise SimulationError(
@@ -187,19 +172,11 @@ def run_deck(
         except OSError as error:
             if error.errno == errno.ENOMEM:  # a result is mapped, not read
                 raise MemoryError(error.strerror) from error
-            raise SimulationError(f"Cannot write to {folder}: {error.strerror}. {_FREE_SPACE}") from error
+            raise SimulationError(f"Cannot write to {folder}: {error.strerror}. {FREE_SPACE}") from error
         finally:
             if not keep:
                 shutil.rmtree(folder, ignore_errors=True)
     return Result(raw, seconds, log, version)
-
-
-def _new_folder() -> Path:
-    """Return a new folder for one run."""
-    try:
-        return Path(tempfile.mkdtemp(prefix="piezomotor-"))
-    except OSError as error:
-        raise SimulationError(f"Cannot write the netlist: {error.strerror}. {_FREE_SPACE}") from error
 
 
 def _link(modules: Sequence[Path], folder: Path, deck: str) -> None:
@@ -210,7 +187,7 @@ def _link(modules: Sequence[Path], folder: Path, deck: str) -> None:
     for module in modules:
         (folder / module.name).symlink_to(module)
     if modules and not re.search(r"(?mi)^(?:a|\.inc|\.lib)", deck):
-        (folder / _START_FILE).touch()
+        (folder / "spinit").touch()
 
 
 class _Unsound(Exception):
@@ -230,18 +207,12 @@ def _execute(
     listening: Callable[[], contextlib.AbstractContextManager[None]],
 ) -> tuple[int, str, float]:
     """Run ngspice to its end; an interrupt or a timeout ends the child first."""
-    environment = {key: value for key, value in os.environ.items() if not key.startswith(("SPICE", "NGSPICE", "LC_"))}
-    # without a HOME ngspice 39 crashes, and the user's own must not be read
-    environment |= {"LC_ALL": "C", "HOME": str(folder)}
-    if (folder / _START_FILE).exists():
-        environment["SPICE_SCRIPTS"] = str(folder)
     started = time.perf_counter()
     with (folder / "log").open("w+b") as log_file:
         try:
-            process = subprocess.Popen(
-                [executable, "-b", "-n", "-r", "out.raw", deck.name],
-                cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=log_file, stderr=subprocess.STDOUT,
-                start_new_session=True,
+            process = start(
+                [executable, "-b", "-n", "-r", "out.raw", deck.name], folder,
+                stdin=subprocess.DEVNULL, stdout=log_file, stderr=subprocess.STDOUT,
             )  # fmt: skip
         except OSError as error:
             raise _Unsound(f"{executable} does not run: {error.strerror}.", "") from None
@@ -251,10 +222,7 @@ def _execute(
         except subprocess.TimeoutExpired:
             raise _Unsound(f"ngspice did not finish within {timeout:g} s and was stopped.", _read(log_file)) from None
         finally:
-            if process.returncode is None:
-                with contextlib.suppress(ProcessLookupError):
-                    os.killpg(process.pid, signal.SIGKILL)  # its session is its own, see above
-                process.wait()
+            end(process)
         return status, _read(log_file), time.perf_counter() - started
 
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import hashlib
 import re
-import subprocess
 import tempfile
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 
 from pyspice_runner.engine.ngspice import find_ngspice, version_of
+from pyspice_runner.engine.process import answer
 from pyspice_runner.errors import SimulationError
 
 OLDEST_VERSION = 46  # of ngspice with the interface OSDI 0.4 to compiled modules
@@ -98,15 +98,10 @@ def compile_module(name: str, source: str, folder: Path) -> Path:
 
 def _said(command: list[str], folder: Path) -> str:
     """Run the compiler and return what it says on standard output."""
-    try:
-        done = subprocess.run(
-            command, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", timeout=_TIMEOUT,
-            stdin=subprocess.DEVNULL, check=False,
-        )  # fmt: skip
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise SimulationError(f"The compiler {command[0]} does not run: {error}. {_GET_COMPILER}") from error
+    what = f"The compiler {command[0]}"
+    done = answer(command, timeout=_TIMEOUT, hint=_GET_COMPILER, what=what, folder=folder)
     if done.returncode:
         said = re.sub(r"\x1b\[[\d;]*m", "", done.stdout + done.stderr)
         lines = [line.strip() for line in said.splitlines() if "error" in line.lower()]
-        raise SimulationError(f"The compiler refused the module: {' / '.join(lines[:3])}", log=said)
+        raise SimulationError(f"The compiler rejected the module: {' / '.join(lines[:3])}", log=said)
     return done.stdout

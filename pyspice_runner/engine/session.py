@@ -12,17 +12,15 @@ import os
 import re
 import selectors
 import shutil
-import signal
 import subprocess
-import tempfile
 import time
 from collections.abc import Sequence
 from math import isfinite
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from pyspice_runner.engine.ngspice import find_ngspice, ngspice_version
+from pyspice_runner.engine.process import end, new_folder, start
 from pyspice_runner.engine.rawfile import RawFile, RawFileError, read_rawfile
 from pyspice_runner.engine.silent import silent_fault
 from pyspice_runner.errors import SimulationError
@@ -66,19 +64,14 @@ class Session:
         self._marks = 0
         self._begun = False
         self._buffer = b""
-        self._folder = Path(tempfile.mkdtemp(prefix="piezomotor-"))
+        self._folder = new_folder()
         (self._folder / "deck.cir").write_text(deck, encoding="utf-8")
-        environment = {
-            key: value for key, value in os.environ.items() if not key.startswith(("SPICE", "NGSPICE", "LC_"))
-        }
-        environment |= {"LC_ALL": "C", "HOME": str(self._folder)}
         # ngspice 46 -p ends with a segmentation fault if its session has no controlling terminal: the shell opens one
         self._terminal, terminal = os.openpty()
         try:
-            self._process = subprocess.Popen(
+            self._process = start(
                 ["/bin/sh", "-c", ': <>"$0" && exec "$@"', os.ttyname(terminal), find_ngspice(), "-p", "-n"],
-                cwd=self._folder, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT, start_new_session=True,
+                self._folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             )  # fmt: skip
         finally:
             os.close(terminal)
@@ -145,10 +138,7 @@ class Session:
 
     def close(self) -> None:
         """End ngspice and clear its files away."""
-        if self._process.poll() is None:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self._process.pid, signal.SIGKILL)  # its session is its own
-        self._process.wait()
+        end(self._process)
         with contextlib.suppress(OSError):
             os.close(self._terminal)
         for stream in (self._process.stdin, self._process.stdout):

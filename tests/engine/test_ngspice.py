@@ -400,7 +400,8 @@ def test_timeout_ends_a_real_run(scratch: Path) -> None:
 
 
 @linux
-def test_interrupt_ends_ngspice_and_clears_up(scratch: Path) -> None:
+@pytest.mark.parametrize(("number", "last"), [(signal.SIGINT, "KeyboardInterrupt"), (signal.SIGTERM, "")])
+def test_a_signal_to_a_script_ends_ngspice_and_clears_up(number: signal.Signals, last: str, scratch: Path) -> None:
     script = (
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from pyspice_runner.engine.ngspice import run_deck\n"
@@ -416,10 +417,10 @@ def test_interrupt_ends_ngspice_and_clears_up(scratch: Path) -> None:
             python.stdin.close()
             wait_until(lambda: any(folder.joinpath("out.raw").exists() for folder in scratch.iterdir()))
             assert processes_in(scratch)
-            python.send_signal(signal.SIGINT)
-            assert python.wait(timeout=60) == -signal.SIGINT
+            python.send_signal(number)
+            assert python.wait(timeout=60) == -number
             assert python.stderr is not None
-            assert python.stderr.read().rstrip().endswith("KeyboardInterrupt")
+            assert python.stderr.read().rstrip().endswith(last)
         finally:  # what a test that failed leaves behind would run for hours
             python.kill()
             for left in processes_in(scratch):
@@ -511,7 +512,7 @@ def test_missing_ngspice_is_one_clear_message(monkeypatch: pytest.MonkeyPatch, t
     ("version", "sentence"),
     [
         ("** ngspice-34 : Circuit level", "ngspice 34 is too old; version 36 or later is needed."),
-        ("I am a fish", "does not say which version it is. Install it:"),
+        ("I am a fish", "does not state its version. Install it:"),
     ],
 )
 def test_an_unsuitable_ngspice_is_rejected(version: str, sentence: str, fake: Callable[..., Path]) -> None:

@@ -43,7 +43,7 @@ def test_what_the_compiler_says_is_in_the_message_and_nothing_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     use(monkeypatch, tmp_path, r'printf "\033[31merror: no such node q\033[0m\n" >&2; exit 65')
-    with pytest.raises(SimulationError, match=r"refused the module: error: no such node q$"):
+    with pytest.raises(SimulationError, match=r"rejected the module: error: no such node q$"):
         openvaf.compile_module("m", "module m; endmodule", tmp_path / "cache")
     assert not list((tmp_path / "cache").rglob("*.osdi"))
 
