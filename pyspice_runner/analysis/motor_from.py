@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-r"""A motor from what people have: spectra of its groups, and numbers of its data sheet.
+r"""A motor from spectra of its groups and numbers of its data sheet.
 
-The spectra give frequencies, quality factors, capacitances and, of every coupling, θ/√m (:mod:`..spectra.twoport`).
-What
-they leave open is fitted to the mechanical measurements by least squares, in the logarithms of both:
+The spectra give frequencies, quality factors, capacitances and, for every coupling, θ/√m (:mod:`..spectra.twoport`).
+The remaining values are fitted to the mechanical measurements by least squares, in the logarithms of both:
 
 ==================================  ==============================================
 measured                            fitted
@@ -16,9 +15,8 @@ resonances under preload            ``contact.normal_stiffness_n_per_m15``, and 
 
 With the Jacobian J of the measured logarithms, each over its relative deviation, the fitted ones have the covariance
 :math:`(J^T J)^{-1}`. A preloaded resonance gives the ratio of stiffness and mass; speed and torque separate the two
-poorly. Therefore the stiffnesses of the other motor's contact, which are those of its materials, count as measurements
-with a deviation of 20 %.
-Everything else of contact and rotor is that of the other motor.
+poorly. Therefore the contact stiffnesses of the base motor, which follow from its materials, count as measurements
+with a deviation of 20 %. All other values of contact and rotor are those of the base motor.
 """
 
 from __future__ import annotations
@@ -46,11 +44,11 @@ from pyspice_runner.spectra.spectrum import Connection, Spectrum
 from pyspice_runner.spectra.twoport import TwoPortFit, fit_two_port
 
 _STEPS = 10  # of Gauss and Newton's method
-_CLOSE = 0.1  # deviations that a further step would bring, at which it ends
-_STIFFNESS_ERROR = 0.2  # relative, of the contact of the other motor
+_CLOSE = 0.1  # of a standard deviation: the iteration ends when a step gains less
+_STIFFNESS_ERROR = 0.2  # relative, of the contact of the base motor
 _DIFFERENCE = 0.05  # of a logarithm, for the derivatives: above the accuracy of a steady state
-_REACH = 0.5  # of a logarithm, by which a step may go
-_LINEAR = 2e-4  # relative, by which losses shift a resonance against that of the linear contact without them
+_REACH = 0.5  # greatest step, of a logarithm
+_LINEAR = 2e-4  # relative shift of a resonance by losses, which the linear contact does not have
 
 Pairs = Sequence[tuple[float, float]]
 Vector = NDArray[np.float64]
@@ -60,13 +58,13 @@ _COMPLIANCES = "contact.tangential_compliance_tip_m_per_n23", "contact.tangentia
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MotorFrom(Result):
-    """A motor that was made of measurements.
+    """A motor fitted to measurements.
 
     Attributes:
-        motor: the motor; its provenance tells where each value comes from, with its standard error.
+        motor: the motor; its provenance states the origin and the standard error of each value.
         standard_errors: path of a value → its standard error, in the value's unit.
         measured: name of each mechanical measurement → value.
-        computed: the same as the motor has it.
+        computed: the same quantities of the motor.
         fit: the two-port fit of the spectra.
         warnings: what to know before using the motor.
     """
@@ -169,46 +167,15 @@ def motor_from(
         raise ParameterError("Spectra do not determine the modal mass. Give the no-load speed, or mass_kg.")
     foundation = base if isinstance(base, Motor) else load_motor(base)
     fit = fit_two_port(spectra, modes)
-    start = {}
-    if stall_torque is not None:
-        start["contact.friction"] = foundation.contact.friction
-    if mass_kg is None:
-        start["mass_kg"] = foundation.modes[0].mass_kg
     shift = None
     if preloaded is not None:
         shift = _Shift(preloaded.driven(connection) if preloaded.ports == 2 else preloaded)
-        measured |= shift.measured
-        errors |= shift.errors
-    if start or shift is not None:  # the contact decides on both
-        start[_STIFFNESS] = foundation.contact.normal_stiffness_n_per_m15
-        start[_COMPLIANCES[0]] = foundation.contact.tangential_compliance_tip_m_per_n23
-    # with the mass stated, the speed only checks the motor
-    targets = [key for key in measured if key != "no_load_speed_rad_s" or mass_kg is None]
+        measured, errors = measured | shift.measured, errors | shift.errors
     borrowed = _tips(fit, foundation) if tips is None and mass_kg is None else None
-    task = _Task(fit, foundation, drive, shift, {"mass_kg": mass_kg, "tips": tips or borrowed, "name": name})
-
-    names, point = list(start), np.log(list(start.values()))
-    known = np.array([key in (_STIFFNESS, *_COMPLIANCES) for key in names], dtype=bool)
-
-    def off(logarithms: Vector, keys: Sequence[str]) -> Vector:
-        """Return the deviations of what is measured, over their errors."""
-        found = task.computed(dict(zip(names, np.exp(logarithms).tolist(), strict=True)), keys)
-        return np.array([np.log(found[key] / measured[key]) / errors[key] for key in keys])
-
-    resonances = [key for key in targets if shift is not None and key in shift.measured]
-    solution, covariance = point, np.zeros((0, 0))
-    if names:
-        solution, covariance = _least_squares(
-            lambda logarithms: off(logarithms, [key for key in targets if key not in resonances]),
-            lambda logarithms: np.append(off(logarithms, resonances), (logarithms - point)[known] / _STIFFNESS_ERROR),
-            point,
-            progress,
-        )
-    values = dict(zip(names, np.exp(solution).tolist(), strict=True))
-    relative = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    if _COMPLIANCES[0] in relative:
-        relative[_COMPLIANCES[1]] = relative[_COMPLIANCES[0]]
-    motor, standard_errors = _annotated(task.motor(values), fit, relative, targets)
+    calibration = {"mass_kg": mass_kg, "tips": tips or borrowed, "name": name}
+    task = _Task(fit, foundation, drive, measured, errors, shift, calibration)
+    values, relative = _fitted(task, progress)
+    motor, standard_errors = _annotated(task.motor(values), fit, relative, task.targets)
     motor = _with_tips_noted(motor, borrowed, foundation.name)
     if drive is not None:
         table = {"kind": "two-phase", "voltage": voltage, "frequency": frequency, "phase_deg": phase_deg}
@@ -223,7 +190,7 @@ def _drive(
     frequency: float | None,
     phase_deg: float,
 ) -> TwoPhaseDrive | None:
-    """Return the drive of the data sheet's numbers, which are checked."""
+    """Check the numbers of the data sheet, and return their drive."""
     for key, value in {**measured, **{f"error of {key}": error for key, error in errors.items()}}.items():
         if not 0.0 < value < 1e9:
             raise ParameterError(f"{key} = {value:g} is not valid: it must be a number > 0.")
@@ -253,13 +220,39 @@ def _with_tips_noted(motor: Motor, borrowed: list[tuple[float, float]] | None, n
 
 @dataclass(frozen=True)
 class _Task:
-    """What makes a motor of the fitted values, and what it then does."""
+    """A motor as a function of the fitted values, and the measurements that it must reproduce."""
 
     fit: TwoPortFit
     foundation: Motor
     drive: TwoPhaseDrive | None
+    measured: dict[str, float]
+    errors: dict[str, float]
     shift: _Shift | None
     calibration: dict[str, Any]
+
+    @property
+    def targets(self) -> list[str]:
+        """Measurements to fit: with the mass stated, the speed only checks the motor."""
+        stated = self.calibration["mass_kg"] is not None
+        return [key for key in self.measured if not (stated and key == "no_load_speed_rad_s")]
+
+    @property
+    def start(self) -> dict[str, float]:
+        """Values to fit, at the start."""
+        contact, found = self.foundation.contact, {}
+        if "stall_torque_n_m" in self.measured:
+            found["contact.friction"] = contact.friction
+        if self.calibration["mass_kg"] is None:
+            found["mass_kg"] = self.foundation.modes[0].mass_kg
+        if found or self.shift is not None:  # the contact decides on both
+            found[_STIFFNESS] = contact.normal_stiffness_n_per_m15
+            found[_COMPLIANCES[0]] = contact.tangential_compliance_tip_m_per_n23
+        return found
+
+    def deviations(self, values: Mapping[str, float], keys: Sequence[str]) -> Vector:
+        """Return the deviations from the measurements, over their errors."""
+        found = self.computed(values, keys)
+        return np.array([np.log(found[key] / self.measured[key]) / self.errors[key] for key in keys])
 
     def motor(self, values: Mapping[str, float]) -> Motor:
         """Return the motor with these values."""
@@ -268,7 +261,7 @@ class _Task:
         return self.fit.to_motor(**calibration, base=changed)
 
     def contact(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the values that are the contact's; the compliances of tip and rotor keep their ratio."""
+        """Return the values of the contact; the compliances of tip and rotor keep their ratio."""
         found = {path: value for path, value in values.items() if path != "mass_kg"}
         if _COMPLIANCES[0] in found:
             contact = self.foundation.contact
@@ -278,16 +271,16 @@ class _Task:
 
     def computed(self, values: Mapping[str, float], keys: Sequence[str]) -> dict[str, float]:
         """Compute the measured quantities for these values; all are above zero."""
-        motor = self.motor(values)
+        motor, drive = self.motor(values), self.drive
         found = {}
         resonances = {} if self.shift is None else self.shift.computed(motor)
         for key in keys:
             if key in resonances:
                 found[key] = resonances[key]
-            elif key == "stall_torque_n_m" and self.drive is not None:
-                found[key] = steady_state(motor, self.drive, speed=0.0).torque_n_m
-            elif self.drive is not None:
-                found[key] = steady_state(motor, self.drive, load_torque=0.0).speed_rad_s
+            elif key == "stall_torque_n_m" and drive is not None:
+                found[key] = steady_state(motor, drive, speed=0.0).torque_n_m
+            elif drive is not None:
+                found[key] = steady_state(motor, drive, load_torque=0.0).speed_rad_s
         if not all(value > 0.0 for value in found.values()):
             said = ", ".join(f"{key} = {value:.3g}" for key, value in found.items())
             raise SimulationError(
@@ -318,6 +311,31 @@ class _Shift:
         rows, columns = linear_sum_assignment(distances)
         names = list(self.measured)
         return {names[row]: float(found[column]) for row, column in zip(rows, columns, strict=True)}
+
+
+def _fitted(task: _Task, progress: Callable[[int, int], object] | None) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the fitted values, and their relative standard errors."""
+    start = task.start
+    if not start:
+        return {}, {}
+    names, point = list(start), np.log(list(start.values()))
+    known = np.array([key in (_STIFFNESS, *_COMPLIANCES) for key in names], dtype=bool)
+    resonances = list(task.shift.measured) if task.shift else []
+
+    def plain(logarithms: Vector) -> dict[str, float]:
+        return dict(zip(names, np.exp(logarithms).tolist(), strict=True))
+
+    def slow(logarithms: Vector) -> Vector:
+        return task.deviations(plain(logarithms), [key for key in task.targets if key not in resonances])
+
+    def quick(logarithms: Vector) -> Vector:
+        prior = (logarithms - point)[known] / _STIFFNESS_ERROR
+        return np.append(task.deviations(plain(logarithms), resonances), prior)
+
+    solution, covariance = _least_squares(slow, quick, point, progress)
+    relative = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    relative[_COMPLIANCES[1]] = relative[_COMPLIANCES[0]]
+    return plain(solution), relative
 
 
 def _least_squares(
