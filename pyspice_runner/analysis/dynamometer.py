@@ -9,8 +9,9 @@ grow with the time that is simulated, and a motion that has not settled is carri
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from math import ceil, pi, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -28,32 +29,50 @@ _FEWEST_PERIODS = 10
 _GOLDEN = 0.5 * (3.0 - sqrt(5.0))
 _MICRO = 1e-6  # the integrals are the voltages of 1 µF
 
-UNITS = {
-    "torque_n_m": ("N·m", "mean torque of the contact on the rotor"),
-    "torque_ripple_n_m": ("N·m", "RMS of the torque about its mean"),
-    "load_torque_n_m": ("N·m", "mean torque taken at the shaft: that of the contact less the bearing's"),
-    "normal_force_n": ("N", "mean normal force"),
-    "separated": ("1", "share of time in which the tip is off the rotor"),
-    "stick": ("1", "share of time in which the contact sticks"),
-    "slip": ("1", "share of time in which the contact slips"),
-    "power_a_w": ("W", "real power into group A"),
-    "power_b_w": ("W", "real power into group B"),
-    "apparent_power_a_va": ("VA", "RMS voltage times RMS current of group A"),
-    "apparent_power_b_va": ("VA", "RMS voltage times RMS current of group B"),
-    "current_a_rms_a": ("A", "RMS current of group A"),
-    "current_b_rms_a": ("A", "RMS current of group B"),
-    "current_a_peak_a": ("A", "greatest current of group A"),
-    "current_b_peak_a": ("A", "greatest current of group B"),
-    "shaft_power_w": ("W", "power of the contact on the rotor; negative where the shaft is driven"),
-    "efficiency": ("1", "shaft power over electrical power; negative where the shaft is driven"),
-    "dielectric_loss_w": ("W", "heat in the dielectric loss of both groups"),
-    "damping_loss_w": ("W", "heat in the damping of all modes and of the mount"),
-    "friction_loss_w": ("W", "work of the tip along the rotor less that on the rotor: what slip takes"),
-    "normal_loss_w": ("W", "work of the tip towards the rotor: what damping across the contact takes"),
-    "stored_power_w": ("W", "rate at which stored energy grows; 0 once settled"),
-    **strength.UNITS,
-    "balance_residual": ("1", "power put in that is not accounted for, over the power put in"),
-}
+
+def measured(unit: str, meaning: str) -> Any:
+    """Declare a quantity of an operating point; NaN where it is not known."""
+    return field(default=float("nan"), metadata={"unit": unit, "meaning": meaning})
+
+
+@dataclass(frozen=True)
+class Quantities:
+    """The quantities of an operating point: means over whole drive periods, SI units."""
+
+    torque_n_m: float = measured("N·m", "mean torque of the contact on the rotor")
+    torque_ripple_n_m: float = measured("N·m", "RMS of the torque about its mean")
+    load_torque_n_m: float = measured("N·m", "mean torque taken at the shaft: that of the contact less the bearing's")
+    normal_force_n: float = measured("N", "mean normal force")
+    separated: float = measured("1", "share of time in which the tip is off the rotor")
+    stick: float = measured("1", "share of time in which the contact sticks")
+    slip: float = measured("1", "share of time in which the contact slips")
+    power_a_w: float = measured("W", "real power into group A")
+    power_b_w: float = measured("W", "real power into group B")
+    apparent_power_a_va: float = measured("VA", "RMS voltage times RMS current of group A")
+    apparent_power_b_va: float = measured("VA", "RMS voltage times RMS current of group B")
+    current_a_rms_a: float = measured("A", "RMS current of group A")
+    current_b_rms_a: float = measured("A", "RMS current of group B")
+    current_a_peak_a: float = measured("A", "greatest current of group A")
+    current_b_peak_a: float = measured("A", "greatest current of group B")
+    shaft_power_w: float = measured("W", "power of the contact on the rotor; negative where the shaft is driven")
+    efficiency: float = measured("1", "shaft power over electrical power; negative where the shaft is driven")
+    dielectric_loss_w: float = measured("W", "heat in the dielectric loss of both groups")
+    damping_loss_w: float = measured("W", "heat in the damping of all modes and of the mount")
+    friction_loss_w: float = measured("W", "work of the tip along the rotor less that on the rotor: what slip takes")
+    normal_loss_w: float = measured("W", "work of the tip towards the rotor: what damping across the contact takes")
+    stored_power_w: float = measured("W", "rate at which stored energy grows; 0 once settled")
+    ceramic_strain: float = measured("1", "greatest strain of the ceramic; not known without the beam")
+    ceramic_stress_pa: float = measured("Pa", "greatest stress of the ceramic by that strain")
+    temperature_rise_k: float = measured("K", "steady temperature of the stator above its surroundings, by its losses")
+    balance_residual: float = measured("1", "power put in that is not accounted for, over the power put in")
+
+    @property
+    def quantities(self) -> dict[str, float]:
+        """The quantities by name."""
+        return {name: getattr(self, name) for name in UNITS}
+
+
+UNITS = {item.name: (str(item.metadata["unit"]), str(item.metadata["meaning"])) for item in fields(Quantities)}
 
 
 @dataclass(frozen=True)

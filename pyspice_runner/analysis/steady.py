@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.analysis.driven import DrivenAnswer, check_driven, driven_answers
-from pyspice_runner.analysis.dynamometer import UNITS
+from pyspice_runner.analysis.dynamometer import Quantities
 from pyspice_runner.analysis.period_map import PeriodMap, cores
 from pyspice_runner.analysis.period_means import average, current, extrapolated, means, quantities, speed, tip
 from pyspice_runner.analysis.shooting import Point, Shooting, start_point
@@ -54,16 +54,14 @@ FROM_SPREAD = 4.0  # bound of the error of the mean of two copies over their dis
 LONGEST_PERIOD = 1000  # periods of the fastest motion in one of the drive; beyond, settling is cheaper
 
 
-@dataclass(frozen=True, repr=False)
-class SteadyState(Result):
-    """A periodic steady state. Its quantities are those of ``speed_torque`` and can be read as attributes.
+@dataclass(frozen=True, repr=False, kw_only=True)
+class SteadyState(Quantities, Result):
+    """A periodic steady state, with the quantities of ``speed_torque``; they are NaN without a solution.
 
     Attributes:
         motor: the motor.
         drive: the voltages of both groups, or the driver.
         speed_rad_s: mean speed of the rotor.
-        quantities: by name: ``torque_n_m``, ``load_torque_n_m``, ``normal_force_n`` and the others of
-            :data:`.dynamometer.UNITS`; NaN without a solution.
         torque_error_n_m: estimated error of the torque by the time step.
         floquet_multipliers: eigenvalues of the map over one period, the largest first.
         converged: whether there is a solution at every step that was used.
@@ -81,7 +79,6 @@ class SteadyState(Result):
     motor: Motor = field(repr=False)
     drive: Drive | Driver
     speed_rad_s: float
-    quantities: dict[str, float]
     torque_error_n_m: float
     floquet_multipliers: NDArray[np.complex128]
     converged: bool
@@ -93,12 +90,6 @@ class SteadyState(Result):
     waveforms: Waveforms | None = field(default=None, repr=False)
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
     solution: Point | None = field(default=None, repr=False)
-
-    def __getattr__(self, name: str) -> float:
-        found = self.__dict__.get("quantities", {})
-        if name in found:
-            return float(found[name])
-        raise AttributeError(f"A steady state has no attribute {name!r}.")
 
     @property
     def stable(self) -> bool:
@@ -464,9 +455,9 @@ def _state(
     if answer is None:
         held = setup.load.speed
         return SteadyState(
-            setup.motor, drive, float("nan") if held is None else held, dict.fromkeys(UNITS, float("nan")),
-            float("nan"), np.zeros(0, complex), False, point.residual, point.iterations, "", setup.step,
-            provenance=provenance,
+            motor=setup.motor, drive=drive, speed_rad_s=float("nan") if held is None else held,
+            torque_error_n_m=float("nan"), floquet_multipliers=np.zeros(0, complex), converged=False,
+            residual=point.residual, iterations=point.iterations, method="", step_s=setup.step, provenance=provenance,
         )  # fmt: skip
     found, error, last, period_map = answer
     result = quantities(point.plant, found)
@@ -476,8 +467,10 @@ def _state(
     provenance["audit"] = audit.to_dict()
     waves = _waveforms(setup, last, period_map, provenance) if waveforms else None
     return SteadyState(
-        setup.motor, drive, found["speed"], result, error, last.multipliers, True, last.residual, point.iterations,
-        point.method, period_map.step, audit, waves, provenance, point,
+        **result, motor=setup.motor, drive=drive, speed_rad_s=found["speed"], torque_error_n_m=error,
+        floquet_multipliers=last.multipliers, converged=True, residual=last.residual, iterations=point.iterations,
+        method=point.method, step_s=period_map.step, audit=audit, waveforms=waves, provenance=provenance,
+        solution=point,
     )  # fmt: skip
 
 
@@ -495,10 +488,9 @@ def _driven(setup: Setup, answer: DrivenAnswer) -> SteadyState:
         "period_maps": sum(one.evaluations for one in answer.maps),
         "solver_seconds": sum(one.seconds for one in answer.maps),
     }
-    found = answer.found or dict.fromkeys(UNITS, float("nan"))
     audit = Audit(done=False)
     if answer.found:
-        audit = Audit(audit_point(setup.motor, found, answer.step))
+        audit = Audit(audit_point(setup.motor, answer.found, answer.step))
         if setup.solver.audit:
             audit.withhold("steady state behind a driver")
     held = setup.load.speed
@@ -507,10 +499,11 @@ def _driven(setup: Setup, answer: DrivenAnswer) -> SteadyState:
         assert isinstance(point.plant, DrivenPlant)
         turning = float(point.trace.states[point.plant.inner - 1].mean())
     return SteadyState(
-        setup.motor, driver, float("nan") if turning is None else turning, found, answer.error,
-        point.multipliers if answer.found else np.zeros(0, complex), bool(answer.found), point.residual,
-        point.iterations, point.method if answer.found else "", answer.step, audit,
-        provenance=provenance | {"audit": audit.to_dict()},
+        **answer.found, motor=setup.motor, drive=driver, speed_rad_s=float("nan") if turning is None else turning,
+        torque_error_n_m=answer.error, floquet_multipliers=point.multipliers if answer.found else np.zeros(0, complex),
+        converged=bool(answer.found), residual=point.residual, iterations=point.iterations,
+        method=point.method if answer.found else "", step_s=answer.step, audit=audit,
+        waveforms=None, provenance=provenance | {"audit": audit.to_dict()}, solution=None,
     )  # fmt: skip
 
 

@@ -21,11 +21,6 @@ from pyspice_runner.model.motor import Motor, Structure
 
 Array = NDArray[np.float64]
 _POINTS = 41  # along each patch
-UNITS = {
-    "ceramic_strain": ("1", "greatest strain of the ceramic; not known without the beam"),
-    "ceramic_stress_pa": ("Pa", "greatest stress of the ceramic by that strain"),
-    "temperature_rise_k": ("K", "steady temperature of the stator above its surroundings, by its losses"),
-}
 
 
 @cache

@@ -39,6 +39,16 @@ def held(speed: float) -> SteadyState:
     return pr.steady_state(MOTOR, DRIVE, speed=speed)
 
 
+def test_the_quantities_are_attributes_with_unit_and_meaning() -> None:
+    state = held(1.0)
+    assert set(UNITS) <= set(dir(state))
+    assert set(UNITS) <= set(SteadyState.__annotations__) | set(SteadyState.__mro__[1].__annotations__)
+    assert state.quantities == {name: getattr(state, name) for name in UNITS}
+    assert UNITS["torque_n_m"] == ("N·m", "mean torque of the contact on the rotor")
+    with pytest.raises(AttributeError, match=r"SteadyState has no attribute 'torque'\. Did you mean 'torque_n_m'"):
+        state.torque  # type: ignore[attr-defined]  # noqa: B018
+
+
 def test_multipliers_of_a_free_linear_stator_are_those_of_its_equation_of_motion() -> None:
     state = pr.steady_state(MOTOR, DRIVE, contact=None, speed=0.0)
     assert state.converged
