@@ -45,48 +45,28 @@ app = typer.Typer(
     rich_markup_mode="rich",
 )
 
-for command in (
-    motors,
-    show,
-    simulate,
-    admittance,
-    speed_torque,
-    steady,
-    small_signals,
-    sweep,
-    drive,
-    track,
-    impact,
-    fit,
-    compare,
-    motor_from,
-    export,
-    report,
-    live,
-):
+COMMANDS = (
+    motors, show, simulate, admittance, speed_torque, steady, small_signals, sweep, drive, track, impact, fit, compare,
+    motor_from, export, report, live,
+)  # fmt: skip
+for command in COMMANDS:
     app.command()(command)
 app.command(name="map")(map_points)
 
-FIRST_STEPS = (
-    ("Try first", (("report bimodal40", "a motor on one page"),)),
-    (
-        "Then",
-        (
-            ("simulate bimodal40 --plot run.png", "one run, plotted"),
-            ("export bimodal40 --output motor.lib", "a .subckt for SPICE"),
-            ("drive bimodal40 --driver half-bridge", "its driver's losses"),
-            ("admittance bimodal40 --state preloaded", "its impedance"),
-        ),
-    ),
-    (
-        "Help",
-        (
-            ("COMMAND --help", "one command with an example"),
-            ("--help", "all commands"),
-            ("--install-completion", "completion by Tab"),
-        ),
-    ),
-)
+FIRST_STEPS = {
+    "Try first": {"report bimodal40": "a motor on one page"},
+    "Then": {
+        "simulate bimodal40 --plot run.png": "one run, plotted",
+        "export bimodal40 --output motor.lib": "a .subckt for SPICE",
+        "drive bimodal40 --driver half-bridge": "its driver's losses",
+        "admittance bimodal40 --state preloaded": "its impedance",
+    },
+    "Help": {
+        "COMMAND --help": "one command with an example",
+        "--help": "all commands",
+        "--install-completion": "completion by Tab",
+    },
+}
 
 
 @app.callback()
@@ -101,9 +81,9 @@ def first_steps(
     if context.invoked_subcommand is not None:
         return
     table = Table.grid(padding=(0, 3, 0, 0))
-    for heading, lines in FIRST_STEPS:
+    for heading, lines in FIRST_STEPS.items():
         table.add_row(Text(heading, style="bold"))
-        for words, meaning in lines:
+        for words, meaning in lines.items():
             table.add_row(f"  piezomotor {words}", meaning)
     say(f"{first_steps.__doc__}\n\n")
     say(table)
@@ -123,10 +103,7 @@ def run(arguments: list[str]) -> int:
     except pr.SimulationError as error:
         complain(f"piezomotor: {error}")
         return 3
-    except (
-        BrokenPipeError,
-        SystemExit,
-    ):  # the reader of the pipe has ended; rich reports this for --help by SystemExit
+    except (BrokenPipeError, SystemExit):  # the reader of the pipe has ended; for --help rich raises SystemExit then
         silence(sys.stdout)
         return 0
     except (KeyboardInterrupt, typer.Abort):
@@ -141,12 +118,11 @@ def run(arguments: list[str]) -> int:
         silence(sys.stdout)
         return 2
     except _usage_error() as error:
-        error.message = str(pr.ParameterError(error.message))  # shortened and printable like our own
+        message = error.message.replace("Value error, ", "")
+        error.message = str(pr.ParameterError(message))  # shortened and printable like our own
         error.show()
         return 2
-    if status == INTERRUPTED:
-        return _status_of(came)
-    return status if isinstance(status, int) else 0
+    return _status_of(came) if status == INTERRUPTED else status if isinstance(status, int) else 0
 
 
 def _status_of(signals: list[int]) -> int:

@@ -38,12 +38,12 @@ from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.model.drive import FASTEST_SHAFT, FASTEST_SURFACE, Drive, check_together, free_tip
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Contact, Mode, Parameters, Piezo, Rotor
+from pyspice_runner.model.tracking import DisturbanceKind
 from pyspice_runner.netlist.benches import UNIFORM_POINTS
 from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.drivers import DriverKind, NetworkKind
 from pyspice_runner.netlist.source import Source
 from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.netlist.trackers import DisturbanceKind
 from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.steps import shortest_period
 

@@ -136,8 +136,8 @@ def test_every_help_has_a_valid_example(name: str) -> None:
 
 
 def test_the_first_steps_are_valid_commands() -> None:
-    for _, lines in FIRST_STEPS[:-1]:
-        for words, _ in lines:
+    for heading in ("Try first", "Then"):
+        for words in FIRST_STEPS[heading]:
             parsed(shlex.split(words))
 
 

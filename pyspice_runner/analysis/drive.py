@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.matching import Matching, State, check_duration, proposal
-from pyspice_runner.model.drive import Load
+from pyspice_runner.analysis.matching import Matching, check_duration, proposal
+from pyspice_runner.model.drive import Load, MatchState
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import ContactLaw, law_of
@@ -31,7 +31,7 @@ from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE, 
 from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering
 
-_PROPOSED: tuple[State, ...] = ("free", "preloaded", "running")  # a report's proposals
+_PROPOSED: tuple[MatchState, ...] = ("free", "preloaded", "running")  # a report's proposals
 _MEANS = {
     "motor_power_w": "power of the motor", "mean_torque_n_m": "mean torque",
     "mean_rotor_speed_rad_s": "mean rotor speed",
@@ -249,7 +249,7 @@ def drive_report(
     contact: ContactLaw | None = "spring-slider",
     speed: float | None = None,
     load_torque: float = 0.0,
-    match: State | None = None,
+    match: MatchState | None = None,
     proposals: bool = True,
     step: float | None = None,
     timeout: float | None = None,
@@ -278,7 +278,7 @@ def drive_report(
     solver = Solver(step, timeout=timeout, audit=audit)
     setup = Setup(motor, driver, Load(speed, load_torque), law_of(contact), solver)
     check_duration(setup, duration)
-    states: Sequence[State] = _PROPOSED if proposals else [match] if match else []
+    states: Sequence[MatchState] = _PROPOSED if proposals else [match] if match else []
     matching: dict[str, Matching] = {state: proposal(setup, driver, duration, state) for state in states}
     if match is not None:
         driver = matching[match].applied(driver)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.analysis.small_signals import small_signals
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import Load, TwoPhaseDrive
+from pyspice_runner.model.drive import Load, MatchState, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import ContactLaw, law_of
@@ -24,8 +24,6 @@ from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.steps import MOST_POINTS
 from pyspice_runner.run.window import Window
 from pyspice_runner.spectra.admittance import admittance
-
-State = Literal["free", "preloaded", "running", "hot"]
 
 WINDING_QUALITY = 100.0  # of a proposed inductor: assumed, that of a ferrite core at some ten kHz
 FILTER_QUALITY = 2.0  # of a proposed LLCC filter: reactance of its series pair over the motor's resistance
@@ -66,7 +64,7 @@ class MatchedGroup:
 class Matching:
     """A proposal for one state: free, preloaded (sticking, small signal), running (as simulated), hot (incremental)."""
 
-    state: State
+    state: MatchState
     frequency_hz: float
     a: MatchedGroup
     b: MatchedGroup
@@ -126,7 +124,7 @@ def propose_matching(
     motor: Motor,
     driver: Driver,
     *,
-    state: State = "running",
+    state: MatchState = "running",
     contact: ContactLaw | None = "spring-slider",
     duration: float = 3e-3,
     speed: float | None = None,
@@ -176,7 +174,7 @@ def check_duration(setup: Setup, duration: float) -> None:
         )
 
 
-def proposal(setup: Setup, driver: Driver, duration: float, state: State) -> Matching:
+def proposal(setup: Setup, driver: Driver, duration: float, state: MatchState) -> Matching:
     """Propose the matching of both groups; for ``"running"`` from the currents of a run with ideal sources."""
     voltages = driver.phasors()
     if state == "running":

@@ -17,20 +17,13 @@ from pyspice_runner.model.drive import Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.model.tracking import StatorLag
+from pyspice_runner.model.tracking import DisturbanceKind, StatorLag
 from pyspice_runner.netlist.averaged import HARMONICS, check_averaged
 from pyspice_runner.netlist.averaged_tracker import averaged_tracked_bench, check_averaged_tracker
 from pyspice_runner.netlist.contact import ContactLaw, law_of
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.source import GROUPS
-from pyspice_runner.netlist.trackers import (
-    Disturbance,
-    DisturbanceKind,
-    TrackedSource,
-    Tracker,
-    tracked_lag,
-    tracker_filter,
-)
+from pyspice_runner.netlist.trackers import Disturbance, TrackedSource, Tracker, tracked_lag, tracker_filter
 from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import audit_contact
 from pyspice_runner.run.ceramic import ceramic, modal_vectors

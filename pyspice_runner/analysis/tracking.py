@@ -136,16 +136,31 @@ class Tracking(Result):
 
     def summary(self) -> dict[str, str]:
         """Return lock, phase error, and the speeds before and after the disturbance."""
-        return {
+        rows = {
             "motor": str(self.settings["motor"]),
             "tracker": str(self.settings["tracker"]["kind"]),
-            "locked": f"yes, after {engineering(self.lock_time_s, 's')}" if self.locked else "no",
+            "disturbance": str(self.settings["disturbance"]["kind"]),
+            "locked": "yes" if self.locked else "no",
+            "lock time": "–" if self.lock_time_s is None else engineering(self.lock_time_s, "s"),
             "phase error": f"{self.rms_phase_error_deg:.3g}° RMS, {self.worst_phase_error_deg:.3g}° at most",
             "residual detuning": engineering(self.residual_detuning_hz, "Hz"),
             "frequency at the end": f"{1e-3 * self.end_frequency_hz:.6g} kHz",
             "speed": f"{self.speed_before_rad_s:.4g} rad/s before, {self.speed_after_rad_s:.4g} rad/s at the end"
             + (", not settled" if self.settled is False else ""),
+            "speed lost": f"{self.speed_lost_rad_s:.3g} rad/s",
+            "running resonance, by design": f"{self.lag.resonance_hz / 1e3:.6g} kHz, Q = {self.lag.quality:.3g}",
         }
+        if self.settings["driver"]:
+            rows["driver"] = self.settings["driver"]["label"]
+        if self.temperature_k is not None:
+            rows["temperature rise at the end"] = f"{self.temperature_k[-1]:.3g} K"
+        if self.stall_torque_n_m is not None:
+            rows["stall torque"] = engineering(self.stall_torque_n_m, "N·m")
+        if self.loop is not None:
+            parts, units = asdict(self.loop.loop_filter), ("Ω", "F", "F")
+            rows["loop filter"] = ", ".join(map(engineering, parts.values(), units))
+            rows["phase margin"] = f"{self.loop.phase_margin_deg:.1f}° at {self.loop.crossover_hz:.4g} Hz"
+        return rows
 
 
 @dataclass(frozen=True)

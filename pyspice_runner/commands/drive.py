@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.table import Column, Table
@@ -30,12 +29,12 @@ from pyspice_runner.commands.common import (
 )
 from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, law_named
 from pyspice_runner.commands.driving import recommended_phases
+from pyspice_runner.model.drive import MatchState
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pyspice_runner.analysis.drive import DriveReport
-    from pyspice_runner.analysis.matching import State
 
 DRIVERS = (
     "ideal, linear, half-bridge, full-bridge, or FILE:NAME of your own subcircuit; with +inductor or +llcc a matching "
@@ -54,24 +53,14 @@ MosfetOption = Annotated[
 ]
 
 
-class MatchKind(StrEnum):
-    """State of the motor for which a network is matched."""
-
-    none = "none"
-    free = "free"
-    preloaded = "preloaded"
-    running = "running"
-    hot = "hot"
-
-
+MatchKind = Literal["none", MatchState]
 MatchOption = Annotated[MatchKind, typer.Option(help="State of the motor for which the network is matched.")]
-MATCH_STATES: dict[MatchKind, State | None] = {
-    MatchKind.none: None,
-    MatchKind.free: "free",
-    MatchKind.preloaded: "preloaded",
-    MatchKind.running: "running",
-    MatchKind.hot: "hot",
-}
+VoltageOption = Annotated[
+    float | None, typer.Option(help="Amplitude of group A, V; default: the motor's recommended drive.")
+]
+PhaseOption = Annotated[
+    float | None, typer.Option(help="Phase of group B ahead of group A, degrees; default: the recommended drive.")
+]
 
 
 def drive(
@@ -79,14 +68,10 @@ def drive(
     motor: MotorArgument,
     driver: Annotated[str, typer.Option(help=DRIVERS)] = "linear",
     against: Annotated[str | None, typer.Option(help="A second driver for comparison.")] = None,
-    voltage: Annotated[
-        float | None, typer.Option(help="Amplitude of both groups, V; default: the motor's recommended drive.")
-    ] = None,
+    voltage: VoltageOption = None,
     frequency: Annotated[float | None, typer.Option(help="Frequency, Hz; default: as above.")] = None,
-    phase: Annotated[
-        float | None, typer.Option(help="Phase of group B ahead of group A, degrees; default: as above.")
-    ] = None,
-    match: MatchOption = MatchKind.running,
+    phase: PhaseOption = None,
+    match: MatchOption = "running",
     part: PartOption = None,
     mosfet: MosfetOption = None,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 3e-3,
@@ -106,8 +91,7 @@ def drive(
 
     Example: piezomotor drive andersen2002 --driver half-bridge+llcc --against linear --plot drivers.png
     """
-    if all("+" not in words for words in (driver, against or "")):
-        refuse_idle(context, "without a matching network, such as --driver half-bridge+llcc", "match")
+    refuse_idle_match(context, driver, against or "")
     check_targets(output, (".json", ".csv", ".cir") if against is None else (".json", ".csv"), plot)
     of_motor, of_parts = changes_of(changes, part)
     loaded = load_changed(motor, of_motor)
@@ -120,18 +104,12 @@ def drive(
             with busy(f"ngspice runs the {chosen.name}"):
                 reports.append(
                     pr.drive_report(
-                        loaded,
-                        chosen,
-                        duration=duration,
-                        contact=law_named(contact),
-                        speed=speed,
+                        loaded, chosen, duration=duration, contact=law_named(contact), speed=speed,
                         load_torque=load_torque,
-                        match=None if chosen.network == "none" else MATCH_STATES[match],
-                        proposals=number == 0,
-                        timeout=timeout,
-                        audit=audit,
+                        match=None if chosen.network == "none" or match == "none" else match,
+                        proposals=number == 0, timeout=timeout, audit=audit,
                     )
-                )
+                )  # fmt: skip
             caution(reports[-1])
         except pr.SimulationError as error:
             if not reports:
@@ -150,6 +128,12 @@ def drive(
         raise fault
 
 
+def refuse_idle_match(context: typer.Context, *drivers: str) -> None:
+    """Refuse ``--match`` if no driver has a matching network."""
+    if all("+" not in words for words in drivers):
+        refuse_idle(context, "without a matching network, such as --driver half-bridge+llcc", "match")
+
+
 def driver_of(
     words: str, values: Mapping[str, Any], part: list[str] | None, mosfet: str | None, *, strict: bool = True
 ) -> pr.Driver:
@@ -160,7 +144,7 @@ def driver_of(
         values: voltage, frequency and phase, as :class:`pyspice_runner.Driver` names them.
         part: changes of parts.
         mosfet: MOSFET of a bridge.
-        strict: whether every change and the MOSFET must suit the driver; else it takes those that do.
+        strict: whether changes and MOSFET that do not suit the driver are errors; otherwise they are left out.
 
     Raises:
         ParameterError: for a value that is not valid.
@@ -184,10 +168,10 @@ def driver_of(
 
 
 def two_phase(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> dict[str, float]:
-    """Return voltage, frequency and phase of a drive for :func:`driver_of`.
+    """Return voltage, frequency and phase of a two-phase drive for :func:`driver_of`.
 
     Raises:
-        ParameterError: for a drive of two tones, which no driver makes.
+        ParameterError: for a two-tone drive.
     """
     if not isinstance(drive, pr.TwoPhaseDrive):
         raise pr.ParameterError("A driver makes two phases of one tone. Add --drive two-phase.")
@@ -195,7 +179,7 @@ def two_phase(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> dict[str, float]:
 
 
 def changes_of(changes: list[str] | None, part: list[str] | None) -> tuple[list[str], list[str]]:
-    """Return what ``--set`` changes of the motor, and the changes of the driver's parts with its ``driver.…``."""
+    """Return the changes of the motor by ``--set``, and those of the driver's parts, with ``--set driver.…``."""
     of_driver = [change for change in changes or [] if change.strip().startswith("driver.")]
     return [change for change in changes or [] if change not in of_driver], [*(part or []), *of_driver]
 

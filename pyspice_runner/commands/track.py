@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, get_args
 
 import typer
 from rich.table import Table
@@ -22,60 +21,33 @@ from pyspice_runner.commands.common import (
     caution,
     check_targets,
     deliver,
-    engineering,
     load_changed,
     refuse_idle,
 )
 from pyspice_runner.commands.contacting import DEFAULT_LAW, NONE, ContactOption, law_named
 from pyspice_runner.commands.drive import (
     DRIVERS,
-    MATCH_STATES,
-    MatchKind,
     MatchOption,
     MosfetOption,
     PartOption,
+    PhaseOption,
+    VoltageOption,
     changes_of,
     driver_of,
+    refuse_idle_match,
 )
 from pyspice_runner.commands.driving import recommended_phases
-
-if TYPE_CHECKING:
-    from pyspice_runner.analysis.matching import State
-    from pyspice_runner.analysis.tracking import Tracking
-
-
-class TrackerName(StrEnum):
-    """Kind of tracker."""
-
-    none = "none"
-    pll = "pll"
-    observe_current = "observe-current"
-    observe_power = "observe-power"
-
-
-class DisturbName(StrEnum):
-    """Kind of disturbance."""
-
-    start = "start"
-    target = "target"
-    load = "load"
-    preload = "preload"
-    temperature = "temperature"
-    warm_up = "warm-up"
+from pyspice_runner.model.tracking import DisturbanceKind, TrackerKind
 
 
 def track(
     context: typer.Context,
     motor: MotorArgument,
-    tracker: Annotated[TrackerName, typer.Option(help="Tracker that sets the frequency.")] = TrackerName.pll,
-    disturb: Annotated[DisturbName, typer.Option(help="Disturbance of the motor.")] = DisturbName.start,
-    voltage: Annotated[
-        float | None, typer.Option(help="Amplitude of group A, V; default: the motor's recommended drive.")
-    ] = None,
+    tracker: Annotated[TrackerKind, typer.Option(help="Tracker that sets the frequency.")] = "pll",
+    disturb: Annotated[DisturbanceKind, typer.Option(help="Disturbance of the motor.")] = "start",
+    voltage: VoltageOption = None,
     ratio_b: Annotated[float, typer.Option(help="Amplitude of group B over that of group A.")] = 1.0,
-    phase: Annotated[
-        float | None, typer.Option(help="Phase of group B ahead of group A, degrees; default: the recommended drive.")
-    ] = None,
+    phase: PhaseOption = None,
     frequency: Annotated[
         float | None,
         typer.Option(help="Centre of the oscillator's range, Hz; default: the resonance of the running motor."),
@@ -100,7 +72,7 @@ def track(
     driver: Annotated[
         str | None, typer.Option(help=f"Driver between tracker and motor: {DRIVERS}; default: none.")
     ] = None,
-    match: MatchOption = MatchKind.running,
+    match: MatchOption = "running",
     part: PartOption = None,
     mosfet: MosfetOption = None,
     contact: ContactOption = DEFAULT_LAW,
@@ -128,8 +100,8 @@ def track(
     loaded = load_changed(motor, of_motor)
     tone = recommended_phases(loaded, voltage, frequency, phase) | {"ratio_b": ratio_b}
     values = {
-        "kind": tracker.value, **tone, "span": span,
-        "offset": (0.03 if disturb is DisturbName.start else 0.0) if offset is None else offset, "target_deg": target,
+        "kind": tracker, **tone, "span": span,
+        "offset": (0.03 if disturb == "start" else 0.0) if offset is None else offset, "target_deg": target,
         "bandwidth_hz": bandwidth, "period_s": period, "step_hz": step_size, "polarity": -1 if reverse else 1,
     }  # fmt: skip
     chosen = pr.Tracker(**values)
@@ -139,103 +111,46 @@ def track(
         resonance = running_resonance(loaded, chosen, contact=contact != NONE)
         chosen = pr.Tracker(**(values | {"frequency": resonance.resonance_hz}))
     through = driver and driver_of(driver, tone | {"frequency": chosen.frequency}, of_parts, mosfet)
-    with busy(f"ngspice runs the tracker {tracker.value}"):
-        if through and through.network != "none" and (state := MATCH_STATES[match]):
-            through = _matched(loaded, through, state, contact, timeout)
+    with busy(f"ngspice runs the tracker {tracker}"):
+        if through and through.network != "none" and match != "none":
+            from pyspice_runner.analysis.matching import propose_matching
+
+            law = law_named(contact)
+            through = propose_matching(loaded, through, state=match, contact=law, timeout=timeout).applied(through)
         found = pr.track(
-            loaded,
-            chosen,
-            driver=through or None,
-            disturb=disturb.value,
-            contact=law_named(contact),
-            begin=begin,
-            duration=duration,
-            load_torque=load_torque,
-            preload_change=preload_change,
-            drift=drift,
-            drift_time=drift_time,
-            target_step=target_step,
-            thermal=pr.Thermal.of(loaded) if all_drift else None,
-            averaged=averaged,
-            timeout=timeout,
-            audit=audit,
-        )
+            loaded, chosen, driver=through or None, disturb=disturb, contact=law_named(contact), begin=begin,
+            duration=duration, load_torque=load_torque, preload_change=preload_change, drift=drift,
+            drift_time=drift_time, target_step=target_step, thermal=pr.Thermal.of(loaded) if all_drift else None,
+            averaged=averaged, timeout=timeout, audit=audit,
+        )  # fmt: skip
     caution(found)
-    deliver(found.to_dict(), _table(loaded, found), as_json, (output, found.save), (plot, found.plot))
+    table = Table("quantity", "value", title=loaded.name)
+    for name, text in found.summary().items():
+        table.add_row(name, text)
+    deliver(found.to_dict(), table, as_json, (output, found.save), (plot, found.plot))
 
 
-_OF_TRACKERS = {
-    ("bandwidth", "target"): {TrackerName.pll},
-    ("period", "step_size"): {TrackerName.observe_current, TrackerName.observe_power},
-    ("reverse",): set(TrackerName) - {TrackerName.none},
+_OF_TRACKERS: dict[tuple[str, ...], set[str]] = {
+    ("bandwidth", "target"): {"pll"},
+    ("period", "step_size"): {"observe-current", "observe-power"},
+    ("reverse",): {*get_args(TrackerKind)} - {"none"},
 }
-_OF_DISTURBANCES = {
-    ("load_torque",): {DisturbName.load},
-    ("preload_change",): {DisturbName.preload},
-    ("target_step",): {DisturbName.target},
-    ("drift", "drift_time", "all_drift"): {DisturbName.temperature},
-    ("begin",): set(DisturbName) - {DisturbName.start, DisturbName.warm_up},
+_OF_DISTURBANCES: dict[tuple[str, ...], set[str]] = {
+    ("load_torque",): {"load"},
+    ("preload_change",): {"preload"},
+    ("target_step",): {"target"},
+    ("drift", "drift_time", "all_drift"): {"temperature"},
+    ("begin",): {*get_args(DisturbanceKind)} - {"start", "warm-up"},
 }
 
 
-def _refuse_idle(context: typer.Context, tracker: TrackerName, disturb: DisturbName, driver: str | None) -> None:
-    """Refuse options of another tracker, of another disturbance and of a driver that is not there."""
+def _refuse_idle(context: typer.Context, tracker: TrackerKind, disturb: DisturbanceKind, driver: str | None) -> None:
+    """Refuse options of another tracker, of another disturbance, or of a driver without ``--driver``."""
     if driver is None:
         refuse_idle(context, "without --driver", "match", "part", "mosfet")
-    elif "+" not in driver:
-        refuse_idle(context, "without a matching network, such as --driver half-bridge+llcc", "match")
-    for names, trackers in _OF_TRACKERS.items():
-        if tracker not in trackers:
-            refuse_idle(context, f"on --tracker {tracker.value}", *names)
-    for names, disturbances in _OF_DISTURBANCES.items():
-        if disturb not in disturbances:
-            refuse_idle(context, f"on --disturb {disturb.value}", *names)
-
-
-def _matched(
-    motor: pr.Motor,
-    driver: pr.Driver,
-    state: State,
-    contact: str,
-    timeout: float | None,
-) -> pr.Driver:
-    """Return a driver whose network is matched to the motor at its frequency."""
-    from pyspice_runner.analysis.matching import propose_matching
-
-    matching = propose_matching(motor, driver, state=state, contact=law_named(contact), timeout=timeout)
-    return matching.applied(driver)
-
-
-def _table(motor: pr.Motor, found: Tracking) -> Table:
-    remark = ", not settled" if found.settled is False else ""
-    table = Table("quantity", "value", title=f"{motor.name}: {found.settings['tracker']['kind']}")
-    tracker = found.settings["tracker"]
-    volts = f"A {tracker['voltage']:g} V, B {tracker['voltage'] * tracker['ratio_b']:g} V at {tracker['phase_deg']:g}°"
-    table.add_row("drive", f"{volts}, about {engineering(tracker['frequency'], 'Hz')}")
-    if found.settings["driver"]:
-        table.add_row("driver", found.settings["driver"]["label"])
-    table.add_row("locked", "yes" if found.locked else "no")
-    table.add_row("lock time", "–" if found.lock_time_s is None else engineering(found.lock_time_s, "s"))
-    table.add_row("phase error, RMS", f"{found.rms_phase_error_deg:.3g}°")
-    table.add_row("phase error, worst", f"{found.worst_phase_error_deg:.3g}°")
-    table.add_row("residual detuning", engineering(found.residual_detuning_hz, "Hz"))
-    table.add_row("frequency at the end", f"{found.end_frequency_hz / 1e3:.6g} kHz")
-    table.add_row("speed before, after", f"{found.speed_before_rad_s:.3g}, {found.speed_after_rad_s:.3g} rad/s{remark}")
-    if found.temperature_k is not None:
-        table.add_row("temperature rise at the end", f"{found.temperature_k[-1]:.3g} K")
-    table.add_row("speed lost", f"{found.speed_lost_rad_s:.3g} rad/s")
-    if found.stall_torque_n_m is not None:
-        table.add_row("stall torque", engineering(found.stall_torque_n_m, "N·m"))
-    table.add_row(
-        "running resonance, by design", f"{found.lag.resonance_hz / 1e3:.6g} kHz, Q = {found.lag.quality:.3g}"
-    )
-    if found.loop is not None:
-        values = found.loop.loop_filter
-        table.add_row(
-            "loop filter",
-            f"{engineering(values.resistance_ohm, 'Ω')}, {engineering(values.capacitance_f, 'F')}, "
-            f"{engineering(values.ripple_f, 'F')}",
-        )
-        margin = f"{found.loop.phase_margin_deg:.1f}° at {found.loop.crossover_hz:.4g} Hz"
-        table.add_row("phase margin", margin)
-    return table
+    else:
+        refuse_idle_match(context, driver)
+    for option, kind, table in (("tracker", tracker, _OF_TRACKERS), ("disturb", disturb, _OF_DISTURBANCES)):
+        for names, kinds in table.items():
+            if kind not in kinds:
+                refuse_idle(context, f"on --{option} {kind}", *names)

@@ -7,6 +7,7 @@ from cmath import exp
 from dataclasses import dataclass
 from fractions import Fraction
 from math import hypot, pi, radians, sin
+from typing import Literal
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
@@ -19,6 +20,7 @@ SLOWEST_DRIVE, FASTEST_DRIVE = 1e-3, 1e2
 # m/s: the strain is this velocity over that of sound, about 5000 m/s; no stator survives 2 %
 FASTEST_TIP = 100.0
 FASTEST_SHAFT, FASTEST_SURFACE = 1e6, 1e3  # rad/s; m/s at the rim, where the strongest flywheels burst
+MatchState = Literal["free", "preloaded", "running", "hot"]  # state of the motor for which a driver is matched
 WIDEST_SWING = 0.1  # amplitude over the radius of the rotor: the tip stays near the crown of the rotor
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads a motor from a TOML file.
+"""Read a motor from a TOML file.
 
 The file states the modes in one of three ways:
 
@@ -8,11 +8,11 @@ The file states the modes in one of three ways:
   ``quality_factor`` for ``damping_n_s_per_m``;
 * ``[[arms]]``: Butterworth–Van Dyke values seen at group A with group B shorted (:class:`Arm`).
 
-``[mount]`` springs the stator; ``[limits]`` is what its ceramic withstands; ``[drive]`` recommends a drive: its
-``kind``, ``two-phase`` or ``two-tone``, and what its constructor takes.
+``[mount]`` states the springs of the stator; ``[limits]`` the limits of its ceramic; ``[drive]`` the recommended drive:
+its ``kind``, ``two-phase`` or ``two-tone``, and the arguments of its constructor.
 
 The contact is stated by its constants, or by the materials of tip and rotor (:class:`Materials`). Each number is
-written plainly, or as ``{ value = …, given | derived | assumed = "why" }``, which records where it comes from.
+written plainly, or as ``{ value = …, given | derived | assumed = "why" }``, which records its origin.
 """
 
 from __future__ import annotations
@@ -32,7 +32,15 @@ from pyspice_runner.model import beam as beam_model
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.document import parse_toml, read_document
 from pyspice_runner.model.drive import DRIVES
-from pyspice_runner.model.motor import Motor, Provenance, Structure, assemble, damping_for, stiffness_for
+from pyspice_runner.model.motor import (
+    ALIASES,
+    Motor,
+    Provenance,
+    Structure,
+    assemble,
+    mass_and_stiffness,
+    with_constants,
+)
 from pyspice_runner.model.parameters import Beam, Contact, Damping, Mode, Parameters, Patch, Rotor, Tip, label, quantity
 from pyspice_runner.model.refusal import (
     allowed_range,
@@ -40,7 +48,6 @@ from pyspice_runner.model.refusal import (
     build,
     check_keys,
     checked,
-    limited,
     quoted,
     unit_of,
 )
@@ -125,8 +132,8 @@ def changed_motor(source: str | Path, changes: Mapping[str, Any]) -> Motor:
 
     Args:
         source: as in :func:`load_motor`.
-        changes: dotted path → value, SI. Paths are those of :meth:`Motor.updated`, and those of the file from which the
-            modes and the contact follow: ``beam.length_m``, ``patches.0.end_m``, ``contact.materials.tip_poisson``.
+        changes: dotted path → value, SI. Paths are those of :meth:`Motor.updated`, and those of the structure and the
+            materials in the file: ``beam.length_m``, ``patches.0.end_m``, ``contact.materials.tip_poisson``.
 
     Raises:
         ParameterError: as :func:`load_motor` and :meth:`Motor.updated`.
@@ -188,22 +195,9 @@ def _find(source: str | Path) -> Path:
 
 
 _SECTIONS = (
-    "name",
-    "description",
-    "beam",
-    "ceramic",
-    "patches",
-    "tip",
-    "damping",
-    "modes",
-    "arms",
-    "piezo",
-    "contact",
-    "rotor",
-    "mount",
-    "limits",
-    "drive",
-)
+    "name", "description", "beam", "ceramic", "patches", "tip", "damping", "modes", "arms", "piezo", "contact", "rotor",
+    "mount", "limits", "drive",
+)  # fmt: skip
 _WAYS = ("beam", "modes", "arms")
 _KINDS = ("given", "derived", "assumed")
 
@@ -317,29 +311,22 @@ def _mode_of_arm(arm: Arm, path: str, where: str) -> dict[str, Any]:
 
 
 def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, where: str) -> dict[str, Any]:
-    """Replace a mode's frequency and quality factor by stiffness and damping; ``build`` reports what is missing."""
-    check_keys(entry, (*Mode.model_fields, "frequency_hz", "quality_factor"), where, path)
-    for alias, field in (("frequency_hz", "stiffness_n_per_m"), ("quality_factor", "damping_n_s_per_m")):
+    """Return a mode with stiffness and damping; ``build`` checks the remaining entries."""
+    check_keys(entry, (*Mode.model_fields, *ALIASES), where, path)
+    for alias, field in ALIASES.items():
         if alias in entry and field in entry:
             raise ParameterError(f"{where}: {path} states both {alias} and {field}; state one.")
     if "mass_kg" not in entry:
         raise ParameterError(f"{where}: {path}.mass_kg is missing (modal mass m, in kg). State it.")
-    entry = dict(entry)
-    mass = limited(Mode, "mass_kg", entry["mass_kg"], f"{path}.mass_kg", where)
-    if "frequency_hz" in entry:
-        entry["stiffness_n_per_m"] = stiffness_for(mass, entry.pop("frequency_hz"), f"{path}.frequency_hz", where)
-    if "stiffness_n_per_m" not in entry:
+    if "frequency_hz" not in entry and "stiffness_n_per_m" not in entry:
         raise ParameterError(f"{where}: {path} has no frequency. State frequency_hz or stiffness_n_per_m.")
-    stiffness = limited(Mode, "stiffness_n_per_m", entry["stiffness_n_per_m"], f"{path}.stiffness_n_per_m", where)
-    if "quality_factor" in entry:
-        quality = entry.pop("quality_factor")
-        entry["damping_n_s_per_m"] = damping_for(mass, stiffness, quality, f"{path}.quality_factor", where)
-    elif "damping_n_s_per_m" not in entry:
+    entry = with_constants(entry, path, where)
+    if "damping_n_s_per_m" not in entry:
         if damping is None:
             raise ParameterError(
                 f"{where}: {path} has no damping. State quality_factor or damping_n_s_per_m, or [damping] for all."
             )
-        entry["damping_n_s_per_m"] = damping.modal(mass, stiffness)
+        entry["damping_n_s_per_m"] = damping.modal(*mass_and_stiffness(entry, path, where))
     return entry
 
 
@@ -355,7 +342,7 @@ def _resolve_contact(entry: Any, rotor: Rotor, where: str) -> dict[str, Any]:
 
 
 def _resolve_drive(entry: Any, where: str) -> dict[str, Any]:
-    """Return the table of the recommended drive, once a drive can be made of it."""
+    """Return the table of the recommended drive, checked."""
     table = as_table(entry, "drive", where)
     kind = table.get("kind", "two-phase")
     if kind not in DRIVES:

@@ -49,6 +49,7 @@ _EFFECTS: dict[tuple[str, str, float], tuple[str, ...]] = {
 }
 
 
+ALIASES = {"frequency_hz": "stiffness_n_per_m", "quality_factor": "damping_n_s_per_m"}  # other ways to state a mode
 _AMPLITUDE = ("softening_per_m2", "damping_growth_per_m2")  # effects of a mode, off at 0
 _OPTIONAL: dict[str, type[Parameters]] = {"mount": Mount, "limits": Limits}  # sections that may be null
 
@@ -219,18 +220,13 @@ class Motor(Shown, Parameters):
             changed.add(path)
             provenance[path] = Provenance("set", "by the user")
         for index, mode in enumerate(document["modes"]):
-            if "frequency_hz" in mode:
-                path = f"modes.{index}.frequency_hz"
-                if f"modes.{index}.stiffness_n_per_m" in changed:
-                    raise ParameterError(f"{where}: {path} and the stiffness are both changed; give one of them.")
-                mode["stiffness_n_per_m"] = stiffness_for(mode["mass_kg"], mode.pop("frequency_hz"), path, where)
-            if "quality_factor" in mode:
-                path = f"modes.{index}.quality_factor"
-                if f"modes.{index}.damping_n_s_per_m" in changed:
-                    raise ParameterError(f"{where}: {path} and the damping are both changed; give one of them.")
-                stiffness = limited(Mode, "stiffness_n_per_m", mode["stiffness_n_per_m"], path, where)
-                mass = limited(Mode, "mass_kg", mode["mass_kg"], path, where)
-                mode["damping_n_s_per_m"] = damping_for(mass, stiffness, mode.pop("quality_factor"), path, where)
+            for alias, constant in ALIASES.items():
+                if alias in mode and f"modes.{index}.{constant}" in changed:
+                    other = constant.partition("_")[0]
+                    raise ParameterError(
+                        f"{where}: modes.{index}.{alias} and the {other} are both changed; give one of them."
+                    )
+            document["modes"][index] = with_constants(mode, f"modes.{index}", where)
         changed_modes = any(path.startswith("modes.") for path in changed)
         document["drive"] = self.drive
         return assemble(document, None if changed_modes else self.structure, provenance, where=where)
@@ -285,26 +281,38 @@ def _moved(path: str, moved: Mapping[str, str]) -> str:
     return f"{moved.get(head, head)}.{key}" if head else path
 
 
-def stiffness_for(mass_kg: Any, frequency_hz: Any, path: str, where: str) -> float:
-    """Return the stiffness in N/m that gives a mode of this mass the frequency that stands at ``path``."""
-    mass = limited(Mode, "mass_kg", mass_kg, path.replace("frequency_hz", "mass_kg"), where)
-    frequency = positive(frequency_hz, path, where, "Hz")
+def with_constants(mode: Mapping[str, Any], path: str, where: str) -> dict[str, Any]:
+    """Return a mode with stiffness and damping in place of its frequency and quality factor, if it has these."""
+    found = dict(mode)
+    if "frequency_hz" in found:
+        found["stiffness_n_per_m"] = _stiffness_for(found["mass_kg"], found.pop("frequency_hz"), path, where)
+    if "quality_factor" in found:
+        quality = positive(found.pop("quality_factor"), f"{path}.quality_factor", where)
+        if quality <= LOWEST_QUALITY:
+            raise ParameterError(
+                f"{where}: {path}.quality_factor = {quality:g} is not valid: it must be > {LOWEST_QUALITY:g}."
+            )
+        mass, stiffness = mass_and_stiffness(found, path, where)
+        found["damping_n_s_per_m"] = sqrt(stiffness * mass) / quality
+    return found
+
+
+def mass_and_stiffness(mode: Mapping[str, Any], path: str, where: str) -> list[float]:
+    """Return mass in kg and stiffness in N/m of a mode, checked."""
+    return [limited(Mode, name, mode[name], f"{path}.{name}", where) for name in ("mass_kg", "stiffness_n_per_m")]
+
+
+def _stiffness_for(mass_kg: Any, frequency_hz: Any, path: str, where: str) -> float:
+    mass = limited(Mode, "mass_kg", mass_kg, f"{path}.mass_kg", where)
+    frequency = positive(frequency_hz, f"{path}.frequency_hz", where, "Hz")
     stiffness = mass * (2.0 * pi * frequency) ** 2
     limits = Mode.model_json_schema()["properties"]["stiffness_n_per_m"]
     if not limits["exclusiveMinimum"] < stiffness <= limits["maximum"]:
         raise ParameterError(
-            f"{where}: {path} = {frequency:g} Hz is not valid: with a mass of {mass:g} kg it needs a stiffness of "
-            f"{stiffness:.3g} N/m, which must be {allowed_range(Mode, 'stiffness_n_per_m')}."
+            f"{where}: {path}.frequency_hz = {frequency:g} Hz is not valid: with a mass of {mass:g} kg it needs a "
+            f"stiffness of {stiffness:.3g} N/m, which must be {allowed_range(Mode, 'stiffness_n_per_m')}."
         )
     return stiffness
-
-
-def damping_for(mass_kg: float, stiffness_n_per_m: float, quality_factor: Any, path: str, where: str) -> float:
-    """Return the damping in N·s/m that gives a mode the quality factor at ``path``: c = √(k m)/Q."""
-    quality = positive(quality_factor, path, where)
-    if quality <= LOWEST_QUALITY:
-        raise ParameterError(f"{where}: {path} = {quality:g} is not valid: it must be > {LOWEST_QUALITY:g}.")
-    return sqrt(stiffness_n_per_m * mass_kg) / quality
 
 
 def _set_path(document: dict[str, Any], path: str, value: Any) -> str:
@@ -319,7 +327,7 @@ def _set_path(document: dict[str, Any], path: str, value: Any) -> str:
                 f"There is no mode {quoted(which)} in {quoted(path)}; there are {', '.join(names)}, numbered from 0."
             )
         prefix = f"modes.{index}."
-        allowed: tuple[str, ...] = (*Mode.model_fields, "frequency_hz", "quality_factor")
+        allowed: tuple[str, ...] = (*Mode.model_fields, *ALIASES)
         target = document["modes"][index]
     elif path in _OPTIONAL:
         document[path] = dict(value) if isinstance(value, Mapping) else value

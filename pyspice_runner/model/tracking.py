@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan, pi, sqrt, tan
+from typing import Literal
 
 import numpy as np
 
@@ -25,6 +26,8 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Contact
 
+TrackerKind = Literal["none", "pll", "observe-current", "observe-power"]
+DisturbanceKind = Literal["start", "target", "load", "preload", "temperature", "warm-up"]
 _CYCLE = 720  # points of a cycle of the slider
 
 

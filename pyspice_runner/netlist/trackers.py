@@ -26,15 +26,19 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import quantity
 from pyspice_runner.model.refusal import Stated
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.model.tracking import LoopFilter, StatorLag, propose_filter, stator_lag
+from pyspice_runner.model.tracking import (
+    DisturbanceKind,
+    LoopFilter,
+    StatorLag,
+    TrackerKind,
+    propose_filter,
+    stator_lag,
+)
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.drivers import Driver, add_driver, control_amplitude
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import dielectric_admittance, instantiate
 from pyspice_runner.netlist.source import GROUPS, Pins, Source
-
-TrackerKind = Literal["none", "pll", "observe-current", "observe-power"]
-DisturbanceKind = Literal["start", "target", "load", "preload", "temperature", "warm-up"]
 
 RAIL = 5.0  # V, range of the control voltage
 # Digital events shorten the steps; ngspice's error control is switched off, as with uniform steps. The nodes have some
