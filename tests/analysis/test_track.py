@@ -24,6 +24,7 @@ from pyspice_runner.model.tracking import LoopFilter, propose_filter
 pytestmark = pytest.mark.xdist_group("trackers")
 
 COARSE = 1.0 / (100.0 * 55.4e3)  # s, a hundredth of the shortest period: edges are seen 3.6° late at worst
+FINE = COARSE / 8.0  # s; edges 0.45° late: at 3.6° the overshoot of a step by 20° scatters by a tenth of itself
 FAST = {"period_s": 0.8e-3, "step_hz": 100.0}
 
 
@@ -229,8 +230,9 @@ def test_the_averaged_loop_steps_like_the_full_transient(bandwidth: float) -> No
     chosen = free(bandwidth, 1.0, target_deg=-10.0)
     begin = 3e-3
     found = pr.track(
-        motor(), chosen, disturb="target", target_step=20.0, contact=None, begin=begin, duration=begin + 4.0 / bandwidth
-    )
+        motor(), chosen, disturb="target", target_step=20.0, contact=None, begin=begin, duration=begin + 4.0 / bandwidth,
+        step=FINE,
+    )  # fmt: skip
     lag = running_resonance(motor(), chosen, contact=False)
     at_resonance = chosen.model_copy(update={"target_deg": 0.0})
     time, averaged = averaged_step(
