@@ -1,18 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run tasks in worker processes, or in the user's executor; a worker that dies loses none of them."""
+"""Run tasks in worker processes, or in the user's executor; a worker that dies loses none of them.
+
+The processes are watched by this thread alone, over one pipe each. A pool of the standard library has a thread and
+locks of its own; in Python 3.13 it may wait for ever after a worker was killed.
+"""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
 import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Mapping
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
-from contextlib import contextmanager, nullcontext
-from multiprocessing.connection import Connection
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
 from queue import SimpleQueue
 from typing import Any
 
@@ -22,71 +29,110 @@ from pyspice_runner.interrupts import held
 Task = Callable[[], dict[str, Any]]
 Outcome = dict[str, Any] | BaseException
 
-_TRIES = 2  # for a task whose worker dies, and for a pool that dies before it finishes a task
+_TRIES = 2  # for a task whose worker dies
+_MOST_DEATHS = 8  # in a row, after which no worker seems able to work
 _SAFE_PATH = "PYTHONSAFEPATH"
 _GRACE = 2.0  # s for a worker whose sweep has ended to stop ngspice and remove its files
+_LONGEST_END = 20.0  # s for a worker to end, including the imports of one that is just starting
 
 
 def outcomes(
     tasks: Mapping[str, Task], workers: int | None, executor: Executor | None
 ) -> Generator[tuple[str, Outcome]]:
-    """Yield the outcome of each task as it is finished; tasks of a dead worker process are tried again in new ones."""
+    """Yield the outcome of each task as it is finished; the task of a dead worker process is tried again."""
     if workers is not None and workers < 1:
         raise ParameterError(f"workers = {workers} is not valid: it must be a whole number > 0.")
-    number = min(workers or os.cpu_count() or 1, len(tasks))
-    # Our own pool gets few tasks at a time: if a worker dies, all tasks in the pool are lost.
-    ahead = 2 * number if executor is None else len(tasks)
-    waiting = deque(tasks)
-    deaths: Counter[str] = Counter()
-    fruitless = 0
-    while waiting and fruitless < _TRIES:
-        fruitless += 1
-        with _processes(number) if executor is None else nullcontext(executor) as pool:
-            for address, outcome in _through(pool, tasks, waiting, lambda one: 1 if deaths[one] else ahead):
-                if isinstance(outcome, BrokenExecutor | CancelledError):
-                    deaths[address] += 1
-                    if executor is None and deaths[address] < _TRIES:
-                        waiting.append(address)  # one of these killed the worker: run each alone, after all others
-                        continue
-                fruitless = 0
-                yield address, outcome
-    for address in waiting:
-        yield address, BrokenExecutor()
+    if executor is not None:
+        yield from _by_executor(tasks, executor)
+    elif tasks:
+        yield from _by_processes(tasks, min(workers or os.cpu_count() or 1, len(tasks)))
 
 
-def _through(
-    pool: Executor, tasks: Mapping[str, Task], waiting: deque[str], together: Callable[[str], int]
-) -> Iterator[tuple[str, Outcome]]:
-    """Run waiting tasks in a pool, a given number at a time, until none waits or the pool is broken."""
+def _by_executor(tasks: Mapping[str, Task], executor: Executor) -> Iterator[tuple[str, Outcome]]:
+    """Run tasks in the user's executor; those that it loses or does not take are lost."""
     done: SimpleQueue[Future[dict[str, Any]]] = SimpleQueue()
     under_way: dict[Future[dict[str, Any]], str] = {}
-    sound = True
     try:
-        while True:
-            while sound and waiting and len(under_way) < together(waiting[0]):
-                try:
-                    with _start_of_workers():
-                        future = pool.submit(tasks[waiting[0]])
-                except BrokenExecutor:
-                    sound = False
-                else:
-                    under_way[future] = waiting.popleft()
-                    future.add_done_callback(done.put)
-            if not under_way:
-                return
+        for address, task in tasks.items():
+            try:
+                with _start_of_workers():
+                    future = executor.submit(task)
+            except BrokenExecutor as error:
+                yield address, error
+            else:
+                under_way[future] = address
+                future.add_done_callback(done.put)
+        while under_way:
             future = done.get()
             address = under_way.pop(future)
-            outcome = CancelledError() if future.cancelled() else future.exception() or future.result()
-            sound = sound and not isinstance(outcome, BrokenExecutor | CancelledError)
-            yield address, outcome
+            yield address, CancelledError() if future.cancelled() else future.exception() or future.result()
     finally:
         for future in under_way:
             future.cancel()
 
 
+def _by_processes(tasks: Mapping[str, Task], number: int) -> Iterator[tuple[str, Outcome]]:
+    """Run each task in one of a number of worker processes."""
+    waiting = deque(tasks)
+    deaths: Counter[str] = Counter()
+    in_a_row = 0
+    with _processes() as start:
+        idle: list[Connection] = []
+        busy: dict[Connection, str] = {}
+        while in_a_row < _MOST_DEATHS and (waiting or busy):
+            # a task whose worker died may need much memory: it runs alone, after all others
+            while waiting and len(busy) < (1 if deaths[waiting[0]] else number):
+                worker, address = idle.pop() if idle else start(), waiting.popleft()
+                error = _send(worker, tasks[address])
+                if error:
+                    idle.append(worker)
+                    yield address, error
+                else:
+                    busy[worker] = address
+            ready = wait(list(busy)) if busy else []
+            for worker in [one for one in busy if one in ready]:
+                address, outcome = busy.pop(worker), _receive(worker)
+                in_a_row = in_a_row + 1 if outcome is None else 0
+                if outcome is not None:
+                    idle.append(worker)
+                    yield address, outcome
+                elif deaths[address] + 1 < _TRIES:
+                    deaths[address] += 1
+                    waiting.append(address)
+                else:
+                    yield address, BrokenExecutor()
+        for address in [*busy.values(), *waiting]:
+            yield address, BrokenExecutor()
+
+
+def _send(worker: Connection, task: Task) -> Exception | None:
+    """Send a task to a worker; return why it cannot be sent."""
+    try:
+        worker.send(task)
+    except OSError:  # the worker is dead, as the end of its pipe will say
+        return None
+    except Exception as error:  # noqa: BLE001 # pickle raises what the task raises
+        return error
+    return None
+
+
+def _receive(worker: Connection) -> Outcome | None:
+    """Return the outcome that a worker sends; ``None`` if it is dead."""
+    try:
+        answer = worker.recv_bytes()
+    except (EOFError, OSError):
+        worker.close()
+        return None
+    try:
+        outcome: Outcome = pickle.loads(answer)
+    except Exception as error:  # noqa: BLE001 # as of an exception whose arguments are not those of its class
+        return error
+    return outcome
+
+
 @contextmanager
 def _start_of_workers() -> Iterator[None]:
-    """Set what the worker processes inherit that a pool starts within.
+    """Set what the worker processes inherit that start within.
 
     SIGINT is blocked: only the sweep reacts to Ctrl-C. PYTHONSAFEPATH keeps the working directory out of a worker's
     module path until it has received that of this process; without it, Python would execute a file named signal.py or
@@ -106,25 +152,44 @@ def _start_of_workers() -> Iterator[None]:
 
 
 @contextmanager
-def _processes(number: int) -> Iterator[Executor]:
-    """Worker processes that end with this process, even if it is killed."""
-    theirs, ours = multiprocessing.Pipe(duplex=False)
-    with _start_of_workers():  # multiprocessing's resource tracker starts here
-        pool = ProcessPoolExecutor(
-            number, multiprocessing.get_context("spawn"), initializer=_begin_worker, initargs=(theirs,)
-        )
+def _processes() -> Iterator[Callable[[], Connection]]:
+    """A function that starts a worker process; all end with this process, even if it is killed."""
+    spawn = multiprocessing.get_context("spawn")
+    theirs, ours = spawn.Pipe(duplex=False)
+    with _start_of_workers():
+        resource_tracker.ensure_running()  # it unblocks SIGINT, so not at the start of the first worker
+    started: list[tuple[BaseProcess, Connection]] = []
+
+    def start() -> Connection:
+        here, there = spawn.Pipe()
+        with held(), _start_of_workers():
+            process = spawn.Process(target=_work, args=(there, theirs))
+            process.start()
+            started.append((process, here))
+        there.close()
+        return here
+
+    def end() -> None:
+        for _, connection in started:
+            connection.close()
+        for process, _ in started:
+            process.join(_LONGEST_END)
+
     try:
-        yield pool
-        pool.shutdown()
+        yield start
+        end()
     finally:
         with held():  # a second Ctrl-C would leave workers that are just starting
             ours.close()
-            pool.shutdown(cancel_futures=True)
+            end()
+            for process, _ in started:
+                process.kill()
+                process.join()
             theirs.close()
 
 
-def _begin_worker(sweep_lives: Connection) -> None:
-    """Let a worker end when its sweep does, after it has stopped ngspice and removed its files."""
+def _work(tasks: Connection, sweep_lives: Connection) -> None:
+    """Do tasks until their pipe ends; end with the sweep, after ngspice is stopped and its files are removed."""
 
     def watch() -> None:
         sweep_lives.poll(None)  # returns when the other end is closed, however the sweep ended
@@ -134,10 +199,29 @@ def _begin_worker(sweep_lives: Connection) -> None:
 
     try:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)  # only the sweep reacts to a closed terminal
-        signal.signal(signal.SIGTERM, _end_task)  # the pool sends it to all workers when one of them dies
+        signal.signal(signal.SIGTERM, _end_task)
         threading.Thread(target=watch, daemon=True).start()
+        while True:
+            tasks.send_bytes(_answer(tasks.recv_bytes()))
+    except (EOFError, OSError):  # the sweep has no more tasks, or has ended
+        return
     except SweepEnded:
         os._exit(1)
+
+
+def _answer(task: bytes) -> bytes:
+    """Return the pickled outcome of a pickled task."""
+    outcome: Outcome
+    try:
+        outcome = pickle.loads(task)()
+    except SweepEnded:
+        raise
+    except BaseException as error:  # noqa: BLE001 # the sweep reports it
+        outcome = error
+    try:
+        return pickle.dumps(outcome)
+    except Exception as error:  # noqa: BLE001 # pickle raises what the outcome raises
+        return pickle.dumps(RuntimeError(f"{outcome!r} cannot be pickled: {error}"))
 
 
 class SweepEnded(SystemExit):
