@@ -230,8 +230,8 @@ def test_the_averaged_loop_steps_like_the_full_transient(bandwidth: float) -> No
     chosen = free(bandwidth, 1.0, target_deg=-10.0)
     begin = 3e-3
     found = pr.track(
-        motor(), chosen, disturb="target", target_step=20.0, contact=None, begin=begin, duration=begin + 4.0 / bandwidth,
-        step=FINE,
+        motor(), chosen, disturb="target", target_step=20.0, contact=None, begin=begin,
+        duration=begin + 4.0 / bandwidth, step=FINE,
     )  # fmt: skip
     lag = running_resonance(motor(), chosen, contact=False)
     at_resonance = chosen.model_copy(update={"target_deg": 0.0})
