@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from pyspice_runner.analysis.track import track
     from pyspice_runner.analysis.working_points import working_points
     from pyspice_runner.errors import ParameterError, SimulationError, SpectrumError
+    from pyspice_runner.export.motor import export_motor
     from pyspice_runner.model.drive import TwoPhaseDrive, TwoToneDrive, default_drive
     from pyspice_runner.model.load import available_motors, load_motor
     from pyspice_runner.model.motor import Motor
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
     from pyspice_runner.netlist.trackers import Tracker
     from pyspice_runner.spectra.admittance import admittance
     from pyspice_runner.spectra.compare import compare
-    from pyspice_runner.spectra.export import export_motor
     from pyspice_runner.spectra.fit import fit_spectrum
     from pyspice_runner.spectra.readers import read_spectrum
     from pyspice_runner.spectra.spectrum import Spectrum
@@ -70,7 +70,7 @@ _HOMES = {
     "compare": "spectra.compare",
     "default_drive": "model.drive",
     "drive_report": "analysis.drive",
-    "export_motor": "spectra.export",
+    "export_motor": "export.motor",
     "fit_spectrum": "spectra.fit",
     "fit_together": "spectra.together",
     "fit_two_port": "spectra.twoport",

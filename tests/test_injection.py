@@ -20,6 +20,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
+from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.model.circuit_file import is_circuit_file, load_circuit
 from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.model.motor import Provenance
@@ -27,7 +28,6 @@ from pyspice_runner.netlist.equivalent import circuit_library
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import motor_library
 from pyspice_runner.netlist.sources import DriveSource, motor_bench
-from pyspice_runner.spectra.export import export_circuit
 from tests.data.spectra import make
 from tests.fuzz.entry_points import clear, harmless, nothing_runs, warm
 from tests.fuzz.nasty import ATTEMPTS, MARKER
@@ -190,7 +190,7 @@ def test_the_provenance_of_a_value_is_not_written_to_a_netlist(what: str) -> Non
 def test_a_title_stays_on_one_line_in_every_format(what: str) -> None:
     for ending in (".lib", ".asy", ".kicad_sym", ".s1p", ".toml"):
         plain, made = (
-            export_circuit(CIRCUIT, f"out{ending}", title=title).read_text(encoding="utf-8").splitlines()
+            CircuitExport(CIRCUIT, title).save(f"out{ending}").read_text(encoding="utf-8").splitlines()
             for title in ("a fit", ATTEMPTS[what] or "x")
         )
         assert len(made) == len(plain)

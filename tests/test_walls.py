@@ -36,10 +36,12 @@ WALLS = {
     "engine": {"errors", "interrupts"},
     "run": BASE | {"model", "netlist", "engine"},
     "analysis": BASE | {"datasets", "model", "netlist", "engine", "run", "spectra"},
-    "spectra": BASE | {"model", "netlist", "engine", "run"},
+    "export": BASE | {"model", "netlist", "engine", "run"},
+    "spectra": BASE | {"model", "netlist", "engine", "run", "export"},
     "study": BASE | {"datasets", "model", "netlist", "engine", "run", "analysis"},
-    "view": BASE | {"datasets", "model", "netlist", "engine", "run", "analysis", "spectra", "study"},
-    "commands": BASE | {"", "datasets", "model", "netlist", "engine", "run", "analysis", "spectra", "study", "view"},
+    "view": BASE | {"datasets", "model", "netlist", "engine", "run", "export", "analysis", "spectra", "study"},
+    "commands": BASE
+    | {"", "datasets", "model", "netlist", "engine", "run", "export", "analysis", "spectra", "study", "view"},
     "cli": {"commands", "interrupts", ""},
     "__main__": {"cli", "interrupts"},
 }

@@ -69,8 +69,8 @@ class Throw(Stated):
     def _check(self) -> Self:
         if self.greatest_penetration_m > 0.1 * self.radius_m:
             raise ValueError(
-                f"velocity_m_s = {self.velocity_m_s:g} m/s presses the sphere in by {self.greatest_penetration_m:.3g} "
-                f"m; Hertz's theory holds to a tenth of radius_m = {self.radius_m:g} m at most, so throw it slower"
+                f"velocity_m_s = {self.velocity_m_s:g} m/s gives a penetration of {self.greatest_penetration_m:.3g} m; "
+                f"Hertz's theory holds up to a tenth of radius_m = {self.radius_m:g} m, so reduce the velocity"
             )
         return self
 
@@ -110,7 +110,7 @@ class Throw(Stated):
 
     @property
     def limit_ratio(self) -> float:
-        """Limit of stick over penetration, κ = μ E*/G*."""
+        """Limit of stick relative to the penetration, κ = μ E*/G*."""
         return contact_law.limit_ratio(self.contact)
 
     @property
@@ -145,7 +145,7 @@ class Throw(Stated):
 
 @dataclass(frozen=True, repr=False)
 class Impact(Result):
-    """One impact, from touch to lift-off. The patch is where the sphere touches.
+    """An impact, from touch to lift-off. The patch is the area of contact.
 
     Attributes:
         psi_1: incidence ψ₁ = v_t/(κ v_n) of the patch, κ = μ E*/G*.
@@ -164,7 +164,7 @@ class Impact(Result):
         friction_force_n: friction force on the sphere, negative where it slows the patch down.
         contact_state: 1 stick, 2 slip; between them 1 + the part of the brush that slips.
         patch_velocity_m_s: tangential velocity of the patch.
-        solver_seconds: wall time that ngspice took.
+        solver_seconds: wall time of ngspice.
         provenance: throw, law and ngspice's version, JSON-ready.
         deck: the netlist that was run.
     """
@@ -262,15 +262,15 @@ def impact(
     timeout: float | None = None,
     audit: bool = True,
 ) -> Impact:
-    """Throw a sphere at a half-space and follow it until it lifts off.
+    """Simulate the impact of a sphere on a half-space, until it lifts off.
 
     Args:
         throw: sphere, half-space and velocities.
         contact: law of the contact, as in ``simulate``.
         steps: number of time steps of an impact without loss.
         timeout: wall time in s after which ngspice is ended.
-        audit: whether an impact that fails the physical audit is an error. If not, ``provenance["audit"]`` has what
-            was found.
+        audit: whether an impact that fails the physical audit raises an error; if not, ``provenance["audit"]`` has
+            the findings.
 
     Raises:
         ParameterError: for an invalid value.
@@ -295,7 +295,7 @@ def impact(
 
 
 def _audited(throw: Throw, samples: dict[str, Array]) -> tuple[str, ...]:
-    """Return what cannot be true about the forces and the energy of an impact."""
+    """Return the physical violations in the forces and the energy of an impact, one sentence each."""
     before, after = (
         0.5 * throw.mass_kg * (samples["v(vy)"][at] ** 2 + samples["v(centre)"][at] ** 2)
         + 0.5 * throw.inertia_kg_m2 * samples["v(spin)"][at] ** 2

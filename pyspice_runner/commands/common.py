@@ -85,7 +85,6 @@ SetOption = Annotated[
     ),
 ]
 MOST_VALUES = 1_000_000  # of an axis
-CIRCUIT_ENDINGS = (".lib", ".asy", ".kicad_sym", ".s1p", ".toml")  # of exported equivalent circuits
 TimeoutOption = Annotated[float | None, typer.Option(help="Stop ngspice after this time, s.")]
 
 

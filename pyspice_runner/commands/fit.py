@@ -16,7 +16,6 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
-    CIRCUIT_ENDINGS,
     JsonOption,
     OutputOption,
     PlotOption,
@@ -284,7 +283,9 @@ def fit(
         refuse_idle(context, "on spectra that are fitted together", *_OF_ONE_PORT, "noise", "timeout")
         _fit_together([file, *(series or ())], one_port, voltages, temperatures, modes, as_json, output)
         return
-    check_targets(output, (*CIRCUIT_ENDINGS, ".json", ".csv"), plot, [file, opened, short, load])
+    from pyspice_runner.export.circuit import CIRCUIT_FORMATS
+
+    check_targets(output, (*CIRCUIT_FORMATS, ".json", ".csv"), plot, [file, opened, short, load])
     if load is None:
         refuse_idle(context, "without --load", "load_ohm")
     known, error = leads_of(leads, no_leads), noise_of(noise)

@@ -11,7 +11,6 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
-    CIRCUIT_ENDINGS,
     JsonOption,
     MotorArgument,
     OutputOption,
@@ -29,10 +28,6 @@ from pyspice_runner.commands.common import (
     write_table,
 )
 from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
-
-_SYMBOL, _DATA = ("contact", "sliders"), ("contact", "sliders", "name", "thermal")
-# options that a file of this ending does not depend on
-_IDLE = {".asy": _SYMBOL, ".kicad_sym": _SYMBOL, ".s2p": _DATA, ".toml": _DATA}
 
 
 def motors(as_json: JsonOption = False, output: OutputOption = None, plot: PlotOption = None) -> None:
@@ -115,13 +110,10 @@ def export(
 
     Example: piezomotor export bimodal40 --output motor.lib
     """
+    from pyspice_runner.export.motor import FORMATS, MotorExport, endings
     from pyspice_runner.model.circuit_file import is_circuit_file
     from pyspice_runner.model.thermal import Thermal
-    from pyspice_runner.netlist.averaged import averaged_library, check_averaged
-    from pyspice_runner.netlist.fmu import fmu_texts
-    from pyspice_runner.netlist.motor import motor_library
-    from pyspice_runner.netlist.veriloga import motor_module
-    from pyspice_runner.netlist.xyce import Dialect, check_dialect, in_dialect
+    from pyspice_runner.netlist.xyce import Dialect, check_dialect
 
     if is_circuit_file(source):
         refuse_idle(context, "on the circuit of a fit", "contact", "sliders", "thermal", "averaged", "dialect")
@@ -130,35 +122,21 @@ def export(
         _export_circuit(source, changes, as_json, output, plot, name or "resonator")
         return
     law = law_named(contact, sliders)
-    of_averaged, of_full = (".lib", ".fmu"), (".lib", ".va", ".fmu", ".asy", ".kicad_sym", ".s2p", ".toml")
-    check_targets(output, of_averaged if averaged else of_full, plot, [source])
+    check_targets(output, endings(averaged), plot, [source])
     check_dialect(dialect, output)
-    if output is not None:
-        refuse_idle(context, f"on a {output.suffix}", *_IDLE.get(output.suffix, ()))
+    ending = output.suffix if output is not None else ".lib"
+    refuse_idle(context, f"on a {ending}", *FORMATS[ending].idle)
     loaded = load_changed(source, changes)
     drift = Thermal.of(loaded) if thermal else None
-    if output is not None and output.suffix == ".fmu":
-        check_averaged(law)
-        text = fmu_texts(loaded, name=name, thermal=drift)["modelDescription.xml"]
-    elif averaged:
-        check_averaged(law)
-        text = averaged_library(loaded, name=name, thermal=drift)
-    elif output is not None and output.suffix == ".va":
-        text = motor_module(loaded, contact=law, name=name, thermal=drift)
-    else:
-        text = motor_library(loaded, contact=law, name=name, thermal=drift)
+    exported = MotorExport(loaded, law, name, drift, averaged, cast(Dialect, dialect))
 
     def save(path: Path) -> None:
         with busy("writing"):
-            pr.export_motor(
-                loaded, path, contact=law, name=name, thermal=drift, averaged=averaged,
-                dialect=cast(Dialect, dialect),
-            )  # fmt: skip
+            exported.save(path)
 
-    text = in_dialect(text, dialect)
-    document = {"motor": loaded.name, "library": text}
+    text = exported.text(ending)
     deliver(
-        document, "" if output else text, as_json,
+        {"motor": loaded.name, "library": text}, "" if output else text, as_json,
         (output, save), (plot, lambda path: view().draw(loaded, path)),
     )  # fmt: skip
     _name_library(as_json, output)
@@ -169,17 +147,14 @@ def _export_circuit(
 ) -> None:
     if changes or plot is not None:
         raise pr.ParameterError("--set and --plot are for motors; a fit is drawn by `piezomotor fit FILE --plot`.")
+    from pyspice_runner.export.circuit import CIRCUIT_FORMATS, CircuitExport
     from pyspice_runner.model.circuit_file import load_circuit
-    from pyspice_runner.netlist.equivalent import circuit_library
-    from pyspice_runner.spectra.export import export_circuit
 
-    check_targets(output, CIRCUIT_ENDINGS, None, [source])
-    circuit, file = load_circuit(source), Path(source).name
-    text = circuit_library(circuit, title=f"from {file}", name=name)
-    deliver(
-        {"circuit": file, "library": text}, "" if output else text, as_json,
-        (output, lambda path: export_circuit(circuit, path, title=f"from {file}", name=name)),
-    )  # fmt: skip
+    check_targets(output, tuple(CIRCUIT_FORMATS), None, [source])
+    file = Path(source).name
+    exported = CircuitExport(load_circuit(source), f"from {file}", name)
+    text = exported.text()
+    deliver({"circuit": file, "library": text}, "" if output else text, as_json, (output, exported.save))
     _name_library(as_json, output)
 
 

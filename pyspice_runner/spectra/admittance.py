@@ -27,11 +27,11 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.benches import AC_OPTIONS, admittance_bench
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_two_port
-from pyspice_runner.run.kernel import Outcome, ac, run_bench
+from pyspice_runner.run.kernel import Outcome, run_bench
+from pyspice_runner.run.two_port import Swept, sweep_two_port, two_port, two_port_bench
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, columns_of, connect
 from pyspice_runner.spectra.threads import one_thread
 from pyspice_runner.units import engineering
@@ -42,9 +42,6 @@ _ZOOM_POINTS = 1201  # over the zoom below: 100 points a bandwidth, so that a pa
 _ZOOM_BANDWIDTHS = 6.0  # on each side of a resonance
 _MOST_POINTS = 1_000_000
 
-_CURRENTS = [f"i(v{group}{copy})" for group in "ab" for copy in "12"]  # into a group (row), of a driven group (column)
-
-_Swept = tuple[NDArray[np.float64], NDArray[np.complex128]]  # frequencies and matrices
 _Sweep = Callable[[float, float, int], Outcome]  # first and last frequency, number of points
 
 
@@ -171,11 +168,11 @@ def admittance(
     if not 3 <= points <= _MOST_POINTS:  # of two points, ngspice returns only the first
         raise ParameterError(f"points = {points} is not valid: it must be a whole number from 3 to {_MOST_POINTS}.")
     preloaded = state == "preloaded"
-    bench = Bench(admittance_bench(motor, preloaded=preloaded), AC_OPTIONS)
+    bench = two_port_bench(motor, preloaded=preloaded)
     normal_force = _operating_force(motor, bench, timeout) if preloaded else 0.0
-    sweep = partial(_sweep, bench, timeout)
+    sweep = partial(sweep_two_port, bench, timeout)
     outcome = sweep(start, stop, points)
-    frequency, matrix = _two_port(outcome)
+    frequency, matrix = two_port(outcome)
     audited = Audit(audit_two_port(frequency, matrix))
     if audit:
         audited.withhold("result")
@@ -216,19 +213,6 @@ def _operating_force(motor: Motor, bench: Bench, timeout: float | None) -> float
     return found
 
 
-def _sweep(bench: Bench, timeout: float | None, start: float, stop: float, points: int) -> Outcome:
-    return ac(
-        bench, _CURRENTS, timeout=timeout, variation="lin", number_of_points=points, start_frequency=start,
-        stop_frequency=stop,
-    )  # fmt: skip
-
-
-def _two_port(outcome: Outcome) -> _Swept:
-    phasors = outcome.phasors()
-    matrix = -np.stack([phasors[name] for name in _CURRENTS], axis=-1).reshape(-1, 2, 2)
-    return np.ascontiguousarray(phasors["frequency"].real), matrix
-
-
 def _expected(motor: Motor, preloaded: bool) -> list[tuple[Mode, float, float]]:
     """Return every mode with its expected frequency (Hz) and bandwidth (Hz)."""
     if not preloaded:
@@ -251,7 +235,7 @@ def _distance(frequency: float, mode: Mode, motor: Motor) -> float:
 
 
 def _resonance(
-    sweep: _Sweep, motor: Motor, mode: Mode, swept: _Swept, bandwidth: float, connection: Connection
+    sweep: _Sweep, motor: Motor, mode: Mode, swept: Swept, bandwidth: float, connection: Connection
 ) -> Resonance | None:
     """Return the characteristic frequencies and the motional arm of a mode; sweep its antiresonance.
 
@@ -281,10 +265,10 @@ def _resonance(
     )
 
 
-def _zoom(sweep: _Sweep, centre: float, bandwidth: float) -> _Swept:
+def _zoom(sweep: _Sweep, centre: float, bandwidth: float) -> Swept:
     """Return frequencies (Hz) within some bandwidths of a centre, and the admittance matrices there."""
     low = max(centre - _ZOOM_BANDWIDTHS * bandwidth, 0.5 * centre)
-    return _two_port(sweep(low, centre + _ZOOM_BANDWIDTHS * bandwidth, _ZOOM_POINTS))
+    return two_port(sweep(low, centre + _ZOOM_BANDWIDTHS * bandwidth, _ZOOM_POINTS))
 
 
 def _peak(frequency: NDArray[np.float64], values: NDArray[np.float64]) -> float:

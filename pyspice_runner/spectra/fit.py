@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pyspice_runner.errors import ParameterError, SpectrumError
+from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.model.equivalent import Characteristics, EquivalentCircuit, MotionalArm
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
-from pyspice_runner.spectra.export import circuit_writers
 from pyspice_runner.spectra.identify import (
     COST,
     GLOBALS,
@@ -206,7 +206,7 @@ class SpectrumFit(Result):
     def writers(self) -> dict[str, Callable[[Path], object]]:
         """Return the writers by ending: also ``.lib``, ``.asy``, ``.kicad_sym``, ``.s1p``, ``.toml``."""
         title = f"fitted to {self.source or 'a spectrum'}"
-        return {**super().writers(), **circuit_writers(self.circuit, title=title, frequency_hz=self.frequency_hz)}
+        return {**super().writers(), **CircuitExport(self.circuit, title, frequency_hz=self.frequency_hz).writers()}
 
     @property
     def cautions(self) -> tuple[str, ...]:

@@ -20,11 +20,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.export.motor import export_motor
 from pyspice_runner.model.motor import Motor, Provenance
 from pyspice_runner.model.parameters import Parameters
 from pyspice_runner.model.refusal import unit_of
 from pyspice_runner.run.waveforms import Waveforms
-from pyspice_runner.spectra.export import export_motor
 from pyspice_runner.spectra.spectrum import COUPLING
 from pyspice_runner.units import engineering
 from pyspice_runner.view.contents import Contents

@@ -33,6 +33,7 @@ from pyspice_runner.commands.common import complete_motor
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.engine.rawfile import RawFileError, read_rawfile
 from pyspice_runner.engine.silent import silent_fault
+from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.model.beam import resonator_modes
 from pyspice_runner.model.circuit_file import is_circuit_file, load_circuit
 from pyspice_runner.model.load import SETS
@@ -40,7 +41,6 @@ from pyspice_runner.netlist.equivalent import circuit_library
 from pyspice_runner.netlist.library import data_path, library_names, parse_library
 from pyspice_runner.netlist.motor import motor_library
 from pyspice_runner.netlist.sources import DriveSource, motor_bench
-from pyspice_runner.spectra.export import export_circuit
 from pyspice_runner.study.store import Store
 from tests.data.spectra import make
 from tests.fuzz import mutate
@@ -215,7 +215,7 @@ def _take_circuit(drawn: tuple[str, bytes], folder: Path) -> None:
     is_circuit_file(path)
     circuit = load_circuit(path)
     for kind in (".lib", ".toml", ".s1p", ".asy", ".kicad_sym"):
-        export_circuit(circuit, folder / f"out{kind}", title="from a fit")
+        CircuitExport(circuit, "from a fit").save(folder / f"out{kind}")
     if load_circuit(folder / "out.toml") != circuit:
         raise Unclear("the circuit differs when it is read back from its own TOML")
     harmless((folder / "out.lib").read_text(encoding="utf-8"))

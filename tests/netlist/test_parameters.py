@@ -14,12 +14,12 @@ from PySpice.Spice.Netlist import Circuit
 
 import pyspice_runner as pr
 from pyspice_runner.engine.ngspice import find_ngspice, run_deck
+from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS
 from pyspice_runner.netlist.contact import LIBRARIES, Law
 from pyspice_runner.netlist.library import parse_library
 from pyspice_runner.netlist.motor import add_motor, motor_library
-from pyspice_runner.spectra.export import export_circuit
 from tests.motors import motor as odd_motor
 from tests.resonators import resonator
 
@@ -197,7 +197,7 @@ def test_two_fits_and_two_kinds_of_motor_work_in_one_deck(tmp_path: Path) -> Non
     circuits = [resonator([20e3], [100.0], [0.05]), resonator([31e3, 44e3], [80.0, 200.0], [0.04, 0.02])]
     files = [tmp_path / name for name in ("left.lib", "right.lib", "cold.lib", "hot.lib")]
     for file, circuit in zip(files[:2], circuits, strict=True):
-        export_circuit(circuit, file, name=file.stem)
+        CircuitExport(circuit, name=file.stem).save(file)
     pr.export_motor(symmetric(), files[2])
     pr.export_motor(symmetric(), files[3], thermal=Thermal(), contact=Law("brush", 2))
     text = "\n".join(file.read_text(encoding="ascii") for file in files)

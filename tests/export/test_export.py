@@ -16,10 +16,10 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
+from pyspice_runner.export.circuit import CircuitExport
+from pyspice_runner.export.touchstone import touchstone
 from pyspice_runner.model.circuit_file import load_circuit
 from pyspice_runner.netlist.motor import motor_library
-from pyspice_runner.spectra.export import export_circuit
-from pyspice_runner.spectra.touchstone import touchstone
 from tests.resonators import fitted, resonator, spectrum, values
 
 CIRCUIT = resonator([20e3, 33e3], [120.0, 300.0], [0.05, 0.02])
@@ -71,7 +71,7 @@ def test_symbols_name_the_library_and_its_pins_in_order(
 
     files = [tmp_path / f"stator{ending}" for ending in (".lib", ".asy", ".kicad_sym")]
     for file in files:
-        assert (pr.export_motor(motor, file) if kind == "motor" else export_circuit(CIRCUIT, file)) == file
+        assert (pr.export_motor(motor, file) if kind == "motor" else CircuitExport(CIRCUIT).save(file)) == file
     library, ltspice, kicad = (file.read_text(encoding="ascii") for file in files)
     (declared,) = re.findall(rf"^\.subckt {name} (.+)$", library, re.M)
     assert [word for word in declared.split() if "=" not in word] == pins
@@ -95,7 +95,7 @@ def test_symbols_name_the_library_and_its_pins_in_order(
 
 
 def test_a_circuit_is_read_back_without_loss(tmp_path: Path) -> None:
-    assert load_circuit(export_circuit(CIRCUIT, tmp_path / "c.toml")) == CIRCUIT
+    assert load_circuit(CircuitExport(CIRCUIT).save(tmp_path / "c.toml")) == CIRCUIT
     fit = fitted(spectrum(CIRCUIT, np.linspace(15e3, 40e3, 401)), 2)
     for ending in (".json", ".toml"):
         assert load_circuit(fit.save(tmp_path / f"fit{ending}")) == fit.circuit
@@ -104,7 +104,7 @@ def test_a_circuit_is_read_back_without_loss(tmp_path: Path) -> None:
 def test_touchstone_has_the_admittance(motor: pr.Motor, tmp_path: Path) -> None:
     import skrf
 
-    one = skrf.Network(str(export_circuit(CIRCUIT, tmp_path / "c.s1p")))
+    one = skrf.Network(str(CircuitExport(CIRCUIT).save(tmp_path / "c.s1p")))
     assert one.y[:, 0, 0] == pytest.approx(CIRCUIT.admittance(one.f), rel=1e-9)
     assert one.f[0] < 20e3 < 33e3 < one.f[-1]
     again = fitted(pr.read_spectrum(tmp_path / "c.s1p"))

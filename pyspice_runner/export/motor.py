@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Motors as files for other programs.
+
+:data:`FORMATS` is the table of formats, by the ending of the file; :func:`export_motor` and the command ``export`` read
+it.
+"""
+
+from __future__ import annotations
+
+import io
+import tempfile
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from xml.etree import ElementTree
+
+from pyspice_runner.engine.compiler import compile_library
+from pyspice_runner.export.symbols import MOTOR_PINS, THERMAL_PINS, kicad_symbol, library_name, ltspice_symbol
+from pyspice_runner.export.touchstone import touchstone
+from pyspice_runner.files import save_by_ending
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
+from pyspice_runner.model.thermal import Thermal
+from pyspice_runner.netlist.averaged import averaged_library, check_averaged
+from pyspice_runner.netlist.contact import ContactLaw
+from pyspice_runner.netlist.fmu import C_FILES, fmu_texts
+from pyspice_runner.netlist.library import check_name
+from pyspice_runner.netlist.motor import SUBCIRCUIT, THERMAL_SUBCIRCUIT, motor_library
+from pyspice_runner.netlist.veriloga import motor_module
+from pyspice_runner.netlist.xyce import Dialect, check_dialect, in_dialect
+from pyspice_runner.run.two_port import stator_two_port
+
+_TWO_PORT_POINTS = 2000
+
+
+@dataclass(frozen=True)
+class MotorExport:
+    """A motor and the options of its export, as :func:`export_motor` has them."""
+
+    motor: Motor
+    contact: ContactLaw | None = "spring-slider"
+    name: str = ""
+    thermal: Thermal | None = None
+    averaged: bool = False
+    dialect: Dialect = "spice"
+
+    def text(self, ending: str) -> str:
+        """Return the netlist of a format, of an ``.fmu`` its model description, of other formats the ``.lib``."""
+        return FORMATS[ending].text(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the file, in the format of its ending, and return its path."""
+        check_dialect(self.dialect, path)
+        return save_by_ending(path, dict.fromkeys(endings(self.averaged), self._write))
+
+    def _write(self, path: Path) -> None:
+        kind = FORMATS[path.suffix]
+        content = kind.content(self, path) if kind.content else kind.text(self)
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of files.
+
+    Attributes:
+        text: function that returns the netlist, or what stands for it.
+        content: function that returns the content of the file at a path, where it is not just this text.
+        averaged: whether it can contain the averaged motor.
+        idle: options of the command that have no effect on it.
+    """
+
+    text: Callable[[MotorExport], str]
+    content: Callable[[MotorExport, Path], str | bytes] | None = None
+    averaged: bool = False
+    idle: tuple[str, ...] = ()
+
+
+def endings(averaged: bool) -> tuple[str, ...]:
+    """Return the endings that the export of a motor, or of an averaged motor, can have."""
+    return tuple(ending for ending, kind in FORMATS.items() if kind.averaged or not averaged)
+
+
+@checked
+def export_motor(
+    motor: Motor,
+    path: str | Path,
+    *,
+    contact: ContactLaw | None = "spring-slider",
+    name: str = "",
+    thermal: Thermal | None = None,
+    averaged: bool = False,
+    dialect: Dialect = "spice",
+) -> Path:
+    """Write a motor, by the ending of the file.
+
+    ``.lib`` (SPICE, ``.subckt piezomotor a b com shaft``), ``.va`` (Verilog-A, ``module piezomotor(a, b, com, shaft,
+    temperature)``), ``.asy`` (LTspice) and ``.kicad_sym`` (KiCad), which name
+    the ``.lib`` of the same name beside them, ``.s2p`` (Touchstone of the stator, tip free) or ``.toml``
+    (:func:`load_motor`). ``.fmu`` is the averaged motor for control tools: FMI 2.0 for co-simulation, with C sources
+    and a binary for Linux on x86-64, which the system's C compiler builds.
+
+    Args:
+        motor: the motor.
+        path: the file.
+        contact: law of the contact in the ``.lib`` or ``.va``.
+        name: name of the subcircuit in the ``.lib``, the ``.va`` and the symbols; by default ``piezomotor``.
+        thermal: drift with temperature, for the pins ``temperature`` and ``heat`` (``piezomotor_thermal`` by default).
+        averaged: whether to write the averaged motor, ``.subckt piezomotor_averaged``, as a ``.lib``; a ``.fmu``
+            always contains it.
+        dialect: ``"spice"`` writes the ``.lib`` for ngspice and LTspice, ``"xyce"`` for Xyce.
+
+    Raises:
+        ParameterError: for another ending, a place that cannot be written, or a name that is not possible.
+        SimulationError: if ngspice fails to compute the two-port, or there is no C compiler for a ``.fmu``.
+    """
+    return MotorExport(motor, contact, name, thermal, averaged, dialect).save(path)
+
+
+# --- formats ---
+
+
+def _library(export: MotorExport) -> str:
+    if export.averaged:
+        check_averaged(export.contact)
+        text = averaged_library(export.motor, name=export.name, thermal=export.thermal)
+    else:
+        text = motor_library(export.motor, contact=export.contact, name=export.name, thermal=export.thermal)
+    return in_dialect(text, export.dialect)
+
+
+def _module(export: MotorExport) -> str:
+    return motor_module(export.motor, contact=export.contact, name=export.name, thermal=export.thermal)
+
+
+def _unit(export: MotorExport) -> dict[str, str]:
+    check_averaged(export.contact)
+    return fmu_texts(export.motor, name=export.name, thermal=export.thermal)
+
+
+def _archive(export: MotorExport, _: Path) -> bytes:
+    """Compile the sources of a Functional Mock-up Unit, and return the archive of both."""
+    texts = _unit(export)
+    identifier = ElementTree.fromstring(texts["modelDescription.xml"]).attrib["modelName"]
+    with tempfile.TemporaryDirectory(prefix="piezomotor-") as folder:
+        for name, text in texts.items():
+            Path(folder, Path(name).name).write_text(text, encoding="utf-8", newline="\n")
+        binary = Path(folder) / f"{identifier}.so"
+        compile_library(Path(folder), C_FILES, binary)
+        contents = {name: text.encode() for name, text in texts.items()}
+        contents[f"binaries/linux64/{identifier}.so"] = binary.read_bytes()
+    archived = io.BytesIO()
+    with zipfile.ZipFile(archived, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in contents.items():
+            archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)  # without the time of the export
+    return archived.getvalue()
+
+
+def _symbol(symbol: Callable[..., str], export: MotorExport, path: Path) -> str:
+    name = check_name(export.name) if export.name else (THERMAL_SUBCIRCUIT if export.thermal else SUBCIRCUIT)
+    pins = MOTOR_PINS + (THERMAL_PINS if export.thermal else ())
+    return symbol(name, pins, library_name(path), f"standing-wave piezomotor {export.motor.name}")
+
+
+def _stator(export: MotorExport, _: Path) -> str:
+    motor = export.motor
+    low, high = 0.5 * motor.modes[0].frequency_hz, 2.0 * motor.modes[-1].frequency_hz
+    frequency, matrix = stator_two_port(motor, low, high, _TWO_PORT_POINTS)
+    return touchstone(frequency, matrix, title=f"stator of {motor.name}, tip free, port 1 group A, port 2 group B")
+
+
+def _parameters(export: MotorExport, _: Path) -> str:
+    return export.motor.to_toml(heading=f"The motor {export.motor.name}, by its modes.")
+
+
+_CONTACT, _NETLIST = ("contact", "sliders"), ("contact", "sliders", "name", "thermal")
+FORMATS = {
+    ".lib": Format(_library, averaged=True),
+    ".va": Format(_module),
+    ".fmu": Format(lambda export: _unit(export)["modelDescription.xml"], _archive, averaged=True),
+    ".asy": Format(_library, partial(_symbol, ltspice_symbol), idle=_CONTACT),
+    ".kicad_sym": Format(_library, partial(_symbol, kicad_symbol), idle=_CONTACT),
+    ".s2p": Format(_library, _stator, idle=_NETLIST),
+    ".toml": Format(_library, _parameters, idle=_NETLIST),
+}

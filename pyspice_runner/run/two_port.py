@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The electrical two-port of a stator, by ngspice's AC analysis."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.netlist.benches import AC_OPTIONS, admittance_bench
+from pyspice_runner.netlist.sources import Bench
+from pyspice_runner.result import Audit
+from pyspice_runner.run.audit import audit_two_port
+from pyspice_runner.run.kernel import Outcome, ac
+
+Swept = tuple[NDArray[np.float64], NDArray[np.complex128]]  # frequencies in Hz, matrices in S
+
+_CURRENTS = [f"i(v{group}{copy})" for group in "ab" for copy in "12"]  # into a group (row), of a driven group (column)
+
+
+def two_port_bench(motor: Motor, *, preloaded: bool) -> Bench:
+    """Return the bench of a two-port."""
+    return Bench(admittance_bench(motor, preloaded=preloaded), AC_OPTIONS)
+
+
+def sweep_two_port(bench: Bench, timeout: float | None, start: float, stop: float, points: int) -> Outcome:
+    """Run the AC analysis of a two-port at evenly spaced frequencies in Hz."""
+    return ac(
+        bench, _CURRENTS, timeout=timeout, variation="lin", number_of_points=points, start_frequency=start,
+        stop_frequency=stop,
+    )  # fmt: skip
+
+
+def two_port(outcome: Outcome) -> Swept:
+    """Return the frequencies and the admittance matrices of an AC analysis."""
+    phasors = outcome.phasors()
+    matrix = -np.stack([phasors[name] for name in _CURRENTS], axis=-1).reshape(-1, 2, 2)
+    return np.ascontiguousarray(phasors["frequency"].real), matrix
+
+
+def stator_two_port(motor: Motor, start: float, stop: float, points: int) -> Swept:
+    """Return frequencies and admittance matrices of a stator with a free tip, checked to be passive.
+
+    Raises:
+        SimulationError: if ngspice fails or its result cannot be trusted.
+    """
+    swept = two_port(sweep_two_port(two_port_bench(motor, preloaded=False), None, start, stop, points))
+    Audit(audit_two_port(*swept)).withhold("result")
+    return swept
