@@ -17,7 +17,7 @@ from pyspice_runner.analysis.steady import steady_states
 from pyspice_runner.model.drive import Load
 from pyspice_runner.netlist.contact import law_of
 from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.operating_point import OperatingPoint
 
 PAGE = Path(__file__).with_name("averaged_accuracy.md")
 ALLOWED = 0.02  # of the friction torque: error of a point whose check passes
@@ -110,7 +110,7 @@ def rows(cases: tuple[int, ...] | None = None) -> Iterator[Row]:
         motor = motor.updated({f"mount.{key}": x for key, x in mount.items()} if mount else {"mount": None})
         drive = pr.TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase)
         law = law_of("spring-slider")
-        states = steady_states([Setup(motor, DriveSource(drive), Load(speed), law) for speed in speeds])
+        states = steady_states([OperatingPoint(motor, DriveSource(drive), Load(speed), law) for speed in speeds])
         friction_torque = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
         for speed, state in zip(speeds, states, strict=True):
             run = pr.simulate_averaged(motor, drive, SETTLED, speed=speed)

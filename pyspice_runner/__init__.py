@@ -49,7 +49,8 @@ if TYPE_CHECKING:
     from pyspice_runner.spectra.spectrum import Spectrum
     from pyspice_runner.spectra.together import fit_together
     from pyspice_runner.spectra.twoport import fit_two_port
-    from pyspice_runner.study.sweep import Tolerance, sweep
+    from pyspice_runner.study.plan import Tolerance
+    from pyspice_runner.study.sweep import sweep
     from pyspice_runner.view.report import report
 
 _HOMES = {
@@ -61,7 +62,7 @@ _HOMES = {
     "Spectrum": "spectra.spectrum",
     "SpectrumError": "errors",
     "Thermal": "model.thermal",
-    "Tolerance": "study.sweep",
+    "Tolerance": "study.plan",
     "Tracker": "netlist.trackers",
     "TwoPhaseDrive": "model.drive",
     "TwoToneDrive": "model.drive",

@@ -38,7 +38,7 @@ from pyspice_runner.model.drive import Drive, check_together, free_tip
 from pyspice_runner.model.parameters import Mode
 from pyspice_runner.netlist.contact import law_of
 from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.operating_point import OperatingPoint
 from tests.reference.integrator import Tone, integrate
 
 Array = NDArray[np.float64]
@@ -76,9 +76,9 @@ class Case:
     shaft: dict[str, float]
 
     @property
-    def setup(self) -> Setup:
+    def setup(self) -> OperatingPoint:
         """What ``simulate`` runs by default."""
-        return Setup(self.motor, DriveSource(self.drive), law=law_of(self.law))  # type: ignore[arg-type]
+        return OperatingPoint(self.motor, DriveSource(self.drive), law=law_of(self.law))  # type: ignore[arg-type]
 
     @property
     def duration(self) -> float:

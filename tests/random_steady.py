@@ -30,7 +30,7 @@ from pyspice_runner.model.drive import check_together
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.copies import Copy
 from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.operating_point import OperatingPoint
 from tests.soak import Case, case
 
 RECORD = Path(__file__).with_suffix(".json")
@@ -88,7 +88,7 @@ def _verdict(subject: Case, state: SteadyState, point: dict[str, Any]) -> str:
         return "unstable"
     if state.audit.findings:
         return "fails the audit"
-    setup = Setup(subject.motor, DriveSource(subject.drive), law=Law(point["contact"]))
+    setup = OperatingPoint(subject.motor, DriveSource(subject.drive), law=Law(point["contact"]))
     if POINT * Dynamometer(setup).duration / setup.step < QUICK:
         try:
             settled = operating_point(subject.motor, subject.drive, mode="settle", **point)

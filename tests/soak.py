@@ -44,7 +44,7 @@ from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.drivers import DriverKind, NetworkKind
 from pyspice_runner.netlist.source import Source
 from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.steps import shortest_period
 
 RESULT = Path(__file__).with_suffix(".json")
@@ -188,7 +188,7 @@ def _up_to(rng: np.random.Generator, greatest: float) -> float:
 
 def _steps_of_a_block(motor: Motor, drive: Drive) -> float:
     """How many steps a point of a speed-torque curve takes between two looks: the decay of the slowest mode."""
-    bench = Dynamometer(off_beat(Setup(motor, DriveSource(drive))))
+    bench = Dynamometer(off_beat(OperatingPoint(motor, DriveSource(drive))))
     return bench.duration / bench.setup.step
 
 

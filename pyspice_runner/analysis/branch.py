@@ -26,14 +26,13 @@ from pyspice_runner.analysis.period_means import means, quantities
 from pyspice_runner.analysis.shooting import PERTURBATION, TOLERANCE, Point, Shooting, start_point
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.model.drive import Drive, Load
+from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.contact import ContactLaw, Law, law_of
+from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.copies import Copy, Plant
-from pyspice_runner.netlist.sources import DriveSource, unit_in, updated
-from pyspice_runner.run.settings import Solver
-from pyspice_runner.run.setup import Setup
+from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.run.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     import xarray
@@ -48,7 +47,6 @@ MOST_CORRECTIONS = 8
 MOST_RENEWALS = 3  # of the derivative within one step
 SLOW = 0.5  # contraction of corrections beyond which the derivative is measured anew
 GROWTH = 1.5
-_SHAFT = {"speed": "rad/s", "load_torque": "N·m"}
 
 OUTCOME = {
     "speed_rad_s": ("rad/s", "mean speed of the rotor"),
@@ -78,8 +76,8 @@ def steady_branch(
     Args:
         motor: the motor.
         drive: the voltages of both groups.
-        follow: dotted path of the parameter: ``drive.frequency``, ``drive.voltage``, ``contact.preload_n``, …; also
-            ``speed`` and ``load_torque``.
+        follow: dotted path of the parameter: ``drive.frequency``, ``drive.voltage``, ``contact.preload_n``,
+            ``load.speed``, ``load.torque``, ….
         start: value of the parameter at which the branch begins.
         stop: value at which it ends. It also ends where it comes back to ``start``.
         speed: at which the shaft is held, rad/s; ``None`` leaves it free.
@@ -98,14 +96,21 @@ def steady_branch(
         ParameterError: for an invalid value.
         SimulationError: if there is no steady state at ``start``, or ngspice fails.
     """
+    point = OperatingPoint.of(
+        motor, drive, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=False
+    )
+    return followed_branch(point, follow, start, stop, points)
+
+
+def followed_branch(
+    point: OperatingPoint, follow: str, start: float, stop: float, points: int = MOST_POINTS
+) -> xarray.Dataset:
+    """Follow a branch from an operating point; the arguments are those of :func:`steady_branch`."""
     if not np.isfinite([start, stop]).all() or start == stop:
         raise ParameterError(f"start = {start:g} and stop = {stop:g} are not valid: they must be different numbers.")
     if not 2 <= points <= MOST_POINTS:
         raise ParameterError(f"points = {points} is not valid: it must be a whole number from 2 to {MOST_POINTS}.")
-    family = _Family(
-        motor, drive, follow, Load(speed, load_torque), law_of(contact),
-        Solver(step, None, True, timeout, False), start, stop,
-    )  # fmt: skip
+    family = _Family(point, follow, start, stop)
     for value in (start, stop):  # both ends are checked before any run
         family.setup(value)
     nodes, ended = _followed(family, points)
@@ -117,23 +122,15 @@ class _Family:
     """Plants that differ in one parameter.
 
     Attributes:
-        motor: the motor.
-        drive: the voltages of both groups.
+        base: the operating point at the nominal value of the parameter.
         follow: path of the parameter.
-        load: of the shaft.
-        law: of the contact.
-        solver: the settings of the runs.
         start: first value of the parameter.
         stop: last value.
         hashes: of the circuits that were run.
     """
 
-    motor: Motor
-    drive: Drive
+    base: OperatingPoint
     follow: str
-    load: Load
-    law: Law | None
-    solver: Solver
     start: float
     stop: float
     hashes: set[str] = field(default_factory=set)
@@ -143,18 +140,9 @@ class _Family:
         """What of the parameter counts as much as the size of the motion."""
         return SPAN * abs(self.stop - self.start)
 
-    def setup(self, value: float) -> Setup:
-        """Return the setup at a value of the parameter."""
-        motor, drive, load = self.motor, self.drive, self.load
-        if self.follow in _SHAFT:
-            load = Load(value, 0.0) if self.follow == "speed" else Load(None, value)
-        elif self.follow.startswith("drive."):
-            changed = updated(drive, {self.follow[6:]: value})
-            assert isinstance(changed, Drive)
-            drive = changed
-        else:
-            motor = motor.updated({self.follow: value})
-        return Setup(motor, DriveSource(drive), load, self.law, self.solver)
+    def setup(self, value: float) -> OperatingPoint:
+        """Return the operating point at a value of the parameter."""
+        return self.base.updated({self.follow: value})
 
     def at(self, value: float) -> tuple[Plant, PeriodMap]:
         """Return plant and map at a value of the parameter."""
@@ -162,7 +150,7 @@ class _Family:
         assert isinstance(setup.source, DriveSource)
         period = setup.source.drive.period
         plant = Plant(setup.motor, setup.source.drive, setup.load, setup.law)
-        return plant, PeriodMap(period, ceil(period / setup.step - 1e-9), self.solver.timeout)
+        return plant, PeriodMap(period, ceil(period / setup.step - 1e-9), self.base.solver.timeout)
 
 
 @dataclass
@@ -304,7 +292,7 @@ def _dataset(family: _Family, nodes: list[_Node], ended: str) -> xarray.Dataset:
             "largest_multiplier": largest,
         })  # fmt: skip
     values = np.array([node.value for node in nodes])
-    unit = _SHAFT.get(family.follow) or unit_in(family.follow, family.motor, family.drive)
+    base, unit = family.base, family.base.parameter(family.follow).unit
     variables: dict[str, tuple[tuple[str, ...], Any, dict[str, str]]] = {
         name: (("point",), np.array([row[name] for row in rows]), {"units": of, "long_name": meaning})
         for name, (of, meaning) in OUTCOME.items()
@@ -316,13 +304,13 @@ def _dataset(family: _Family, nodes: list[_Node], ended: str) -> xarray.Dataset:
     return labelled(
         variables, {"point": np.arange(len(nodes)), family.follow: ("point", values, {"units": unit})},
         {
-            "title": f"{family.motor.name}: steady states over {family.follow}",
-            "parameter_set": family.motor.name,
+            "title": f"{base.motor.name}: steady states over {family.follow}",
+            "parameter_set": base.motor.name,
             "follow": family.follow,
             "folds": json.dumps(folds(values)),
             "ended": ended,
-            "motor": json.dumps(family.motor.to_dict()),
-            "drive": json.dumps(DriveSource(family.drive).to_dict()),
+            "motor": json.dumps(base.motor.to_dict()),
+            "drive": json.dumps(base.source.to_dict()),
             "run": json.dumps(family.setup(family.start).to_dict()),
             "ngspice_version": ngspice_version(),
             "deck_sha256": hashlib.sha256("".join(sorted(family.hashes)).encode()).hexdigest(),

@@ -30,8 +30,8 @@ from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.controlled import COMMANDS, SAMPLED, CommandedSource, controlled_bench
 from pyspice_runner.result import Result
 from pyspice_runner.run.kernel import simulator
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.settings import Solver
-from pyspice_runner.run.setup import Setup
 
 Array = NDArray[np.float64]
 MOST_SAMPLES = 100_000
@@ -221,7 +221,7 @@ def simulate_controlled(
 
 def _uniform_step(motor: Motor, drive: TwoPhaseDrive, sample_time: float, step: float | None) -> float:
     """Return a step of which a sample time holds a whole number."""
-    coarsest = Setup(motor, CommandedSource(drive), solver=Solver(step)).step
+    coarsest = OperatingPoint(motor, CommandedSource(drive), solver=Solver(step)).step
     return sample_time / ceil(sample_time / coarsest * (1.0 - 1e-12))
 
 

@@ -25,8 +25,8 @@ from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.settings import Solver
-from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE, Array
 from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering
@@ -276,7 +276,7 @@ def drive_report(
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
     solver = Solver(step, timeout=timeout, audit=audit)
-    setup = Setup(motor, driver, Load(speed, load_torque), law_of(contact), solver)
+    setup = OperatingPoint(motor, driver, Load(speed, load_torque), law_of(contact), solver)
     check_duration(setup, duration)
     states: Sequence[MatchState] = _PROPOSED if proposals else [match] if match else []
     matching: dict[str, Matching] = {state: proposal(setup, driver, duration, state) for state in states}
@@ -331,7 +331,7 @@ def drive_report(
     return replace(report, audit=audited)
 
 
-def _to_come(setup: Setup, samples: dict[str, Array], signals: dict[str, Array]) -> dict[str, float | None]:
+def _to_come(setup: OperatingPoint, samples: dict[str, Array], signals: dict[str, Array]) -> dict[str, float | None]:
     """Return the expected further relative change of the means of signals and of a free rotor's speed."""
     motor, time = setup.motor, samples["time"]
     friction = motor.rotor.radius_m * motor.contact.friction * motor.contact.preload_n

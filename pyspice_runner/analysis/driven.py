@@ -35,7 +35,7 @@ from pyspice_runner.netlist.driven import (
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.motor import Discretisation, require_linear
 from pyspice_runner.run.kernel import simulator, transient
-from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.operating_point import OperatingPoint
 
 Array = NDArray[np.float64]
 _CONTACT = ("normal", "friction", "state", "slider", "xcontact.delta")
@@ -227,7 +227,7 @@ class DrivenAnswer:
     maps: tuple[DrivenMap, ...]
 
 
-def check_driven(setup: Setup) -> None:
+def check_driven(setup: OperatingPoint) -> None:
     """Raise a ParameterError for a source whose steady state is not found by shooting."""
     source = setup.source
     settle = "Take mode = 'settle', or simulate it until it settles."
@@ -248,7 +248,7 @@ def check_driven(setup: Setup) -> None:
     require_linear(setup.motor, "A steady state behind a driver")
 
 
-def driven_answers(setups: Sequence[Setup]) -> list[DrivenAnswer]:
+def driven_answers(setups: Sequence[OperatingPoint]) -> list[DrivenAnswer]:
     """Solve operating points of motors behind drivers of the same frequency.
 
     The first point of each curve starts from a short transient, the others from that point's solution.
@@ -331,7 +331,9 @@ def _settle(points: Sequence[DrivenPoint], period_map: DrivenMap, decays: float)
         point.restart(point.state if end is None else end)
 
 
-def _metered(setups: Sequence[Setup], points: Sequence[Point], period_map: DrivenMap) -> list[dict[str, float]]:
+def _metered(
+    setups: Sequence[OperatingPoint], points: Sequence[Point], period_map: DrivenMap
+) -> list[dict[str, float]]:
     """Return the quantities of solved points over a period with the meters of the dynamometer; of others nothing."""
     places = [place for place, point in enumerate(points) if point.done]
 
@@ -351,7 +353,7 @@ class _Period(Dynamometer):
         return 1
 
 
-def _quantities(setup: Setup, point: Point, period_map: DrivenMap) -> dict[str, float]:
+def _quantities(setup: OperatingPoint, point: Point, period_map: DrivenMap) -> dict[str, float]:
     bench = _Period(setup.with_step(period_map.step))
     vectors = [*bench.integrals(meters=True), *bench.setup.state_vectors(), *(ammeter(group) for group in "ab")]
     inside = {name: re.sub(r"^(v|i)\((v\.)?", rf"\1(\2{copy_name(0)}.", name) for name in vectors}

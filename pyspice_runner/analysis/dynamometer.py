@@ -23,7 +23,7 @@ from pyspice_runner.netlist.motor import PLATES, Motion, dielectric_branches, re
 from pyspice_runner.netlist.source import Source
 from pyspice_runner.netlist.sources import dynamometer_bench
 from pyspice_runner.run.kernel import Outcome, transient
-from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.operating_point import OperatingPoint
 
 _FEWEST_PERIODS = 10
 _GOLDEN = 0.5 * (3.0 - sqrt(5.0))
@@ -83,12 +83,17 @@ class Dynamometer:
         setup: motor, source, contact and solver.
     """
 
-    setup: Setup
+    setup: OperatingPoint
 
     @property
     def motor(self) -> Motor:
         """The motor."""
         return self.setup.motor
+
+    @property
+    def speed(self) -> float:
+        """Speed in rad/s of its operating point."""
+        return self.setup.load.speed or 0.0
 
     @property
     def source(self) -> Source:
@@ -272,7 +277,7 @@ def _strained(bench: Dynamometer, mean: Mapping[str, float], block: Block) -> di
     return strength.peak_of_amplitudes(motor, amplitudes)
 
 
-def off_beat(setup: Setup) -> Setup:
+def off_beat(setup: OperatingPoint) -> OperatingPoint:
     """Return a setup with its step made incommensurate with the period, if its steps are uniform.
 
     A change of state is seen at the end of its step. With a whole number of steps a period it would always be late by

@@ -19,8 +19,8 @@ from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import ContactLaw, law_of
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.source import GROUPS
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.settings import Solver
-from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.steps import MOST_POINTS
 from pyspice_runner.run.window import Window
 from pyspice_runner.spectra.admittance import admittance
@@ -151,12 +151,12 @@ def propose_matching(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    setup = Setup(motor, driver, Load(speed, load_torque), law_of(contact), Solver(timeout=timeout))
+    setup = OperatingPoint(motor, driver, Load(speed, load_torque), law_of(contact), Solver(timeout=timeout))
     check_duration(setup, duration)
     return proposal(setup, driver, duration, state)
 
 
-def check_duration(setup: Setup, duration: float) -> None:
+def check_duration(setup: OperatingPoint, duration: float) -> None:
     """Check that a run with a driver lasts ten periods at least, and that its points fit in memory.
 
     Raises:
@@ -174,7 +174,7 @@ def check_duration(setup: Setup, duration: float) -> None:
         )
 
 
-def proposal(setup: Setup, driver: Driver, duration: float, state: MatchState) -> Matching:
+def proposal(setup: OperatingPoint, driver: Driver, duration: float, state: MatchState) -> Matching:
     """Propose the matching of both groups; for ``"running"`` from the currents of a run with ideal sources."""
     voltages = driver.phasors()
     if state == "running":
@@ -197,7 +197,9 @@ def proposal(setup: Setup, driver: Driver, duration: float, state: MatchState) -
     )
 
 
-def _two_port(setup: Setup, driver: Driver, state: Literal["free", "preloaded", "hot"]) -> NDArray[np.complex128]:
+def _two_port(
+    setup: OperatingPoint, driver: Driver, state: Literal["free", "preloaded", "hot"]
+) -> NDArray[np.complex128]:
     """Return the small-signal admittance matrix of the groups at the driver's frequency."""
     frequency = driver.frequency
     if state != "hot":

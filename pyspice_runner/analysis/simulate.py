@@ -28,8 +28,8 @@ from pyspice_runner.run.audit import audit_run
 from pyspice_runner.run.ceramic import ceramic
 from pyspice_runner.run.engines import Engine, is_compiled
 from pyspice_runner.run.kernel import Outcome
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.settings import Solver
-from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.steps import MOST_POINTS
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, EnergyBalance, Waveforms
 from pyspice_runner.run.window import Window
@@ -104,7 +104,7 @@ def simulate(
     law = law_of(contact)
     reason = "A motor that its losses heat has no compiled form." if thermal else ""
     reason = reason or ("A tracker needs the B-sources." if isinstance(drive, Tracker) else "")
-    setup = Setup(
+    setup = OperatingPoint(
         motor, source_of(drive, motor, law), Load(speed, load_torque), law,
         Solver(step, accuracy, exact_resonance, timeout, audit, is_compiled(engine, motor, law, reason)), thermal,
     )  # fmt: skip
@@ -150,7 +150,7 @@ class _Recorded:
 
 
 def _run(
-    setup: Setup,
+    setup: OperatingPoint,
     duration: float,
     recorded: _Recorded,
     *,
@@ -227,7 +227,7 @@ def _run(
     return waveforms(outcome, complete=True)
 
 
-def _ceramic(setup: Setup, samples: Mapping[str, Array], recorded: _Recorded) -> dict[str, Any]:
+def _ceramic(setup: OperatingPoint, samples: Mapping[str, Array], recorded: _Recorded) -> dict[str, Any]:
     """Return what is known of the ceramic from the end of a run; nothing without the modes."""
     if recorded.signals is not None:
         return {"warnings": []}
@@ -259,7 +259,7 @@ def _telling(progress: Callable[[float, float], object], duration: float) -> Cal
     return tell
 
 
-def _check_duration(setup: Setup, duration: float) -> None:
+def _check_duration(setup: OperatingPoint, duration: float) -> None:
     if not (isfinite(duration) and duration > 0.0):
         raise ParameterError(f"duration = {duration:g} s is not valid: it must be a number > 0 s.")
     if duration < 10.0 * setup.step:

@@ -33,9 +33,8 @@ from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.netlist.copies import Copy, Plant, Probe
 from pyspice_runner.netlist.motor import dielectric_admittance
-from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.result import Result
-from pyspice_runner.run.steps import time_step
+from pyspice_runner.run.operating_point import OperatingPoint
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -191,7 +190,7 @@ def small_signals(
     )  # fmt: skip
     if not state.stable or state.solution is None:
         raise SimulationError("There is no stable steady state about which small signals would be defined.")
-    usual = time_step(motor, DriveSource(drive), law)
+    usual = OperatingPoint.of(motor, drive, contact=law).step
     fineness = sqrt(min(1.0, step / usual)) if step is not None else 1.0
     every = [
         _Linear.about(state.solution.moved(number / OFFSETS * state.step_s), state.step_s, fineness, timeout).responses(

@@ -25,22 +25,21 @@ from pyspice_runner.analysis.period_means import average, current, extrapolated,
 from pyspice_runner.analysis.shooting import Point, Shooting, start_point
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import Drive, Load
+from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.strength import exceeded
 from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD
-from pyspice_runner.netlist.contact import ContactLaw, law_of
+from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.copies import Copy, Plant, drive_voltage
 from pyspice_runner.netlist.driven import DrivenPlant
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_point
-from pyspice_runner.run.engines import BEHIND_DRIVER, Engine, is_compiled
+from pyspice_runner.run.engines import BEHIND_DRIVER, Engine, on_engine
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.recording import Recording
-from pyspice_runner.run.settings import Solver
-from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Waveforms
 from pyspice_runner.units import engineering
 
@@ -209,17 +208,15 @@ def steady_state(
         ParameterError: for an invalid value, or for tones without a common period.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    law = law_of(contact)
-    compiled = is_compiled(engine, motor, law, BEHIND_DRIVER if isinstance(drive, Driver) else "")
-    setup = Setup(
-        motor, drive if isinstance(drive, Driver) else DriveSource(drive), Load(speed, load_torque), law,
-        Solver(step, None, True, timeout, audit, compiled),
-    )  # fmt: skip
-    return steady_states([setup], accuracy=accuracy, waveforms=True)[0]
+    point = OperatingPoint.of(
+        motor, drive, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
+    )
+    point = on_engine(point, engine, BEHIND_DRIVER if isinstance(drive, Driver) else "")
+    return steady_states([point], accuracy=accuracy, waveforms=True)[0]
 
 
 def steady_states(
-    setups: Sequence[Setup],
+    setups: Sequence[OperatingPoint],
     *,
     accuracy: float = ACCURACY,
     waveforms: bool = False,
@@ -268,7 +265,7 @@ def steady_states(
     return [found[place] for place in range(len(setups))]
 
 
-def _drive(setup: Setup) -> Drive:
+def _drive(setup: OperatingPoint) -> Drive:
     """Return the drive of a setup, once it is seen to have a steady state that can be found.
 
     Raises:
@@ -299,7 +296,7 @@ def _drive(setup: Setup) -> Drive:
 
 
 def _solve(
-    setups: Sequence[Setup], accuracy: float, waveforms: bool, starts: Sequence[Point | None], workers: int
+    setups: Sequence[OperatingPoint], accuracy: float, waveforms: bool, starts: Sequence[Point | None], workers: int
 ) -> list[SteadyState]:
     """Solve points whose drives have the same period, under the same law."""
     period = _drive(setups[0]).period
@@ -434,7 +431,7 @@ def _averaged(points: Sequence[Point], period_map: PeriodMap) -> tuple[dict[str,
 
 
 def _state(
-    setup: Setup,
+    setup: OperatingPoint,
     point: Point,
     answer: Answer | None,
     maps: Sequence[PeriodMap],
@@ -474,7 +471,7 @@ def _state(
     )  # fmt: skip
 
 
-def _driven(setup: Setup, answer: DrivenAnswer) -> SteadyState:
+def _driven(setup: OperatingPoint, answer: DrivenAnswer) -> SteadyState:
     """Return the steady state of a motor behind a driver."""
     point, driver = answer.point, setup.source
     assert isinstance(driver, Driver)
@@ -507,7 +504,7 @@ def _driven(setup: Setup, answer: DrivenAnswer) -> SteadyState:
     )  # fmt: skip
 
 
-def _waveforms(setup: Setup, point: Point, period_map: PeriodMap, provenance: dict[str, Any]) -> Waveforms:
+def _waveforms(setup: OperatingPoint, point: Point, period_map: PeriodMap, provenance: dict[str, Any]) -> Waveforms:
     """Return one period of a solved point as a recording of ``simulate`` is."""
     plant, trace = point.plant, point.trace
     assert trace is not None

@@ -28,8 +28,8 @@ from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import audit_contact
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
 from pyspice_runner.run.kernel import Outcome, transient
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.settings import Solver
-from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.steps import MOST_POINTS
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.run.window import Window
@@ -108,7 +108,7 @@ def track(
         raise ParameterError("disturb = 'warm-up' takes minutes of motor time: give averaged=True, or 'temperature'.")
     lag = tracked_lag(motor, tracker, mode, contact=law is not None)
     source = TrackedSource(tracker, mode, tracker_filter(tracker, lag), driver)
-    setup = Setup(motor, source, Load(speed), law, Solver(step, timeout=timeout, audit=audit))
+    setup = OperatingPoint(motor, source, Load(speed), law, Solver(step, timeout=timeout, audit=audit))
     begin = _settled(tracker, disturb) if begin is None else begin
     stall = None
     if disturb == "load" and load_torque is None:
@@ -200,7 +200,7 @@ def measured_loop_gain(
     duration = _settled(tracker, "load") + window
     inject = f"SIN(0 {amplitude_hz / tracker.gain_hz_per_v!r} {frequency_hz!r})"
     source = TrackedSource(tracker, mode, tracker_filter(tracker, lag), inject=inject)
-    setup = Setup(motor, source, law=law_of(contact), solver=Solver(step, timeout=timeout))
+    setup = OperatingPoint(motor, source, law=law_of(contact), solver=Solver(step, timeout=timeout))
     _check_duration(setup, source, duration)
     vectors = setup.run(duration, _vectors(mode, "v(control)", "v(tuning)")).vectors()
     time = vectors["time"]
@@ -296,7 +296,7 @@ def _settled(tracker: Tracker, disturb: str) -> float:
     return steps * tracker.period_s
 
 
-def _stall_torque(setup: Setup, source: TrackedSource) -> float:
+def _stall_torque(setup: OperatingPoint, source: TrackedSource) -> float:
     """Return the mean torque of the contact on a held shaft, with the tracker at its resonance."""
     still = replace(source, tracker=source.tracker.model_copy(update={"offset": 0.0}))
     vectors = replace(setup, source=still, load=Load(0.0)).run(STALL_TIME_S, ["v(xmotor.friction)"]).vectors()
@@ -306,7 +306,7 @@ def _stall_torque(setup: Setup, source: TrackedSource) -> float:
     return float(setup.motor.rotor.radius_m * friction)
 
 
-def _check_duration(setup: Setup, source: TrackedSource, duration: float) -> None:
+def _check_duration(setup: OperatingPoint, source: TrackedSource, duration: float) -> None:
     longest_period = 1.0 / ((1.0 - source.tracker.span) * source.tracker.frequency)
     least = max(100.0 * setup.shortest_period, (2 * SMOOTHED_PERIODS + 2) * longest_period)
     most = MOST_POINTS * setup.step

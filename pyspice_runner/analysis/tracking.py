@@ -19,7 +19,7 @@ from pyspice_runner.model.tracking import StatorLag
 from pyspice_runner.netlist.trackers import Disturbance, TrackedSource
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.kernel import Outcome
-from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, Array
 from pyspice_runner.run.window import change_to_come
 from pyspice_runner.units import engineering
@@ -176,7 +176,7 @@ class TrackedRun:
         stall_torque_n_m: torque on a held shaft, if it was measured.
     """
 
-    setup: Setup
+    setup: OperatingPoint
     source: TrackedSource
     disturbance: Disturbance
     duration: float

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from math import prod
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -24,14 +23,14 @@ from pyspice_runner.analysis.speed_torque import axis
 from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.model.drive import Drive, Load
+from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import as_number, checked, quoted
-from pyspice_runner.netlist.contact import ContactLaw, Law, touching_law
+from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.netlist.drivers import Driver
-from pyspice_runner.netlist.sources import DriveSource, unit_in, updated
-from pyspice_runner.run.settings import Solver
-from pyspice_runner.run.setup import Setup
+from pyspice_runner.netlist.sources import FREE
+from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.paths import LOADS, canonical
 from pyspice_runner.run.waveforms import Array
 
 if TYPE_CHECKING:
@@ -84,7 +83,7 @@ def working_points(
         motor: the motor.
         drive: the voltages of both groups.
         over: dotted path → values, as in :func:`speed_torque`: ``drive.frequency``, ``drive.phase_deg``,
-            ``drive.ratio_b``, ``drive.voltage``, ``contact.preload_n``; also ``speed`` and ``load_torque``.
+            ``drive.ratio_b``, ``drive.voltage``, ``contact.preload_n``, ``load.speed``, ``load.torque``.
         objective: what is to be greatest: ``"torque"``, ``"speed"``, ``"efficiency"`` or ``"power"`` at the shaft.
         limits: name of a quantity → greatest absolute value allowed, such as ``{"current_a": 0.1}``: ``voltage_v``,
             ``current_a``, ``temperature_c`` or a quantity of :func:`speed_torque`, as ``ceramic_stress_pa``.
@@ -116,39 +115,18 @@ def working_points(
     if not axes or count > MOST_POINTS:
         raise ParameterError(f"over has {count if axes else 0} points: it must have 1 to {MOST_POINTS}.")
     law = touching_law(contact, "A free tip has no torque and moves no rotor.")
-    base = _Base(motor, drive, law, Solver(step, None, True, timeout, False), accuracy)
-    if speed is None and not load_torque and not {"speed", "load_torque"} & axes.keys():
-        speed = _usual_speed(base, objective)
+    base = OperatingPoint.of(
+        motor, drive, speed=speed, load_torque=load_torque, contact=law, step=step, timeout=timeout, audit=False
+    )
+    if base.load == FREE and not LOADS.keys() & set(map(canonical, axes)):
+        base = base.updated({"load.speed": _usual_speed(base, objective, accuracy)})
     shape = tuple(len(values) for values in axes.values())
     setups = {
-        index: base.setup({path: float(values[at]) for (path, values), at in zip(axes.items(), index, strict=True)},
-                          speed, load_torque)
+        index: base.updated({path: float(axes[path][at]) for path, at in zip(axes, index, strict=True)})
         for index in product(*map(range, shape))
-    }  # fmt: skip
+    }
     states = _solved(setups, accuracy, progress or (lambda *_: None))
-    return _dataset(base, axes, states, objective, bounds, {"speed": speed, "load_torque": load_torque})
-
-
-@dataclass(frozen=True)
-class _Base:
-    """What the points of a map have in common."""
-
-    motor: Motor
-    drive: Drive
-    law: Law
-    solver: Solver
-    accuracy: float
-
-    def setup(self, changes: Mapping[str, float], speed: float | None, load_torque: float) -> Setup:
-        """Return the setup of one point."""
-        on_drive = {path[6:]: value for path, value in changes.items() if path.startswith("drive.")}
-        on_shaft = {path: value for path, value in changes.items() if path in ("speed", "load_torque")}
-        on_motor = {path: value for path, value in changes.items() if path not in on_shaft and path[:6] != "drive."}
-        drive = updated(self.drive, on_drive) if on_drive else self.drive
-        motor = self.motor.updated(on_motor) if on_motor else self.motor
-        assert isinstance(drive, Drive)
-        load = Load(on_shaft.get("speed", speed), on_shaft.get("load_torque", load_torque))
-        return Setup(motor, DriveSource(drive), load, self.law, self.solver)
+    return _dataset(base, accuracy, axes, states, objective, bounds)
 
 
 def _limits(limits: Mapping[str, float], motor: Motor) -> dict[str, float]:
@@ -171,11 +149,11 @@ def _limits(limits: Mapping[str, float], motor: Motor) -> dict[str, float]:
     return {name: float(value) for name, value in limits.items()}
 
 
-def _usual_speed(base: _Base, objective: Objective) -> float | None:
+def _usual_speed(base: OperatingPoint, objective: Objective, accuracy: float) -> float | None:
     """Return the speed at which the shaft is held if neither speed nor load is given; ``None`` leaves it free."""
     if objective in ("torque", "speed"):
         return 0.0 if objective == "torque" else None
-    (free,) = steady_states([base.setup({}, None, 0.0)], accuracy=base.accuracy)
+    (free,) = steady_states([base], accuracy=accuracy)
     if not free.converged:
         raise SimulationError("The free rotor has no steady state under the given drive. Give speed or load_torque.")
     return 0.5 * free.speed_rad_s
@@ -184,7 +162,7 @@ def _usual_speed(base: _Base, objective: Objective) -> float | None:
 Index = tuple[int, ...]
 
 
-def _solved(setups: Mapping[Index, Setup], accuracy: float, progress: Progress) -> dict[Index, SteadyState]:
+def _solved(setups: Mapping[Index, OperatingPoint], accuracy: float, progress: Progress) -> dict[Index, SteadyState]:
     """Solve the points of a coarse grid, and then again and again those halfway between the solved ones."""
     found: dict[Index, SteadyState] = {}
     stride = _COARSEST
@@ -208,12 +186,12 @@ def _start(index: Index, stride: int, found: Mapping[Index, SteadyState]) -> Poi
 
 
 def _dataset(
-    base: _Base,
+    base: OperatingPoint,
+    accuracy: float,
     axes: Mapping[str, Array],
     states: Mapping[Index, SteadyState],
     objective: Objective,
     limits: Mapping[str, float],
-    shaft: Mapping[str, float | None],
 ) -> xarray.Dataset:
     from pyspice_runner.datasets import labelled
 
@@ -227,11 +205,7 @@ def _dataset(
         for index, row in rows.items():
             values[index] = row[name]
         variables[name] = (tuple(axes), values, {"units": unit, "long_name": meaning})
-    names = {"speed": "rad/s", "load_torque": "N·m"}
-    coordinates = {
-        path: (path, values, {"units": names.get(path) or unit_in(path, base.motor, base.drive)})
-        for path, values in axes.items()
-    }
+    coordinates = {path: (path, values, {"units": base.parameter(path).unit}) for path, values in axes.items()}
     allowed = {index: row[OBJECTIVES[objective]] for index, row in rows.items() if row["allowed"]}
     allowed = {index: value for index, value in allowed.items() if np.isfinite(value)}
     best: dict[str, Any] | None = None
@@ -240,7 +214,9 @@ def _dataset(
         at = {path: float(values[place]) for (path, values), place in zip(axes.items(), index, strict=True)}
         best = {**at, **{name: _plain(value) for name, value in rows[index].items() if name not in at}}
     hashes = "".join(states[index].provenance["deck_sha256"] for index in sorted(states))
-    held = "" if shaft["speed"] is None else f", shaft at {shaft['speed']:.4g} rad/s"
+    held = "" if base.load.speed is None else f", shaft at {base.load.speed:.4g} rad/s"
+    law = base.law.to_dict() if base.law else {}
+    run = {**law, "speed": base.load.speed, "load_torque": base.load.torque, "accuracy": accuracy}
     return labelled(
         variables, coordinates,
         {
@@ -250,8 +226,8 @@ def _dataset(
             "best": json.dumps(best),
             "limits": json.dumps(dict(limits)),
             "motor": json.dumps(base.motor.to_dict()),
-            "drive": json.dumps(DriveSource(base.drive).to_dict()),
-            "run": json.dumps({**base.law.to_dict(), **shaft, "accuracy": base.accuracy}),
+            "drive": json.dumps(base.source.to_dict()),
+            "run": json.dumps(run),
             "method": json.dumps([states[index].method for index in sorted(states)]),
             "ngspice_version": ngspice_version(),
             "deck_sha256": hashlib.sha256(hashes.encode()).hexdigest(),

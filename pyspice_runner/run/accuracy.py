@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.errors import SimulationError
-from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.window import Window
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ class Errors:
 
 
 def estimate_errors(
-    setup: Setup,
+    setup: OperatingPoint,
     waves: Mapping[str, Array],
     duration: float,
     *,

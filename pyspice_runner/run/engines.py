@@ -16,7 +16,7 @@ import shutil
 import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import inf
 from pathlib import Path
@@ -34,8 +34,8 @@ from pyspice_runner.netlist.compiled import missing_form, module_of
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.kernel import modules_folder
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.settings import Solver
-from pyspice_runner.run.setup import Setup
 
 Engine = Literal["spice", "compiled", "auto"]
 
@@ -127,6 +127,11 @@ def is_compiled(engine: Engine, motor: Motor, law: Law | None, reason: str = "")
     return not fault
 
 
+def on_engine(point: OperatingPoint, engine: Engine, reason: str = "") -> OperatingPoint:
+    """Return an operating point that the engine runs; the arguments and errors are those of :func:`is_compiled`."""
+    return replace(point, solver=replace(point.solver, compiled=is_compiled(engine, point.motor, point.law, reason)))
+
+
 def verdict(motor: Motor, law: Law) -> Verdict:
     """Return the verdict on the module of a motor with a law, on this machine.
 
@@ -193,12 +198,12 @@ def _similar(modes: int, mounted: bool, dry: bool, law: Law) -> Motor:
     return base.model_copy(update={"modes": tuple(several)})
 
 
-def _setup(motor: Motor, law: Law, *, compiled: bool) -> Setup:
+def _setup(motor: Motor, law: Law, *, compiled: bool) -> OperatingPoint:
     """Return the run to compare."""
-    return Setup(motor, DriveSource(_DRIVE), Load(None, _LOAD), law, Solver(compiled=compiled))
+    return OperatingPoint(motor, DriveSource(_DRIVE), Load(None, _LOAD), law, Solver(compiled=compiled))
 
 
-def _compared(spice: Setup, compiled: Setup) -> Verdict:
+def _compared(spice: OperatingPoint, compiled: OperatingPoint) -> Verdict:
     """Run both and return the differences of their signals."""
     times, columns = [], []
     for setup in (spice, compiled):

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
+from pyspice_runner.analysis.settling import Progress
 from pyspice_runner.analysis.simulate import simulate
-from pyspice_runner.analysis.speed_torque import Progress, axis, speed_torque
+from pyspice_runner.analysis.speed_torque import axis, speed_torque
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import write_netcdf
 from pyspice_runner.model import contact as contact_law

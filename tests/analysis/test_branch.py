@@ -17,7 +17,7 @@ from pyspice_runner.model.drive import Load
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.copies import Copy, Plant
 from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.operating_point import OperatingPoint
 from tools.benches import duffing
 from tools.decks import SOFTENING
 
@@ -60,7 +60,7 @@ def test_an_unstable_motion_that_is_disturbed_leaves_to_either_side() -> None:
     at = branch().isel(point=-1)
     drive = DRIVE.model_copy(update={"frequency": float(at["drive.frequency"])})
     plant = Plant(MOTOR, drive, Load(0.0), Law())
-    step = Setup(MOTOR, DriveSource(drive), Load(0.0), Law()).step
+    step = OperatingPoint(MOTOR, DriveSource(drive), Load(0.0), Law()).step
     period_map = PeriodMap(drive.period, ceil(drive.period / step - 1e-9))
     state, motion = at["start_state"].values, np.zeros(plant.order)
     motion[: 2 * plant.modes] = 1e-2

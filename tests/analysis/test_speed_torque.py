@@ -26,7 +26,7 @@ from pyspice_runner.errors import Interrupted
 from pyspice_runner.netlist.contact import PAPER_LAW, Law
 from pyspice_runner.netlist.sources import DriveSource, dynamometer_bench
 from pyspice_runner.run.kernel import transient
-from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.operating_point import OperatingPoint
 from tests.runs import simulated
 
 pytestmark = pytest.mark.xdist_group("speed and torque")  # the curves are shared
@@ -75,7 +75,7 @@ def test_rotors_spun_up_under_load_lie_on_the_fixed_speed_curve() -> None:
 
 
 def dynamometer(excitation: pr.TwoPhaseDrive, law: Law = PAPER_LAW) -> Dynamometer:
-    return Dynamometer(off_beat(Setup(MOTOR, DriveSource(excitation), law=law)))
+    return Dynamometer(off_beat(OperatingPoint(MOTOR, DriveSource(excitation), law=law)))
 
 
 @pytest.mark.slow

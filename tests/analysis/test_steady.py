@@ -20,7 +20,7 @@ from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.cli import run
 from pyspice_runner.model.drive import Load
 from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.run.setup import Setup
+from pyspice_runner.run.operating_point import OperatingPoint
 
 pytestmark = pytest.mark.xdist_group("steady states")  # they are shared
 
@@ -101,7 +101,8 @@ def test_a_steady_state_is_what_a_run_settles_to(motor: pr.Motor, drive: pr.TwoP
 def test_a_slider_that_slips_as_a_run_begins_leaves_no_trace_in_the_result() -> None:
     # the contact slips one way for almost all of the period, so that speed changes neither mean normal force nor decay
     setup = [
-        Setup(MOTOR.updated({"mount": None}), DriveSource(DRIVE), Load(speed, 0.0)) for speed in np.linspace(-10, 8, 10)
+        OperatingPoint(MOTOR.updated({"mount": None}), DriveSource(DRIVE), Load(speed, 0.0))
+        for speed in np.linspace(-10, 8, 10)
     ]
     states = steady_states(setup)
     assert all(state.stable for state in states)
@@ -162,7 +163,7 @@ def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_t
 def test_a_disturbance_dies_out_at_the_rate_of_the_largest_multiplier() -> None:
     motor = MOTOR.updated({"mount": None})  # the carrier of the set is slower than the modes, and would be what is left
     largest = abs(pr.steady_state(motor, DRIVE, speed=6.0).floquet_multipliers[0])
-    bench = Dynamometer(off_beat(Setup(motor, DriveSource(DRIVE))))
+    bench = Dynamometer(off_beat(OperatingPoint(motor, DriveSource(DRIVE))))
     motion = bench.rest(6.0)
     for _ in range(4):  # some decay times: near the steady state
         motion = bench.run(motion, 6.0, 0.0, meters=False).end

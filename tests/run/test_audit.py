@@ -14,7 +14,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.analysis import drive as drive_module
 from pyspice_runner.analysis import impact as impact_module
-from pyspice_runner.analysis import speed_torque as speed_torque_module
+from pyspice_runner.analysis import settling as settling_module
 from pyspice_runner.analysis.impact import Throw, impact
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.cli import run
@@ -252,7 +252,7 @@ def test_a_point_that_is_not_true_is_withheld_or_marked(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert operating_point(DAMPED, DRIVE, **SPEED)["audit"] == {"passed": True, "findings": []}
-    falsify(monkeypatch, speed_torque_module, "quantities", lossless)
+    falsify(monkeypatch, settling_module, "quantities", lossless)
     with pytest.raises(pr.SimulationError, match=r"The powers miss .* The point at 2 rad/s is not returned"):
         operating_point(DAMPED, DRIVE, **SPEED)
     marked = operating_point(DAMPED, DRIVE, **SPEED, audit=False)["audit"]
@@ -276,7 +276,7 @@ def test_a_ramp_is_audited_all_along(monkeypatch: pytest.MonkeyPatch) -> None:
     ramp: dict[str, Any] = {"speeds": [1.0, 2.0], "mode": "ramp", "patience": 4, "tolerance": 0.1}
     blocks = iter(range(1000))
     falsify(
-        monkeypatch, speed_torque_module, "quantities",
+        monkeypatch, settling_module, "quantities",
         lambda means: means | ({"normal_force_n": -1.0} if next(blocks) == 7 else {}),
     )  # fmt: skip
     curve = pr.speed_torque(DAMPED, DRIVE, **ramp, audit=False)

@@ -26,7 +26,7 @@ import pyspice_runner as pr
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.cli import run
 from pyspice_runner.study.store import Store
-from pyspice_runner.study.sweep import _Task, _versions
+from pyspice_runner.study.task import Task, versions_here
 from tests import points
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -275,8 +275,9 @@ def test_functions_and_versions_are_part_of_the_address(quick: dict[str, Any], m
     over = {"contact.preload_n": [1.0]}
     pr.sweep(MOTOR, DRIVE, over=over, **quick)
     assert heard(over=over, **quick | {"quantities": {"power_w": points.power}})[1][0] == (0, 1)
-    versions = _versions() | {"ngspice_version": "99"}
-    monkeypatch.setattr("pyspice_runner.study.sweep._versions", lambda: versions)
+    versions = versions_here() | {"ngspice_version": "99"}
+    for module in ("sweep", "task"):
+        monkeypatch.setattr(f"pyspice_runner.study.{module}.versions_here", lambda: versions)
     assert heard(over=over, **quick)[1][0] == (0, 1)
 
 
@@ -332,7 +333,7 @@ def test_a_sweep_of_nothing_but_refused_points_is_rejected(quick: dict[str, Any]
 
 
 def test_a_worker_with_other_versions_refuses_to_work(threads: Executor) -> None:
-    task = _Task(points.formula, MOTOR, DRIVE, {"duration": 1.0}, {}, _versions() | {"ngspice_version": "12"})
+    task = Task(points.formula, MOTOR, DRIVE, {"duration": 1.0}, {}, versions_here() | {"ngspice_version": "12"})
     with pytest.raises(pr.SimulationError, match=r"other versions .* than the sweep .*ngspice 12"):
         threads.submit(task).result()
 

@@ -28,9 +28,9 @@ from pyspice_runner.netlist.motor import Discretisation, plate_nodes
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.netlist.veriloga import module_values
 from pyspice_runner.run.kernel import modules_folder, signal_of
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.settings import Solver
-from pyspice_runner.run.setup import Setup
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Waveforms
 
 # the tolerances of the package, and steps that no estimate of their error changes; they grow from a hundredth as in
@@ -102,7 +102,7 @@ def simulate(
 ) -> Waveforms:
     """Run a motor from preloaded rest as ``pr.simulate`` does, in VACASK."""
     source = DriveSource(drive)
-    setup = Setup(motor, source, Load(speed, load_torque), law, Solver(step, compiled=True))
+    setup = OperatingPoint(motor, source, Load(speed, load_torque), law, Solver(step, compiled=True))
     lines = [*sines("a", drive.tones_a, phase), *sines("b", drive.tones_b, phase)]
     if speed is not None:
         lines.append(f"vshaft (shaft 0) vsource dc={speed!r}")
@@ -125,7 +125,7 @@ def simulate(
     return _waveforms(setup, recording, waves, samples, seconds)
 
 
-def _as_ngspice(found: Mapping[str, Any], setup: Setup) -> dict[str, Any]:
+def _as_ngspice(found: Mapping[str, Any], setup: OperatingPoint) -> dict[str, Any]:
     """Return the vectors by the names that they have in the B-source motor."""
     samples = {"time": found["time"], "v(shaft)": found["shaft"], "v(a)": found["a"], "v(b)": found["b"]}
     samples |= {"i(va)": found["va:flow(br)"], "i(vb)": found["vb:flow(br)"]}
@@ -138,7 +138,7 @@ def _as_ngspice(found: Mapping[str, Any], setup: Setup) -> dict[str, Any]:
 
 
 def _waveforms(
-    setup: Setup, recording: Recording, waves: Mapping[str, Any], samples: Mapping[str, Any], seconds: float
+    setup: OperatingPoint, recording: Recording, waves: Mapping[str, Any], samples: Mapping[str, Any], seconds: float
 ) -> Waveforms:
     arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED)}
     return Waveforms(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What every analysis of a running motor works on: motor, source, load, contact and solver, ready to be run."""
+"""The operating point of a running motor: motor, source, load, contact and solver. Every analysis works on it."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.contact import PAPER_LAW, Law
+from pyspice_runner.netlist.contact import PAPER_LAW, ContactLaw, Law, law_of
+from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.motor import Discretisation, Motion
 from pyspice_runner.netlist.source import Source
-from pyspice_runner.netlist.sources import FREE, Bench, motor_bench
+from pyspice_runner.netlist.sources import FREE, Bench, DriveSource, Excitation, motor_bench, source_of
 from pyspice_runner.netlist.trackers import Disturbance
 from pyspice_runner.run.kernel import Outcome, transient
+from pyspice_runner.run.paths import Parameter, canonical, changed, parameter, unknown
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.settings import DEFAULT, Solver
 from pyspice_runner.run.state import motion, state_vectors
@@ -24,8 +27,8 @@ from pyspice_runner.run.steps import shortest_period, time_step
 
 
 @dataclass(frozen=True)
-class Setup:
-    """A motor between what drives it and what it works against, and how that is solved.
+class OperatingPoint:
+    """A motor with its source, its load, and the settings of the solver.
 
     Attributes:
         motor: the motor.
@@ -51,6 +54,99 @@ class Setup:
     def __post_init__(self) -> None:
         assert self.step > 0.0  # the rule has seen it
         self.load.check(self.motor)
+
+    @classmethod
+    def of(
+        cls,
+        motor: Motor,
+        drive: Excitation | Source,
+        *,
+        speed: float | None = None,
+        load_torque: float = 0.0,
+        contact: ContactLaw | None = PAPER_LAW,
+        thermal: Thermal | None = None,
+        **solver: Any,
+    ) -> OperatingPoint:
+        """Return the operating point for the arguments of an analysis.
+
+        Args:
+            motor: the motor.
+            drive: a drive, a driver, a tracker, or a source.
+            speed: speed in rad/s at which the shaft is held; ``None`` leaves it free.
+            load_torque: torque in N·m that a load draws from the free shaft.
+            contact: law of the contact; ``None`` for a free tip.
+            thermal: drift of the motor.
+            **solver: settings of :class:`~pyspice_runner.run.settings.Solver`.
+
+        Raises:
+            ParameterError: for an invalid value.
+        """
+        law = law_of(contact)
+        return cls(
+            motor, source_of(drive, motor, law), Load(speed, load_torque), law, replace(DEFAULT, **solver), thermal
+        )
+
+    @property
+    def drive(self) -> Excitation:
+        """The drive or the driver.
+
+        Raises:
+            ParameterError: for another source, whose values cannot be changed here.
+        """
+        if isinstance(self.source, DriveSource):
+            return self.source.drive
+        if isinstance(self.source, Driver):
+            return self.source
+        raise ParameterError(f"The parameters of a {type(self.source).__name__} have no paths.")
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The settings that paths change: the load and those of the run."""
+        of_run = {name: getattr(self.solver, name) for name in ("step", "accuracy", "timeout")}
+        return {"speed": self.load.speed, "load_torque": self.load.torque, **of_run}
+
+    def parameter(self, path: str) -> Parameter:
+        """Return nominal value, unit and description of the parameter that a path names.
+
+        Raises:
+            ParameterError: for an unknown path, with the nearest one.
+        """
+        settings = self.settings
+        section, _, name = canonical(path).partition(".")
+        if section == "run" and name not in settings:
+            raise unknown(path, [f"run.{name}" for name in settings])
+        return parameter(path, self.motor, self.drive, settings)
+
+    def updated(self, changes: Mapping[str, Any]) -> OperatingPoint:
+        """Return the point with changed values.
+
+        Args:
+            changes: path → value, such as ``{"contact.friction": 0.3, "drive.voltage": 60.0, "load.speed": 2.0}``;
+                paths are those of :mod:`.paths`.
+
+        Raises:
+            ParameterError: for an unknown path, with the nearest one, or an invalid value.
+        """
+        if not changes:
+            return self
+        of_drive = any(path.startswith("drive.") for path in changes)
+        for path in changes:
+            if path.startswith("run."):
+                self.parameter(path)
+        drive: Any = self.drive if of_drive else None
+        try:
+            motor, drive, settings = changed(self.motor, drive, self.settings, changes)
+        except ParameterError:
+            for path in changes:
+                self.parameter(path)  # has the nearest path
+            raise
+        return replace(
+            self,
+            motor=motor,
+            source=source_of(drive, motor, self.law) if of_drive else self.source,
+            load=Load(settings.pop("speed"), settings.pop("load_torque")),
+            solver=replace(self.solver, **settings),
+        )
 
     @cached_property
     def shortest_period(self) -> float:
@@ -80,7 +176,7 @@ class Setup:
         """Return the motion that the values of :meth:`state_vectors` at one time stand for, to go on from."""
         return motion(values, self.motor, self.law, self.discretisation)
 
-    def with_step(self, step: float) -> Setup:
+    def with_step(self, step: float) -> OperatingPoint:
         """Return the same with a time step in s."""
         return replace(self, solver=replace(self.solver, step=step))
 

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Dotted paths of the parameters of a run: the one grammar that sweeps, maps, branches, curves and commands share.
+
+``contact.*``, ``rotor.*``, ``mount.*``, ``piezo.*``, ``limits.*`` and ``modes.N.*`` are those of
+:meth:`~pyspice_runner.model.motor.Motor.updated`. ``drive.*`` are the values of a drive or a driver,
+``drive.PART.PARAMETER`` those of a driver's parts. ``load.speed`` and ``load.torque`` are the load of the shaft;
+``run.*`` are the settings of an analysis.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from numbers import Real
+from typing import Any
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import quoted, unit_of
+from pyspice_runner.netlist.drivers import Driver
+from pyspice_runner.netlist.sources import Excitation, updated
+from pyspice_runner.units import unit_in
+
+#: path of the load → setting of an analysis, unit, description
+LOADS = {
+    "load.speed": ("speed", "rad/s", "speed at which the shaft is held"),
+    "load.torque": ("load_torque", "N·m", "torque that a load draws from the free shaft"),
+}
+_EARLIER = {
+    name: path
+    for path, (setting, _, _) in LOADS.items()
+    for name in (setting, f"run.{setting}")
+} | {"speed_rad_s": "load.speed"}  # fmt: skip
+_SETTING_UNITS = {"duration": "s", "step": "s", "timeout": "s"}  # of settings whose name has no unit
+_DERIVED = ("frequency_hz", "quality_factor")  # of a mode, from its stiffness and damping
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """The parameter that a path names.
+
+    Attributes:
+        path: the path.
+        nominal: its value; ``None`` for a setting that is not given.
+        unit: its unit, ``"1"`` without one.
+        description: its meaning, empty if it is not known.
+    """
+
+    path: str
+    nominal: float | None
+    unit: str
+    description: str = ""
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Unit and meaning, as attributes of a coordinate."""
+        return {"units": self.unit, **({"long_name": self.description} if self.description else {})}
+
+
+def canonical(path: str) -> str:
+    """Return a path in its present form: ``speed`` and ``run.speed`` are earlier names of ``load.speed``."""
+    return _EARLIER.get(path, path)
+
+
+def parameter(path: str, motor: Motor, drive: Excitation, run: Mapping[str, Any]) -> Parameter:
+    """Return the parameter that a path names.
+
+    Args:
+        path: the path.
+        motor: the motor.
+        drive: the drive or driver.
+        run: the settings of the analysis, the load among them.
+
+    Raises:
+        ParameterError: for an unknown path, with the nearest one, or a parameter that is not a number.
+    """
+    section, _, key = canonical(path).partition(".")
+    if canonical(path) in LOADS:
+        setting, unit, meaning = LOADS[canonical(path)]
+        return Parameter(path, run.get(setting), unit, meaning if path in LOADS else "")
+    if section == "run":
+        return Parameter(path, run.get(key), unit_of_name(key))
+    if section == "drive" and isinstance(drive, Driver) and "." in key:
+        return Parameter(path, drive.setting(key), drive.unit(key))
+    if section == "modes":
+        which, _, key = key.partition(".")
+        names = [mode.name for mode in motor.modes]
+        place = names.index(which) if which in names else int(which) if which.isdecimal() else len(names)
+        owner: Any = motor.modes[place] if place < len(names) else None
+    else:
+        owner = drive if section == "drive" else getattr(motor, section, None) if key else None
+    fields = getattr(type(owner), "model_fields", {})
+    if key not in fields and not (section == "modes" and owner and key in _DERIVED):
+        raise _unknown_parameter(path, motor, drive, run)
+    nominal = getattr(owner, key)
+    if not isinstance(nominal, Real):
+        raise ParameterError(f"{quoted(path)} is not a number. Name a parameter that is.")
+    if key not in fields:
+        return Parameter(path, float(nominal), unit_in(key))
+    return Parameter(path, float(nominal), unit_of(type(owner), key), str(fields[key].description))
+
+
+def changed(
+    motor: Motor, drive: Excitation, run: Mapping[str, Any], changes: Mapping[str, Any]
+) -> tuple[Motor, Excitation, dict[str, Any]]:
+    """Return motor, drive and settings with changed values.
+
+    Args:
+        motor: the motor.
+        drive: the drive or driver.
+        run: the settings of the analysis, the load among them.
+        changes: path → value.
+
+    Raises:
+        ParameterError: for an unknown path or an invalid value.
+    """
+    parts: dict[str, dict[str, Any]] = {"motor": {}, "drive": {}, "run": {}}
+    for path, value in changes.items():
+        section, _, key = canonical(path).partition(".")
+        if section == "load":
+            if canonical(path) not in LOADS:
+                raise unknown(path, LOADS)
+            parts["run"][LOADS[canonical(path)][0]] = value
+        elif section in ("drive", "run"):
+            parts[section][key] = value
+        else:
+            parts["motor"][path] = value
+    return (
+        motor.updated(parts["motor"]) if parts["motor"] else motor,
+        updated(drive, parts["drive"]) if parts["drive"] else drive,
+        {**run, **parts["run"]},
+    )
+
+
+def unit_of_name(name: str) -> str:
+    """Return the unit that a dotted name or one of its parts ends in."""
+    settings = {setting: unit for setting, unit, _ in LOADS.values()} | _SETTING_UNITS
+    units = (settings.get(part) or unit_in(part) for part in reversed(name.split(".")))
+    return next((unit for unit in units if unit != "1"), "1")
+
+
+def unknown(name: str, known: Iterable[str], what: str = "parameter") -> ParameterError:
+    """Return the error for an unknown name, with the nearest known one."""
+    known = list(known)
+    close = difflib.get_close_matches(name, known, n=1)
+    hint = f"Did you mean {close[0]!r}?" if close else f"There are {', '.join(known)}."
+    return ParameterError(f"There is no {what} {quoted(name)}. {hint}")
+
+
+def _unknown_parameter(path: str, motor: Motor, drive: Excitation, run: Mapping[str, Any]) -> ParameterError:
+    section = path.partition(".")[0]
+    own = [f"drive.{name}" for name in type(drive).model_fields]
+    if section in ("drive", "load"):
+        return unknown(path, own if section == "drive" else LOADS)
+    try:
+        motor.updated({path: 0.0})
+    except ParameterError as error:
+        every = [f"{name}.{key}" for name, part in motor for key in getattr(type(part), "model_fields", ())]
+        close = difflib.get_close_matches(path, [*every, *own, *LOADS, *(f"run.{name}" for name in run)], n=1)
+        return error if "Did you mean" in str(error) or not close else unknown(path, close)
+    return ParameterError(f"{quoted(path)} is not a number. Name a parameter that is.")
