@@ -13,10 +13,10 @@
 #include <stddef.h>
 #include <string.h>
 
+#include "piezomotor_phase.h" /* written by the export from piezomotor_averaged_phase.lib */
+
 #define PI 3.14159265358979323846
 #define LAG 20e-6             /* s, time constant of the static deflection; as in piezomotor_averaged_bending */
-#define DEEPEST 1e-3          /* m, greatest penetration; as in piezomotor_averaged_phase */
-#define CLOSED 1e-15          /* m, penetration from which on the contact counts as closed */
 #define REFERENCE 100e3       /* Hz, at which the capacitances hold */
 #ifndef STEPS_OF_PERIOD
 #define STEPS_OF_PERIOD 3     /* internal steps in a period of the drive or of the fastest mode */
@@ -36,7 +36,6 @@ static phasor quotient(phasor a, phasor b)
 static double square(phasor a) { return a.re * a.re + a.im * a.im; }
 static double size(phasor a) { return sqrt(square(a)); }
 static phasor turned(phasor a) { return (phasor){-a.im, a.re}; } /* j a */
-static double power32(double x) { return x > 0.0 ? x * sqrt(x) : 0.0; }
 
 /* --- the contact --- */
 
@@ -71,46 +70,44 @@ static void analyse(const struct motor *m, const double at[PHASES], phasor part[
         part[h] = scaled((h == 0 ? 1.0 : 2.0) / PHASES, part[h]);
 }
 
-/* One period of the contact: piezomotor_averaged_contact and piezomotor_averaged_phase. x is measured from the crown. */
+/* One period of the contact. x is measured from the crown; piezomotor_phase.h takes displacements in um. */
 static struct contact touch(const struct motor *m, const phasor x_part[], const phasor y_part[], double slider, double speed)
 {
     const struct values *p = &m->value;
     double x[PHASES], y[PHASES], fx[PHASES], fy[PHASES];
     double deflection = 0.0;
-    struct contact found = {.slider = slider};
+    struct contact found = {0};
 
     for (int i = 0; i < MODES; i++)
         deflection += p->mode[i].tip_y * p->mode[i].tip_y * p->preload / p->mode[i].stiffness;
-    double seat = pow(p->preload / p->normal_stiffness, 2.0 / 3.0) + deflection;
-    double ratio = p->friction * p->compliance * pow(p->normal_stiffness, 2.0 / 3.0);
-    double grip = p->friction * p->normal_stiffness / pow(ratio, 1.5);
-    double curve = 0.5 / p->radius;
-    double turn = p->radius * speed / (PHASES * p->frequency);
-    double rate = 0.5 * PHASES * p->frequency;
+    struct phase at = {
+        .normal_stiffness = p->normal_stiffness, .compliance = p->compliance, .mu = p->friction, .radius = p->radius,
+        .preload = p->preload, .deflection = 1e6 * deflection, .damping = p->normal_damping,
+        .slider_before = 1e6 * slider, .turn = 1e6 * p->radius * speed / (PHASES * p->frequency),
+        .rate = 0.5 * PHASES * p->frequency,
+    };
+    phase_parameters(&at);
 
     synthesise(m, x_part, x);
     synthesise(m, y_part, y);
     for (int n = 0; n < PHASES; n++) {
-        int before = (n + PHASES - 1) % PHASES, after = (n + 1) % PHASES;
-        double depth = fmin(fmax(seat + y[n] - curve * x[n] * x[n], 0.0), DEEPEST);
-        double approach = rate * (y[after] - y[before] - 2.0 * curve * x[n] * (x[after] - x[before]));
-        double hold = fmax(1.0 + p->normal_damping * approach, 0.0);
-        double normal = p->normal_stiffness * hold * power32(depth);
-        /* slider: moved by the relative motion, clipped at the limit of stick */
-        double limit = ratio * depth;
-        double moved = found.slider + x[n] - x[before] + curve * (x[n] + x[before]) * (y[n] - y[before]) - turn;
-        found.slider = fmax(-limit, fmin(limit, moved));
-        double friction = copysign(
-            p->friction * normal - grip * hold * power32(limit - fabs(found.slider)), found.slider);
-        fx[n] = 2.0 * curve * x[n] * normal - friction;
-        fy[n] = -normal - 2.0 * curve * x[n] * friction;
-        found.normal += normal / PHASES;
-        found.friction += friction / PHASES;
-        if (depth < CLOSED)
-            found.separated += 1.0 / PHASES;
-        else if (fabs(moved) > limit)
-            found.slip += 1.0 / PHASES;
+        x[n] *= 1e6;
+        y[n] *= 1e6;
     }
+    for (int n = 0; n < PHASES; n++) {
+        int before = (n + PHASES - 1) % PHASES, after = (n + 1) % PHASES;
+        at.x = x[n], at.x_before = x[before], at.x_after = x[after];
+        at.y = y[n], at.y_before = y[before], at.y_after = y[after];
+        phase_forces(&at);
+        at.slider_before = at.slider;
+        fx[n] = at.fx;
+        fy[n] = at.fy;
+        found.normal += at.normal / PHASES;
+        found.friction += at.friction / PHASES;
+        found.separated += at.open / PHASES;
+        found.slip += at.slip / PHASES;
+    }
+    found.slider = 1e-6 * at.slider;
     analyse(m, fx, found.fx);
     analyse(m, fy, found.fy);
     return found;

@@ -81,18 +81,19 @@ def module_of(motor: Motor, law: Law) -> Module:
 
     Motors with the same number of modes, with or without mount and dry friction of the bearing, have the same module.
     """
-    return _module(len(motor.modes), law.sliders or 0, motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0)
+    return _module(len(motor.modes), law, motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0)
 
 
 @cache
-def _module(modes: int, sliders: int, mounted: bool, dry: bool) -> Module:
-    text = module_source(modes, sliders)
+def _module(modes: int, law: Law, mounted: bool, dry: bool) -> Module:
+    text = module_source(modes, law)
     unused = [_HEAT, *(() if mounted else (_CARRIER,)), *(() if dry else (_BEARING,))]
     for comment, nodes in unused:
         text = _without(text, comment, nodes)
     ports = tuple(port for line in _ELECTRICAL.findall(text) for port in line.split(", "))
     listed = ", ".join(ports)
-    parts = (f"{modes}_modes", *((f"{sliders}_sliders",) if sliders else ()))
+    kind = {"spring-slider": (), "coulomb": ("coulomb",), "brush": (f"{law.sliders}_sliders",)}[law.name]
+    parts = (f"{modes}_modes", *kind)
     name = "_".join(("piezomotor", *parts, *(("mount",) if mounted else ()), *(("dry",) if dry else ())))
     return Module(name, _HEAD.sub(f"module {name}({listed});\n    inout {listed};\n", text, count=1), ports)
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The averaged motor as a Functional Mock-up Unit: C sources and model description of FMI 2.0 for co-simulation.
 
-The C files in ``behavioral/`` are written by hand. ``piezomotor_averaged.h`` declares every variable once, with unit,
+The C files in ``behavioral/`` are written by hand, but for the contact at one phase, which :func:`phase_source` writes
+from the library that ngspice runs. ``piezomotor_averaged.h`` declares every variable once, with unit,
 range and meaning. This module reads these lines and writes ``modelDescription.xml`` and ``piezomotor_start.h``, which
 has the values of a motor.
 
@@ -16,16 +17,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from math import pi
+from textwrap import wrap
 from xml.etree import ElementTree
 
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import SUBCIRCUIT, default_two_phase, require_averaged
-from pyspice_runner.netlist.library import check_name, data_path
+from pyspice_runner.netlist.expressions import HELPERS, equations, translated
+from pyspice_runner.netlist.library import check_name, data_path, read_library
 
 C_FILES = ("piezomotor_averaged.c", "piezomotor_fmi2.c")  # what a compiler is given
-_HEADER, _START = "piezomotor_averaged.h", "piezomotor_start.h"
+_HEADER, _START, _PHASE = "piezomotor_averaged.h", "piezomotor_start.h", "piezomotor_phase.h"
 STEP_SIZE = 1e-3  # s, of the default experiment: a controller at 1 kHz
 _GROUPS = ("INPUTS", "OUTPUTS", "PARAMETERS", "MOUNT_PARAMETERS", "MODE_PARAMETERS")  # in the order of struct values
 # SI base units with their exponents; FMI 2.0 has whole exponents only, so that two units have no such definition
@@ -145,6 +148,7 @@ def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None) -
     known = variables(motor, thermal)
     behavioral = data_path("behavioral")
     sources = {file: (behavioral / file).read_text(encoding="utf-8") for file in (*C_FILES, _HEADER)}
+    sources[_PHASE] = phase_source()
     start = _start_header(motor, known)
     guid = str(uuid.uuid5(uuid.NAMESPACE_URL, "\n".join((identifier, *sources.values(), start))))
     sources[_START] = start.replace("#define MODES", f'#define GUID "{guid}"\n#define MODES', 1)
@@ -152,6 +156,44 @@ def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None) -
         "modelDescription.xml": _model_description(motor, known, identifier, guid),
         **{f"sources/{file}": text for file, text in sources.items()},
     }
+
+
+def phase_source() -> str:
+    """Return the contact at one phase in C, with the equations of ``piezomotor_averaged_phase``."""
+    library = read_library("piezomotor_averaged_phase")
+    found = equations(library)
+    inputs = [pin.name for pin in library.pins if pin.name not in found.values]
+    fields = [*(item.name for item in library.parameters), *inputs, *found.parameters, *found.values]
+    lines = {
+        name: f"    p->{name} = {translated(text, 'c', lambda used: f'p->{used}')};" for name, text in found.ordered()
+    }
+    return "\n".join(
+        (
+            "/* SPDX-License-Identifier: GPL-3.0-or-later",
+            " *",
+            f" * {library.title}; displacements in um.",
+            f" * Written from {library.name}.lib.",
+            " */",
+            "#include <math.h>",
+            "",
+            HELPERS["c"],
+            "",
+            "struct phase {",
+            *wrap(f"double {', '.join(fields)};", 110, initial_indent="    ", subsequent_indent="        "),
+            "};",
+            "",
+            "static void phase_parameters(struct phase *p)",
+            "{",
+            *(lines[name] for name in lines if name in found.parameters),
+            "}",
+            "",
+            "static void phase_forces(struct phase *p)",
+            "{",
+            *(lines[name] for name in lines if name in found.values),
+            "}",
+            "",
+        )
+    )
 
 
 def _start_header(motor: Motor, known: list[Variable]) -> str:

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A motor as a Verilog-A module: ``behavioral/piezomotor.va`` with the values and the number of modes of a motor.
 
-The file in ``behavioral/`` is written by hand and is the module of the set ``bimodal40``. The text of its first mode is
-repeated for every mode of the motor, and the default of each parameter is replaced. The friction of a brush is in
-``behavioral/piezomotor_brush.va``, whose first cell is repeated for every slider.
+The file in ``behavioral/`` is written by hand, with one mode and no contact. The text of the mode is repeated for every
+mode of the motor, and the default of each parameter is replaced. The contact is written from the library of its law.
 """
 
 from __future__ import annotations
@@ -15,15 +14,19 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.contact import ContactLaw, Law, contact_values, touching_law
-from pyspice_runner.netlist.library import check_name, data_path
+from pyspice_runner.netlist.contact import LIBRARIES, ContactLaw, Law, contact_library, contact_values, touching_law
+from pyspice_runner.netlist.expressions import HELPERS, equations, translated
+from pyspice_runner.netlist.library import LibraryParameter, check_name, data_path, read_library
 from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, Discretisation, coarsest_step
 
-LAWS = {"spring-slider": 0, "coulomb": 1}  # values of the parameter law
-WRITTEN = (*LAWS, "brush")  # the laws that have a Verilog-A form
+WRITTEN = ("spring-slider", "coulomb", "brush")  # the laws that have a Verilog-A form
 _BLOCKS = ("parameters of mode", "states of mode", "motion of mode", "mode")
-_CELLS = ("states of cell", "cell")
 _OF_CONTACT = {"mu": "friction", "damping": "normal_damping"}  # parameters of the contact with other names outside
+_OF_RUN = ("deflection", "start")  # parameters of the contact that rest and the start of a run replace
+# nodes of the contact with other names outside; those that are not listed get the prefix contact_
+_NODES = {"y": "contact_y", "vy": "contact_vy", "shaft": "V(shaft)", "slider": "V(slider)", "friction": "tangential"}
+_NODES |= {name: name for name in ("x", "vx", "fx", "fy", "normal", "delta", "state")}
+_ITERATIONS = 5  # of an equation that contains its own node; each reduces the error by penetration over radius
 
 
 def motor_module(
@@ -50,89 +53,94 @@ def motor_module(
             f"contact = {law.name!r} is not valid for a .va file: it must be one of {', '.join(WRITTEN)}. "
             "Export a .lib for a law of your own."
         )
-    text = module_source(len(motor.modes), law.sliders or 0)
-    text = named(text, SUBCIRCUIT, motor, name, module_values(motor, law, thermal=thermal))
+    text = module_source(len(motor.modes), law)
+    for parameter, value in module_values(motor, law, thermal=thermal).items():
+        text, count = re.subn(
+            rf"(?m)^(.*parameter (?:real|integer) {parameter} = )\S+( from .*)$", rf"\g<1>{value!r}\g<2>", text
+        )
+        assert count == 1, parameter
+    module = check_name(name) if name else SUBCIRCUIT
+    text = text.replace(f"module {SUBCIRCUIT}(", f"module {module}(", 1)
+    title = f"// {module}: standing-wave piezomotor {motor.name}"
+    text = text.replace(f"// {SUBCIRCUIT}: standing-wave piezomotor bimodal40", title, 1)
     return re.sub(
         r"(?m)^// STEP .*$", f"// STEP   at most {coarsest_step(motor):.2g} s; slider_time is half of it", text
     )
 
 
-def named(text: str, original: str, motor: Motor, name: str, values: Mapping[str, float | int]) -> str:
-    """Return a module with the name and the values of a motor.
+def module_source(modes: int, law: Law) -> str:
+    """Return the module with some number of modes and a law of the contact.
 
-    Args:
-        text: the module.
-        original: the name that it has.
-        motor: the motor.
-        name: the name that it gets; by default the one that it has.
-        values: the parameters.
-
-    Raises:
-        ParameterError: for an invalid name.
+    The defaults are those of ``behavioral/piezomotor.va`` and of the library of the law.
     """
-    module = check_name(name) if name else original
-    for parameter, value in values.items():
-        text, count = re.subn(
-            rf"(?m)^(.*parameter (?:real|integer) {parameter} = )\S+( from .*)$", rf"\g<1>{value!r}\g<2>", text
-        )
-        assert count == 1, parameter
-    text = text.replace(f"module {original}(", f"module {module}(", 1)
-    title = f"// {module}: standing-wave piezomotor {motor.name}"
-    return re.sub(rf"(?m)^// {original}: standing-wave piezomotor bimodal40", title, text, count=1)
-
-
-def module_source(modes: int, sliders: int = 0) -> str:
-    """Return the module with some number of modes and with the defaults of ``behavioral/piezomotor.va``.
-
-    Args:
-        modes: number of modes.
-        sliders: number of sliders of a brush; 0 for the other laws.
-    """
-    text = with_modes((data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8"), modes)
-    if not sliders:
-        return text
-    brush = (data_path("behavioral") / "piezomotor_brush.va").read_text(encoding="utf-8")
-    for block in _CELLS:
-        brush = _repeated(brush, block, sliders)
-    brush = re.sub(r"(localparam integer sliders = )\d+", rf"\g<1>{sliders}", brush)
-    states = _part("states of the cells")
-    found = states.search(brush)
-    assert found is not None
-    text = text.replace(
-        "    // end of the states of the modes\n", f"    // end of the states of the modes\n{found[0]}", 1
-    )
-    for name in ("parameters of the friction", "friction"):
-        part = _part(name)
-        found = part.search(brush)
-        assert found is not None, name
-        text, count = part.subn(lambda _, written=found[0]: written, text)  # type: ignore[misc]
-        assert count == 1, name
-    return text
-
-
-def with_modes(text: str, modes: int) -> str:
-    """Return a module with some number of modes instead of two."""
+    text = (data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8")
     for block in _BLOCKS:
         text = _repeated(text, block, modes)
+    for name, lines in _contact(law).items():
+        text = text.replace(f"// {name}\n", "\n".join((f"// {name}", *lines, "")), 1)
     return text
 
 
-def _part(name: str) -> re.Pattern[str]:
-    """Return what finds the lines between two comments, these included."""
-    return re.compile(rf"(?ms)^ *// {name}\n.*?^ *// end of the {name.removeprefix('the ')}\n")
+def _contact(law: Law) -> dict[str, list[str]]:
+    """Return the lines of the contact, by the comments of ``behavioral/piezomotor.va`` after which they stand."""
+    library = contact_library(law) if law.name == "brush" else read_library(LIBRARIES[law.name])
+    found = equations(library)
+    parameters = {item.name: _OF_CONTACT.get(item.name, item.name) for item in library.parameters}
+    parameters |= dict.fromkeys(_OF_RUN, "0.0")
+    states = {node: node if node in library.pin_names else f"cell_{node[1:]}" for node in found.capacitances}
+    names = parameters | _NODES | {node: f"V({port})" for node, port in states.items()}
+    own: dict[str, None] = {}  # variables of the contact alone, in order
+
+    def name(node: str) -> str:
+        if node in names:
+            return names[node]
+        own[f"contact_{node}"] = None
+        return f"contact_{node}"
+
+    def written(text: str) -> str:
+        return translated(text, "verilog-a", name)
+
+    lines = []
+    for node, text in found.ordered():
+        if node == "slider":  # a port, also where the law has no such state
+            lines.append(f"I(slider) <+ V(slider) - ({written(text)});")
+            continue
+        implicit = f"V({node})" in text
+        lines += [f"{name(node)} = 0.0;"] if implicit else []
+        lines += [f"{name(node)} = {written(text)};"] * (_ITERATIONS if implicit else 1)
+    for node, port in states.items():
+        lines.append(f"I({port}) <+ ddt({written(found.capacitances[node])} * V({port}));")
+        lines.append(f"I({port}) <+ V({port}) / {written(found.resistances[node])};")
+    for node, port in {**states, "shaft": "shaft"}.items():
+        lines.append(f"I({port}) <+ -({written('+'.join(found.currents[node]))});")
+    return {
+        "parameters of the contact": [
+            *(_declared(item, parameters[item.name]) for item in library.parameters if item.name not in _OF_RUN),
+            *HELPERS["verilog-a"].splitlines(),
+        ],
+        "states of the contact": [
+            *(f"    electrical {port};" for port in states.values() if port != "slider"),
+            f"    real {', '.join(own)};",
+        ],
+        "contact": [f"        {line}" for line in lines],
+    }
+
+
+def _declared(item: LibraryParameter, name: str) -> str:
+    unit = "" if item.unit == "1" else f', units="{item.unit}"'
+    bounds = f"[{item.least:g}:{item.greatest:g}]"
+    return f'    (* desc="{item.meaning}"{unit} *) parameter real {name} = {item.default!r} from {bounds};'
 
 
 def _repeated(text: str, block: str, count: int) -> str:
     """Return the text with as many copies of the block of mode 1 as there are modes."""
-    found = re.search(rf"(?ms)^ *// {block} 1\b.*?(?=^ *// {block} 2\b)", text)
-    whole = re.search(rf"(?ms)^ *// {block} 1\b.*?(?=^ *// end of the )", text)
+    found = re.search(rf"(?ms)^ *// {block} 1\b.*?(?=^ *// end of the )", text)
     assert found is not None, block
-    assert whole is not None, block
     copies = [
         re.sub(r"_1\b", f"_{number}", found[0]).replace(f"// {block} 1", f"// {block} {number}", 1)
         for number in range(1, count + 1)
     ]
-    return text[: whole.start()] + "".join(copies) + text[whole.end() :]
+    return text[: found.start()] + "".join(copies) + text[found.end() :]
 
 
 def module_values(
@@ -157,7 +165,6 @@ def module_values(
     touching = {_OF_CONTACT.get(name, name): value for name, value in constants.items() if name != "deflection"}
     values: dict[str, float | int] = {
         **{name: _digits(value) for name, value in touching.items()},
-        **({"law": LAWS[law.name]} if law.name in LAWS else {}),
         "normal_damping": _digits(touching.get("normal_damping", 0.0)),
         "series_compliance": motor.contact.series_compliance_m_per_n,
         "inertia": motor.rotor.inertia_kg_m2,

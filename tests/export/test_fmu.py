@@ -120,7 +120,8 @@ def test_the_checker_of_fmpy_finds_nothing_in_what_the_command_writes(
     with zipfile.ZipFile(target) as archive:
         assert {
             "binaries/linux64/stage.so", "sources/piezomotor_averaged.c", "sources/piezomotor_fmi2.c",
-            "sources/piezomotor_averaged.h", "sources/piezomotor_start.h", "modelDescription.xml",
+            "sources/piezomotor_averaged.h", "sources/piezomotor_phase.h", "sources/piezomotor_start.h",
+            "modelDescription.xml",
         } == set(archive.namelist())  # fmt: skip
 
 

