@@ -1,21 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Datasets as results: ``dataset.piezomotor`` has ``to_dict``, ``save``, ``plot`` and the display of a notebook.
+"""Datasets with the interface of a result.
 
-``speed_torque``, ``working_points`` and ``sweep`` return an :class:`xarray.Dataset`. This module registers the accessor
-``piezomotor``. It is there as soon as one of them has run; for a dataset read from a file,
-``import pyspice_runner.datasets`` first.
+``speed_torque``, ``steady_branch``, ``working_points`` and ``sweep`` return an :class:`xarray.Dataset` that also has
+``save``, ``plot`` and ``cautions``. ``dataset.piezomotor`` is the dataset as a :class:`.Result`; for a dataset read
+from a file, ``import pyspice_runner.datasets`` first.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray
+from xarray.plot.accessor import DatasetPlotAccessor
 
 from pyspice_runner.files import write_json, write_netcdf
 from pyspice_runner.result import Audit, Result
@@ -26,16 +27,36 @@ if TYPE_CHECKING:
 
 SPEED = "speed_rad_s"
 _NOT_QUANTITIES = ("failure", "deck_sha256")  # of a sweep
-DOUBTS = {"settled": "not settled", "accurate": "not accurate"}  # flags of a point of a sweep, and what their 0 means
+FLAGS = {"settled": "not settled", "accurate": "not accurate"}  # of a point of a sweep: name and meaning of a 0
+_AS_JSON = ("motor", "drive", "run", "audit", "cautions", "best", "limits", "method", "folds")  # attributes
 
 
-def labelled(
-    variables: Mapping[str, tuple[Sequence[str], Any, Mapping[str, Any]]],
-    coordinates: Mapping[str, Any],
-    attributes: Mapping[str, Any],
-) -> xarray.Dataset:
-    """Return a dataset of named variables, each with its dimensions, values and attributes."""
-    return xarray.Dataset(dict(variables), dict(coordinates), dict(attributes))
+class Plot(DatasetPlotAccessor):
+    """The plots of xarray, and as a function that of the result."""
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        """Draw the dataset; see :meth:`pyspice_runner.display.Shown.plot`."""
+        return as_result(self._ds).plot(*arguments, **options)
+
+
+class Dataset(xarray.Dataset):  # type: ignore[no-untyped-call]
+    """A dataset of this package: xarray's, with ``save``, ``plot`` and ``cautions`` of a result."""
+
+    __slots__ = ()
+
+    @property
+    def plot(self) -> Plot:  # type: ignore[override]
+        """Draw the dataset: ``dataset.plot(path, ax, panel=NAME)``; see :meth:`pyspice_runner.display.Shown.plot`."""
+        return Plot(self)
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Limits of the validity of the dataset, one sentence each."""
+        return as_result(self).cautions
+
+    def save(self, path: str | Path) -> Path:
+        """Write the dataset as ``.nc``, ``.csv`` or ``.json``; see :meth:`pyspice_runner.result.Result.save`."""
+        return as_result(self).save(path)
 
 
 class DatasetResult(Result):
@@ -64,11 +85,32 @@ class DatasetResult(Result):
         """Return a pandas table with one row for each point."""
         return self.dataset.to_dataframe()
 
+    @property
+    def axes(self) -> list[str]:
+        """Names of the axes."""
+        return [str(name) for name in self.dataset.sizes]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return axes, quantities and provenance, JSON-ready; ``None`` for an undefined value."""
+        data = self.dataset
+        return {
+            "dimensions": {name: data.sizes[name] for name in self.axes},
+            **{str(name): values.values.tolist() for name, values in data.coords.items()},
+            **{str(name): _finite(values.values.tolist()) for name, values in data.data_vars.items()},
+            **self._attributes(),
+        }
+
     def _attributes(self) -> dict[str, Any]:
-        """Return the attributes of the dataset, those that hold JSON decoded."""
+        """Return the attributes of the dataset, those that hold JSON decoded, with all cautions."""
         attributes = {str(name): value for name, value in self.dataset.attrs.items()}
-        coded = ("motor", "drive", "run", "audit", "warnings", "best", "limits", "method", "folds")
-        return {name: json.loads(value) if name in coded else value for name, value in attributes.items()}
+        decoded = {name: json.loads(value) if name in _AS_JSON else value for name, value in attributes.items()}
+        return {**decoded, "cautions": list(self.cautions)}
+
+    def _span(self, name: str, digits: int = 6) -> str:
+        """Return the range of an axis in words."""
+        values, unit = self.dataset[name].values, self.dataset[name].attrs.get("units", "")
+        span = f"{values.min():.{digits}g} to {values.max():.{digits}g}"
+        return f"{span} {unit}" if unit else span
 
 
 class Curves(DatasetResult):
@@ -86,7 +128,7 @@ class Curves(DatasetResult):
 
     @property
     def unsettled(self) -> int:
-        """Number of points that are finished and did not settle."""
+        """Number of finished points that did not settle."""
         return int((~self.dataset["settled"] & self.dataset["torque_n_m"].notnull()).sum())
 
     @property
@@ -99,25 +141,14 @@ class Curves(DatasetResult):
                 "means over an irregular motion."
             )
         found += [self.dataset.attrs["incomplete"]] if "incomplete" in self.dataset.attrs else []
-        return (*found, *json.loads(self.dataset.attrs.get("warnings", "[]")))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return axes, quantities and provenance, JSON-ready; ``None`` for what is not defined."""
-        data = self.dataset
-        return {
-            "dimensions": {str(name): data.sizes[name] for name in data["torque_n_m"].dims},
-            **{str(name): values.values.tolist() for name, values in data.coords.items()},
-            **{str(name): _finite(values.values.tolist()) for name, values in data.data_vars.items()},
-            **self._attributes(),
-        }
+        return (*found, *json.loads(self.dataset.attrs.get("cautions", "[]")))
 
     def summary(self) -> dict[str, str]:
         """Return the range of the axes, the greatest torque, speed and efficiency, and how many points settled."""
         data = self.dataset
         found = {"curve": data.attrs["title"]}
         for name in (*self.others, SPEED):
-            values = data[name].values
-            found[name] = f"{values.min():.4g} to {values.max():.4g}, {values.size} values"
+            found[name] = f"{self._span(name, 4)}, {data[name].size} values"
         if bool(data["torque_n_m"].notnull().any()):
             found["greatest torque"] = engineering(float(data["torque_n_m"].max()), "N·m")
             found["greatest shaft power"] = engineering(float(data["shaft_power_w"].max()), "W")
@@ -141,26 +172,21 @@ class Branch(DatasetResult):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Says why the branch ended, if not at its last value."""
+        """The reason why the branch ended before its last value."""
         ended = str(self.dataset.attrs["ended"])
         return () if ended == "It reaches stop." else (f"The branch does not reach its end: {ended}",)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the points in their order, folds and provenance, JSON-ready; ``None`` for what is not defined."""
-        data = self.dataset
-        return {
-            "points": data.sizes["point"],
-            **{str(name): values.values.tolist() for name, values in data.coords.items()},
-            **{str(name): _finite(values.values.tolist()) for name, values in data.data_vars.items()},
-            **self._attributes(),
-        }
+        """Return the points in their order, folds and provenance, JSON-ready; ``None`` for an undefined value."""
+        document = super().to_dict()
+        return {"points": document.pop("dimensions")["point"], **document}
 
     def summary(self) -> dict[str, str]:
         """Return the range of the parameter, the folds, and the share of stable points."""
         values, unit = self.dataset[self.along].values, self.dataset[self.along].attrs["units"]
         return {
             "branch": str(self.dataset.attrs["title"]),
-            self.along: f"{values.min():.6g} to {values.max():.6g} {unit}, {values.size} points",
+            self.along: f"{self._span(self.along)}, {values.size} points",
             "folds": ", ".join(f"{value:.6g} {unit}" for value in self.folds) or "none",
             "stable": f"{int(self.dataset['stable'].sum())} of {values.size} points",
             "end": str(self.dataset.attrs["ended"]),
@@ -183,37 +209,21 @@ class WorkingPoints(DatasetResult):
         return found
 
     @property
-    def axes(self) -> list[str]:
-        """Names of the axes."""
-        return [str(name) for name in self.dataset["stable"].dims]
-
-    @property
     def cautions(self) -> tuple[str, ...]:
-        """Says how many points have no steady state or an unstable one, and whether none is within the limits."""
+        """Numbers of the points without a stable steady state; whether no point is within the limits."""
         lost = int((~self.dataset["converged"]).sum())
         unstable = int((self.dataset["converged"] & ~self.dataset["stable"]).sum())
         total = self.dataset["stable"].size
         found = [f"{count} of {total} points {words}." for count, words in
-                 ((lost, "have no steady state that was found"), (unstable, "are not stable")) if count]  # fmt: skip
+                 ((lost, "have no steady state"), (unstable, "are not stable")) if count]  # fmt: skip
         return (*found, *(() if self.best else ("No point is stable and within the limits.",)))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return axes, quantities, the best point and provenance, JSON-ready; ``None`` for what is not defined."""
-        data = self.dataset
-        return {
-            "dimensions": {name: data.sizes[name] for name in self.axes},
-            **{str(name): values.values.tolist() for name, values in data.coords.items()},
-            **{str(name): _finite(values.values.tolist()) for name, values in data.data_vars.items()},
-            **self._attributes(),
-        }
 
     def summary(self) -> dict[str, str]:
         """Return the axes and the best point."""
         data = self.dataset
         found = {"map": str(data.attrs["title"])}
         for name in self.axes:
-            values = data[name].values
-            found[name] = f"{values.min():.6g} to {values.max():.6g} {data[name].attrs['units']}, {values.size} values"
+            found[name] = f"{self._span(name)}, {data[name].size} values"
         found["stable"] = f"{int(data['stable'].sum())} of {data['stable'].size} points"
         best = self.best
         if best is None:
@@ -250,28 +260,22 @@ class Sweep(DatasetResult):
         ]
 
     @property
-    def doubtful(self) -> dict[str, xarray.DataArray]:
-        """The points that are finished and whose means are not settled or not accurate, by those words."""
-        found = {words: self.dataset[name] == 0 for name, words in DOUBTS.items() if name in self.dataset}
+    def flagged(self) -> dict[str, xarray.DataArray]:
+        """The finished points whose means are not settled or not accurate, by those words."""
+        found = {words: self.dataset[name] == 0 for name, words in FLAGS.items() if name in self.dataset}
         return {words: points for words, points in found.items() if bool(points.any())}
 
     @property
-    def doubts(self) -> tuple[str, ...]:
-        """Says how many points are not settled, and how many are not accurate."""
-        names = {words: name for name, words in DOUBTS.items()}
-        counts = {words: int(points.sum()) for words, points in self.doubtful.items()}
-        total = np.prod(list(self.dataset.sizes.values()), dtype=int)
-        return tuple(
+    def cautions(self) -> tuple[str, ...]:
+        """Numbers of the points that are not settled, not accurate, or failed."""
+        names, total = {words: name for name, words in FLAGS.items()}, int(np.prod(list(self.dataset.sizes.values())))
+        counts = {words: int(points.sum()) for words, points in self.flagged.items()}
+        found = [
             f"{count} of {total} points {'is' if count == 1 else 'are'} {words}; see '{names[words]}'."
             for words, count in counts.items()
-        )
-
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Says how many points are not settled, not accurate, or failed."""
-        if not self.failures:
-            return self.doubts
-        return (*self.doubts, f"{len(self.failures)} of {self.dataset['failure'].size} points failed; see 'failure'.")
+        ]
+        failed = len(self.failures)
+        return (*found, *([f"{failed} of {total} points failed; see 'failure'."] if failed else []))
 
     def to_dict(self) -> dict[str, Any]:
         """Return axes, quantities, failures and provenance, JSON-ready; ``None`` where a point failed."""
@@ -299,14 +303,16 @@ class Sweep(DatasetResult):
         return found
 
 
-@xarray.register_dataset_accessor("piezomotor")  # type: ignore[untyped-decorator, no-untyped-call]
 def as_result(dataset: xarray.Dataset) -> DatasetResult:
-    """Return a dataset of ``speed_torque``, ``working_points`` or ``sweep`` as a result."""
+    """Return a dataset of ``speed_torque``, ``steady_branch``, ``working_points`` or ``sweep`` as a result."""
     if "folds" in dataset.attrs:
         return Branch(dataset)
     if "objective" in dataset.attrs:
         return WorkingPoints(dataset)
     return Curves(dataset) if {SPEED, "torque_n_m", "settled"} <= set(dataset.variables) else Sweep(dataset)
+
+
+xarray.register_dataset_accessor("piezomotor")(as_result)  # type: ignore[no-untyped-call]
 
 
 def _finite(values: Any) -> Any:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.impact import Throw, impact
-from pyspice_runner.datasets import Curves, as_result
+from pyspice_runner.datasets import Curves, Dataset, as_result
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.units import engineering, unit_in
 
@@ -155,6 +155,23 @@ def test_points_that_did_not_settle_are_marked_and_named() -> None:
         legend = ax.get_legend()
         assert legend is not None
         assert "not settled" in [text.get_text() for text in legend.get_texts()]
+
+
+def test_a_dataset_is_saved_plotted_and_tabled_like_a_result(tmp_path: Path) -> None:
+    plain = curves(settled=False)
+    data = Dataset(plain.data_vars, plain.coords, plain.attrs)
+    for kept in (data, data.isel(speed_rad_s=slice(None)), data.copy()):
+        assert kept.save(tmp_path / "curve.nc").stat().st_size > 1000
+        assert isinstance(kept.plot(tmp_path / "plot.png"), Axes)
+        assert kept.plot(ax=Figure().subplots(), panel="efficiency").get_ylabel() == "efficiency in %"
+        assert kept.cautions == kept.piezomotor.cautions != ()
+    assert list(data.to_dataframe().columns) == list(data.data_vars)
+    assert repr(data).startswith("<xarray.Dataset>")
+    data.plot.scatter(x="speed_rad_s", y="torque_n_m", ax=Figure().subplots())  # xarray's own plots stay
+    read = xarray.open_dataset(tmp_path / "curve.nc", engine="h5netcdf")
+    assert read.piezomotor.save(tmp_path / "curve.csv").read_text().startswith("speed_rad_s,torque_n_m")
+    with pytest.raises(pr.ParameterError, match=r"let it end in .nc, .csv or .json"):
+        data.save(tmp_path / "curve.txt")
 
 
 def test_a_figure_says_what_to_know_before_using_it(tmp_path: Path) -> None:

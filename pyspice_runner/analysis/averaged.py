@@ -110,16 +110,16 @@ class AveragedRun(Result):
         It passes where the harmonics of the model are enough and the contact stays closed. Where it does not, speed and
         torque may be off by more than 2 % of the friction torque μ F₀ R.
         """
-        return not self._doubts
+        return not self._model_cautions
 
     @property
-    def _doubts(self) -> tuple[str, ...]:
-        return doubts(float(self.curves["check"].max()), float(self.curves["separated"].max()))
+    def _model_cautions(self) -> tuple[str, ...]:
+        return model_cautions(float(self.curves["check"].max()), float(self.curves["separated"].max()))
 
     @property
     def cautions(self) -> tuple[str, ...]:
         """Findings of the audit and of the model's own check."""
-        return (*self.audit.findings, *self._doubts, *self.provenance.get("warnings", ()))
+        return (*self.audit.findings, *self._model_cautions, *self.provenance["cautions"])
 
     def summary(self) -> dict[str, str]:
         """Return the most important values at the end of the run."""
@@ -158,7 +158,7 @@ class AveragedRun(Result):
         }
 
 
-def doubts(check: float, opened: float) -> tuple[str, ...]:
+def model_cautions(check: float, opened: float) -> tuple[str, ...]:
     """Return what the greatest check and the greatest share of open contact say against an averaged run."""
     found = []
     if check > TRUSTED_CHECK:

@@ -279,7 +279,7 @@ def _next(
 
 
 def _dataset(family: _Family, nodes: list[_Node], ended: str) -> xarray.Dataset:
-    from pyspice_runner.datasets import labelled
+    from pyspice_runner.datasets import Dataset
 
     rows: list[Mapping[str, Any]] = []
     for node in nodes:
@@ -301,7 +301,7 @@ def _dataset(family: _Family, nodes: list[_Node], ended: str) -> xarray.Dataset:
     variables["start_state"] = (
         ("point", "state"), states, {"long_name": "modal displacements, velocities and the other states at t = 0, SI"}
     )  # fmt: skip
-    return labelled(
+    return Dataset(
         variables, {"point": np.arange(len(nodes)), family.follow: ("point", values, {"units": unit})},
         {
             "title": f"{base.motor.name}: steady states over {family.follow}",

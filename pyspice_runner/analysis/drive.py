@@ -119,7 +119,7 @@ class DriveReport(Result):
         ngspice_version: version of ngspice.
         deck: netlist of the run.
         audit: outcome of the physical audit; it has findings only with ``audit=False``.
-        ceramic: strain, stress and temperature rise of the ceramic, and ``warnings``; empty where not measured.
+        ceramic: strain, stress and temperature rise of the ceramic, and ``cautions``; empty where not measured.
     """
 
     motor: str
@@ -199,7 +199,7 @@ class DriveReport(Result):
                     f"The driver of group {group.upper()} puts out {gain:.3g} W more than its supplies give. It has "
                     "sources of its own, and its efficiency is not valid."
                 )
-        return (*self.audit.findings, *told, *self.ceramic.get("warnings", ()))
+        return (*self.audit.findings, *told, *self.ceramic.get("cautions", ()))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report, JSON-ready."""
@@ -219,6 +219,7 @@ class DriveReport(Result):
             "ngspice_version": self.ngspice_version,
             "audit": self.audit.to_dict(),
             **self.ceramic,
+            "cautions": list(self.cautions),
         }
 
     def columns(self) -> dict[str, Array]:

@@ -66,7 +66,7 @@ class MotorFrom(Result):
         measured: name of each mechanical measurement → value.
         computed: the same quantities of the motor.
         fit: the two-port fit of the spectra.
-        warnings: what to know before using the motor.
+        cautions: limits of the validity of the motor, one sentence each.
     """
 
     motor: Motor
@@ -74,7 +74,7 @@ class MotorFrom(Result):
     measured: dict[str, float]
     computed: dict[str, float]
     fit: TwoPortFit
-    warnings: tuple[str, ...]
+    cautions: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the motor, the errors and the comparison, JSON-ready."""
@@ -85,7 +85,7 @@ class MotorFrom(Result):
             "computed": self.computed,
             "provenance": {path: [origin.kind, origin.note] for path, origin in self.motor.provenance.items()},
             "fit": self.fit.to_dict(),
-            "warnings": list(self.warnings),
+            "cautions": list(self.cautions),
         }
 
     def writers(self) -> dict[str, Callable[[Path], object]]:
@@ -93,11 +93,6 @@ class MotorFrom(Result):
         heading = f"A motor from the spectra {self.fit.source} and its data sheet."
         text = self.motor.to_toml(heading=heading)
         return {**super().writers(), ".toml": lambda file: file.write_text(text, encoding="utf-8")}
-
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """The warnings."""
-        return self.warnings
 
     def summary(self) -> dict[str, str]:
         """Return each mechanical measurement beside the motor's value, and each fitted value with its error."""

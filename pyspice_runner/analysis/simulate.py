@@ -230,7 +230,7 @@ def _run(
 def _ceramic(setup: OperatingPoint, samples: Mapping[str, Array], recorded: _Recorded) -> dict[str, Any]:
     """Return what is known of the ceramic from the end of a run; nothing without the modes."""
     if recorded.signals is not None:
-        return {"warnings": []}
+        return {"cautions": []}
     power = sum(
         factor * samples[name] * samples[f"v({group})"]
         for group, (name, factor) in ((group, setup.source.current(group)) for group in "ab")

@@ -283,9 +283,9 @@ def _reported(bench: Dynamometer, outcome: dict[str, Any]) -> dict[str, Any]:
     motor = bench.motor
     compiled = bench.setup.solver.compiled and outcome["method"] != "settle"
     kept = {name: value for name, value in outcome.items() if name not in ("audit_passed", "findings")}
-    warnings = list(exceeded(motor, outcome["ceramic_stress_pa"], outcome["temperature_rise_k"]))
+    cautions = list(exceeded(motor, outcome["ceramic_stress_pa"], outcome["temperature_rise_k"]))
     engine = "compiled" if compiled else "spice"
-    return {**kept, "engine": engine, "warnings": warnings, "audit": Audit(outcome["findings"]).to_dict()}
+    return {**kept, "engine": engine, "cautions": cautions, "audit": Audit(outcome["findings"]).to_dict()}
 
 
 # --- points ---
@@ -414,7 +414,7 @@ def _dynamometer(point: OperatingPoint) -> Dynamometer:
 
 
 def _dataset(base: OperatingPoint, axes: Mapping[str, Array], outcomes: list[dict[str, Any]]) -> xarray.Dataset:
-    from pyspice_runner.datasets import labelled
+    from pyspice_runner.datasets import Dataset
 
     shape = tuple(len(axis) for axis in axes.values())
     variables = {}
@@ -432,7 +432,7 @@ def _dataset(base: OperatingPoint, axes: Mapping[str, Array], outcomes: list[dic
     motor, label = base.motor, base.source.label
     attributes = {
         "audit": json.dumps(Audit(tuple(findings)).to_dict()),
-        "warnings": json.dumps(list(exceeded(motor, stress, rise))),
+        "cautions": json.dumps(list(exceeded(motor, stress, rise))),
         "title": f"{motor.name}: {', '.join(['speed and torque', *([] if swept else [label])])}",
         "parameter_set": motor.name,
         "motor": json.dumps(motor.to_dict()),
@@ -441,4 +441,4 @@ def _dataset(base: OperatingPoint, axes: Mapping[str, Array], outcomes: list[dic
         "method": json.dumps([outcome["method"] for outcome in outcomes]),
         "deck_sha256": hashlib.sha256(decks.encode()).hexdigest(),
     }
-    return labelled(variables, coordinates, attributes)
+    return Dataset(variables, coordinates, attributes)

@@ -124,7 +124,7 @@ class SteadyState(Quantities, Result):
             "method": self.method,
             "step_s": self.step_s,
             "audit": self.audit.to_dict(),
-            "warnings": list(self.warnings),
+            "cautions": list(self.cautions),
             **self.provenance,
         }
 
@@ -135,18 +135,13 @@ class SteadyState(Quantities, Result):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit, and what is known of convergence and stability."""
+        """Findings of the audit; failed convergence, instability, and exceeded limits of the ceramic."""
         found = list(self.audit.findings)
         if not self.converged:
             found.append("No steady state was found.")
         elif not self.stable:
             found.append(f"The steady state is not stable: {self.instability}.")
-        return (*found, *self.warnings)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """The limits of the ceramic that the motion exceeds, a sentence each."""
-        return exceeded(self.motor, self.ceramic_stress_pa, self.temperature_rise_k)
+        return (*found, *exceeded(self.motor, self.ceramic_stress_pa, self.temperature_rise_k))
 
     def summary(self) -> dict[str, str]:
         """Return speed, torque, forces, powers, stability and how the state was found."""

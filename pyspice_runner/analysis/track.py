@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.analysis.averaged import averaged_ceramic, doubts
+from pyspice_runner.analysis.averaged import averaged_ceramic, model_cautions
 from pyspice_runner.analysis.loop import LoopDesign, averaged_loop, loop_design
 from pyspice_runner.analysis.tracking import SMOOTHED_PERIODS, Periods, TrackedRun, Tracking, judged
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -268,7 +268,7 @@ def _track_averaged(run: TrackedRun) -> Tracking:
         found,
         loop=_loop_at_end(run, outcome) if found.locked else None,
         temperature_k=vectors["v(temperature)"] if disturbance.drifting else np.zeros(len(time)),
-        doubts=doubts(float(vectors["v(xmotor.check)"].max()), float(vectors["v(xmotor.open)"].max())),
+        model_cautions=model_cautions(float(vectors["v(xmotor.check)"].max()), float(vectors["v(xmotor.open)"].max())),
         ceramic=averaged_ceramic(motor, vectors, HARMONICS),
     )
 

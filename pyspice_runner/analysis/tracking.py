@@ -60,9 +60,9 @@ class Tracking(Result):
         ngspice_version: version of ngspice.
         deck: netlist of the run.
         audit: outcome of the physical audit; it has findings only with ``audit=False``.
-        ceramic: strain, stress and temperature rise of the ceramic, and ``warnings``; empty where not measured.
+        ceramic: strain, stress and temperature rise of the ceramic, and ``cautions``; empty where not measured.
         temperature_k: of the stator above that at which its parameters hold; averaged runs only.
-        doubts: reasons, by the check of the averaged model, why the run may be wrong.
+        model_cautions: cautions by the check of the averaged model.
     """
 
     locked: bool
@@ -90,7 +90,7 @@ class Tracking(Result):
     audit: Audit = field(default_factory=Audit)
     ceramic: dict[str, Any] = field(default_factory=dict)
     temperature_k: Array | None = field(default=None, repr=False)
-    doubts: tuple[str, ...] = ()
+    model_cautions: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result, JSON-ready."""
@@ -112,6 +112,7 @@ class Tracking(Result):
             "audit": self.audit.to_dict(),
             **({} if self.temperature_k is None else {"temperature_k": float(self.temperature_k[-1])}),
             **self.ceramic,
+            "cautions": list(self.cautions),
         }
 
     @property
@@ -126,7 +127,7 @@ class Tracking(Result):
         """Findings of the audit, and whether the speed has not settled."""
         moving = self.settled is False and self.settings["disturbance"]["kind"] != "warm-up"
         told = ["The speed has not settled at the end of the run: run it longer."] * moving
-        return (*self.audit.findings, *self.doubts, *told, *self.ceramic.get("warnings", ()))
+        return (*self.audit.findings, *self.model_cautions, *told, *self.ceramic.get("cautions", ()))
 
     def columns(self) -> dict[str, Array]:
         """Return frequency, phase and speed of each period over time; for an averaged run also the temperature."""

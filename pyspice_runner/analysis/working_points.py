@@ -193,7 +193,7 @@ def _dataset(
     objective: Objective,
     limits: Mapping[str, float],
 ) -> xarray.Dataset:
-    from pyspice_runner.datasets import labelled
+    from pyspice_runner.datasets import Dataset
 
     shape = tuple(len(values) for values in axes.values())
     rows = {index: _row(state, limits) for index, state in states.items()}
@@ -217,7 +217,7 @@ def _dataset(
     held = "" if base.load.speed is None else f", shaft at {base.load.speed:.4g} rad/s"
     law = base.law.to_dict() if base.law else {}
     run = {**law, "speed": base.load.speed, "load_torque": base.load.torque, "accuracy": accuracy}
-    return labelled(
+    return Dataset(
         variables, coordinates,
         {
             "title": f"{base.motor.name}: {objective} over {' and '.join(axes)}{held}",

@@ -104,5 +104,5 @@ def motor_from(
         writings.append((page, shown.save))
     deliver(result.to_dict(), table, as_json, *writings)
     if not as_json:
-        for text in result.warnings:
+        for text in result.cautions:
             complain(f"note: {text}", style=None)

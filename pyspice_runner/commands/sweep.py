@@ -182,8 +182,9 @@ def sweep(
 
 def _told(dataset: xarray.Dataset, document: dict[str, Any]) -> int:
     """Say on stderr which points are not settled or failed, and return the exit status."""
-    for doubt in dataset.piezomotor.doubts:
-        complain(f"piezomotor: {doubt}", style="yellow")
+    for sentence in dataset.piezomotor.cautions:
+        if not sentence.endswith("see 'failure'."):  # told below, with the first reason
+            complain(f"piezomotor: {sentence}", style="yellow")
     if document["failures"]:
         first = document["failures"][0]["reason"]
         complain(f"piezomotor: {len(document['failures'])} of {document['points']} points failed; the first: {first}")

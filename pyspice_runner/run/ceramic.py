@@ -30,7 +30,7 @@ def modal_vectors(motor: Motor) -> list[str]:
 def ceramic(
     motor: Motor, discretisation: Discretisation, samples: Mapping[str, Array], power_w: Array, window: Window
 ) -> dict[str, Any]:
-    """Return strain, stress and temperature rise over the last periods of a run, and ``warnings``; None if not known.
+    """Return strain, stress and temperature rise over the last periods of a run, and ``cautions``; None if not known.
 
     Args:
         motor: the motor.
@@ -58,4 +58,4 @@ def ceramic(
 def stated(motor: Motor, found: Mapping[str, float]) -> dict[str, Any]:
     """Return strain, stress and temperature rise, JSON-ready, with ``warnings``."""
     known = {name: value if np.isfinite(value) else None for name, value in found.items()}
-    return {**known, "warnings": list(exceeded(motor, found["ceramic_stress_pa"], found["temperature_rise_k"]))}
+    return {**known, "cautions": list(exceeded(motor, found["ceramic_stress_pa"], found["temperature_rise_k"]))}

@@ -250,6 +250,7 @@ class Waveforms(Result):
             "solver_seconds": self.solver_seconds,
             "ngspice_version": self.ngspice_version,
             **self.provenance,
+            "cautions": list(self.cautions),
         }
 
     def columns(self) -> dict[str, Array]:
@@ -274,7 +275,7 @@ class Waveforms(Result):
             moving = [names[name] for name, share in self.to_come.items() if share is None or share > SETTLED]
             told.append(f"Not settled at the end of the run: {' and '.join(moving)}. Run it longer.")
         told += [] if self.complete else ["The run did not reach its end."]
-        return (*told, *self.provenance.get("warnings", ()))
+        return (*told, *self.provenance["cautions"])
 
     @property
     def accuracy(self) -> float:

@@ -148,7 +148,7 @@ def _dataset(
     found: Mapping[str, Mapping[str, Any]],
     failed: Mapping[str, BaseException],
 ) -> xarray.Dataset:
-    from pyspice_runner.datasets import labelled
+    from pyspice_runner.datasets import Dataset
 
     def shaped(values: list[Any]) -> Any:
         return np.array(values).reshape(tuple(plan.shape.values()))
@@ -165,7 +165,7 @@ def _dataset(
         {"long_name": "why the point failed"},
     )
     variables["deck_sha256"] = (shaped([row["deck_sha256"] for row in rows]), {"long_name": "hash of the deck"})
-    return labelled(
+    return Dataset(
         {name: (tuple(plan.shape), values, attributes) for name, (values, attributes) in variables.items()},
         plan.coordinates,
         {},

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from pyspice_runner.datasets import DOUBTS, Branch, Curves, Sweep, WorkingPoints
+from pyspice_runner.datasets import FLAGS, Branch, Curves, Sweep, WorkingPoints
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.view.draw import AXIS, DASHES, Panel, Sheet, dress
@@ -187,7 +187,7 @@ def _mapped(result: WorkingPoints, quantity: str, label: Label, ax: Axes) -> Non
 
 def sweep(result: Sweep) -> Sheet:
     """Return a panel for each quantity."""
-    shown = [name for name in result.quantities if name not in DOUBTS] or result.quantities
+    shown = [name for name in result.quantities if name not in FLAGS] or result.quantities
     panels: dict[str, Panel] = {name: partial(_swept, result, name) for name in shown}
     return Sheet(panels, 1, (8.0, 3.4), result.dataset.attrs.get("parameter_set", ""))
 
@@ -217,7 +217,7 @@ def _swept(result: Sweep, quantity: str, ax: Axes) -> None:
             ax.plot(x, median, color=colour, label=f"{name} median, 5 to 95 %".strip())
             continue
         ax.plot(x, curve.values, ".-", color=colour, label=name or None)
-        for mark, (words, points) in zip("os", result.doubtful.items(), strict=False):
+        for mark, (words, points) in zip("os", result.flagged.items(), strict=False):
             where = points.isel(at).values
             if where.any():
                 first = None if words in marked else words

@@ -61,23 +61,22 @@ def test_a_steady_state_tells_what_its_ceramic_does_not_withstand(
         assert state.temperature_rise_k == pytest.approx(rise_k, rel=0.01)
     if stress_pa is not None:
         assert state.ceramic_stress_pa == pytest.approx(stress_pa, rel=0.03)
-    assert len(state.warnings) == len(told)
-    assert all(words in sentence for words, sentence in zip(told, state.warnings, strict=True))
-    assert state.to_dict()["warnings"] == list(state.warnings)
-    assert set(state.warnings) <= set(state.cautions)
+    assert len(state.cautions) == len(told)
+    assert all(words in sentence for words, sentence in zip(told, state.cautions, strict=True))
+    assert state.to_dict()["cautions"] == list(state.cautions)
 
 
-def test_every_kind_of_result_warns() -> None:
+def test_every_kind_of_result_has_the_caution() -> None:
     run = pr.simulate(MOTOR, drive(100.0), duration=1e-3, step=2e-7)
     assert any(STRONG in caution for caution in run.cautions)
     assert run.to_dict()["ceramic_stress_pa"] > 30e6
     averaged = pr.simulate_averaged(MOTOR, drive(100.0), 5e-3)
     assert any(STRONG in caution for caution in averaged.cautions)
     point = operating_point(MOTOR, drive(100.0), speed=0.0)
-    assert any(STRONG in warning for warning in point["warnings"])
+    assert any(STRONG in caution for caution in point["cautions"])
     curves = Curves(pr.speed_torque(MOTOR, drive(100.0), speeds=[0.0]))
     assert any(STRONG in caution for caution in curves.cautions)
-    assert curves.to_dict()["warnings"] == json.loads(curves.dataset.attrs["warnings"])
+    assert curves.to_dict()["cautions"] == json.loads(curves.dataset.attrs["cautions"])
     driver = pr.Driver(kind="ideal", voltage=100.0, frequency=51.7e3, phase_deg=90.0)
     driven = pr.drive_report(MOTOR, driver, duration=1e-3)
     assert any(STRONG in caution for caution in driven.cautions)
@@ -88,6 +87,6 @@ def test_every_kind_of_result_warns() -> None:
 def test_a_motor_without_beam_or_limits_says_nothing() -> None:
     motor = MOTOR.updated({"limits": None, "modes.0.frequency_hz": 13.4e3})
     state = pr.steady_state(motor, drive(50.0), speed=0.0)
-    assert state.warnings == ()
+    assert state.cautions == ()
     assert state.to_dict()["ceramic_strain"] is None
     assert state.to_dict()["temperature_rise_k"] is None
