@@ -16,19 +16,20 @@ criterion.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import log, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.spectra.identify.descent import Complexes, Vector, rms
 
 KINDS = ("proportional", "s11", "z")
 REFERENCE_OHM = 50.0
 _RATIOS = np.geomspace(0.03, 30.0, 21)  # of two errors' medians; beyond, the smaller does not count
 _DEGREES = 3.0  # of Student's distribution, whose tails take a resonance between the points for an outlier
+_LEAST = 1e-12  # relative error of exact data
 _GAIN = sqrt(20.0)  # of a third difference for white noise: √(1 + 9 + 9 + 1)
 
 
@@ -52,6 +53,32 @@ class Noise:
     def deviation(self, y: Complexes) -> Vector:
         """Return the standard deviation of Y in S at admittances in S."""
         return np.sqrt(sum((sigma * _shape(kind, y)) ** 2 for kind, sigma in self.sigma.items()))
+
+    def refined(self, fitted: Complexes, measured: Complexes, white: bool) -> Noise:
+        """Return the error model by the residuals of a fit; correlated residuals count as a share of the magnitude."""
+        if self.stated:
+            return self
+        if white:
+            return estimate(fitted, measured - fitted)
+        return Noise({"proportional": max(rms(fitted / measured - 1.0), _LEAST)})
+
+
+def noise_of(noise: Mapping[str, float] | None, y: Complexes) -> Noise:
+    """Return the error model of a spectrum: as stated, kind → σ, or else estimated.
+
+    Raises:
+        ParameterError: for other kinds or values.
+    """
+    if noise is None:
+        return estimate(y)
+    if not noise or not noise.keys() <= set(KINDS) or len(noise.keys() - {"proportional"}) > 1:
+        raise ParameterError(
+            f"noise = {dict(noise)!r} is not valid: it must have proportional, s11 or z, or proportional and one other."
+        )
+    for kind, sigma in noise.items():
+        if not 0.0 < sigma < 1e6:
+            raise ParameterError(f"noise: {kind} = {sigma!r} is not valid: it must be a number > 0 and < 1e6.")
+    return Noise({kind: float(sigma) for kind, sigma in noise.items()}, stated=True)
 
 
 def _shape(kind: str, y: Complexes) -> Vector:

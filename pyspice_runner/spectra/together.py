@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-r"""Several spectra of one device fitted together: at drive levels, at temperatures, or both.
+r"""Joint fit of several spectra of one device at different drive levels, temperatures, or both.
 
 One circuit describes all spectra. With the voltage U and the charge amplitude q = |Y_m| U / ω of a motional arm,
 
@@ -11,10 +11,10 @@ coordinate r = q/θ: a mode with the coupling θ has the softening :math:`\gamma
 damping :math:`\kappa = \kappa_q\theta^2`. Where three amplitudes are possible, a sweep with rising frequency has the
 smallest.
 
-With temperature, the logarithms of frequency, coupling θ, clamped capacitance and quality factor change in proportion
-to it; the slopes of the first three are those of :class:`~pyspice_runner.model.thermal.Thermal`.
+The logarithms of frequency, coupling θ, clamped capacitance and quality factor change in proportion to temperature; the
+slopes of the first three are those of :class:`~pyspice_runner.model.thermal.Thermal`.
 
-The start is the fit of the spectrum with the lowest level, the weights are those of each spectrum's estimated error.
+The start is the fit of the spectrum with the lowest level. The weights follow from the estimated errors.
 """
 
 from __future__ import annotations
@@ -25,30 +25,26 @@ from math import pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.model.equivalent import MotionalArm
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
-from pyspice_runner.spectra.fit import SpectrumFit, fit_spectrum
-from pyspice_runner.spectra.identify import independent_points
+from pyspice_runner.spectra.fit import SpectrumFit, fit_spectrum, misfit
+from pyspice_runner.spectra.identify.descent import FINEST, Complexes, Vector, independent_points, rms, variance
 from pyspice_runner.spectra.noise import estimate
 from pyspice_runner.spectra.spectrum import Spectrum
 from pyspice_runner.spectra.threads import one_thread
 
 _ARM = 5  # parameters of an arm: ln f, ln X, ln Q, and softening and growth at the greatest charge
 _DRIFTS = ("frequency_drift_per_k", "coupling_drift_per_k", "capacitance_drift_per_k", "quality_drift_per_k")
-_FINEST = 1e-8  # relative accuracy that no measurement exceeds
-_LARGEST = 0.5  # softening at the greatest charge, beyond which the law does not hold
-
-Vector = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+_CHANGES = ("softening_per_c2", "damping_growth_per_c2")
+_LARGEST = 0.5  # limit of the law: softening at the greatest charge
 
 
 @dataclass(frozen=True)
 class SoftArm:
-    """One motional arm at small amplitude, and how it changes with the charge amplitude.
+    """One motional arm at small amplitude, and its change with the charge amplitude.
 
     Attributes:
         resistance_ohm: R at small amplitude.
@@ -77,7 +73,7 @@ class SoftArm:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TogetherFit(Result):
-    """Several spectra by one circuit.
+    """One circuit fitted to several spectra.
 
     Attributes:
         arms: by rising frequency, at the first temperature.
@@ -86,7 +82,7 @@ class TogetherFit(Result):
             temperatures.
         standard_errors: of the clamped capacitance and the drifts.
         rms_relative_error: root mean square of the relative residual of each spectrum.
-        warnings: what to know before using the values.
+        warnings: limits of the values.
     """
 
     arms: tuple[SoftArm, ...]
@@ -106,12 +102,12 @@ class TogetherFit(Result):
         return self.warnings
 
     def summary(self) -> dict[str, str]:
-        """Return the errors, the drifts, and of each arm how it changes with the charge."""
+        """Return the errors, the drifts, and the change of each arm with the charge."""
         found = {"RMS error": ", ".join(f"{100.0 * value:.3g} %" for value in self.rms_relative_error)}
         for name, value in self.drifts.items():
             found[name.replace("_", " ")] = f"{value:.4g} ± {self.standard_errors[name]:.2g}"
         for number, arm in enumerate(self.arms, start=1):
-            for name in ("softening_per_c2", "damping_growth_per_c2"):
+            for name in _CHANGES:
                 error = arm.standard_errors[name]
                 found[f"arm {number} {name.replace('_', ' ')}"] = f"{getattr(arm, name):.4g} ± {error:.2g}"
         return found
@@ -126,13 +122,13 @@ def fit_together(
     temperatures: Sequence[float] | None = None,
     modes: int | None = None,
 ) -> TogetherFit:
-    """Fit several spectra of one device together. Leads are taken as compensated, frequencies as rising in the sweep.
+    """Fit several spectra of one device together. Leads must be compensated, and sweeps have rising frequency.
 
     Args:
         spectra: one-ports of the same device.
         voltages: amplitude at the device's terminals in V, one for each spectrum.
         temperatures: in K or °C, one for each spectrum.
-        modes: number of motional arms; found if it is not given.
+        modes: number of motional arms; selected by default.
 
     Raises:
         ParameterError: without voltages and temperatures, or for values that do not belong to the spectra.
@@ -179,31 +175,32 @@ class _Problem:
         self.charge = level.max() * self.quality / (self.reactance * 2.0 * pi * self.frequency)
         bare = replace(start.circuit, arms=())
         self.clamped = [bare.device_admittance(spectrum.frequency_hz) for spectrum in spectra]
-        self.weights = []
-        for spectrum in spectra:
-            y = spectrum.admittance_s
-            self.weights.append(np.abs(y) / np.maximum(estimate(y).deviation(y), _FINEST * np.abs(y)))
-        levels, temperatures = changing
-        count = len(self.frequency)
-        free = [True, True, *[temperatures] * 4, *[True, True, True, levels, levels] * count]
-        self.free = np.array(free, dtype=bool)
-        self.levels, self.temperatures = levels, temperatures
+        measured = [spectrum.admittance_s for spectrum in spectra]
+        self.weights = [np.abs(y) / np.maximum(estimate(y).deviation(y), FINEST * np.abs(y)) for y in measured]
+        self.levels, self.temperatures = changing
+        per_arm = [True, True, True, self.levels, self.levels]
+        self.free = np.array([True, True, *[self.temperatures] * 4, *per_arm * len(self.frequency)])
+
+    def arms(self, parameters: Vector, kelvin: float) -> Vector:
+        """Return ω, X, Q, softening and growth of every arm, each a row, at a temperature above that of the start."""
+        in_frequency, in_coupling, _, in_quality = parameters[2:6] * kelvin
+        f, x, q, softening, growth = parameters[6:].reshape(-1, _ARM).T
+        natural = 2.0 * pi * self.frequency * np.exp(f + in_frequency)
+        reactance = self.reactance * np.exp(x + in_frequency - 2.0 * in_coupling)
+        return np.array([natural, reactance, self.quality * np.exp(q + in_quality), softening, growth])
 
     def relative(self, parameters: Vector, number: int) -> Complexes:
         """Return ln Y_model − ln Y of one spectrum."""
         spectrum, kelvin = self.spectra[number], self.kelvin[number] - self.reference
-        size, loss, in_frequency, in_coupling, in_capacitance, in_quality = parameters[:6]
-        y = np.exp(size + in_capacitance * kelvin) * (
-            np.exp(loss) * self.clamped[number].real + 1j * self.clamped[number].imag
-        )
+        size, loss, _, _, in_capacitance, _ = parameters[:6]
+        clamped = self.clamped[number]
+        y = np.exp(size + in_capacitance * kelvin) * (np.exp(loss) * clamped.real + 1j * clamped.imag)
         omega = 2.0 * pi * spectrum.frequency_hz
-        for k, (f, x, q, softening, growth) in enumerate(parameters[6:].reshape(-1, _ARM)):
-            natural = 2.0 * pi * self.frequency[k] * np.exp(f + in_frequency * kelvin)
-            reactance = self.reactance[k] * np.exp(x + (in_frequency - 2.0 * in_coupling) * kelvin)
-            quality = self.quality[k] * np.exp(q + in_quality * kelvin)
+        arms = zip(self.charge, self.arms(parameters, kelvin).T, strict=True)
+        for charge, (natural, reactance, quality, softening, growth) in arms:
             # in units of X and of the charge U/(X ω_n): detuning, damping, and their changes with the charge
             ratio = omega / natural
-            unit = self.level[number] / (reactance * natural) / self.charge[k]
+            unit = self.level[number] / (reactance * natural) / charge
             detuning, damping = 1.0 - ratio**2, ratio / quality
             softer, growing = 0.75 * softening * unit**2, 0.25 * growth * unit**2
             square = _amplitude_squared(detuning, damping, softer, growing)
@@ -217,12 +214,11 @@ class _Problem:
         return np.concatenate(parts).view(float)
 
     def solved(self) -> TogetherFit:
-        """Descend and put the values into units."""
+        """Return the fit."""
         from scipy.optimize import least_squares  # takes long to load
 
         point = np.zeros(6 + _ARM * len(self.frequency))
-        least, greatest = np.full(len(point), -np.inf), np.full(len(point), np.inf)
-        least[6 + 3 :: _ARM] = -_LARGEST
+        greatest = np.full(len(point), np.inf)
         greatest[6 + 3 :: _ARM] = _LARGEST
         free = self.free
         scale = np.ones(len(point))
@@ -235,52 +231,45 @@ class _Problem:
             return self.residual(parameters)
 
         found = least_squares(
-            residual, point[free], bounds=(least[free], greatest[free]), x_scale=scale[free], max_nfev=100
+            residual, point[free], bounds=(-greatest[free], greatest[free]), x_scale=scale[free], max_nfev=100
         )
         parameters = point.copy()
         parameters[free] = found.x
         residuals = [self.relative(parameters, number) for number in range(len(self.spectra))]
         count = sum(map(len, residuals))
         independent = sum(map(independent_points, residuals))
-        variance = 2.0 * found.cost / max(2 * count - int(free.sum()), 1) * count / independent
         covariance = np.zeros((len(point), len(point)))
-        covariance[np.ix_(free, free)] = variance * np.linalg.pinv(found.jac.T @ found.jac)
+        scatter = variance(2.0 * found.cost, count, int(free.sum()), independent)
+        covariance[np.ix_(free, free)] = scatter * np.linalg.pinv(found.jac.T @ found.jac)
         return self._report(parameters, covariance, residuals, independent < 0.5 * count)
 
-    def _report(self, parameters: Vector, covariance: Vector, residuals: list[Complexes], misfit: bool) -> TogetherFit:
+    def _report(
+        self, parameters: Vector, covariance: Vector, residuals: list[Complexes], correlated: bool
+    ) -> TogetherFit:
         error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         drifts = dict(zip(_DRIFTS, parameters[2:6].tolist(), strict=True)) if self.temperatures else {}
         back = -self.reference  # from the temperature of the start to the first one
-        in_frequency, in_coupling, in_capacitance, in_quality = parameters[2:6] * back
+        shares = {"resistance_ohm": (0, 1, -1), "inductance_h": (-1, 1, 0), "capacitance_f": (-1, -1, 0)}
         arms = []
-        for k, (f, x, q, softening, growth) in enumerate(parameters[6:].reshape(-1, _ARM)):
-            natural = 2.0 * pi * self.frequency[k] * float(np.exp(f + in_frequency))
-            reactance = self.reactance[k] * float(np.exp(x + in_frequency - 2.0 * in_coupling))
-            quality = self.quality[k] * float(np.exp(q + in_quality))
+        for k, (natural, reactance, quality, *changes) in enumerate(self.arms(parameters, back).T.tolist()):
             arm = MotionalArm(reactance / quality, reactance / natural, 1.0 / (reactance * natural))
             at = 6 + _ARM * k
             own = covariance[at : at + 3, at : at + 3]
-            shares = {"resistance_ohm": (0, 1, -1), "inductance_h": (-1, 1, 0), "capacitance_f": (-1, -1, 0)}
             errors = {
                 name: getattr(arm, name) * float(np.sqrt(max(np.array(row) @ own @ np.array(row), 0.0)))
                 for name, row in shares.items()
             }
-            unit = 1.0 / self.charge[k] ** 2
-            errors |= {"softening_per_c2": float(unit * error[at + 3])}
-            errors |= {"damping_growth_per_c2": float(unit * error[at + 4])}
-            arms.append(SoftArm(**asdict(arm), softening_per_c2=float(unit * softening),
-                                damping_growth_per_c2=float(unit * growth), standard_errors=errors))  # fmt: skip
-        capacitance = self.start.circuit.clamped_capacitance_f * float(np.exp(parameters[0] + in_capacitance))
+            unit = 1.0 / float(self.charge[k]) ** 2
+            softening, growth = (unit * change for change in changes)
+            errors |= dict(zip(_CHANGES, (unit * error[at + 3 : at + 5]).tolist(), strict=True))
+            arms.append(SoftArm(**asdict(arm), softening_per_c2=softening, damping_growth_per_c2=growth,
+                                standard_errors=errors))  # fmt: skip
+        capacitance = self.start.circuit.clamped_capacitance_f * float(np.exp(parameters[0] + parameters[4] * back))
         errors = {"clamped_capacitance_f": capacitance * float(error[0])}
         errors |= {name: float(value) for name, value in zip(_DRIFTS, error[2:6], strict=True) if name in drifts}
-        rms = tuple(float(np.sqrt(np.mean(np.abs(np.expm1(residual)) ** 2))) for residual in residuals)
-        said = list(self.start.warnings)
-        if misfit:
-            said.append(
-                f"The circuit does not follow the spectra to the noise: residuals of up to {100.0 * max(rms):.2g} % "
-                "remain and are correlated."
-            )
-        return TogetherFit(tuple(arms), capacitance, drifts, errors, rms, tuple(said))
+        each = tuple(rms(np.expm1(residual)) for residual in residuals)
+        said = [misfit("The circuit does not follow the spectra", max(each), "up to ")] if correlated else []
+        return TogetherFit(tuple(arms), capacitance, drifts, errors, each, (*self.start.warnings, *said))
 
 
 def _amplitude_squared(detuning: Vector, damping: Vector, softer: float, growing: float) -> Vector:

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-r"""From the spectra of both groups to the coupling of every mode to each group, and to a motor.
+r"""The coupling of every mode to each group, and a motor, from the spectra of both groups.
 
 .. math::
     Y_{ij} = \delta_{ij} \frac{1}{R_i + 1/(sC_i)} + \sum_n \frac{\theta_{in} \theta_{jn}}{m_n}
              \frac{s}{s^2 + s\,\omega_n/Q_n + \omega_n^2}
 
-A spectrum driven through the weights w (A: 1, 0; A−B: 1, −1) is Σ w_i w_j Y_ij. It knows θ²/m, not θ: one mechanical
-measurement, a modal mass or the tip's velocity per motional current, makes forces of volts. All connections are fitted
-together by least squares over their estimated errors; of a two-port, they are Y_AA, Y_BB and Y_AB. The start is the
-fit of Y_AA + Y_BB, which shows every mode.
+A spectrum driven through the weights w (A: 1, 0; A−B: 1, −1) is Σ w_i w_j Y_ij. It contains θ²/m, not θ: the force
+needs one mechanical measurement, a modal mass or the velocity of the tip per motional current. All connections (of a
+two-port Y_AA, Y_BB and Y_AB) are fitted together by least squares weighted with their estimated errors. The start is
+the fit of Y_AA + Y_BB, which shows every mode.
 """
 
 from __future__ import annotations
@@ -28,32 +28,25 @@ from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor, Provenance, assemble
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
-from pyspice_runner.spectra.fit import checked_noise, fit_spectrum
-from pyspice_runner.spectra.identify import (
-    RESONANT_QUALITY,
-    UNDETERMINED,
-    Complexes,
-    NormalEquations,
-    Vector,
-    descend,
-    independent_points,
-    inverse,
-    squares,
-)
-from pyspice_runner.spectra.noise import Noise, estimate
+from pyspice_runner.spectra.fit import FittedArm, fit_spectrum
+from pyspice_runner.spectra.identify import descent
+from pyspice_runner.spectra.identify.descent import FINEST, Complexes, NormalEquations, Vector, independent_points, rms
+from pyspice_runner.spectra.identify.errors import RESONANT_QUALITY, UNDETERMINED
+from pyspice_runner.spectra.noise import noise_of
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum
 from pyspice_runner.spectra.threads import one_thread
 from pyspice_runner.units import engineering
 
-_FINEST = 1e-8  # relative accuracy that no measurement exceeds
 _TRANSFER = "AB"  # current into A per volt on B
 _GLOBALS = 3  # ln C_A, ln C_B, tan δ
 _PER_MODE = 4  # ln f, ln Q, couplings to A and B
+_VALUES = ("series_resonance_hz", "quality_factor", "coupling_a_n_per_v_kg05", "coupling_b_n_per_v_kg05")
+_PIEZO = ("capacitance_a_f", "capacitance_b_f", "loss_tangent")
 
 
 @dataclass(frozen=True)
 class TwoPortMode:
-    """One mode as both groups see it.
+    """One mode with its coupling to both groups.
 
     Attributes:
         series_resonance_hz: f with both groups shorted.
@@ -72,7 +65,7 @@ class TwoPortMode:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TwoPortFit(Result):
-    """Modes and clamped capacitances fitted to the spectra of several connections of the groups.
+    """Modes and clamped capacitances fitted to the spectra of several connections.
 
     Attributes:
         source: name of the spectra.
@@ -80,10 +73,10 @@ class TwoPortFit(Result):
         capacitance_a_f: clamped capacitance of group A.
         capacitance_b_f: clamped capacitance of group B.
         loss_tangent: of both, constant over frequency; the capacitances hold at 100 kHz.
-        standard_errors: of the three before.
+        standard_errors: of the three values above.
         rms_relative_error: connection → root mean square of the relative residual.
         noise: connection → error model, kind → σ, see :class:`SpectrumFit`.
-        warnings: what to know before using the values.
+        warnings: limits of the values.
     """
 
     source: str
@@ -112,17 +105,16 @@ class TwoPortFit(Result):
     ) -> Motor:
         """Return a complete motor: the fitted stator, calibrated, with the contact and the rotor of another motor.
 
-        The modal coordinate is that of the tip's motion as ``tips`` states it: with (0, 1) a mode moves the tip by
-        r towards the rotor.
+        ``tips`` defines the modal coordinate r: with (0, 1), r is the displacement of the tip towards the rotor.
 
         Args:
-            mass_kg: modal masses in kg; of one number, the modal mass of every mode, as of a uniform beam.
-            velocity_per_current: instead, the tip's speed in m/s per ampere of motional current, mode by mode; of one
-                number, that of the first mode, and every mode gets the modal mass that follows.
-            connection: connection through which that current flows.
-            tips: (tip_x, tip_y) of every mode; by default a mode that the groups drive alike moves the tip towards
-                the rotor, and one that they drive against each other moves it along.
-            base: motor, or its name, that contact and rotor are taken from.
+            mass_kg: modal masses in kg; a single number applies to every mode, as for a uniform beam.
+            velocity_per_current: instead, tip velocity per motional current in m/s/A for each mode; a single number is
+                that of the first mode, and every mode gets the resulting modal mass.
+            connection: connection of that current.
+            tips: (tip_x, tip_y) of every mode; by default (0, 1), towards the rotor, for a mode that both groups drive
+                in phase, and (1, 0), along it, for a mode that they drive in opposition.
+            base: motor, or its name, to take contact and rotor from.
             name: name of the new motor.
 
         Raises:
@@ -159,11 +151,7 @@ class TwoPortFit(Result):
             provenance[f"modes.{index}.mass_kg"] = calibration
             provenance |= {f"modes.{index}.{key}": origin for key in ("tip_x", "tip_y")}
         measured = Provenance("derived", f"fitted to {self.source}")
-        piezo = {
-            "capacitance_a_f": self.capacitance_a_f,
-            "capacitance_b_f": self.capacitance_b_f,
-            "loss_tangent": self.loss_tangent,
-        }
+        piezo = {name: getattr(self, name) for name in _PIEZO}
         provenance |= {f"piezo.{key}": measured for key in piezo}
         borrowed = Provenance("assumed", f"that of {base.name}; state your own")
         rest = {"contact": base.contact.model_dump(), "rotor": base.rotor.model_dump()}
@@ -231,22 +219,14 @@ class TwoPortFit(Result):
                 f"{what} = {given!r} is not valid: it must be a number > 0, or one for each of {len(self.modes)} modes."
             )
         if mass_kg is None:  # θ = |tip| i/v, and θ/√m is known
-            weights = COUPLING[connection]
-            couplings = [
-                abs(weights[0] * mode.coupling_a_n_per_v_kg05 + weights[1] * mode.coupling_b_n_per_v_kg05)
-                for mode in self.modes
-            ]
-            for index, coupling in enumerate(couplings[: len(values)], start=1):
-                if coupling < 1e-6 * hypot(
-                    self.modes[index - 1].coupling_a_n_per_v_kg05, self.modes[index - 1].coupling_b_n_per_v_kg05
-                ):
+            for index, (velocity, mode, tip) in enumerate(zip(values, self.modes, tips, strict=False)):
+                groups = np.array([mode.coupling_a_n_per_v_kg05, mode.coupling_b_n_per_v_kg05])
+                coupling = abs(float(groups @ COUPLING[connection]))
+                if coupling < 1e-6 * hypot(*groups):
                     raise ParameterError(
-                        f"Mode {index} takes no current through {connection}; measure its velocity another way."
+                        f"Mode {index + 1} takes no current through {connection}; measure its velocity another way."
                     )
-            values = [
-                (hypot(*tip) / value / coupling) ** 2
-                for value, coupling, tip in zip(values, couplings, tips, strict=False)
-            ]
+                values[index] = (hypot(*tip) / velocity / coupling) ** 2
         if len(values) < len(self.modes):
             return values * len(self.modes), Provenance("derived", f"{what} of one mode; taken to be that of all")
         return values, Provenance("given" if mass_kg is not None else "derived", f"calibration by {what}")
@@ -262,22 +242,21 @@ def fit_two_port(
     timeout: float | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> TwoPortFit:
-    """Fit modes with their couplings to both groups. Leads are taken as compensated.
+    """Fit modes with their couplings to both groups. Leads must be compensated.
 
-    Without a number of modes, a mode that is not significant is rejected as an arm of :func:`fit_spectrum` is.
+    Without a number of modes, a mode that is not significant is rejected, like an arm of :func:`fit_spectrum`.
 
     Args:
         spectra: a two-port, or one-ports by connection: ``"A"`` (B shorted), ``"B"`` (A shorted), and ``"A+B"``,
-            ``"A-B"`` or both, which tell the signs.
-        modes: number of modes; found if it is not given.
-        noise: the known error of the measurement, see :func:`fit_spectrum`; estimated for each connection if it is not
-            given.
-        timeout: seconds after which the search for the modes ends with an error. The joint fit that follows is short.
+            ``"A-B"`` or both, which give the signs.
+        modes: number of modes; selected by default.
+        noise: known error of the measurement, see :func:`fit_spectrum`; by default estimated for each connection.
+        timeout: time limit of the search for the modes in s. The joint fit that follows is short.
         progress: see :func:`fit_spectrum`.
 
     Raises:
-        ParameterError: for a number of modes or a timeout out of its range.
-        SpectrumError: if a connection is missing, there is no resonance, or the time is over.
+        ParameterError: for a number of modes or a timeout out of range.
+        SpectrumError: if a connection is missing, there is no resonance, or the time limit is exceeded.
     """
     warnings: list[str] = []
     if isinstance(spectra, Spectrum):
@@ -297,10 +276,7 @@ def fit_two_port(
     else:
         shown = dict(spectra)
         ports = {str(name): spectrum for name, spectrum in spectra.items()}
-        missing = [name for name in ("A", "B") if name not in ports] or (
-            ["A+B or A-B"] if not {"A+B", "A-B"} & ports.keys() else []
-        )
-        if missing or not ports.keys() <= COUPLING.keys():
+        if not {"A", "B"} <= ports.keys() <= COUPLING.keys() or len(ports) < 3:
             raise SpectrumError(
                 f"The connections {', '.join(ports) or 'none'} do not tell the couplings; give A, B, and A+B or A-B."
             )
@@ -317,7 +293,7 @@ def fit_two_port(
 
 
 def clamped(loss_tangent: float, frequency_hz: Vector) -> tuple[Complexes, Complexes]:
-    """Return the admittance of 1 F with a constant loss tangent, as in a motor, and its derivative by that."""
+    """Return the admittance of 1 F with a constant loss tangent, as in a motor, and its derivative by the tangent."""
     s = 2j * pi * frequency_hz
 
     def admittance(loss: float) -> Complexes:
@@ -333,57 +309,45 @@ class _Problem:
 
     def __init__(self, ports: Mapping[str, Spectrum], noise: Mapping[str, float] | None) -> None:
         self.ports = ports
-        self.stated = noise is not None
         first, second = ports["A"], ports["B"]
         self.low = max(first.frequency_hz[0], second.frequency_hz[0])
         self.high = min(first.frequency_hz[-1], second.frequency_hz[-1])
         self.reference_hz = sqrt(self.low * self.high)
         self.unit_s = float(np.median(np.abs(first.admittance_s)))
         self.count = sum(len(spectrum) for spectrum in ports.values())
-        self.noise = {
-            name: Noise(checked_noise(noise), stated=True) if noise is not None else estimate(spectrum.admittance_s)
-            for name, spectrum in ports.items()
-        }
+        self.noise = {name: noise_of(noise, spectrum.admittance_s) for name, spectrum in ports.items()}
         self.deviation = {name: self._deviation(name, spectrum.admittance_s) for name, spectrum in ports.items()}
 
     def _deviation(self, name: str, smooth_s: Complexes) -> Vector:
-        """Return the deviation of an admittance in this problem's unit at all points."""
-        return np.maximum(self.noise[name].deviation(smooth_s), _FINEST * np.abs(smooth_s)) / self.unit_s
+        """Return the deviation of an admittance at all points, in the unit of this problem."""
+        return np.maximum(self.noise[name].deviation(smooth_s), FINEST * np.abs(smooth_s)) / self.unit_s
 
     def weigh(self, parameters: Vector) -> None:
-        """Take the deviations at the fitted admittances, and unless it is stated, the error from what the fit leaves.
-
-        Where that is no noise, it counts as a share of the magnitude.
-        """
+        """Take the deviations at the fitted admittances, and the errors of measurement from the residuals."""
         for name, spectrum in self.ports.items():
+            measured = spectrum.admittance_s
             fitted = self.model(parameters, name, spectrum.frequency_hz)[0] * self.unit_s
-            error = spectrum.admittance_s - fitted
-            if not self.stated and independent_points(error / fitted) > 0.5 * len(error):
-                self.noise[name] = estimate(fitted, error)
-            elif not self.stated:
-                share = float(np.sqrt(np.mean(np.abs(error / fitted) ** 2)))
-                self.noise[name] = Noise({"proportional": max(share, _FINEST)})
+            white = independent_points((measured - fitted) / fitted) > 0.5 * len(measured)
+            self.noise[name] = self.noise[name].refined(fitted, measured, white)
             self.deviation[name] = self._deviation(name, fitted)
 
     def descend(self, start: Vector) -> Vector:
         """Descend from start values to the nearest minimum."""
-        return descend(self.normal_equations, start, self.bounds(start), self.reach)[0]
+        return descent.descend(self.normal_equations, start, self.bounds(start), self.reach)[0]
 
     def independent(self, parameters: Vector) -> float:
-        """Return the number of independent points."""
+        """Return the number of independent points of all connections."""
         return sum(independent_points(self.linearised(parameters, name)[0]) for name in self.ports)
 
     def covariance(self, parameters: Vector) -> Vector:
         """Return the covariance of the parameters."""
         cost, _, hessian = self.normal_equations(parameters)
-        independent = self.independent(parameters)
-        variance = cost / max(2 * self.count - len(parameters), 1) * self.count / independent
-        if self.stated and independent == self.count:
-            variance = 0.5
-        return inverse(hessian) * variance
+        stated = self.noise["A"].stated
+        variance = descent.variance(cost, self.count, len(parameters), self.independent(parameters), stated)
+        return descent.inverse(hessian) * variance
 
     def doubtful(self, parameters: Vector) -> int | None:
-        """Return the place of the mode that is least significant, if it is not; see :mod:`.identify`."""
+        """Return the place of the least certain mode, if it is not significant."""
         covariance = self.covariance(parameters)
         doubts = []
         for at in range(_GLOBALS, len(parameters), _PER_MODE):
@@ -396,7 +360,7 @@ class _Problem:
         return place if worst > UNDETERMINED else None
 
     def start(self, modes: int | None, timeout: float | None, progress: Callable[[int, int], object] | None) -> Vector:
-        """Fit Y_AA + Y_BB, which has every mode, and split each arm among the groups by the other connections."""
+        """Fit Y_AA + Y_BB, which shows every mode, and divide each arm between the groups by the other connections."""
         first = self.ports["A"].between(self.low, self.high)
         frequency = first.frequency_hz
         second = np.interp(frequency, self.ports["B"].frequency_hz, self.ports["B"].admittance_s)
@@ -421,8 +385,8 @@ class _Problem:
             start[at : at + _PER_MODE] = log(frequency_ratio), log(arm.quality_factor), a, b if alike >= 0.0 else -b
         return start
 
-    def _amplitudes(self, connection: str, arms: Sequence[Any]) -> Vector:
-        """Return (w·θ)²/m/ω of every mode by linear least squares, in this problem's unit."""
+    def _amplitudes(self, connection: str, arms: Sequence[FittedArm]) -> Vector:
+        """Return (w·θ)²/m/ω of every mode by linear least squares, in the unit of this problem."""
         spectrum = self.ports[connection]
         w = spectrum.frequency_hz / self.reference_hz
         y = spectrum.admittance_s / self.unit_s
@@ -443,14 +407,14 @@ class _Problem:
         return np.array(least), np.array(greatest)
 
     def reach(self, parameters: Vector) -> Vector:
-        """Return how far a step may go: a mode by its bandwidth."""
+        """Return the largest step: of a mode its bandwidth."""
         reach = np.full(len(parameters), np.inf)
         reach[_GLOBALS::_PER_MODE] = 2.0 * np.exp(-parameters[_GLOBALS + 1 :: _PER_MODE])
         reach[_GLOBALS + 1 :: _PER_MODE] = 2.0
         return reach
 
     def model(self, parameters: Vector, connection: str, frequency_hz: Vector) -> tuple[Complexes, Complexes]:
-        """Return the admittance of a connection in this problem's unit, and its derivatives."""
+        """Return the admittance of a connection in the unit of this problem, and its derivatives."""
         w = frequency_hz / self.reference_hz
         into, driven = ((1.0, 0.0), (0.0, 1.0)) if connection == _TRANSFER else 2 * (COUPLING[connection],)  # type: ignore[index]
         shape_of_loss, slope_of_loss = clamped(float(parameters[2]), frequency_hz)
@@ -473,48 +437,38 @@ class _Problem:
         return np.asarray(y), jacobian
 
     def linearised(self, parameters: Vector, connection: str) -> tuple[Complexes, Complexes]:
-        """Return one connection's residual Y_model − Y over its deviation, and its derivatives."""
+        """Return the residual Y_model − Y of one connection over its deviation, and its derivatives."""
         spectrum, deviation = self.ports[connection], self.deviation[connection]
         y, jacobian = self.model(parameters, connection, spectrum.frequency_hz)
         return np.asarray((y - spectrum.admittance_s / self.unit_s) / deviation), jacobian / deviation
 
     def normal_equations(self, parameters: Vector) -> NormalEquations:
         """Return the normal equations of all connections together."""
-        parts = [squares(*self.linearised(parameters, connection)) for connection in self.ports]
+        parts = [descent.squares(*self.linearised(parameters, connection)) for connection in self.ports]
         return sum(part[0] for part in parts), np.sum([p[1] for p in parts], 0), np.sum([p[2] for p in parts], 0)
 
 
 def _report(
     problem: _Problem, parameters: Vector, shown: Mapping[Connection, Spectrum], source: str, warnings: list[str]
 ) -> TwoPortFit:
-    rms = {}
+    """Return the solution with units and standard errors."""
+    errors = {}
     for name, spectrum in shown.items():
         fitted = problem.model(parameters, name, spectrum.frequency_hz)[0] * problem.unit_s
-        rms[str(name)] = float(np.sqrt(np.mean(np.abs(fitted / spectrum.admittance_s - 1.0) ** 2)))
-    error = np.sqrt(np.maximum(np.diag(problem.covariance(parameters)), 0.0))
+        errors[str(name)] = rms(fitted / spectrum.admittance_s - 1.0)
+    deviation = np.sqrt(np.maximum(np.diag(problem.covariance(parameters)), 0.0))
+    rows = zip(*(values[_GLOBALS:].reshape(-1, _PER_MODE) for values in (parameters, deviation)), strict=True)
     modes = []
-    for index in range((len(parameters) - _GLOBALS) // _PER_MODE):
-        at = _GLOBALS + _PER_MODE * index
-        frequency = float(np.exp(parameters[at])) * problem.reference_hz
+    for (log_frequency, log_quality, a, b), error in rows:
+        frequency, quality = float(np.exp(log_frequency)) * problem.reference_hz, float(np.exp(log_quality))
         scale = sqrt(problem.unit_s * 2.0 * pi * frequency)  # θ²/m is ω over the reactance
-        values = {
-            "series_resonance_hz": frequency,
-            "quality_factor": float(np.exp(parameters[at + 1])),
-            "coupling_a_n_per_v_kg05": float(parameters[at + 2]) * scale,
-            "coupling_b_n_per_v_kg05": float(parameters[at + 3]) * scale,
-        }
-        if values["coupling_a_n_per_v_kg05"] < 0.0:
-            values |= {
-                "coupling_a_n_per_v_kg05": -values["coupling_a_n_per_v_kg05"],
-                "coupling_b_n_per_v_kg05": -values["coupling_b_n_per_v_kg05"],
-            }
-        units = (frequency, values["quality_factor"], scale, scale)
-        errors = {name: float(unit * error[at + k]) for k, (name, unit) in enumerate(zip(values, units, strict=True))}
-        modes.append(TwoPortMode(**values, standard_errors=errors))
-    omega = 2.0 * pi * problem.reference_hz
-    capacitances = np.exp(parameters[:2]) * problem.unit_s / omega
-    worst = max(rms.values())
-    if worst > _FINEST and problem.independent(parameters) < 0.5 * problem.count:
+        sign = -1.0 if a < 0.0 else 1.0
+        units = np.array([frequency, quality, scale, scale])
+        standard_errors = dict(zip(_VALUES, (units * error).tolist(), strict=True))
+        modes.append(TwoPortMode(frequency, quality, float(sign * a) * scale, float(sign * b) * scale, standard_errors))
+    capacitances = np.exp(parameters[:2]) * problem.unit_s / (2.0 * pi * problem.reference_hz)
+    worst = max(errors.values())
+    if worst > FINEST and problem.independent(parameters) < 0.5 * problem.count:
         warnings = [
             *warnings,
             f"The modes do not follow the spectra to the noise: residuals of up to {100.0 * worst:.2g} % remain.",
@@ -525,21 +479,17 @@ def _report(
         capacitance_a_f=float(capacitances[0]),
         capacitance_b_f=float(capacitances[1]),
         loss_tangent=float(parameters[2]),
-        standard_errors={
-            "capacitance_a_f": float(capacitances[0] * error[0]),
-            "capacitance_b_f": float(capacitances[1] * error[1]),
-            "loss_tangent": float(error[2]),
-        },
-        rms_relative_error=rms,
+        standard_errors=dict(zip(_PIEZO, (np.append(capacitances, 1.0) * deviation[:3]).tolist(), strict=True)),
+        rms_relative_error=errors,
         noise={name: dict(model.sigma) for name, model in problem.noise.items()},
         warnings=tuple(warnings),
     )
 
 
 def _reciprocity(spectrum: Spectrum) -> list[str]:
-    """Complain where the two transfer admittances differ, which those of a passive stator do not."""
+    """Return a warning if the two transfer admittances differ; those of a passive stator are equal."""
     forward, backward = spectrum.matrix_s[:, 0, 1], spectrum.matrix_s[:, 1, 0]
-    differ = np.sqrt(np.mean(np.abs(forward - backward) ** 2) / np.mean(np.abs(forward + backward) ** 2)) * 2.0
+    differ = 2.0 * rms(forward - backward) / rms(forward + backward)
     if differ < 0.05:
         return []
     return [f"Y_AB and Y_BA differ by {100.0 * differ:.2g} % (RMS); check the wiring and the calibration."]

@@ -415,7 +415,7 @@ def nothing_runs() -> Iterator[None]:
         mock.patch("pyspice_runner.engine.pyspice.run_deck", refuse),
         mock.patch("pyspice_runner.study.sweep.outcomes", here),
         mock.patch("pyspice_runner.study.sweep.MOST_POINTS", 200),  # more would take long
-        mock.patch("pyspice_runner.spectra.identify.Problem.__init__", refuse),
+        mock.patch("pyspice_runner.spectra.identify.problem.Problem.__init__", refuse),
         mock.patch("distributed.Client", unreachable),
         mock.patch("typer.main.get_command", return_value=_GROUP),  # typer would build it for every run
         mock.patch("pyspice_runner.model.beam.resonator_modes", _resonator_modes),

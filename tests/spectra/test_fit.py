@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.spectra.identify import Problem, thinning
+from pyspice_runner.spectra.identify import selection
+from pyspice_runner.spectra.identify.problem import Problem, thinning
 from pyspice_runner.spectra.noise import Noise
 from tests.data.spectra import make
 from tests.processes import command
@@ -274,13 +275,13 @@ def test_blas_has_one_thread_while_a_fit_runs(monkeypatch: pytest.MonkeyPatch) -
         return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
 
     seen = []
-    bare = Problem.fit_bare
+    bare = selection.fit_bare
 
     def watched(problem: Problem) -> Any:
         seen.append(threads())
         return bare(problem)
 
-    monkeypatch.setattr(Problem, "fit_bare", watched)
+    monkeypatch.setattr(selection, "fit_bare", watched)
     with threadpool_limits(limits=2, user_api="blas"):
         before = threads()
         pr.fit_spectrum(spectrum(TWO_MODES, BAND), 2)
