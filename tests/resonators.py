@@ -11,8 +11,8 @@ import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.engine.ngspice import run_deck
+from pyspice_runner.export.equivalent import circuit_library
 from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
-from pyspice_runner.netlist.equivalent import circuit_library
 from pyspice_runner.spectra.fit import SpectrumFit
 
 

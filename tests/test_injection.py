@@ -21,10 +21,10 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.export.circuit import CircuitExport
+from pyspice_runner.export.equivalent import circuit_library
 from pyspice_runner.model.circuit_file import is_circuit_file, load_circuit
 from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.model.motor import Provenance
-from pyspice_runner.netlist.equivalent import circuit_library
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import motor_library
 from pyspice_runner.netlist.sources import DriveSource, motor_bench

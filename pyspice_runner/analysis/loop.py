@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The phase-locked loop averaged over a period: loop gain and phase margin from an ``.ac`` run, step responses.
+"""The phase-locked loop averaged over a period: loop gain and phase margin from an ``.ac`` run.
 
 The circuit holds the tracker's own filter; stator, detector and oscillator are ``behavioral/tracker_average.lib``.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from math import pi, radians
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from pyspice_runner.analysis.small_signals import SmallSignals
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.model.tracking import LoopFilter, StatorLag
-from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS
+from pyspice_runner.netlist.benches import AC_OPTIONS
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.trackers import Tracker, averaged_bench
-from pyspice_runner.run.kernel import ac, transient
+from pyspice_runner.run.kernel import ac
 from pyspice_runner.run.waveforms import Array
 
 POINTS_PER_DECADE = 100
@@ -117,18 +117,3 @@ def _crossing(tracker: Tracker, loop_filter: LoopFilter, frequency: Array, gain:
     phase = np.unwrap(np.angle(gain))
     margin = 180.0 + float(np.degrees(np.interp(np.log(crossover), np.log(frequency), phase)))
     return LoopDesign(loop_filter, crossover, (margin + 180.0) % 360.0 - 180.0, frequency, gain)
-
-
-def averaged_step(
-    tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter, *, step_deg: float, begin: float, duration: float
-) -> tuple[Array, Array]:
-    """Return time in s and deviation of the phase in degrees of the closed averaged loop, its target stepped.
-
-    Raises:
-        SimulationError: if ngspice fails.
-    """
-    target = f"PWL(0 0 {begin!r} 0 {begin + 1e-6!r} {radians(step_deg)!r})"
-    bench = Bench(averaged_bench(tracker, lag, loop_filter, closed=True, target=target), TRANSIENT_OPTIONS)
-    step = 1.0 / (200.0 * 2.0 * pi * tracker.bandwidth_hz)
-    vectors = transient(bench, ["v(phase)"], step=step, duration=duration).vectors()
-    return vectors["time"], np.degrees(vectors["v(phase)"])

@@ -111,9 +111,9 @@ def export(
     Example: piezomotor export bimodal40 --output motor.lib
     """
     from pyspice_runner.export.motor import FORMATS, MotorExport, endings
+    from pyspice_runner.export.xyce import Dialect, check_dialect
     from pyspice_runner.model.circuit_file import is_circuit_file
     from pyspice_runner.model.thermal import Thermal
-    from pyspice_runner.netlist.xyce import Dialect, check_dialect
 
     if is_circuit_file(source):
         refuse_idle(context, "on the circuit of a fit", "contact", "sliders", "thermal", "averaged", "dialect")

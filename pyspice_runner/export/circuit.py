@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.export.equivalent import RESONATOR, circuit_library
 from pyspice_runner.export.symbols import RESONATOR_PINS, kicad_symbol, library_name, ltspice_symbol
 from pyspice_runner.export.touchstone import touchstone
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.model.circuit_file import circuit_toml
 from pyspice_runner.model.equivalent import EquivalentCircuit
-from pyspice_runner.netlist.equivalent import RESONATOR, circuit_library
 from pyspice_runner.netlist.library import check_name
 
 _POINTS = 1601

@@ -7,29 +7,24 @@ it.
 
 from __future__ import annotations
 
-import io
-import tempfile
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from xml.etree import ElementTree
 
-from pyspice_runner.engine.compiler import compile_library
+from pyspice_runner.export.fmu import fmu_archive, fmu_texts
 from pyspice_runner.export.symbols import MOTOR_PINS, THERMAL_PINS, kicad_symbol, library_name, ltspice_symbol
 from pyspice_runner.export.touchstone import touchstone
+from pyspice_runner.export.xyce import Dialect, check_dialect, in_dialect
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import averaged_library, check_averaged
 from pyspice_runner.netlist.contact import ContactLaw
-from pyspice_runner.netlist.fmu import C_FILES, fmu_texts
 from pyspice_runner.netlist.library import check_name
 from pyspice_runner.netlist.motor import SUBCIRCUIT, THERMAL_SUBCIRCUIT, motor_library
 from pyspice_runner.netlist.veriloga import motor_module
-from pyspice_runner.netlist.xyce import Dialect, check_dialect, in_dialect
 from pyspice_runner.run.two_port import stator_two_port
 
 _TWO_PORT_POINTS = 2000
@@ -140,24 +135,6 @@ def _unit(export: MotorExport) -> dict[str, str]:
     return fmu_texts(export.motor, name=export.name, thermal=export.thermal)
 
 
-def _archive(export: MotorExport, _: Path) -> bytes:
-    """Compile the sources of a Functional Mock-up Unit, and return the archive of both."""
-    texts = _unit(export)
-    identifier = ElementTree.fromstring(texts["modelDescription.xml"]).attrib["modelName"]
-    with tempfile.TemporaryDirectory(prefix="piezomotor-") as folder:
-        for name, text in texts.items():
-            Path(folder, Path(name).name).write_text(text, encoding="utf-8", newline="\n")
-        binary = Path(folder) / f"{identifier}.so"
-        compile_library(Path(folder), C_FILES, binary)
-        contents = {name: text.encode() for name, text in texts.items()}
-        contents[f"binaries/linux64/{identifier}.so"] = binary.read_bytes()
-    archived = io.BytesIO()
-    with zipfile.ZipFile(archived, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in contents.items():
-            archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)  # without the time of the export
-    return archived.getvalue()
-
-
 def _symbol(symbol: Callable[..., str], export: MotorExport, path: Path) -> str:
     name = check_name(export.name) if export.name else (THERMAL_SUBCIRCUIT if export.thermal else SUBCIRCUIT)
     pins = MOTOR_PINS + (THERMAL_PINS if export.thermal else ())
@@ -179,7 +156,11 @@ _CONTACT, _NETLIST = ("contact", "sliders"), ("contact", "sliders", "name", "the
 FORMATS = {
     ".lib": Format(_library, averaged=True),
     ".va": Format(_module),
-    ".fmu": Format(lambda export: _unit(export)["modelDescription.xml"], _archive, averaged=True),
+    ".fmu": Format(
+        lambda export: _unit(export)["modelDescription.xml"],
+        lambda export, _: fmu_archive(_unit(export)),
+        averaged=True,
+    ),
     ".asy": Format(_library, partial(_symbol, ltspice_symbol), idle=_CONTACT),
     ".kicad_sym": Format(_library, partial(_symbol, kicad_symbol), idle=_CONTACT),
     ".s2p": Format(_library, _stator, idle=_NETLIST),

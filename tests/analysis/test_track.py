@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from functools import cache
-from math import atan, degrees
+from math import atan, degrees, radians
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +16,14 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.loop import LoopDesign, averaged_step, loop_design
+from pyspice_runner.analysis.loop import LoopDesign, loop_design
 from pyspice_runner.analysis.track import measured_loop_gain, running_resonance
 from pyspice_runner.cli import run
-from pyspice_runner.model.tracking import LoopFilter, propose_filter
+from pyspice_runner.model.tracking import LoopFilter, StatorLag, propose_filter
+from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS
+from pyspice_runner.netlist.sources import Bench
+from pyspice_runner.netlist.trackers import averaged_bench
+from pyspice_runner.run.kernel import transient
 
 pytestmark = pytest.mark.xdist_group("trackers")
 
@@ -222,6 +226,17 @@ def features(time: np.ndarray, response: np.ndarray) -> tuple[float, float]:
         return float(np.interp(level, response[index - 1 : index + 1], time[index - 1 : index + 1]))
 
     return when(0.9) - when(0.1), float(response.max()) - 1.0
+
+
+def averaged_step(
+    tracker: pr.Tracker, lag: StatorLag, loop_filter: LoopFilter, step_deg: float, begin: float, duration: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Time in s and phase in degrees of the averaged loop after a step of its target."""
+    target = f"PWL(0 0 {begin!r} 0 {begin + 1e-6!r} {radians(step_deg)!r})"
+    bench = Bench(averaged_bench(tracker, lag, loop_filter, closed=True, target=target), TRANSIENT_OPTIONS)
+    step = 1.0 / (200.0 * 2.0 * np.pi * tracker.bandwidth_hz)
+    vectors = transient(bench, ["v(phase)"], step=step, duration=duration).vectors()
+    return vectors["time"], np.degrees(vectors["v(phase)"])
 
 
 @pytest.mark.parametrize("bandwidth", [*(pytest.param(one, marks=pytest.mark.soak) for one in (500.0, 1000.0)), 2000.0])

@@ -17,6 +17,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.export.circuit import CircuitExport
+from pyspice_runner.export.motor import FORMATS, endings
 from pyspice_runner.export.touchstone import touchstone
 from pyspice_runner.model.circuit_file import load_circuit
 from pyspice_runner.netlist.motor import motor_library
@@ -182,3 +183,15 @@ def test_the_command_exports_a_motor_as_before(capsys: pytest.CaptureFixture[str
     assert library == motor_library(motor)
     assert run(["export", "andersen2002", "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"motor": "andersen2002", "library": library}
+
+
+@pytest.mark.parametrize("averaged", [False, True])
+def test_command_and_function_offer_the_formats_of_the_table(
+    averaged: bool, motor: pr.Motor, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "motor.doc"
+    with pytest.raises(pr.ParameterError) as caught:
+        pr.export_motor(motor, file, averaged=averaged)
+    assert run(["export", "andersen2002", "--output", str(file), *(["--averaged"] if averaged else [])]) == 2
+    for message in (str(caught.value), capsys.readouterr().err):
+        assert [ending for ending in FORMATS if re.search(rf"\{ending}\b", message)] == list(endings(averaged))

@@ -23,7 +23,7 @@ import pyspice_runner as pr
 from pyspice_runner.analysis.averaged import simulate_averaged
 from pyspice_runner.cli import run
 from pyspice_runner.engine.compiler import compile_library
-from pyspice_runner.netlist.fmu import C_FILES, fmu_texts, variables
+from pyspice_runner.export.fmu import C_FILES, fmu_texts, variables
 
 pytestmark = pytest.mark.xdist_group("fmu")
 SAMPLE = 1e-3  # s

@@ -34,10 +34,10 @@ from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.engine.rawfile import RawFileError, read_rawfile
 from pyspice_runner.engine.silent import silent_fault
 from pyspice_runner.export.circuit import CircuitExport
+from pyspice_runner.export.equivalent import circuit_library
 from pyspice_runner.model.beam import resonator_modes
 from pyspice_runner.model.circuit_file import is_circuit_file, load_circuit
 from pyspice_runner.model.load import SETS
-from pyspice_runner.netlist.equivalent import circuit_library
 from pyspice_runner.netlist.library import data_path, library_names, parse_library
 from pyspice_runner.netlist.motor import motor_library
 from pyspice_runner.netlist.sources import DriveSource, motor_bench

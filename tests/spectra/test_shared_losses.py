@@ -10,8 +10,8 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.engine.ngspice import run_deck
+from pyspice_runner.export.equivalent import circuit_library
 from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
-from pyspice_runner.netlist.equivalent import circuit_library
 from tests.resonators import fitted
 
 ARMS = (

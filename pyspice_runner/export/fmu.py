@@ -11,15 +11,20 @@ Source: Functional Mock-up Interface for Model Exchange and Co-Simulation, versi
 
 from __future__ import annotations
 
+import io
 import re
+import tempfile
 import uuid
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from math import pi
+from pathlib import Path
 from textwrap import wrap
 from xml.etree import ElementTree
 
+from pyspice_runner.engine.compiler import compile_library
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
@@ -133,7 +138,7 @@ def _values(motor: Motor, thermal: Thermal | None) -> dict[str, float]:
 
 
 def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None) -> dict[str, str]:
-    """Return the text files of a Functional Mock-up Unit: path in the archive → text. The binary is not among them.
+    """Return the text files of a Functional Mock-up Unit: path in the archive → text. Without the binary.
 
     Args:
         motor: the motor.
@@ -156,6 +161,30 @@ def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None) -
         "modelDescription.xml": _model_description(motor, known, identifier, guid),
         **{f"sources/{file}": text for file, text in sources.items()},
     }
+
+
+def fmu_archive(texts: Mapping[str, str]) -> bytes:
+    """Compile the sources of a Functional Mock-up Unit, and return the unit with its binary.
+
+    Args:
+        texts: text files, by path in the archive.
+
+    Raises:
+        SimulationError: if there is no C compiler.
+    """
+    identifier = ElementTree.fromstring(texts["modelDescription.xml"]).attrib["modelName"]
+    contents = {name: text.encode() for name, text in texts.items()}
+    with tempfile.TemporaryDirectory(prefix="piezomotor-") as folder:
+        for name, content in contents.items():
+            Path(folder, Path(name).name).write_bytes(content)
+        binary = Path(folder) / f"{identifier}.so"
+        compile_library(Path(folder), C_FILES, binary)
+        contents[f"binaries/linux64/{identifier}.so"] = binary.read_bytes()
+    unit = io.BytesIO()
+    with zipfile.ZipFile(unit, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in contents.items():
+            archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)  # without the time of the export
+    return unit.getvalue()
 
 
 def phase_source() -> str:
