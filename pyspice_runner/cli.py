@@ -3,7 +3,7 @@
 
 Standard output carries the result, with ``--json`` one JSON object and nothing else. Progress and messages go to
 standard error. Exit status: 0 success, 1 outside of a tolerance that was given, 2 invalid input, 3 the simulator
-failed, 128 plus the number of the signal that interrupted it: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
+failed, 128 plus the signal number after a signal: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def _status_of(signals: list[int]) -> int:
 
 
 def _invoked(arguments: list[str]) -> Any:
-    """Run the command and return what it returns; typer alone would hide an interrupt."""
+    """Run the command and return its value; typer alone would hide an interrupt."""
     if "_PIEZOMOTOR_COMPLETE" in os.environ:  # the shell asks for completions
         return app(arguments, prog_name="piezomotor", standalone_mode=False)
     group = typer.main.get_command(app)

@@ -23,7 +23,7 @@ from pyspice_runner.analysis.dynamometer import Block, Dynamometer, ammeter, qua
 from pyspice_runner.analysis.period_map import PeriodMap, Trace, cores
 from pyspice_runner.analysis.shooting import PERTURBATION, Point, Shooting, start_point
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import Tone, TwoPhaseDrive
+from pyspice_runner.model.drive import Tone, TwoPhaseDrive, two_phases
 from pyspice_runner.netlist.copies import Copy, copy_name
 from pyspice_runner.netlist.driven import (
     LEAD,
@@ -257,9 +257,7 @@ def driven_answers(setups: Sequence[OperatingPoint]) -> list[DrivenAnswer]:
     for setup in setups:
         driver = setup.source
         assert isinstance(driver, Driver)
-        stage = TwoPhaseDrive(
-            voltage=driver.voltage, frequency=driver.frequency, phase_deg=driver.phase_deg, ratio_b=driver.ratio_b
-        )
+        stage = TwoPhaseDrive(**two_phases(driver))
         plant = DrivenPlant(setup.motor, stage, setup.load, setup.law, driver)
         points.append(DrivenPoint(plant, np.zeros(plant.order), _scale(plant)))
     first = setups[0]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Matching: what is to stand between a power stage and the groups, so that the stage sees a resistance."""
+"""Matching networks between a power stage and the groups, so that the stage sees a resistance."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.analysis.small_signals import small_signals
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import Load, MatchState, TwoPhaseDrive
+from pyspice_runner.model.drive import Load, MatchState, TwoPhaseDrive, two_phases
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import ContactLaw, law_of
@@ -33,18 +33,18 @@ _SMALLEST_VOLTAGE = 0.1  # V, the least that a driver takes
 
 @dataclass(frozen=True)
 class MatchedGroup:
-    """What leaves of one group's fundamental its real part, and the source that then keeps its pin at its voltage.
+    """Network that cancels the reactance of one group at the fundamental, and its source voltage.
 
     Attributes:
-        resistance_ohm: real part of what the group is at its pin.
+        resistance_ohm: real part of the group's impedance at its pin.
         reactance_ohm: imaginary part.
-        power_factor: without matching, of the fundamental.
-        inductance_h: the series inductance; 0 where the group is inductive already.
-        capacitance_f: the series capacitance for a group that is inductive; 0 otherwise.
-        winding_ohm: resistance of the inductor, at a quality of 100.
+        power_factor: of the fundamental, without matching.
+        inductance_h: series inductance; 0 for an inductive group.
+        capacitance_f: series capacitance of an inductive group; otherwise 0.
+        winding_ohm: resistance of the inductor, at a quality factor of 100.
         parallel_inductance_h: inductance across the pin, of an LLCC filter.
         parallel_capacitance_f: capacitance across the pin, of an LLCC filter.
-        source_voltage_v: amplitude in front of the matching that keeps the pin at its voltage.
+        source_voltage_v: amplitude in front of the network that keeps the voltage at the pin.
         source_phase_deg: its phase against the pin of group A.
     """
 
@@ -62,7 +62,7 @@ class MatchedGroup:
 
 @dataclass(frozen=True)
 class Matching:
-    """A proposal for one state: free, preloaded (sticking, small signal), running (as simulated), hot (incremental)."""
+    """Matching for one state: free, preloaded (sticking, small signal), running (as simulated), hot (incremental)."""
 
     state: MatchState
     frequency_hz: float
@@ -76,9 +76,9 @@ class Matching:
     def applied(self, driver: Driver) -> Driver:
         """Return the driver with this matching: by its LLCC filter if it has one, else by a series inductor.
 
-        The source is set so that the groups keep the voltages that they were matched for. A transformer's leakage is
-        taken as part of the inductor. Behind a bridge an inductor is no smaller than the group's impedance, so that it
-        keeps the edges away; a capacitor in series takes back what it is too large.
+        The source voltage keeps the voltages of the groups. The leakage of a transformer counts as part of the
+        inductor. Behind a bridge the reactance of the inductor is at least the group's impedance, to block the
+        switching edges; a series capacitor compensates the excess.
         """
         if driver.network == "llcc":
             return driver.updated(self._filter(driver))
@@ -89,7 +89,7 @@ class Matching:
             inductance, capacitance, winding = match.inductance_h, match.capacitance_f or 1.0, match.winding_ohm
             least = abs(complex(match.resistance_ohm, match.reactance_ohm))
             if driver.switched and omega * inductance < least:
-                # too small to keep the edges from the group: a larger one, and a capacitor for what it has too much
+                # too small to block the edges: a larger inductance, and a capacitor that compensates the excess
                 inductance = least / omega
                 capacitance = 1.0 / (omega * (least + match.reactance_ohm))
                 winding = least / WINDING_QUALITY
@@ -102,7 +102,7 @@ class Matching:
         return driver.updated(changes)
 
     def _filter(self, driver: Driver) -> dict[str, float]:
-        """Return an LLCC filter's values: the parallel pair takes the susceptance, the series pair is in resonance."""
+        """Return the values of an LLCC filter: parallel pair cancels the susceptance, series pair is in resonance."""
         omega = 2.0 * pi * self.frequency_hz
         changes = {}
         for group in GROUPS:
@@ -131,15 +131,15 @@ def propose_matching(
     load_torque: float = 0.0,
     timeout: float | None = None,
 ) -> Matching:
-    """Propose what is to stand between a driver and each group, so that the driver sees a resistance.
+    """Propose a matching network between a driver and each group, so that the driver sees a resistance.
 
-    The groups are taken at the driver's voltages, phase and frequency. Free and preloaded are the small-signal two-port
-    of the stator; running is what the groups draw in a transient, from ideal sources; hot is the two-port that a small
-    additional voltage sees of the motor in its steady state (:func:`small_signals`).
+    It holds at the driver's voltages, phase and frequency. ``"free"`` and ``"preloaded"`` use the small-signal two-port
+    of the stator; ``"running"`` the currents of a transient with ideal sources; ``"hot"`` the two-port for a small
+    additional voltage in the steady state (:func:`small_signals`).
 
     Args:
         motor: the motor.
-        driver: frequency, voltages and phase that the groups are to have.
+        driver: frequency, voltages and phase of the groups.
         state: ``"free"``, ``"preloaded"``, ``"running"`` or ``"hot"``.
         contact: law of the contact, for ``"running"``; ``None`` for a free tip.
         duration: simulated time in s, for ``"running"``.
@@ -178,10 +178,7 @@ def proposal(setup: OperatingPoint, driver: Driver, duration: float, state: Matc
     """Propose the matching of both groups; for ``"running"`` from the currents of a run with ideal sources."""
     voltages = driver.phasors()
     if state == "running":
-        ideal = Driver(
-            kind="ideal", voltage=driver.voltage, frequency=driver.frequency, phase_deg=driver.phase_deg,
-            ratio_b=driver.ratio_b,
-        )  # fmt: skip
+        ideal = Driver(kind="ideal", **two_phases(driver))
         run = replace(setup, source=ideal, solver=replace(setup.solver, step=None))
         samples = run.run(duration, [f"{kind}{group})" for kind in ("v(", "i(vpin_") for group in GROUPS]).vectors()
         window = Window(samples["time"], driver.period)
@@ -210,12 +207,9 @@ def _two_port(
         return np.asarray(spectrum.matrix_s[1])
     if setup.law is None:
         raise ParameterError("A free tip has no hot admittance: its two-port does not change. Take state = 'free'.")
-    drive = TwoPhaseDrive(
-        voltage=driver.voltage, frequency=frequency, phase_deg=driver.phase_deg, ratio_b=driver.ratio_b
-    )
     signals = small_signals(
-        setup.motor, drive, frequencies=[BESIDE * frequency], speed=setup.load.speed, load_torque=setup.load.torque,
-        contact=setup.law, timeout=setup.solver.timeout,
+        setup.motor, TwoPhaseDrive(**two_phases(driver)), frequencies=[BESIDE * frequency], speed=setup.load.speed,
+        load_torque=setup.load.torque, contact=setup.law, timeout=setup.solver.timeout,
     )  # fmt: skip
     return np.asarray(signals.hot_admittance_s.mean(axis=0))
 
@@ -247,7 +241,7 @@ def _matched(voltage: complex, current: complex, reference: complex, frequency: 
 
 
 def _leakage(driver: Driver, group: str) -> float:
-    """Return the leakage inductance in H that a transformer puts in series with the network."""
+    """Return the leakage inductance in H of a transformer, in series with the network."""
     for part in driver.parts(group):
         if part.label == "transformer":
             values = part.values

@@ -95,7 +95,7 @@ class MotorFrom(Result):
         return {**super().writers(), ".toml": lambda file: file.write_text(text, encoding="utf-8")}
 
     def summary(self) -> dict[str, str]:
-        """Return each mechanical measurement beside the motor's value, and each fitted value with its error."""
+        """Return measurements with the motor's values, and the fitted values with their errors."""
         found = {
             name: f"{value:.5g} measured, {self.computed[name]:.5g} computed" for name, value in self.measured.items()
         }
@@ -128,7 +128,7 @@ def motor_from(
     name: str = "measured",
     progress: Callable[[int, int], object] | None = None,
 ) -> MotorFrom:
-    """Make a motor of spectra and of numbers of its data sheet.
+    """Make a motor from spectra and numbers of its data sheet.
 
     Args:
         spectra: of the free stator: a two-port, or one-ports by connection, see :func:`fit_two_port`.
@@ -138,19 +138,19 @@ def motor_from(
         voltage: amplitude on each group, V.
         frequency: drive frequency, Hz.
         phase_deg: phase of group B, degrees.
-        mass_kg: modal mass, one or one for each mode, if it is known; else the no-load speed tells it.
+        mass_kg: modal mass, one or one for each mode; by default it follows from the no-load speed.
         speed_error: relative standard deviation of the no-load speed.
         torque_error: relative standard deviation of the stall torque.
-        modes: number of modes; found if it is not given.
+        modes: number of modes; by default determined by the fit.
         connection: of the groups in a preloaded two-port.
         tips: (tip_x, tip_y) of every mode, see :meth:`TwoPortFit.to_motor`. By default, if the mass is not known, those
             of the other motor for one modal mass, where its groups drive the same modes alike or opposed.
-        base: motor that contact and rotor are taken from, but for what is fitted.
+        base: motor whose contact and rotor are the start; what is not fitted keeps its value.
         name: name of the new motor.
         progress: called with the number of the step and the greatest.
 
     Raises:
-        ParameterError: for invalid values, or without what tells the modal mass.
+        ParameterError: for invalid values, or if nothing determines the modal mass.
         SpectrumError: if the spectra cannot be fitted.
         SimulationError: if no motor of this kind has the data sheet's numbers.
     """
@@ -197,7 +197,7 @@ def _drive(
 
 
 def _tips(fit: TwoPortFit, base: Motor) -> list[tuple[float, float]] | None:
-    """Return the tips of another motor's modes for one modal mass; ``None`` if its groups drive others."""
+    """Return the tips of another motor's modes, scaled to one modal mass; ``None`` if its groups drive other modes."""
     here = [mode.coupling_a_n_per_v_kg05 * mode.coupling_b_n_per_v_kg05 >= 0.0 for mode in fit.modes]
     there = [mode.coupling_a_n_per_v * mode.coupling_b_n_per_v >= 0.0 for mode in base.modes]
     if here != there:
@@ -207,7 +207,7 @@ def _tips(fit: TwoPortFit, base: Motor) -> list[tuple[float, float]] | None:
 
 
 def _with_tips_noted(motor: Motor, borrowed: list[tuple[float, float]] | None, name: str) -> Motor:
-    """Return a motor whose provenance says that the tips are those of another one, if they are."""
+    """Return the motor with the provenance of tips borrowed from another one, if any."""
     origin = Provenance("assumed", f"those of {name}; state your own by tips")
     places = {f"modes.{index}.{key}": origin for index in range(len(borrowed or ())) for key in ("tip_x", "tip_y")}
     return motor.model_copy(update={"provenance": {**motor.provenance, **places}})
@@ -286,7 +286,7 @@ class _Task:
 
 
 class _Shift:
-    """The resonances of a stator that is pressed on its rotor."""
+    """Resonances of a stator under preload."""
 
     def __init__(self, preloaded: Spectrum) -> None:
         found = fit_spectrum(preloaded, leads=False).resonances
@@ -341,9 +341,8 @@ def _least_squares(
 ) -> tuple[Vector, Vector]:
     """Return the solution and its covariance.
 
-    Every step solves the problem with the slow residuals taken as linear, by a Jacobian that Broyden's rule keeps up to
-    date, and the quick ones as they are: along the curve on which these keep the resonances, mass and stiffness change
-    together.
+    Every step solves the problem with linearised slow residuals, whose Jacobian Broyden's rule updates, and with exact
+    quick ones: on the curve of constant resonances, mass and stiffness change together.
     """
     here = slow(point)
     differences = [slow(point + step) - here for step in _DIFFERENCE * np.eye(len(point))]
@@ -364,7 +363,7 @@ def _least_squares(
             try:
                 there = slow(point + step)
                 break
-            except SimulationError:  # where the motor does not run, nothing can be compared
+            except SimulationError:  # the motor does not run there
                 if last:
                     raise
                 step = step / 4.0
@@ -402,7 +401,7 @@ def _annotated(
     provenance = dict(motor.provenance)
     source = "the " + ", ".join(key.rpartition("_")[0].replace("_", " ") for key in targets)
     for path, share in contact.items():
-        if share < 0.9 * _STIFFNESS_ERROR:  # the measurements tell more than what was known before
+        if share < 0.9 * _STIFFNESS_ERROR:  # the measurements improve on the base motor
             provenance[path] = Provenance("derived", f"fitted to {source} by steady_state")
     for path, error in errors.items():
         if path.endswith("mass_kg"):

@@ -29,7 +29,7 @@ from pyspice_runner.commands.common import (
 )
 from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, law_named
 from pyspice_runner.commands.driving import recommended_phases
-from pyspice_runner.model.drive import MatchState
+from pyspice_runner.model.drive import MatchState, two_phases
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -175,7 +175,7 @@ def two_phase(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> dict[str, float]:
     """
     if not isinstance(drive, pr.TwoPhaseDrive):
         raise pr.ParameterError("A driver makes two phases of one tone. Add --drive two-phase.")
-    return {name: getattr(drive, name) for name in ("voltage", "frequency", "phase_deg", "ratio_b")}
+    return two_phases(drive)
 
 
 def changes_of(changes: list[str] | None, part: list[str] | None) -> tuple[list[str], list[str]]:

@@ -130,13 +130,13 @@ def run_deck(
         stop_time: for a transient, the time in s that it must reach.
         stop_frequency: for an AC analysis, the frequency in Hz that it must reach.
         timeout: wall time in s after which the run is ended.
-        progress: called some times a second with the time in s that a transient has reached.
-        keep_partial: whether a run that is interrupted returns the points that it has.
+        progress: called several times a second with the simulated time in s of a transient.
+        keep_partial: whether an interrupted run returns its points.
         executable: path of ngspice; by default that on the PATH.
         modules: compiled modules that the deck loads by their names.
 
     Raises:
-        SimulationError: with ngspice's own words and, as ``deck``, the file kept for inspection.
+        SimulationError: with ngspice's message and, as ``deck``, the file kept for inspection.
         Interrupted: for ``keep_partial``, when interrupted; ``partial`` is a :class:`Result` that ended too early.
     """
     executable = executable or find_ngspice()
@@ -232,7 +232,7 @@ def _wait(
     progress: Callable[[float], object] | None,
     log_file: IO[bytes],
 ) -> int:
-    """Wait for the end of ngspice, and report the simulated time that it has reached."""
+    """Wait for the end of ngspice, and report the simulated time."""
     if progress is None:
         return process.wait(timeout=timeout)
     ends, last = (None if timeout is None else time.monotonic() + timeout), b""
@@ -251,7 +251,7 @@ def _wait(
 
 
 def _interrupted(path: Path, vectors: Sequence[str], seconds: float, version: str) -> KeyboardInterrupt:
-    """Return the interrupt to raise, with the complete points of the run if there are any."""
+    """Return the interrupt to raise, with the complete points of the run, if any."""
     try:
         raw = read_rawfile(path, partial=True)
     except RawFileError:
@@ -301,8 +301,8 @@ def _check_end(raw: RawFile, abscissa: str, stop: float | None, unit: str, log: 
     axis = raw.vectors[abscissa].real
     reached = float(axis[-1])
     if abscissa == "frequency" and len(axis) > 1 and axis[-1] - axis[-2] < 1e-9 * len(axis) * stop:
-        # ngspice adds up the steps of a sweep; the round-off of so many is more than the 1e-6 of a step by which it
-        # tells the end, and the last may be dropped
+        # ngspice adds up the steps of a sweep. The rounding error of many steps exceeds its tolerance for the end, 1e-6
+        # of a step, and the last step may be dropped
         stop -= 1.01 * float(axis[-1] - axis[-2])
     if not reached >= stop * (1.0 - 1e-9):
         raise _Unsound(f"ngspice stopped at {reached:g} {unit}, before the end at {stop:g} {unit}.", log)
@@ -315,7 +315,7 @@ def _spoken(log: str) -> list[str]:
 
 
 def _complaint(log: str) -> list[str]:
-    """Return the lines of a log from the first complaint on; none if there is no complaint."""
+    """Return the lines of a log from the first complaint on, if any."""
     lines = _spoken(log)
     first = next((index for index, line in enumerate(lines) if _TROUBLE.search(line)), len(lines))
     return lines[first:]

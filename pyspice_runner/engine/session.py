@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A transient that stops at sample times, is read and altered, and goes on: for a controller in the loop.
+"""A transient that pauses at sample times to be read and altered: for a controller in the loop.
 
-One process ``ngspice -p`` runs from beginning to end, so that the state of the circuit is kept exactly. Only checked
-names and numbers are written to its standard input, so that no text of a user reaches ngspice's control language.
+One process ``ngspice -p`` runs from beginning to end and keeps the exact state of the circuit. Only checked names and
+numbers are written to its standard input, so that no user text reaches ngspice's control language.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ _TROUBLE = re.compile(r"error|singular|too small|no such|unrecognized|cannot|can
 _ECHO = re.compile(r"ngspice \d+ -> ")  # ngspice 46 repeats a command behind its prompt
 _HARMLESS = "no graphics interface"  # ngspice says so where there is no display
 _ALMOST = 1.0 - 1e-9  # of a sample time: ngspice's own sum of steps may end a rounding before it
-_DEFAULT_TIMEOUT = 600.0  # s of wall time for one stretch between two samples
+_DEFAULT_TIMEOUT = 600.0  # s of wall time between two samples
 
 
 class Session:
     """A running transient.
 
     Args:
-        deck: the complete netlist, with ``.save`` and one ``.tran``. A source in it must have edges at the sample
-            times, so that ngspice takes a time point there.
-        vectors: what a sample reads, such as ``v(shaft)``.
-        timeout: wall time in s for the way from one sample to the next.
+        deck: the complete netlist, with ``.save`` and one ``.tran``. One of its sources must have edges at the sample
+            times, so that ngspice has a time point there.
+        vectors: vectors of a sample, such as ``v(shaft)``.
+        timeout: wall time in s between two samples.
 
     Raises:
         SimulationError: if ngspice fails; the process is ended.
@@ -90,7 +90,7 @@ class Session:
         self.close()
 
     def advance(self, until: float) -> dict[str, float]:
-        """Go on to a sample time in s, and return the vectors there.
+        """Run to a sample time in s, and return the vectors there.
 
         Raises:
             SimulationError: if ngspice fails, stops early, or takes longer than the timeout.
@@ -137,7 +137,7 @@ class Session:
             self.close()
 
     def close(self) -> None:
-        """End ngspice and clear its files away."""
+        """End ngspice and delete its files."""
         end(self._process)
         with contextlib.suppress(OSError):
             os.close(self._terminal)
@@ -148,7 +148,7 @@ class Session:
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def _tell(self, *commands: str) -> list[str]:
-        """Write commands and return what ngspice says until it has carried them out."""
+        """Write commands and return ngspice's output until they are done."""
         self._marks += 1
         mark = f"done-{self._marks}."
         assert self._process.stdin is not None

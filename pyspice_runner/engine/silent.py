@@ -30,15 +30,15 @@ _OPTIONS = frozenset(
 
 
 def silent_fault(deck: str) -> str | None:
-    """Return the first fault that ngspice would ignore in this netlist, as one sentence; ``None`` if there is none."""
+    """Return the first fault in a netlist that ngspice would ignore, as one sentence, or ``None``."""
     lines = _statements(deck)
     return _unknown_option(lines) or _unknown_parameter(lines) or _missing_ac_source(lines)
 
 
 def _statements(deck: str) -> list[str]:
-    """Return the lines that ngspice reads: title, comments and control section left out, continuations joined.
+    """Return the lines that ngspice reads, without title, comments and control section, with continuations joined.
 
-    All is in lower case, and what stands in braces or quotes is replaced by 0.
+    They are in lower case; expressions in braces or quotes are replaced by 0.
     """
     joined: list[str] = []
     for raw in deck.split("\n")[1:]:

@@ -53,7 +53,7 @@ frequency, about 1 per cent in the slope at the tip.
 **Omits** shear and rotary inertia of the beam's own sections, which lower the frequencies of a real uniform
 beam by 2 per cent where its height is a tenth of the half wave, by 6 where it is a fifth; the bond layer; the
 field's non-uniformity in thick layers; axial motion and inertia. Patches of groups A and B on opposite faces of
-one stretch would have a mutual capacitance, which the motor's circuit does not have; they are refused.
+one stretch would have a mutual capacitance, which the motor's circuit does not have; they are an error.
 """
 
 from __future__ import annotations
@@ -132,8 +132,8 @@ def solve_resonator(
     """
     if not 1 <= count <= shapes:
         raise ParameterError(
-            f"count = {count} modes cannot come out of shapes = {shapes} shape functions; "
-            "count must be at least 1 and at most shapes, and a good deal less for accurate modes."
+            f"count = {count} modes cannot be computed from shapes = {shapes} shape functions: "
+            "count must be from 1 to shapes, and much less for accurate modes."
         )
     if tip.position_m > beam.length_m * (1 + _LENGTH_TOLERANCE):
         raise ParameterError(
@@ -318,7 +318,7 @@ def _sine_products(shapes: int, start: float, end: float, length: float) -> Arra
 
 
 def _amplitude(coefficients: Array, k: Array, length: float) -> float:
-    """Largest |w| of a sine series, with the sign of w′(0); every extremum is refined to round-off."""
+    """Return the largest |w| of a sine series, with the sign of w′(0); every extremum is exact to rounding."""
 
     def slope(x: float) -> float:
         return float(np.cos(k * x) @ (k * coefficients))
@@ -328,7 +328,7 @@ def _amplitude(coefficients: Array, k: Array, length: float) -> float:
     # Σ_j k_j c_j cos(jπi/intervals) for all i: a Fourier sum
     slopes = np.fft.fft(np.concatenate(([0.0], k * coefficients)), 2 * intervals).real[: intervals + 1]
     for i in np.flatnonzero(np.abs(slopes) <= _ZERO * np.max(np.abs(slopes))):
-        slopes[i] = slope(grid[i])  # where only round-off sets the sign, the one that the search below will see
+        slopes[i] = slope(grid[i])  # where rounding decides on the sign: as the search below computes it
     turns = np.flatnonzero(slopes[:-1] * slopes[1:] <= 0.0)
     from scipy.optimize import brentq  # takes long to load
 

@@ -16,7 +16,7 @@ from pyspice_runner.model.refusal import checked, quoted
 
 _ARM = [item.name for item in fields(MotionalArm)]
 _WHOLE = [item.name for item in fields(EquivalentCircuit) if item.name not in ("arms", "shared_losses")]
-_LEAST, _MOST = 1e-30, 1e18  # beyond any circuit, and far from where numbers end
+_LEAST, _MOST = 1e-30, 1e18  # beyond any circuit, and far from overflow
 _MAY_BE_MISSING = ("lead_resistance_ohm", "lead_inductance_h", "loss_tangent_falling", "loss_tangent_rising")
 _MAY_BE_ZERO = ("loss_tangent", *_MAY_BE_MISSING)
 
@@ -46,13 +46,13 @@ def circuit_toml(circuit: EquivalentCircuit, *, title: str = "") -> str:
 
 
 def _comment(text: str) -> str:
-    """Return a text as it can stand in a comment of TOML: one line, no control characters."""
+    """Return a text as one line without control characters, for a comment in TOML."""
     return "".join(sign if sign.isprintable() else "_" for sign in " ".join(text.split()))
 
 
 @checked
 def is_circuit_file(source: str | Path) -> bool:
-    """Whether a path is the file of an equivalent circuit and not of a motor."""
+    """Return whether a file holds an equivalent circuit, not a motor."""
     path = Path(source)
     if path.suffix == ".json":
         return True
@@ -91,14 +91,14 @@ def load_circuit(path: str | Path) -> EquivalentCircuit:
     constant = circuit.loss_tangent - circuit.loss_tangent_falling - circuit.loss_tangent_rising
     if constant > LARGEST_LOSS_TANGENT:
         raise ParameterError(
-            f"{path.name}: loss_tangent = {circuit.loss_tangent:g} has too great a constant part: it must be at most "
-            f"{LARGEST_LOSS_TANGENT:g}. State a part of it as loss_tangent_falling or loss_tangent_rising."
+            f"{path.name}: the constant part of loss_tangent = {circuit.loss_tangent:g} is too large: it must be at "
+            f"most {LARGEST_LOSS_TANGENT:g}. State a part of it as loss_tangent_falling or loss_tangent_rising."
         )
     return circuit
 
 
 def _rows(given: Any, arms: list[MotionalArm], order: list[int], where: str) -> tuple[tuple[float, ...], ...]:
-    """Return the rows of shared losses, with the arms in their order, checked: no arm shares more than it has."""
+    """Return the checked rows of shared losses, sorted like the arms; no arm shares more than its resistance."""
     bad = f"{where}: shared_losses = {quoted(given)} is not valid: it must have rows of {len(arms) + 1} numbers."
     if not isinstance(given, list) or not all(isinstance(row, list) and len(row) == len(arms) + 1 for row in given):
         raise ParameterError(bad)
@@ -110,8 +110,7 @@ def _rows(given: Any, arms: list[MotionalArm], order: list[int], where: str) -> 
         if shared > arm.resistance_ohm * (1.0 + 1e-9):
             raise ParameterError(
                 f"{where}: shared_losses give {shared:g} Ω to the arm at {arm.series_resonance_hz:g} Hz, whose "
-                f"resistance "
-                f"is {arm.resistance_ohm:g} Ω; it must be at least as large."
+                f"resistance is {arm.resistance_ohm:g} Ω; it must be at least as large."
             )
     return rows
 

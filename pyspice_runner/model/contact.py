@@ -77,12 +77,12 @@ def hunt_crossley_damping(restitution: float, velocity_m_s: float) -> float:
     """
     if restitution >= 1.0:
         return 0.0
-    from scipy.optimize import brentq  # half of the time that a first run takes to load, and seldom needed
+    from scipy.optimize import brentq  # half of the load time of a first run, and seldom needed
 
     def mismatch(z: float) -> float:
         return z * (1.0 + restitution) - log1p(z) + log1p(-restitution * z)
 
-    # between the small root at z = 0 and the pole at z = 1/e there is one more
+    # the root between that at z = 0 and the pole at z = 1/e
     lowest = 0.5 * (1.0 - restitution)
     return float(brentq(mismatch, lowest, (1.0 - 1e-15) / restitution, xtol=1e-15, rtol=1e-14)) / velocity_m_s
 
@@ -132,8 +132,8 @@ def linearised_resonances(
 ) -> NDArray[np.float64]:
     """Undamped resonances in Hz, ascending, of modes and rotor coupled by the sticking contact at its operating point.
 
-    One more than there are modes: the rotor swings on the contact's tangential spring. A carrier on springs adds one,
-    the lowest if the carrier is heavy: it bounces on the contact's normal stiffness.
+    The rotor on the contact's tangential spring adds one to those of the modes. A carrier on springs adds another, the
+    lowest if the carrier is heavy: it moves on the contact's normal stiffness.
     """
     carrier = [] if mount is None else [mount]
     springs: list[Mode | Mount] = [*modes, *carrier]

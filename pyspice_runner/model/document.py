@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reading of the files that state parameters: regular files of bounded size, and TOML of bounded nesting."""
+"""Parameter files: regular files of limited size, and TOML of limited nesting."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def read_document(path: Path, wanted: str) -> str:
 
     Args:
         path: the file.
-        wanted: what the user should give instead, for messages.
+        wanted: kind of file to give instead, for messages.
 
     Raises:
         ParameterError: if the file is not a regular file, is too large, is not text, or cannot be read.
@@ -55,8 +55,8 @@ def read_document(path: Path, wanted: str) -> str:
 def parse_toml(text: str, name: str) -> dict[str, Any]:
     """Parse a TOML text and return its table.
 
-    The parser's memory and time grow with the square of the number of parts of a dotted key, and its recursion with the
-    nesting of arrays; both are bounded here.
+    Memory and time of the parser grow with the square of the number of parts of a dotted key, and its recursion with
+    the nesting of arrays; both are limited here.
 
     Args:
         text: the TOML.

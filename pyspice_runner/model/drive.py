@@ -7,7 +7,7 @@ from cmath import exp
 from dataclasses import dataclass
 from fractions import Fraction
 from math import hypot, pi, radians, sin
-from typing import Literal
+from typing import Any, Literal
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
@@ -34,7 +34,7 @@ class Tone:
 
 
 class Drive(Stated):
-    """Common base of all drives: full amplitude from t = 0, or a soft start.
+    """Base of the drives: full amplitude from t = 0, or a soft start.
 
     Raises:
         ParameterError: by every constructor, for a value out of range.
@@ -112,6 +112,11 @@ class TwoPhaseDrive(Drive):
         return (Tone(self.voltage_b, self.frequency, radians(self.phase_deg)),)
 
 
+def two_phases(drive: Any) -> dict[str, float]:
+    """Return the values of two phases by their names, of a drive, a driver or a tracker."""
+    return {name: getattr(drive, name) for name in ("voltage", "frequency", "phase_deg", "ratio_b")}
+
+
 class TwoToneDrive(Drive):
     """Eq. (2): U_A,B = U₁ sin(2πf₁t) ± U₂ sin(2πf₂t + φ).
 
@@ -147,13 +152,13 @@ class TwoToneDrive(Drive):
 
 
 DRIVES: dict[str, type[TwoPhaseDrive] | type[TwoToneDrive]] = {"two-phase": TwoPhaseDrive, "two-tone": TwoToneDrive}
-_USUAL_VOLTAGE = 50.0  # V, for a motor that recommends no drive: moves the tip of a small stator by some micrometres
+_USUAL_VOLTAGE = 50.0  # V, without a recommended drive: moves the tip of a small stator by some micrometres
 
 
 def default_drive(motor: Motor) -> TwoPhaseDrive | TwoToneDrive:
-    """Return the drive that a motor's parameter set recommends.
+    """Return the recommended drive of a motor's parameter set.
 
-    A motor that recommends none gets two phases 90° apart, with 50 V at the frequency of its last mode.
+    The default is two phases 90° apart, with 50 V at the frequency of the last mode.
     """
     if motor.drive is not None:
         values = dict(motor.drive)
@@ -188,7 +193,7 @@ def check_together(motor: Motor, drive: Drive) -> None:
     """Check that a drive suits a motor.
 
     Raises:
-        ParameterError: for a frequency far from the modes, or a voltage that would break the stator.
+        ParameterError: for a frequency far from the modes, or a voltage beyond the strength of the stator.
     """
     lowest, highest = (bound(mode.frequency_hz for mode in motor.modes) for bound in (min, max))
     for frequency in drive.frequencies:
@@ -234,7 +239,7 @@ def check_shaft(motor: Motor, speed: float | None, load_torque: float = 0.0) -> 
     """Check a held speed and a load torque of the shaft.
 
     Raises:
-        ParameterError: for a value out of range; the message gives the range.
+        ParameterError: for a value out of range, or both together.
     """
     if speed is not None:
         if not abs(speed) <= FASTEST_SHAFT:

@@ -6,15 +6,14 @@ r"""The equivalent circuit of a piezoelectric resonator: Butterworth–Van Dyke 
     Y_d = \frac{1}{R_0 + 1/Y_0} + \mathbf 1^T Z^{-1} \mathbf 1, \qquad
     Z = R + sL + \frac{1}{sC}
 
-L and C are diagonal. R is diagonal too where the arms are lossy each by itself; where modes share their losses it is a
-full positive definite matrix, :math:`R_{ij} = \sqrt{L_i L_j} D_{ij}` with the damping matrix D in 1/s. The circuit is
-then
-passive for all values: Re Y is a sum of squares. The leads R_ℓ, L_ℓ stand in series with the device Y_d.
+L and C are diagonal. R is diagonal if each arm has its own losses; with shared losses it is a full positive definite
+matrix, :math:`R_{ij} = \sqrt{L_i L_j} D_{ij}` with the damping matrix D in 1/s. The circuit is passive for all values:
+Re Y is a sum of squares. The leads R_ℓ, L_ℓ are in series with the device Y_d.
 
-The clamped capacitance C₀ holds at the reference frequency f₀, and so does its loss tangent. Of it, one part falls with
-frequency (a conductance in parallel), one rises (the resistance R₀ in series) and the rest is constant: a ladder of R–C
-branches (:func:`~.dielectric.lossy_capacitance`) from f₀/100 to 100 f₀, whose capacitance falls slowly with frequency.
-The characteristic frequencies are IEEE 176's, of the device behind its leads.
+The clamped capacitance C₀ and its loss tangent hold at the reference frequency f₀. One part of the loss tangent falls
+with frequency (a conductance in parallel), one rises (the resistance R₀ in series) and the rest is constant: a ladder
+of R–C branches (:func:`~.dielectric.lossy_capacitance`) from f₀/100 to 100 f₀, whose capacitance falls slowly with
+frequency. The characteristic frequencies are those of IEEE 176, of the device behind its leads.
 """
 
 from __future__ import annotations
@@ -29,9 +28,9 @@ from numpy.typing import ArrayLike, NDArray
 from pyspice_runner.model.dielectric import Branch, lossy_capacitance
 
 _LADDER_SPAN = 100.0  # of the constant loss, to both sides of the reference frequency
-_LADDER_BRANCHES = 15  # three a decade: a ripple of 0.002 % of the loss, which no arm can be mistaken for
+_LADDER_BRANCHES = 15  # three a decade: a ripple of 0.002 % of the loss, too small to be taken for an arm
 _LEAST_LOSS = 1e-9  # loss tangent below which there is no ladder
-_WINDOW = 2.0  # bandwidths on each side of a resonance in which its extrema are looked for
+_WINDOW = 2.0  # search range of extrema on each side of a resonance, in bandwidths
 _ONE_ARM = 3.0  # bandwidths over which a circuit of one arm is fitted to a resonance
 _GRID = 401  # points over that window: 100 a bandwidth
 
@@ -107,9 +106,8 @@ class EquivalentCircuit:
         lead_inductance_h: L_ℓ.
         loss_tangent_falling: part of the loss tangent that falls in proportion to 1/f.
         loss_tangent_rising: part that rises in proportion to f.
-        shared_losses: weights in √Ω of the currents of the clamped capacitance and of each arm in a resistance that
-            they
-            share, one row for each such resistance: R is the sum of what the arms have alone and of the rows' products.
+        shared_losses: one row for each shared resistance: weights in √Ω of the currents of the clamped capacitance and
+            of each arm. R is the sum of the arms' own resistances and of the products of the rows.
     """
 
     arms: tuple[MotionalArm, ...]
@@ -139,7 +137,7 @@ class EquivalentCircuit:
 
     @property
     def own_resistance_ohm(self) -> tuple[float, ...]:
-        """Resistance of each arm without what it shares, Ω."""
+        """Resistance of each arm without its shared part, Ω."""
         shared = [sum(row[1 + k] ** 2 for row in self.shared_losses) for k in range(len(self.arms))]
         return tuple(arm.resistance_ohm - part for arm, part in zip(self.arms, shared, strict=True))
 
@@ -179,11 +177,11 @@ class EquivalentCircuit:
         return np.asarray(1.0 / (leads + 1.0 / self.device_admittance(frequency_hz)), dtype=complex)
 
     def characteristics(self) -> tuple[Characteristics, ...]:
-        """Return the characteristic frequencies of every arm, in their order."""
+        """Return the characteristic values of each arm, in the order of the arms."""
         return tuple(self._characterise(arm, pole) for arm, pole in zip(self.arms, self._antiresonances(), strict=True))
 
     def definitions(self) -> tuple[dict[str, dict[str, float] | None], ...]:
-        """Return, of every arm, the values by each definition of standards and instruments.
+        """Return the values of every arm by each definition of standards and instruments.
 
         Three follow from pairs of frequencies: ``"fs, fp"`` (IEEE 176: greatest conductance and resistance),
         ``"fm, fn"`` (greatest and least admittance) and ``"fr, fa"`` (zero phase). With the pair's f₁ < f₂ and the
@@ -193,8 +191,8 @@ class EquivalentCircuit:
         one arm and C0 whose impedance fits best by least squares, over three bandwidths about the arm's frequency.
 
         In the pairs ``resonance_hz`` and ``antiresonance_hz`` are f₁ and f₂; in the other two they are those of the
-        circuit with these values, without its losses. Q = √(L1/C1)/R1 and k_eff = √(1 − (f₁/f₂)²). ``None`` stands for
-        a definition that losses or neighbours hide.
+        lossless circuit with these values. Q = √(L1/C1)/R1 and k_eff = √(1 − (f₁/f₂)²). A definition is ``None`` where
+        losses or neighbours hide it.
         """
         found = []
         for arm, item in zip(self.arms, self.characteristics(), strict=True):
@@ -275,8 +273,8 @@ class EquivalentCircuit:
     def _antiresonances(self) -> list[complex]:
         """Return the natural frequencies of the open device in 1/s; one lies above each series resonance.
 
-        The losses of the clamped capacitance, which move them little, stand as its series resistance; shared ones as
-        own.
+        The losses of the clamped capacitance, whose effect is small, count as a series resistance; shared losses as own
+        losses.
         """
         count = len(self.arms)
         inductance = np.array([arm.inductance_h for arm in self.arms])
@@ -293,7 +291,7 @@ class EquivalentCircuit:
         matrix[:count, count:] = coupling
         matrix[count:, :count] = -coupling.T
         values = np.linalg.eigvals(matrix)
-        values = values[np.argsort(np.abs(values))][1:]  # the first is the charge that stays
+        values = values[np.argsort(np.abs(values))][1:]  # the first is the constant charge
         return [complex(value) for value in values[::2]]
 
 
@@ -302,7 +300,7 @@ def _window(centre: float, width: float) -> NDArray[np.float64]:
 
 
 def _peak(function: Callable[[NDArray[np.float64]], NDArray[np.float64]], centre: float, width: float) -> float | None:
-    """Return where a function has the local maximum nearest to a frequency."""
+    """Return the frequency of the local maximum nearest to a frequency."""
     grid = _window(centre, width)
     values = function(grid)
     peaks = np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] >= values[2:])) + 1
@@ -324,7 +322,7 @@ def _peak(function: Callable[[NDArray[np.float64]], NDArray[np.float64]], centre
 def _crossing(
     function: Callable[[NDArray[np.float64]], NDArray[np.float64]], centre: float, width: float
 ) -> float | None:
-    """Return where a function crosses zero upwards nearest to a frequency."""
+    """Return the frequency of the upward zero crossing nearest to a frequency."""
     grid = _window(centre, width)
     values = function(grid)
     rising = np.flatnonzero((values[:-1] < 0.0) & (values[1:] >= 0.0))

@@ -37,7 +37,7 @@ LOWEST_FREQUENCY, HIGHEST_FREQUENCY = 10.0, 1e7  # Hz, of a mode: from large qua
 LOWEST_QUALITY, HIGHEST_QUALITY = 0.5, 1e6  # below it does not ring; quartz in vacuum, the best there is, has 1e6
 WIDEST_SPREAD = 1e3  # of the modes' frequencies: a beam's 20th, and there may be no more, is 400 times its first
 CLOSEST_COUPLING = 0.9  # k², of the best single crystals (k₃₃ = 0.95)
-STIFFEST_CONTACT = 100.0  # fastest motion in contact over that of the stator: what touches weighs 1e-4 of the stator
+STIFFEST_CONTACT = 100.0  # fastest motion in contact over that of the stator: the tip has 1e-4 of the stator's mass
 
 
 # section, parameter and value at which an effect is off; the parameters that then have no meaning
@@ -62,7 +62,7 @@ class Provenance:
     note: str
 
     def __post_init__(self) -> None:
-        """Leave out of the note what no file can hold, half a pair of UTF-16."""
+        """Replace unpaired UTF-16 surrogates in the note, which no file can hold."""
         object.__setattr__(self, "note", self.note.encode("utf-8", "replace").decode())
 
 
@@ -78,8 +78,8 @@ class Structure(Parameters):
 class Motor(Shown, Parameters):
     """A standing-wave piezomotor: modes, electrical groups, contact and rotor.
 
-    ``drive`` is the table of the recommended drive, of which ``default_drive`` makes one. ``structure`` and
-    ``provenance`` tell where the rest comes from. No simulation reads these three.
+    ``drive`` is the table of the recommended drive, for ``default_drive``. ``structure`` and ``provenance`` state the
+    origin of the values. No simulation reads these three.
     """
 
     name: str = Field(
@@ -94,7 +94,7 @@ class Motor(Shown, Parameters):
     contact: Contact
     rotor: Rotor
     mount: Mount | None = Field(default=None, description="plate springs of the stator; null: held at a fixed distance")
-    limits: Limits | None = Field(default=None, description="what the ceramic withstands; null: not known")
+    limits: Limits | None = Field(default=None, description="limits of the ceramic; null: not known")
     drive: dict[str, Any] | None = Field(default=None, exclude=True)
     structure: Structure | None = Field(default=None, exclude=True)
     provenance: dict[str, Provenance] = Field(default_factory=dict, exclude=True)
@@ -167,7 +167,7 @@ class Motor(Shown, Parameters):
     __str__ = Shown.__repr__
 
     def to_toml(self, *, heading: str = "") -> str:
-        """Return the motor as TOML, which :func:`~pyspice_runner.load_motor` reads; values as set, with their origin.
+        """Return the motor as TOML for :func:`~pyspice_runner.load_motor`: values as set, with their origin.
 
         Args:
             heading: words for the first lines, as a comment.
@@ -276,7 +276,7 @@ def assemble(
 
 
 def _moved(path: str, moved: Mapping[str, str]) -> str:
-    """Return the path of a value once the modes are sorted."""
+    """Return the path of a value after sorting of the modes."""
     head, _, key = path.rpartition(".")
     return f"{moved.get(head, head)}.{key}" if head else path
 

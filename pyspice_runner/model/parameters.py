@@ -3,7 +3,7 @@
 
 Every class is a frozen pydantic model; :func:`quantity` gives a field its unit, so that error messages, the
 parameter table of the documentation and the command line all read the same declaration. Names end in their
-unit (SI throughout). Where a value comes from is not said here but beside the value, in the parameter set.
+unit (SI throughout). The origin of a value is stated in the parameter set.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pyspice_runner.errors import ParameterError
 
 # Ranges are those of piezo motors that can be built, from MEMS to some kilograms: wide enough for any device that the
-# theory fits, narrow enough to catch a value given in mm, kHz or GPa. What the values must be to each other stands
-# beside them, in this module, in Motor and in model/drive.py; `make soak` runs motors drawn from all of it.
+# theory fits, narrow enough to catch a value given in mm, kHz or GPa. Relations between values are checked here,
+# in Motor and in model/drive.py; `make soak` runs motors drawn from the whole range.
 
 
 def quantity(description: str, unit: str, **limits: Any) -> Any:
@@ -122,7 +122,7 @@ class Mode(Parameters):
     """
 
     # A mass from a MEMS plate 10 µm across to the 1 kg of modes normalised by their mass, and beyond. Couplings and tip
-    # motions depend on the normalisation; what they may be, Motor says by what does not: coupling factor and stiffness.
+    # motions depend on the normalisation; Motor limits them by quantities that do not: coupling factor and stiffness.
     name: str = label("name of the mode")
     mass_kg: float = quantity("modal mass m, the arm's inductance", "kg", gt=1e-12, le=1e3)
     damping_n_s_per_m: float = quantity("modal damping c, the arm's resistance", "N·s/m", ge=1e-12, le=1e9)
@@ -240,7 +240,7 @@ class Mount(Parameters):
 
 
 class Limits(Parameters):
-    """What the ceramic withstands, and how the stator is cooled; a result warns where it exceeds them."""
+    """Limits of the ceramic, and cooling of the stator; a result warns where it exceeds them."""
 
     dynamic_strength_pa: float = quantity("rated dynamic strength of the ceramic in tension", "Pa", ge=1e5, le=1e10)
     curie_temperature_c: float = quantity(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writes a motor as a TOML file with ``[[modes]]``; :func:`.load_motor` reads it."""
+"""Write a motor as a TOML file with ``[[modes]]``, for :func:`.load_motor`."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ _SECTIONS = ("piezo", "contact", "rotor", "mount", "limits", "drive")
 
 
 def motor_toml(document: Mapping[str, Any], provenance: Mapping[str, Any], *, heading: str = "") -> str:
-    """Return a motor as TOML, every value as it was set, with where it comes from as far as that is known.
+    """Return a motor as TOML: every value as set, with its origin if known.
 
     Args:
         document: the motor's values by section.
-        provenance: dotted path → where the value comes from, as kind and note.
-        heading: words for the first lines, as a comment.
+        provenance: dotted path → origin of the value, as kind and note.
+        heading: comment at the top.
     """
 
     def entries(path: str, table: Mapping[str, Any]) -> list[str]:
@@ -45,5 +45,5 @@ def _with_origin(value: object, origin: Any) -> str:
 
 
 def _written(value: object) -> str:
-    """Return a number or a text as TOML; JSON writes them alike, but for DEL."""
+    """Return a number or a text as TOML; the syntax is that of JSON, except for DEL."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -2,14 +2,14 @@
 """Strain, stress and temperature of the ceramic of a running motor, and whether they exceed its limits.
 
 A Bernoulli–Euler beam strains its outer fibre by the curvature times the distance from the neutral axis. The stress is
-Young's modulus times that strain; the part of the field itself, E d₃₁ E₃, is left out (0.7 MPa at 50 V on the plates of
-andersen2002). The sine series of the curvature is summed with Lanczos' factors, which take out its ringing at the ends
-of the plates.
+Young's modulus times that strain, without the contribution of the field, E d₃₁ E₃ (0.7 MPa at 50 V on the plates of
+andersen2002). The sine series of the curvature is summed with Lanczos' factors, which remove its ringing at the ends of
+the plates.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from math import nan, sqrt
 
@@ -40,25 +40,26 @@ def _outer_strain(structure: Structure) -> tuple[Array, Array]:
 
 
 def peak_of_motion(motor: Motor, displacement_m: Array) -> dict[str, float]:
-    """Return greatest strain and stress over a motion, NaN where the beam is not known.
+    """Return the greatest strain and stress over a motion, NaN without a known beam.
 
     Args:
         motor: the motor.
         displacement_m: modal displacements, shape (modes, points).
     """
-    if motor.structure is None:
-        return {"ceramic_strain": nan, "ceramic_stress_pa": nan}
-    shape, modulus = _outer_strain(motor.structure)
-    strain = np.abs(shape[:, : len(motor.modes)] @ displacement_m).max(axis=1)
-    return {"ceramic_strain": float(strain.max()), "ceramic_stress_pa": float((modulus * strain).max())}
+    return _peak(motor, lambda shape: np.abs(shape @ displacement_m).max(axis=1))
 
 
 def peak_of_amplitudes(motor: Motor, amplitudes_m: Sequence[float]) -> dict[str, float]:
-    """Return a bound of greatest strain and stress: all modes at their amplitudes at once."""
+    """Return an upper bound of strain and stress: all modes at their amplitudes at once."""
+    return _peak(motor, lambda shape: np.abs(shape) @ np.asarray(amplitudes_m))
+
+
+def _peak(motor: Motor, strain_of: Callable[[Array], Array]) -> dict[str, float]:
+    """Return the greatest strain and stress, for a strain as a function of the strain per modal displacement."""
     if motor.structure is None:
         return {"ceramic_strain": nan, "ceramic_stress_pa": nan}
     shape, modulus = _outer_strain(motor.structure)
-    strain = np.abs(shape[:, : len(motor.modes)]) @ np.asarray(amplitudes_m)
+    strain = strain_of(shape[:, : len(motor.modes)])
     return {"ceramic_strain": float(strain.max()), "ceramic_stress_pa": float((modulus * strain).max())}
 
 
@@ -73,7 +74,7 @@ def temperature_rise(motor: Motor, heat_w: float) -> float:
 
 
 def exceeded(motor: Motor, stress_pa: float, rise_k: float) -> tuple[str, ...]:
-    """Return the limits that a stress and a temperature rise exceed, a sentence each."""
+    """Return one sentence for each limit that a stress and a temperature rise exceed."""
     limits = motor.limits
     if limits is None:
         return ()

@@ -32,7 +32,7 @@ PROVENANCE = {
 
 
 class Thermal(Stated):
-    """Drift of a stator with temperature, and its heat balance as one body. The defaults are for andersen2002.
+    """Thermal drift of a stator, and its heat balance as one body. The defaults are for andersen2002.
 
     Raises:
         ParameterError: by the constructor, for an invalid value.
@@ -50,7 +50,7 @@ class Thermal(Stated):
         "thermal resistance to the surroundings", "K/W", default=100.0, ge=1e-3, le=1e6
     )
     ambient_k: float = quantity(
-        "temperature of the surroundings above that at which the motor's parameters hold",
+        "temperature of the surroundings above that of the motor's parameters",
         "K",
         default=0.0,
         ge=-200.0,
@@ -59,7 +59,7 @@ class Thermal(Stated):
 
     @classmethod
     def of(cls, motor: Motor) -> Thermal:
-        """Return the defaults with the motor's own thermal resistance and heat capacity, where its set has them."""
+        """Return the defaults, with the motor's own thermal resistance and heat capacity if known."""
         own = {}
         if motor.limits is not None:
             own["thermal_resistance_k_per_w"] = motor.limits.thermal_resistance_k_per_w

@@ -7,10 +7,10 @@ its free decay with the *loaded* quality factor,
 .. math::
     \tau = \frac{2Q}{\omega}, \qquad \delta\varphi(s) = -\frac{\tau}{1 + s\tau}\,\delta\omega(s).
 
-A mode that rubs along the rotor is not linear. Harmonic balance replaces friction by what its fundamental does over a
-cycle of the tip's amplitude: a stiffness, which shifts the resonance, and a loss. Phase and frequency deviate along the
-tangent of the motion, where a force that only depends on the amplitude acts as a resistance in proportion to force over
-velocity; so that resistance belongs into the loaded quality factor, and not the derivative of the force.
+A mode that rubs along the rotor is not linear. Harmonic balance replaces friction by the effect of its fundamental over
+a cycle of the tip's amplitude: a stiffness, which shifts the resonance, and a loss. For small deviations of phase and
+frequency a force that depends only on the amplitude acts as a resistance, force over velocity; this resistance, not the
+derivative of the force, determines the loaded quality factor.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class StatorLag:
         return self.quality / (pi * self.resonance_hz)
 
     def detuning_hz(self, phase_deg: float) -> float:
-        """Return by how much a drive is above resonance where the velocity is ahead by a phase."""
+        """Return the detuning above resonance at which the velocity leads by a phase."""
         return -tan(pi * phase_deg / 180.0) / (2.0 * pi * self.time_constant_s)
 
 
@@ -102,7 +102,7 @@ def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True)
         return omega, omega * own.damping_n_s_per_m + own.tip_x**2 * loss
 
     highest = force_n / own.damping_n_s_per_m / (2.0 * pi * own.frequency_hz)
-    if not own.tip_x:  # it does not rub, and its loss does not depend on how far it moves
+    if not own.tip_x:  # no rubbing: the loss does not depend on the amplitude
         omega, loss = state(highest)
         return StatorLag(omega / (2.0 * pi), own.mass_kg * omega**2 / loss, force_n / loss)
     from scipy.optimize import brentq  # takes long to load
@@ -160,7 +160,7 @@ def propose_filter(
         bandwidth_hz: frequency of unity gain.
         gain_hz_per_v: of the oscillator.
         current_a: of the charge pump.
-        target_deg: phase of the motional current that the loop is to hold.
+        target_deg: target phase of the motional current.
         ripple_ratio: pole against ripple over the bandwidth.
     """
     zero, pole = lag.time_constant_s, 1.0 / (2.0 * pi * bandwidth_hz * ripple_ratio)

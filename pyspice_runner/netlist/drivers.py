@@ -97,10 +97,10 @@ class Part:
 
 
 class Driver(Stated, Source):
-    """The electronics that drive the motor: two equal channels for two sines with a settable phase.
+    """Drive electronics: two equal channels for two sines with a settable phase.
 
-    ``voltage`` is the fundamental of the lossless power stage, behind the transformer and in front of the network. It
-    determines the control, and the supply of a bridge.
+    ``voltage`` is the fundamental of the lossless power stage, between transformer and network. It determines the
+    control, and the supply of a bridge.
 
     Raises:
         ParameterError: by the constructor, for an invalid value.
@@ -116,7 +116,7 @@ class Driver(Stated, Source):
     network: NetworkKind = Field(default="none", description="network between stage and group")
     supply_v: float = quantity(
         "supply: each rail of a linear amplifier, a half bridge or the user's own stage, the only rail of a full "
-        "bridge; 0: what the voltage asks for",
+        "bridge; 0: as the voltage requires",
         "V",
         default=0.0,
         ge=0.0,
@@ -176,7 +176,7 @@ class Driver(Stated, Source):
                 )
 
     def _check_gain(self) -> None:
-        """Check the gain of the user's own stage, which divides the control voltage."""
+        """Check the gain of the user's own stage: the control is the voltage over the gain."""
         for group in GROUPS:
             gain = self.parts(group)[0].values.get("gain", 1.0)
             if gain <= 0.0:
@@ -209,12 +209,12 @@ class Driver(Stated, Source):
 
     @property
     def controlled(self) -> bool:
-        """Whether the stage follows a control voltage; otherwise it has its own oscillator."""
+        """Whether the stage follows a control voltage; otherwise it has an oscillator of its own."""
         return self._stage is None or "in" in self._stage.pin_names
 
     @property
     def switched(self) -> bool:
-        """Whether there may be switching edges, so that the steps of a run cannot be uniform."""
+        """Whether the stage may have switching edges, which need non-uniform steps."""
         return self.own or self.kind in ("half-bridge", "full-bridge")
 
     @property
@@ -224,12 +224,12 @@ class Driver(Stated, Source):
 
     @property
     def frequencies(self) -> tuple[float, ...]:
-        """Frequencies in Hz that the time step must resolve. ngspice shortens its steps at edges."""
+        """Frequencies in Hz that the time step must resolve; ngspice shortens its steps at edges."""
         return (self.frequency,)
 
     @property
     def uniform(self) -> bool:
-        """Whether a run takes uniform steps."""
+        """Whether a run has uniform steps."""
         return not self.switched
 
     @property
@@ -244,7 +244,7 @@ class Driver(Stated, Source):
 
     @property
     def label(self) -> str:
-        """The driver as in the caption of a figure."""
+        """Caption of a figure."""
         network = "" if self.network == "none" else f" with {self.network}"
         return (
             f"{self.name}{network}, {self.voltage:.4g} V at {self.frequency / 1e3:.6g} kHz, {self.phase_deg:.4g}° apart"
@@ -391,13 +391,14 @@ class Driver(Stated, Source):
         return present[plain], name
 
     def _amplifier_rail(self, headroom: float) -> float:
-        """Return the rail in V that an amplifier needs for the larger of both amplitudes, with a margin."""
+        """Return the rail voltage of an amplifier for the larger of both amplitudes, with a margin."""
         return 1.1 * max(self.amplitude("a"), self.amplitude("b")) + headroom + 2.0
 
     def _own_rail(self, group: str) -> float:
-        """Return a rail in V of the user's own stage: like the built-in amplifier's if it has a gain or an amplitude.
+        """Return a rail voltage of the user's own stage.
 
-        Otherwise it is that of a half bridge. A single rail has the voltage of both.
+        It is that of the built-in amplifier if the stage has a gain or an amplitude, otherwise that of a half bridge. A
+        single rail has the voltage of both.
         """
         stage = self.parts(group)[0]
         amplifies = {"gain", "amplitude"} & {*stage.values}
@@ -406,7 +407,7 @@ class Driver(Stated, Source):
         return self.supply_v or (rail if {*RAILS} <= {*stage.library.pin_names} else 2.0 * rail)
 
     def _bridge_fundamental(self, group: str) -> float:
-        """Return the fundamental in V of a square wave between the rails, without transformer and zero level."""
+        """Return the fundamental in V of a square wave between the rails, before transformer and zero level."""
         if self.kind == "half-bridge":
             return self.amplitude(group)
         level = self._setting("bridge", "level", group, 0.0)
@@ -421,8 +422,8 @@ def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, sou
         circuit: the circuit to add to.
         driver: the driver.
         pins: node of each group.
-        source: whether to add the control source; without it the controls ``control_a``, ``control_b`` (1 V amplitude
-            for a bridge, the voltage over the gain for a linear amplifier) come from another source.
+        source: whether to add the control source. Without it, another source drives the nodes ``control_a`` and
+            ``control_b``: 1 V amplitude for a bridge, the voltage over the gain for a linear amplifier.
     """
     libraries = driver.libraries()
     source = source and driver.controlled

@@ -80,7 +80,7 @@ class Library:
     def check(self, **values: float) -> dict[str, float]:
         """Return the values if each is a known parameter within its range.
 
-        ngspice ignores an unknown parameter of a subcircuit without a message, so it is an error here.
+        ngspice ignores an unknown parameter of a subcircuit without a message; here it is an error.
 
         Raises:
             ParameterError: otherwise.
@@ -90,7 +90,7 @@ class Library:
 
 
 def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: Mapping[str, float | str]) -> None:
-    """Check the parameters of an instance; of a text, which is an expression, only the name of the parameter.
+    """Check names and values of the parameters of an instance. A text is an expression; its value is not checked.
 
     Raises:
         ParameterError: for an unknown parameter or a number out of range.
@@ -109,7 +109,7 @@ def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: 
 
 
 def check_name(name: str) -> str:
-    """Return the name of a subcircuit if every SPICE accepts it and no part of another export can have it.
+    """Return the name of a subcircuit if every SPICE accepts it and it cannot clash with a part of another export.
 
     Raises:
         ParameterError: otherwise.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A driver or a MOSFET of the user's own: ``FILE:NAME``, a ``.subckt`` or ``.model`` in a SPICE library.
 
-Only NAME and what it refers to in the same file come into a netlist. ``docs/drive.md`` says which pins and parameters
-they have; :mod:`.own_file` says what is taken from the file.
+Only NAME and the definitions it refers to in the same file enter a netlist. ``docs/drive.md`` lists pins and
+parameters; :mod:`.own_file` the statements that are accepted.
 """
 
 from __future__ import annotations
@@ -85,8 +85,8 @@ class _Block:
         name: its name as it is written.
         pins: in lower case.
         parameters: words ``name=value`` of the first line.
-        body: what stands between the first and the last line.
-        header: the text from the end of the subcircuit before to its own end.
+        body: statements between the first and the last line.
+        header: text from the end of the previous subcircuit to its own end.
     """
 
     begin: int
@@ -99,7 +99,7 @@ class _Block:
 
 
 class _Devices(OwnFile):
-    """Reads one library; subcircuits and models that stand outside of them, each by its name in lower case."""
+    """Reader of one library: its subcircuits and the models outside of them, by their names in lower case."""
 
     def __init__(self, path: str, text: str) -> None:
         super().__init__(path, text, _RULES)
@@ -115,7 +115,7 @@ class _Devices(OwnFile):
             self._fail(
                 block.begin,
                 f"the pins of {block.name} are {' '.join(pins) or 'missing'}; they must be out and com, "
-                "and may be in, vp and vn besides, in any order",
+                "and may include in, vp and vn, in any order",
             )
         parameters = self._parameters(block.begin, block.parameters)
         declared = {parameter.name for parameter in parameters}
@@ -149,7 +149,7 @@ class _Devices(OwnFile):
         return self._library(MOSFET, block.name, ("d", "g", "s"), (), text, needs)
 
     def _sort(self) -> None:
-        """Sort the file's lines into subcircuits and models; there is nothing else outside of subcircuits."""
+        """Sort the statements into subcircuits and models; nothing else is accepted outside of subcircuits."""
         inside: _Block | None = None
         raw, ended = self._text.split("\n"), 0
         for line, text in self._statements:
@@ -180,7 +180,7 @@ class _Devices(OwnFile):
         return block
 
     def _outside(self, line: int, text: str, words: list[str]) -> None:
-        """Keep a model that stands outside of subcircuits."""
+        """Store a model outside of subcircuits."""
         if re.match(r"\.model\s+\S", text, re.I):
             self._check_name(line, words[0], self._models)
             self._models[words[0].lower()] = (line, text)
@@ -215,10 +215,10 @@ class _Devices(OwnFile):
     def _netlist(
         self, block: _Block, name: str, pins: Sequence[str], parameters: tuple[LibraryParameter, ...]
     ) -> tuple[str, tuple[str, ...]]:
-        """Return a subcircuit and those that it consists of, and what these need of ``behavioral/``.
+        """Return a subcircuit with its parts, and the libraries of ``behavioral/`` that they need.
 
-        A subcircuit gets a copy of the models outside that it refers to, and its parts are called after it, so that
-        nothing clashes with the rest of a netlist.
+        A subcircuit gets copies of the outside models that it refers to, and its parts are named after it, so that no
+        name clashes with the rest of a netlist.
         """
         allowed = {*self._blocks, *self._needs()}
         written: dict[str, str] = {}
@@ -226,7 +226,7 @@ class _Devices(OwnFile):
 
         def write(one: _Block, called: str, head: str, depth: int) -> None:
             if depth > _DEEPEST:
-                self._fail(one.begin, f"{one.name} contains itself, or stands too deep in other subcircuits")
+                self._fail(one.begin, f"{one.name} contains itself, or is nested too deeply")
             lines = [f".subckt {called} {head}"]
             for _, text in self._checked(one, allowed):
                 part = self._part(text) if text[0] in "xX" else ""
@@ -245,7 +245,7 @@ class _Devices(OwnFile):
         return "\n".join(written.values()), tuple(sorted(needs))
 
     def _checked(self, block: _Block, allowed: Collection[str]) -> list[Statement]:
-        """Return the lines of a subcircuit, and of the models outside that it refers to, each of them checked."""
+        """Return the checked lines of a subcircuit, and of the outside models that it refers to."""
         known = {word.partition("=")[0].lower() for word in block.parameters}
         self._check_text(block.begin, block.first, known)
         if not all(re.fullmatch(r"[\w.+-]{1,60}", word, re.A) for word in (*block.pins, *known)):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """SPICE files of the user's own: contact laws (:mod:`.own_law`), drivers and MOSFETs (:mod:`.own_device`).
 
-The file comes from outside and its text goes into netlists, so that only circuit elements are taken from it: no control
-language, no files, no code models.
+The text of such a file enters netlists. Therefore only circuit elements are accepted: no control language, no files, no
+code models.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ _FUNCTIONS = frozenset(
     )
 )
 _FREE = frozenset(["pi", "temper", "time"])  # names that every expression may read
-_UNIT = re.compile(r"[\w/*^().%-]{1,20}")  # of a PAR line; it stands beside axes
+_UNIT = re.compile(r"[\w/*^().%-]{1,20}")  # of a PAR line; a label of axes
 _LONGEST = 4096  # characters of a line
 _NO_FILES = {r"file|[`\"\\]": "a {what} reads no files and needs no quotes"}
 
 
 @dataclass(frozen=True)
 class Rules:
-    """What is taken from a file.
+    """Statements that a file may have.
 
     Attributes:
         what: the file's purpose in one word, for messages.
-        elements: first letters of the elements. A and N, which may run code, are never among them.
+        elements: first letters of the elements; never A and N, which may run code.
         models: types of ``.model``.
         usual: the part of ``behavioral/`` that such a file usually needs, for messages.
-        forbidden: further patterns that no line may have, and why.
+        forbidden: further forbidden patterns, with the reason.
     """
 
     what: str
@@ -62,8 +62,8 @@ def read_bytes(path: str, what: str, most: int) -> bytes:
 
     Args:
         path: the file.
-        what: what it is, for messages, such as ``"contact law"``.
-        most: its greatest size in bytes.
+        what: kind of file for messages, such as ``"contact law"``.
+        most: greatest size in bytes.
 
     Raises:
         ParameterError: for a file that cannot be read or is larger.
@@ -87,12 +87,12 @@ class OwnFile:
     """The text of one file, checked statement by statement.
 
     Args:
-        path: of the file, for messages.
+        path: path of the file, for messages.
         text: its text.
-        rules: what is taken from it.
+        rules: accepted statements.
 
     Raises:
-        ParameterError: for a statement with a character that no netlist takes; the message names the line.
+        ParameterError: for an invalid character; the message names the line.
     """
 
     def __init__(self, path: str, text: str, rules: Rules) -> None:
@@ -103,7 +103,7 @@ class OwnFile:
         self._statements = self._joined()
 
     def _joined(self) -> list[Statement]:
-        """Return what a simulator reads, each continued line joined to the line before, without blanks in braces."""
+        """Return the statements: continuation lines joined, without comments and blanks in braces."""
         joined: list[tuple[int, list[str]]] = []
         for count, raw in enumerate(self._text.split("\n"), start=1):
             if raw.lstrip(" \t").startswith(("*", "$", "#", ";")):
@@ -114,7 +114,7 @@ class OwnFile:
             if not line:
                 continue
             if re.search(r"[^\x20-\x7e]", line):
-                self._fail(count, "there is a control character or one that is not ASCII; write u for µ")
+                self._fail(count, "it has a control character or one that is not ASCII; write u for µ")
             if not line.startswith("+"):
                 joined.append((count, [line]))
             elif joined:
@@ -154,7 +154,7 @@ class OwnFile:
         )
 
     def _needs(self) -> tuple[str, ...]:
-        """Return what the ``NEEDS`` lines name of ``behavioral/``."""
+        """Return the libraries of ``behavioral/`` on the ``NEEDS`` lines."""
         names = Header(self._path, self._text).needs()
         for name in names:
             if name not in library_names():
@@ -165,7 +165,7 @@ class OwnFile:
         return names
 
     def _parameters(self, line: int, words: Sequence[str]) -> tuple[LibraryParameter, ...]:
-        """Return the parameters ``name=value`` of a ``.subckt`` line, with what PAR lines say of them."""
+        """Return the parameters ``name=value`` of a ``.subckt`` line, with their PAR lines."""
         stated = {parameter.name: parameter for parameter in self._header.parameters()}
         found: list[LibraryParameter] = []
         for word in words:
@@ -196,8 +196,8 @@ class OwnFile:
         Args:
             line: its number in the file.
             text: its text.
-            known: parameters that it may read.
-            parts: subcircuits that it may instantiate.
+            known: parameters for expressions.
+            parts: subcircuits for X lines.
         """
         rules = self._rules
         self._check_text(line, text, known)
@@ -216,7 +216,7 @@ class OwnFile:
         return set()
 
     def _check_text(self, line: int, text: str, known: Collection[str]) -> None:
-        """Check what holds for every line: no files, and in braces only known parameters, nodes and currents."""
+        """Check the rules for every line: no files, and in braces only known parameters, nodes and currents."""
         for pattern, why in (_NO_FILES | dict(self._rules.forbidden)).items():
             if re.search(pattern, text, re.I):
                 self._fail(line, f"{short(text)} is not allowed: {why.format(what=self._rules.what)}")

@@ -40,12 +40,12 @@ def read_own_law(path: str) -> Library:
 
 
 class _Law(OwnFile):
-    """Reads the text of one law."""
+    """Reader of one law."""
 
     def library(self) -> Library:
         """Return the law as a library with the subcircuit :data:`NAME`."""
         (begin, first), *body, (end, last) = self._subcircuit()
-        # of a copy of a built-in law: here .ic sets its start
+        # in a copy of a built-in law; here .ic sets the start
         body = [(line, re.sub(r"\s+ic=\{start\}$", "", text)) for line, text in body]
         words = words_of(first)
         name, pins = words[1].lower(), [word.lower() for word in words[2:] if "=" not in word]

@@ -202,7 +202,7 @@ def tracker_filter(tracker: Tracker, lag: StatorLag) -> LoopFilter:
 def weights(motor: Motor, mode: int) -> dict[str, float]:
     """Return the weights of the groups' voltages and currents for one mode, for ``tracker_sense``.
 
-    The motional currents are Σ θ v of all modes; the least-squares inverse of the couplings gives one mode's velocity.
+    The motional currents are Σ θ v of all modes; the pseudo-inverse of the couplings gives the velocity of one mode.
     """
     couplings = np.array([[own.coupling_a_n_per_v, own.coupling_b_n_per_v] for own in motor.modes])
     forces = couplings[mode]
@@ -373,7 +373,7 @@ def add_average(
     suffix: str = "",
     source: str | None = None,
 ) -> None:
-    """Add an averaged loop to a circuit: closed, or open and driven by a source at the oscillator's input."""
+    """Add an averaged loop: closed, or open and driven by a source at the oscillator's input."""
     control = f"control{suffix}"
     if source:
         circuit.V(f"tuning{suffix}", f"tuning{suffix}", circuit.gnd, source)
@@ -396,7 +396,7 @@ def add_filter(circuit: Circuit, loop_filter: LoopFilter, start_v: float, *, suf
 
 
 def target_course(tracker: Tracker, disturbance: Disturbance) -> str:
-    """Return the target phase in degrees over the time, as a source takes it."""
+    """Return the value of a source for the target phase in degrees over time."""
     before, begin = tracker.target_deg, disturbance.begin_s
     if disturbance.kind != "target":
         return f"DC {before!r}"

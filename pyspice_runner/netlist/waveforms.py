@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drives of any shape for the full motor: voltages from arrays or a file, and bursts. Both are sources of a bench.
 
-The voltages are functions of time in behavioural sources, which force no time points: the steps stay uniform.
+The voltages are functions of time in behavioural sources, which set no breakpoints: the steps stay uniform.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ class _Shaped(UniformSource):
 
 @dataclass(frozen=True)
 class Burst(_Shaped):
-    """A two-phase drive that is on for some cycles, once or at regular intervals.
+    """A two-phase drive that is on for a number of cycles, once or at regular intervals.
 
-    Its amplitude falls within the last twentieth of the last cycle, and rises likewise at the start of a further burst.
+    Its amplitude falls within the last twentieth of the last cycle; later bursts rise likewise.
 
     Attributes:
         drive: the drive.
         cycles: number of periods of the drive in a burst.
-        interval_s: time in s from the beginning of a burst to that of the next.
+        interval_s: time in s between the starts of two bursts.
         count: number of bursts.
 
     Raises:
@@ -80,7 +80,7 @@ class Burst(_Shaped):
 
     @property
     def label(self) -> str:
-        """The drive, and how long it is on."""
+        """Drive and length of the bursts."""
         often = "" if self.interval_s is None else f", {self.count} times every {1e3 * self.interval_s:g} ms"
         return f"{self.drive.label}, on for {self.cycles} cycles{often}"
 
@@ -107,13 +107,13 @@ class Burst(_Shaped):
 
 @dataclass(frozen=True)
 class Waveform(_Shaped):
-    """Voltages at given times, linear in between; after the last time they stay.
+    """Voltages at given times, with linear interpolation; the last values hold afterwards.
 
     Attributes:
         time_s: times in s, rising from 0.
         voltage_a_v: voltage of group A in V at them.
         voltage_b_v: that of group B.
-        frequency: of the drive in Hz: means are over its periods, and it determines the time step.
+        frequency: of the drive in Hz; means are over its periods, and it determines the time step.
 
     Raises:
         ParameterError: by the constructor, for arrays of different lengths, or a value out of range.
@@ -147,7 +147,7 @@ class Waveform(_Shaped):
 
     @property
     def label(self) -> str:
-        """Number of points and their end."""
+        """Number of points and end time."""
         return f"waveform of {len(np.asarray(self.time_s))} points to {1e3 * np.asarray(self.time_s)[-1]:g} ms"
 
     def voltages(self) -> tuple[str, str]:
@@ -171,7 +171,7 @@ class Waveform(_Shaped):
 
 
 def read_waveform(path: str | Path, frequency: float) -> Waveform:
-    """Return a waveform from a CSV file with the columns time_s, voltage_a_v and voltage_b_v; others are left out.
+    """Return a waveform from a CSV file with the columns time_s, voltage_a_v and voltage_b_v; others are ignored.
 
     Args:
         path: the file; that of ``simulate --output`` is one.

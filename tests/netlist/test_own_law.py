@@ -107,7 +107,7 @@ def put(line: str) -> Callable[[str], str]:
         (put("R1 a 0 {depth}"), "the expression reads depth, which is not a parameter of the law"),
         (put("C1 a 0 1u ic=1"), "remove ic=; a run starts with no voltage there"),
         (put("R1 a 0 1 ; µ"), "only ASCII characters are allowed"),
-        (put("R1 a 0 1\x07"), "there is a control character"),
+        (put("R1 a 0 1\x07"), "it has a control character"),
         (lambda text: text.replace("x y vx vy", "y x vx vy", 1), "they must be x y vx vy fx fy shaft normal friction"),
         (lambda text: text.replace(" preload=5", "", 1).replace("* PAR  preload", "* WAS  preload"), "preload"),
         (lambda text: text.replace("mu=0.3", "mu={3}", 1), "parameter mu: '{3}' is not a SPICE number."),
