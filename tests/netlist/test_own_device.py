@@ -234,7 +234,7 @@ def put(line: str) -> str:
         (put("V1 a 0 PWL file=a.txt"), "a device reads no files and needs no quotes"),
         (put("R1 a 0 `shell`"), "a device reads no files and needs no quotes"),
         (put("X1 a b other"), "other is not in the file; name it in a line '* NEEDS driver_mosfet'"),
-        (put("X1 in out com one"), "one contains itself, or stands too deep"),
+        (put("X1 in out com one"), "one contains itself, or is nested too deeply"),
         (put("M1 a b c c absent"), "the model of M1 is not in the file; add its .model"),
         (put("R2 a 0 {depth}"), "the expression reads depth, which is not a parameter"),
         (put("R2 a 0 {1+{gain}}"), "the braces of 'R2 a 0 {1+{gain}}' do not match, or are nested"),
