@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,11 +26,13 @@ from pyspice_runner.netlist.averaged import (
     averaged_bench,
     check_averaged,
     check_resolution,
+    constant_settings,
 )
 from pyspice_runner.netlist.contact import ContactLaw
+from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.ceramic import stated
-from pyspice_runner.run.kernel import Outcome, transient
+from pyspice_runner.run.kernel import Outcome, progress_callback, transient
 
 Array = NDArray[np.float64]
 MOST_POINTS_OF_A_COURSE = 10_000
@@ -233,7 +234,7 @@ def simulate_averaged(
     outcome = transient(
         bench, _vectors(motor, harmonics, thermal), step=drive.period, longest=duration / LONGEST_STEPS,
         duration=duration, timeout=timeout,
-        progress=None if progress is None else _telling(progress, duration),
+        progress=progress and progress_callback(progress, duration),
     )  # fmt: skip
     columns, residual = _columns(motor, outcome, harmonics)
     return AveragedRun(
@@ -244,7 +245,7 @@ def simulate_averaged(
         ngspice_version=outcome.ngspice_version,
         provenance={
             "motor": motor.to_dict(),
-            "drive": {"kind": type(drive).__name__, "label": drive.label, **drive.model_dump()},
+            "drive": DriveSource(drive).to_dict(),
             "run": {
                 "duration_s": duration, "contact": contact, "speed_rad_s": speed, "load_torque_n_m": load_torque,
                 "phases": phases, "harmonics": harmonics,
@@ -256,16 +257,6 @@ def simulate_averaged(
         },
         deck=outcome.deck,
     )  # fmt: skip
-
-
-def _telling(progress: Callable[[float, float], object], duration: float) -> Callable[[float], None]:
-    begun = perf_counter()
-
-    def tell(reached: float) -> None:
-        done = min(reached / duration, 1.0)
-        progress(done, (perf_counter() - begun) * (1.0 - done) / max(done, 1e-9))
-
-    return tell
 
 
 def averaged_ceramic(motor: Motor, samples: Mapping[str, Array], harmonics: int) -> dict[str, Any]:
@@ -299,14 +290,10 @@ def _settings(drive: TwoPhaseDrive, load: Load, courses: Mapping[str, ArrayLike]
         if {"voltage_a", "voltage_b"} & given.keys():
             raise ParameterError("courses: voltage and voltage_a or voltage_b exclude each other. Give one or the two.")
         given["voltage_a"] = given["voltage_b"] = given.pop("voltage")
-    constant = {
-        "frequency": drive.frequency, "voltage_a": drive.voltage, "voltage_b": drive.voltage_b,
-        "phase_deg": drive.phase_deg, "load_torque": load.torque,
-    }  # fmt: skip
-    settings: dict[str, Course] = {name: [(0.0, value)] for name, value in constant.items()}
+    settings = constant_settings(drive, load)
     if drive.soft_start > 0.0:
-        for name in ("voltage_a", "voltage_b"):
-            settings[name] = [(0.0, 0.0), (drive.soft_start, constant[name])]
+        settings["voltage_a"] = [(0.0, 0.0), (drive.soft_start, drive.voltage)]
+        settings["voltage_b"] = [(0.0, 0.0), (drive.soft_start, drive.voltage_b)]
     for name, rows in given.items():
         if name not in SETTINGS:
             raise ParameterError(f"courses: {name!r} is not known: it must be voltage or one of {', '.join(SETTINGS)}.")

@@ -28,6 +28,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.controlled import COMMANDS, SAMPLED, CommandedSource, controlled_bench
+from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.result import Result
 from pyspice_runner.run.kernel import simulator
 from pyspice_runner.run.operating_point import OperatingPoint
@@ -209,7 +210,7 @@ def simulate_controlled(
         samples={name: table[:, index] for index, name in enumerate(SAMPLES)},
         provenance={
             "motor": motor.to_dict(),
-            "drive": {"kind": type(drive).__name__, "label": drive.label, **drive.model_dump()},
+            "drive": DriveSource(drive).to_dict(),
             "run": {
                 "duration_s": duration, "sample_time_s": sample_time, "averaged": averaged, "step_s": uniform,
                 "load_torque_n_m": load_torque, "thermal": None if thermal is None else thermal.model_dump(),

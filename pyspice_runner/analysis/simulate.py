@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, sqrt
-from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from pyspice_runner.run.accuracy import COST, TIP, Errors, estimate_errors
 from pyspice_runner.run.audit import audit_run
 from pyspice_runner.run.ceramic import ceramic
 from pyspice_runner.run.engines import Engine, is_compiled
-from pyspice_runner.run.kernel import Outcome
+from pyspice_runner.run.kernel import Outcome, progress_callback
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.steps import MOST_POINTS
@@ -214,7 +213,7 @@ def _run(
         return found
 
     vectors = [*recording.vectors(signals), *setup.source.vectors, *(setup.state_vectors() if signals is None else ())]
-    tell = _telling(progress, duration * (1.0 + COST if estimate else 1.0)) if progress else None
+    tell = progress_callback(progress, duration * (1.0 + COST if estimate else 1.0)) if progress else None
     after = (lambda reached: tell(duration + reached)) if tell else None
     try:
         outcome = setup.run(duration, vectors, record_from=recorded.start, progress=tell, keep_partial=True)
@@ -245,18 +244,6 @@ def points_per_period(accuracy: float) -> float:
     The error falls with their square.
     """
     return max(UNIFORM_POINTS * sqrt(_USUAL_ERROR / accuracy), 4.0 * FEWEST_POINTS_PER_PERIOD)
-
-
-def _telling(progress: Callable[[float, float], object], duration: float) -> Callable[[float], None]:
-    """Return what turns the time that a run has reached into the part that is done, and the seconds left."""
-    began = monotonic()
-
-    def tell(reached: float) -> None:
-        done = min(reached / duration, 1.0)
-        if done > 0.0:
-            progress(done, (monotonic() - began) * (1.0 - done) / done)
-
-    return tell
 
 
 def _check_duration(setup: OperatingPoint, duration: float) -> None:

@@ -22,7 +22,7 @@ Dialect = Literal["spice", "xyce"]
 FUNCTIONS = frozenset(
     "v i abs acos asin atan cos cosh exp ln max min sgn sin sinh sqrt stp tan tanh uramp".split()  # noqa: SIM905
 )
-_OTHER_NAMES = {"u": "stp", "log": "ln"}  # function here → in Xyce
+_OTHER_NAMES = {"u": "STP", "log": "LN"}  # function here → in Xyce
 _OTHER_OPERATORS = re.compile(r"[\^?&|~]")  # not in a library: ^ is the exclusive or in Xyce
 _TESTED = (
     "* TESTED WITH no Xyce: translated by Xyce's reference guide from a library that is tested with ngspice\n"
@@ -87,14 +87,18 @@ def _comment(line: str) -> str:
 
 def _expression(text: str, line: str) -> str:
     """Return an expression with the names of Xyce's functions."""
-    for name in re.findall(r"\b([a-z]\w*)\(", text, re.I):
-        if _OTHER_NAMES.get(name.lower(), name.lower()) not in FUNCTIONS:
-            raise ParameterError(
-                f"{name}() in the line {line.split()[0]} has no translation to Xyce. "
-                f"Use {', '.join(sorted(FUNCTIONS - {'i', 'v'}))}."
-            )
     if found := _OTHER_OPERATORS.search(text):
         raise ParameterError(
             f"The operator {found[0]} in the line {line.split()[0]} has no translation to Xyce. Use + - * / **."
         )
-    return re.sub(r"\b(u|log)\(", lambda found: f"{_OTHER_NAMES[found[1].lower()].upper()}(", text, flags=re.I)
+
+    def renamed(call: re.Match[str]) -> str:
+        name = _OTHER_NAMES.get(call[1].lower(), call[1])
+        if name.lower() not in FUNCTIONS:
+            raise ParameterError(
+                f"{call[1]}() in the line {line.split()[0]} has no translation to Xyce. "
+                f"Use {', '.join(sorted(FUNCTIONS - {'i', 'v'}))}."
+            )
+        return f"{name}("
+
+    return re.sub(r"\b([a-z]\w*)\(", renamed, text, flags=re.I)

@@ -407,6 +407,12 @@ SETTINGS = {  # quantities that may change during a run, with their units
 Course = Sequence[tuple[float, float]]  # times in s and values; linear in between, constant before and after
 
 
+def constant_settings(drive: TwoPhaseDrive, load: Load) -> dict[str, Course]:
+    """Return the settings of a drive and a load that do not change."""
+    values = (drive.frequency, drive.voltage, drive.voltage_b, drive.phase_deg, load.torque)
+    return {name: [(0.0, value)] for name, value in zip(SETTINGS, values, strict=True)}
+
+
 def averaged_bench(
     motor: Motor,
     settings: Mapping[str, Course],

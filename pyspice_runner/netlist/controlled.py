@@ -16,7 +16,7 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.model.drive import Load, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.averaged import averaged_bench
+from pyspice_runner.netlist.averaged import averaged_bench, constant_settings
 from pyspice_runner.netlist.contact import PAPER_LAW, Law
 from pyspice_runner.netlist.motor import Discretisation
 from pyspice_runner.netlist.source import Pins, UniformSource
@@ -55,9 +55,8 @@ class CommandedSource(UniformSource):
             f"Bdrive_b drive_b 0 V=V(set_b)*sin({_TURNS}+{shift})\n"
             f"Bsum_re 0 sum_re I=-2*I(Va)*sin({_TURNS})\nBsum_im 0 sum_im I=-2*I(Va)*cos({_TURNS})\n"
         )
-        for group, pin in zip(
-            "ab", pins, strict=True
-        ):  # ngspice counts the current of Va from the pin into the source, hence the signs above
+        # ngspice counts the current of Va from the pin into the source, hence the signs above
+        for group, pin in zip("ab", pins, strict=True):
             circuit.V(group, pin, f"drive_{group}", "DC 0")
 
     def to_dict(self) -> dict[str, Any]:
@@ -89,12 +88,7 @@ def controlled_bench(
         title: title line of the deck.
     """
     if step is None:
-        settings = {
-            "frequency": [(0.0, drive.frequency)], "voltage_a": [(0.0, drive.voltage)],
-            "voltage_b": [(0.0, drive.voltage_b)], "phase_deg": [(0.0, drive.phase_deg)],
-            "load_torque": [(0.0, load.torque)],
-        }  # fmt: skip
-        bench = averaged_bench(motor, settings, load=load, thermal=thermal, title=title)
+        bench = averaged_bench(motor, constant_settings(drive, load), load=load, thermal=thermal, title=title)
         bench.circuit.raw_spice += "Fsum_re 0 sum_re Va_re 1\nFsum_im 0 sum_im Va_im 1\n"
     else:
         bench = motor_bench(

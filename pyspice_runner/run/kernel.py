@@ -7,6 +7,7 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -164,6 +165,23 @@ def ac(
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
     return run_bench(bench, vectors, timeout, "ac", sweep, guess)
+
+
+def progress_callback(progress: Callable[[float, float], object], duration: float) -> Callable[[float], None]:
+    """Return a callback for :func:`transient` that reports the fraction done and the seconds left.
+
+    Args:
+        progress: called with both.
+        duration: simulated time in s of the whole run.
+    """
+    began = monotonic()
+
+    def report(reached: float) -> None:
+        done = min(reached / duration, 1.0)
+        if done > 0.0:
+            progress(done, (monotonic() - began) * (1.0 - done) / done)
+
+    return report
 
 
 def run_bench(
