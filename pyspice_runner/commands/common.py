@@ -13,7 +13,6 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from enum import StrEnum
 from math import isfinite
 from pathlib import Path
 from textwrap import fill
@@ -40,6 +39,7 @@ from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.model.load import changed_motor
 from pyspice_runner.result import Result as _Result
+from pyspice_runner.run.engines import Engine
 from pyspice_runner.units import engineering as engineering
 
 Writing = tuple[Path | None, Callable[[Path], object]]  # a file that may be asked for, and what writes it
@@ -88,16 +88,8 @@ MOST_VALUES = 1_000_000  # of an axis
 TimeoutOption = Annotated[float | None, typer.Option(help="Stop ngspice after this time, s.")]
 
 
-class EngineKind(StrEnum):
-    """What runs the motor."""
-
-    spice = "spice"
-    compiled = "compiled"
-    auto = "auto"
-
-
 EngineOption = Annotated[
-    EngineKind,
+    Engine,
     typer.Option(help="spice: B-sources; compiled: Verilog-A, in ngspice 46; auto: compiled where it was verified."),
 ]
 AuditOption = Annotated[
@@ -157,6 +149,28 @@ def grid(option: str, text: str) -> list[float]:
         raise pr.ParameterError(
             f"{option}: {text!r} is not valid. Write values as 2,5,9, or as 20:80:7 for seven from 20 to 80."
         ) from None
+
+
+def axes_of(texts: list[str] | None, option: str = "--over") -> dict[str, list[float]]:
+    """Return the values of axes that are written as PATH=VALUES.
+
+    Raises:
+        ParameterError: for an axis without values.
+    """
+    return {path: grid(f"{option} {path}", values) for path, values in pairs_of(option, texts)}
+
+
+def pairs_of(option: str, texts: list[str] | None) -> Iterator[tuple[str, str]]:
+    """Yield path and values of the texts of an option that takes PATH=VALUES.
+
+    Raises:
+        ParameterError: for a text without values.
+    """
+    for text in texts or ():
+        path, equals, values = text.partition("=")
+        if not equals:
+            raise pr.ParameterError(f"{option} {text!r} has no values; write PATH=VALUES.")
+        yield path.strip(), values
 
 
 def check_targets(

@@ -3,33 +3,20 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable
 from dataclasses import dataclass
-from enum import StrEnum
-from functools import partial, wraps
-from typing import Annotated, Any, TypeVar, get_type_hints
+from functools import partial
+from typing import Annotated, Literal
 
 import typer
 
 import pyspice_runner as pr
-
-Result = TypeVar("Result")
+from pyspice_runner.commands.options import Options
+from pyspice_runner.model.drive import DRIVES
 
 _option = partial(typer.Option, rich_help_panel="Drive")
 
 
-class DriveKind(StrEnum):
-    """The drives of the paper's equations (1) and (2)."""
-
-    two_phase = "two-phase"
-    two_tone = "two-tone"
-
-
-_KINDS: dict[DriveKind, type[pr.TwoPhaseDrive] | type[pr.TwoToneDrive]] = {
-    DriveKind.two_phase: pr.TwoPhaseDrive,
-    DriveKind.two_tone: pr.TwoToneDrive,
-}
+DriveKind = Literal["two-phase", "two-tone"]
 _VOLTAGE = 50.0  # V, for a kind of drive that the motor does not recommend
 
 _TWO_PHASE = ("voltage", "frequency", "ratio_b")
@@ -37,7 +24,7 @@ _TWO_TONE = ("voltage_1", "frequency_1", "voltage_2", "frequency_2")
 
 
 @dataclass(frozen=True)
-class DriveOptions:
+class DriveOptions(Options):
     """The drive as the command line states it; ``None`` for each option that was not given."""
 
     drive: Annotated[
@@ -62,20 +49,20 @@ class DriveOptions:
             ParameterError: for an option of the other kind of drive, or a missing or invalid value.
         """
         recommended = pr.default_drive(motor)
-        chosen = self.drive or next(one for one, kind in _KINDS.items() if type(recommended) is kind)
-        for name in _TWO_TONE if chosen is DriveKind.two_phase else _TWO_PHASE:
+        chosen: str = self.drive or next(one for one, kind in DRIVES.items() if type(recommended) is kind)
+        for name in _TWO_TONE if chosen == "two-phase" else _TWO_PHASE:
             if getattr(self, name) is not None:
-                other = next(one for one in DriveKind if one is not chosen)
+                other = next(one for one in DRIVES if one != chosen)
                 raise pr.ParameterError(
-                    f"--{name.replace('_', '-')} has no effect on a {chosen.value} drive. Add --drive {other.value}, "
+                    f"--{name.replace('_', '-')} has no effect on a {chosen} drive. Add --drive {other}, "
                     "or leave it out."
                 )
-        kind = _KINDS[chosen]
+        kind = DRIVES[chosen]
         options = {name: getattr(self, name) for name in kind.model_fields if name != "phase_deg"}
         given = {name: value for name, value in (options | {"phase_deg": self.phase}).items() if value is not None}
         if type(recommended) is kind:
             return kind(**(recommended.model_dump() | given))
-        if chosen is DriveKind.two_phase:
+        if chosen == "two-phase":
             return pr.TwoPhaseDrive(**({"voltage": _VOLTAGE, "frequency": motor.modes[-1].frequency_hz} | given))
         if self.frequency_1 is None or self.frequency_2 is None:
             raise pr.ParameterError("A two-tone drive needs --frequency-1 and --frequency-2, in Hz. Give both.")
@@ -99,28 +86,3 @@ def recommended_phases(
             f"--{' and --'.join(missing)}."
         )
     return {name: getattr(recommended, name) if value is None else value for name, value in given.items()}
-
-
-def with_drive_options(command: Callable[..., Result]) -> Callable[..., Result]:
-    """Replace a command's parameter ``drive`` by the options of a drive.
-
-    typer reads options from the signature of the command and has no groups of options.
-    """
-    hints = get_type_hints(DriveOptions, include_extras=True)
-    options = [
-        parameter.replace(annotation=hints[name], kind=inspect.Parameter.KEYWORD_ONLY)
-        for name, parameter in inspect.signature(DriveOptions).parameters.items()
-    ]
-    signature = inspect.signature(command, eval_str=True)
-    parameters: list[inspect.Parameter] = []
-    for parameter in signature.parameters.values():
-        keyword = parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-        parameters += options if parameter.name == "drive" else [keyword]
-
-    @wraps(command)
-    def whole(**values: Any) -> Result:
-        stated = DriveOptions(**{option.name: values.pop(option.name) for option in options})
-        return command(drive=stated, **values)
-
-    vars(whole)["__signature__"] = signature.replace(parameters=parameters)
-    return whole

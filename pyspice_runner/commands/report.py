@@ -27,14 +27,15 @@ from pyspice_runner.commands.common import (
     points_progress,
     refuse_idle,
 )
-from pyspice_runner.commands.driving import DriveOptions, with_drive_options
+from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.fit import ColumnsOption, Port, ThroughOption, reader
+from pyspice_runner.commands.options import with_options
 
 if TYPE_CHECKING:
     from pyspice_runner.view.report import Report
 
 
-@with_drive_options
+@with_options
 def report(
     context: typer.Context,
     motor: MotorArgument,

@@ -13,25 +13,17 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
     INTERRUPTED,
-    AuditOption,
-    EngineKind,
-    EngineOption,
-    JsonOption,
     MotorArgument,
-    OutputOption,
-    PlotOption,
     SetOption,
     TimeoutOption,
     caution,
-    check_targets,
-    deliver,
     load_changed,
     refuse_idle,
     run_progress,
     warn_of,
 )
-from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
-from pyspice_runner.commands.driving import DriveOptions, with_drive_options
+from pyspice_runner.commands.driving import DriveOptions
+from pyspice_runner.commands.options import EngineOptions, LawOptions, Targets, with_options
 from pyspice_runner.errors import Interrupted
 from pyspice_runner.netlist.waveforms import Burst, Waveform, read_waveform
 
@@ -50,14 +42,14 @@ _OF_CYCLES = (
 )
 
 
-@with_drive_options
+@with_options
 def simulate(
     context: typer.Context,
     motor: MotorArgument,
     drive: DriveOptions,
+    *,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 5e-3,
-    contact: ContactOption = DEFAULT_LAW,
-    sliders: SlidersOption = None,
+    law: LawOptions,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
     load_torque: Annotated[float, typer.Option(help="Torque of a load on the shaft, N.m.")] = 0.0,
     step: Annotated[float | None, typer.Option(help="Uniform time step, s; default: from the fastest motion.")] = None,
@@ -83,19 +75,16 @@ def simulate(
         typer.Option("--averaged", help="Average over the drive's period, for runs over seconds."),
     ] = False,
     timeout: TimeoutOption = None,
-    audit: AuditOption = True,
-    engine: EngineOption = EngineKind.spice,
+    engine: EngineOptions,
     changes: SetOption = None,
-    as_json: JsonOption = False,
-    output: OutputOption = None,
-    plot: PlotOption = None,
+    targets: Targets,
 ) -> None:
     """Run a motor from rest under preload. Writes .csv or .nc (waveforms), .json (summary) or .cir (the deck).
 
     Example: piezomotor simulate bimodal40 --voltage 100 --duration 20e-3 --output run.csv --plot run.png
     """
-    law = law_named(contact, sliders)
-    check_targets(output, (".csv", ".nc", ".json", ".cir"), plot)
+    contact = law.law
+    targets.check(".csv", ".nc", ".json", ".cir")
     loaded = load_changed(motor, changes)
     excitation = drive.stated(loaded)
     shaped = _shaped(context, excitation, waveform, burst)
@@ -103,17 +92,13 @@ def simulate(
         refuse_idle(context, "with --averaged", *_OF_CYCLES)
         with run_progress("ngspice runs the averaged motor") as progress:
             mean = pr.simulate_averaged(
-                loaded, excitation, duration, contact=law, speed=speed, load_torque=load_torque,
+                loaded, excitation, duration, contact=contact, speed=speed, load_torque=load_torque,
                 progress=progress, timeout=timeout,
             )  # fmt: skip
         warn_of(mean.cautions)
-        title = f"{loaded.name}, averaged, {excitation.label}, {duration:.6g} s"
-        table = Table("quantity", "value", title=title)
-        for name, value in mean.summary().items():
-            table.add_row(name, value)
-        deliver(mean.to_dict(), table, as_json, (output, mean.save), (plot, mean.plot))
+        targets.deliver(mean, f"{loaded.name}, averaged, {excitation.label}, {duration:.6g} s")
         return
-    if plot is not None and signals is not None:
+    if targets.plot is not None and signals is not None:
         raise pr.ParameterError("--plot draws all signals; leave --signals out.")
     status = 0
     with run_progress("ngspice runs the motor") as progress:
@@ -122,7 +107,7 @@ def simulate(
                 loaded,
                 shaped,
                 duration=duration,
-                contact=law,
+                contact=contact,
                 speed=speed,
                 load_torque=load_torque,
                 step=step,
@@ -132,8 +117,7 @@ def simulate(
                 record_every=record_every,
                 progress=progress,
                 timeout=timeout,
-                audit=audit,
-                engine=engine.value,
+                **engine.settings,
             )
         except Interrupted as interrupt:
             run, status = interrupt.partial, INTERRUPTED
@@ -154,7 +138,7 @@ def simulate(
             table.add_row(name, written(summary[key]) + run.remark(key))
     made = ", compiled motor" if run.provenance["run"]["engine"] == "compiled" else ""
     table.add_row("points", f"{run.points} in {run.solver_seconds:.2f} s, ngspice {run.ngspice_version}{made}")
-    deliver(summary, table, as_json, (output, run.save), (plot, run.plot))
+    targets.deliver(run, table, summary)
     raise typer.Exit(status)
 
 

@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.table import Table
@@ -13,82 +12,57 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
     INTERRUPTED,
-    AuditOption,
-    EngineKind,
-    EngineOption,
-    JsonOption,
     MotorArgument,
-    OutputOption,
-    PlotOption,
     SetOption,
-    TimeoutOption,
+    axes_of,
     caution,
-    check_targets,
     complain,
-    deliver,
     grid,
     load_changed,
     points_progress,
     warn_of,
 )
-from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
-from pyspice_runner.commands.driving import DriveOptions, with_drive_options
+from pyspice_runner.commands.driving import DriveOptions
+from pyspice_runner.commands.options import EngineOptions, PeriodOptions, Targets, with_options
 from pyspice_runner.errors import Interrupted
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import xarray
 
-    from pyspice_runner.datasets import DatasetResult
 
-
-class ModeKind(StrEnum):
-    """How the dynamometer sets the speeds."""
-
-    steady = "steady"
-    settle = "settle"
-    ramp = "ramp"
-
-
-@with_drive_options
+@with_options
 def speed_torque(
     motor: MotorArgument,
     drive: DriveOptions,
+    *,
     speeds: Annotated[
         str, typer.Option(help="Speeds in rad/s: 0,2.5,5 or -5:10:7 for seven from -5 to 10; write --speeds=-5:10:7.")
     ] = "-5:10:7",
     over: Annotated[
         str | None, typer.Option(metavar="PATH=VALUES", help="A further axis, as drive.voltage=40,60,80.")
     ] = None,
-    mode: Annotated[ModeKind, typer.Option(help="steady: solve; settle: run until settled; ramp.")] = ModeKind.steady,
+    mode: Annotated[
+        Literal["steady", "settle", "ramp"], typer.Option(help="steady: solve; settle: run until settled; ramp.")
+    ] = "steady",
     follow: Annotated[
         str | None,
         typer.Option(metavar="AXIS", help="Go on from point to point along this axis; with steady, through folds."),
     ] = None,
-    contact: ContactOption = DEFAULT_LAW,
-    sliders: SlidersOption = None,
     tolerance: Annotated[float, typer.Option(help="Largest change from block to block of a settled point.")] = 1e-3,
     patience: Annotated[int, typer.Option(help="Number of blocks after which a point counts as not settled.")] = 40,
-    step: Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")] = None,
-    timeout: TimeoutOption = None,
-    audit: AuditOption = True,
-    engine: EngineOption = EngineKind.spice,
+    period: PeriodOptions,
+    engine: EngineOptions,
     changes: SetOption = None,
-    as_json: JsonOption = False,
-    output: OutputOption = None,
-    plot: PlotOption = None,
+    targets: Targets,
 ) -> int:
     """Measure torque, power and losses over speed. Writes .nc, .csv or .json.
 
     Example: piezomotor speed-torque andersen2002-unintended-mode --voltage 100 --frequency 46e3 --phase 180
     --speeds=-5:25:13 --plot curve.png
     """
-    law = law_named(contact, sliders)
-    check_targets(output, (".nc", ".csv", ".json"), plot)
+    targets.check(".nc", ".csv", ".json")
     loaded = load_changed(motor, changes)
     excitation = drive.stated(loaded)
-    path, _, values = (over or "").partition("=")
     status = 0
     with points_progress() as progress:
         try:
@@ -96,17 +70,14 @@ def speed_torque(
                 loaded,
                 excitation,
                 speeds=grid("--speeds", speeds),
-                over={path.strip(): grid(f"--over {path}", values)} if over else None,
-                mode=mode.value,
+                over=axes_of([over] if over else None),
+                mode=mode,
                 follow=follow,
-                contact=law,
                 tolerance=tolerance,
                 patience=patience,
-                step=step,
-                timeout=timeout,
-                audit=audit,
-                engine=engine.value,
                 progress=progress,
+                **period.settings,
+                **engine.settings,
             )
         except (Interrupted, pr.SimulationError) as fault:
             if fault.partial is None:
@@ -116,25 +87,15 @@ def speed_torque(
             complain(f"piezomotor: {fault} {curve.attrs['incomplete']}")
     result = curve.piezomotor
     if "folds" in curve.attrs:
-        return _deliver_branch(result, as_json, output, plot)
+        caution(result)
+        targets.deliver(result, curve.attrs["title"])
+        return 0
     warn_of(result.audit.findings)
     if result.unsettled:
         message = f"piezomotor: {result.unsettled} of {curve['settled'].size} points did not settle; see 'settled'."
         complain(message, style="yellow")
-    deliver(
-        result.to_dict(), _table(curve), as_json, (output, result.save), (plot, result.plot),
-    )  # fmt: skip
+    targets.deliver(result, _table(curve))
     return status
-
-
-def _deliver_branch(result: DatasetResult, as_json: bool, output: Path | None, plot: Path | None) -> int:
-    """Write and print a branch of steady states."""
-    caution(result)
-    table = Table("quantity", "value", title=result.dataset.attrs["title"])
-    for name, value in result.summary().items():
-        table.add_row(name, value)
-    deliver(result.to_dict(), table, as_json, (output, result.save), (plot, result.plot))
-    return 0
 
 
 def _percent(share: float) -> str:

@@ -6,9 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -17,25 +16,22 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
     INTERRUPTED,
-    EngineKind,
     EngineOption,
-    JsonOption,
     MotorArgument,
-    OutputOption,
-    PlotOption,
     SetOption,
     TimeoutOption,
-    check_targets,
+    axes_of,
     complain,
-    deliver,
-    grid,
     load_changed,
+    pairs_of,
     points_progress,
     refuse_idle,
 )
-from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
+from pyspice_runner.commands.contacting import DEFAULT_LAW
 from pyspice_runner.commands.drive import DRIVERS, MosfetOption, PartOption, changes_of, driver_of, two_phase
-from pyspice_runner.commands.driving import DriveOptions, with_drive_options
+from pyspice_runner.commands.driving import DriveOptions
+from pyspice_runner.commands.options import LawOptions, Targets, with_options
+from pyspice_runner.study.plan import Distribution, Sampling
 
 if TYPE_CHECKING:
     import xarray
@@ -46,33 +42,12 @@ OPERATING_QUANTITIES = ["torque_n_m", "efficiency", "settled"]
 DRIVER_QUANTITIES = ["motor_power_w", "driver_efficiency", "mean_rotor_speed_rad_s"]
 
 
-class AnalysisKind(StrEnum):
-    """Analysis at each point."""
-
-    simulate = "simulate"
-    operating_point = "operating-point"
-    drive = "drive"
-
-
-class DistributionKind(StrEnum):
-    """Distribution of values within their tolerances."""
-
-    uniform = "uniform"
-    normal = "normal"
-
-
-class SamplingKind(StrEnum):
-    """Sampling method."""
-
-    sobol = "sobol"
-    latin_hypercube = "latin-hypercube"
-
-
-@with_drive_options
+@with_options
 def sweep(
     context: typer.Context,
     motor: MotorArgument,
     drive: DriveOptions,
+    *,
     over: Annotated[
         list[str] | None,
         typer.Option(
@@ -90,17 +65,17 @@ def sweep(
         ),
     ] = None,
     analysis: Annotated[
-        AnalysisKind,
+        Literal["simulate", "operating-point", "drive"],
         typer.Option(help="simulate: a run from rest; operating-point: settled at a speed; drive: a driver."),
-    ] = AnalysisKind.simulate,
+    ] = "simulate",
     driver: Annotated[str | None, typer.Option(help=f"Drive: {DRIVERS}; default: linear.")] = None,
     part: PartOption = None,
     mosfet: MosfetOption = None,
     distribution: Annotated[
-        DistributionKind, typer.Option(help="Distribution; normal: the tolerance is three standard deviations.")
-    ] = DistributionKind.uniform,
+        Distribution, typer.Option(help="Distribution; normal: the tolerance is three standard deviations.")
+    ] = "uniform",
     samples: Annotated[int, typer.Option(help="Samples within the tolerances.")] = 64,
-    sampling: Annotated[SamplingKind, typer.Option(help="Sampling method.")] = SamplingKind.sobol,
+    sampling: Annotated[Sampling, typer.Option(help="Sampling method.")] = "sobol",
     seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
     workers: Annotated[int | None, typer.Option(help="Worker processes; default: one per core.")] = None,
     scheduler: Annotated[
@@ -110,16 +85,13 @@ def sweep(
         Path | None, typer.Option(help="Folder of finished points; default: in the user's cache folder.")
     ] = None,
     duration: Annotated[float | None, typer.Option(help="Simulate: simulated time, s; default: 5e-3.")] = None,
-    contact: ContactOption = DEFAULT_LAW,
-    sliders: SlidersOption = None,
+    law: LawOptions,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
     load_torque: Annotated[float | None, typer.Option(help="Simulate: torque of a load, N.m.")] = None,
     timeout: TimeoutOption = None,
-    engine: EngineOption = EngineKind.spice,
+    engine: EngineOption = "spice",
     changes: SetOption = None,
-    as_json: JsonOption = False,
-    output: OutputOption = None,
-    plot: PlotOption = None,
+    targets: Targets,
 ) -> int:
     """Run a motor at many values of its parameters, the drive's (drive.voltage) and the run's (run.load_torque).
 
@@ -127,31 +99,31 @@ def sweep(
 
     Example: piezomotor sweep andersen2002 --over drive.voltage=40:80:5 --tolerance contact.friction=10% --samples 16
     """
-    law = law_named(contact, sliders)
-    if analysis is AnalysisKind.operating_point:
+    contact = law.law
+    if analysis == "operating-point":
         refuse_idle(context, "on --analysis operating-point", "duration", "load_torque")
-    if analysis is AnalysisKind.drive:
+    if analysis == "drive":
         refuse_idle(context, "on --analysis drive", "engine")
     else:
         refuse_idle(context, "without --analysis drive", "driver", "part", "mosfet")
     if not tolerance:
         refuse_idle(context, "without --tolerance", "distribution", "samples", "sampling", "seed")
-    check_targets(output, (".nc", ".csv", ".json"), plot)
-    of_motor, of_parts = changes_of(changes, part) if analysis is AnalysisKind.drive else (changes, part)
+    targets.check(".nc", ".csv", ".json")
+    driven = analysis == "drive"
+    of_motor, of_parts = changes_of(changes, part) if driven else (changes, part)
     loaded = load_changed(motor, of_motor)
     stated = drive.stated(loaded)
-    driven = analysis is AnalysisKind.drive
     excitation = driver_of(driver or "linear", two_phase(stated), of_parts, mosfet) if driven else stated
-    axes: dict[str, Any] = {path: grid(f"--over {path}", text) for path, text in _pairs("--over", over)}
-    for path, text in _pairs("--tolerance", tolerance):
+    axes: dict[str, Any] = {**axes_of(over)}
+    for path, text in pairs_of("--tolerance", tolerance):
         if path in axes:
             raise pr.ParameterError(f"{path} is given to --over and to --tolerance. Give it to one of them.")
-        axes[path] = pr.Tolerance(_percent(path, text), distribution.value)
+        axes[path] = pr.Tolerance(_percent(path, text), distribution)
     settings: dict[str, Any] = {"speed": speed, "duration": duration, "load_torque": load_torque, "timeout": timeout}
-    settings["engine"] = None if engine is EngineKind.spice else engine.value  # which is the default of the run
+    settings["engine"] = None if engine == "spice" else engine  # which is the default of the run
     run = {name: value for name, value in settings.items() if value is not None}
-    if contact != DEFAULT_LAW:  # which is the default of the run
-        run["contact"] = law
+    if law.contact != DEFAULT_LAW:  # which is the default of the run
+        run["contact"] = contact
     how = _question(analysis, excitation, quantity) | run
     with _cluster(scheduler, workers) as executor, points_progress() as progress:
         try:
@@ -161,7 +133,7 @@ def sweep(
                 over=axes,
                 **how,
                 samples=samples,
-                sampling=sampling.value,
+                sampling=sampling,
                 seed=seed,
                 store=store,
                 workers=workers,
@@ -174,9 +146,7 @@ def sweep(
     result = dataset.piezomotor
     document = result.to_dict()
     status = _told(dataset, document)
-    deliver(
-        document, _summary(dataset, document, excitation.label), as_json, (output, result.save), (plot, result.plot)
-    )
+    targets.deliver(result, _summary(dataset, document, excitation.label), document)
     return status
 
 
@@ -193,10 +163,10 @@ def _told(dataset: xarray.Dataset, document: dict[str, Any]) -> int:
 
 
 def _question(
-    analysis: AnalysisKind, excitation: pr.TwoPhaseDrive | pr.TwoToneDrive | pr.Driver, quantity: list[str] | None
+    analysis: str, excitation: pr.TwoPhaseDrive | pr.TwoToneDrive | pr.Driver, quantity: list[str] | None
 ) -> dict[str, Any]:
     """Return the analysis of a point, what is kept of it, and the settings that are not given."""
-    if analysis is AnalysisKind.operating_point:
+    if analysis == "operating-point":
         from pyspice_runner.analysis.speed_torque import operating_point
 
         return {"analysis": operating_point, "quantities": quantity or OPERATING_QUANTITIES}
@@ -205,14 +175,6 @@ def _question(
         settings = {"analysis": pr.drive_report, "proposals": False, "duration": 3e-3, **matched}
         return {"quantities": quantity or DRIVER_QUANTITIES, **settings}
     return {"quantities": quantity or QUANTITIES, "duration": 5e-3}
-
-
-def _pairs(option: str, texts: list[str] | None) -> Iterator[tuple[str, str]]:
-    for text in texts or []:
-        path, equals, values = text.partition("=")
-        if not equals:
-            raise pr.ParameterError(f"{option} {text!r} has no values; write PATH=VALUES.")
-        yield path.strip(), values
 
 
 def _percent(path: str, text: str) -> float:

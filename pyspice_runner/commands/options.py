@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Groups of options that commands share, each declared once.
+
+A group is a dataclass whose fields are options. :func:`with_options` replaces a parameter of a command that has the
+type of a group by the options of the group.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import wraps
+from pathlib import Path
+from typing import Annotated, Any, Protocol, TypeVar, get_type_hints
+
+import typer
+from rich.table import Table
+
+import pyspice_runner as pr
+from pyspice_runner.commands.common import (
+    AuditOption,
+    EngineOption,
+    JsonOption,
+    OutputOption,
+    PlotOption,
+    TimeoutOption,
+    check_targets,
+    deliver,
+)
+from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
+
+Returned = TypeVar("Returned")
+
+SpeedOption = Annotated[float | None, typer.Option(help="Speed at which the shaft is held, rad/s; default: free.")]
+LoadOption = Annotated[float, typer.Option(help="Torque that a load draws from the free shaft, N.m.")]
+StepOption = Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")]
+
+
+class Options:
+    """A group of options."""
+
+
+def with_options(command: Callable[..., Returned]) -> Callable[..., Returned]:
+    """Replace the parameters of a command that are groups by the options of the groups.
+
+    typer reads options from the signature of the command and has no groups of options.
+    """
+    signature = inspect.signature(command, eval_str=True)
+    parameters: list[inspect.Parameter] = []
+    groups: dict[str, tuple[type[Options], list[str]]] = {}
+    for parameter in signature.parameters.values():
+        kind = parameter.annotation
+        if not (isinstance(kind, type) and issubclass(kind, Options)):
+            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+            continue
+        hints = get_type_hints(kind, include_extras=True)
+        options = inspect.signature(kind).parameters
+        groups[parameter.name] = kind, list(options)
+        parameters += (
+            option.replace(annotation=hints[name], kind=inspect.Parameter.KEYWORD_ONLY)
+            for name, option in options.items()
+        )
+
+    @wraps(command)
+    def whole(**values: Any) -> Returned:
+        for group, (kind, names) in groups.items():
+            values[group] = kind(**{name: values.pop(name) for name in names})
+        return command(**values)
+
+    vars(whole)["__signature__"] = signature.replace(parameters=parameters)
+    return whole
+
+
+@dataclass(frozen=True)
+class LawOptions(Options):
+    """The law of the contact."""
+
+    contact: ContactOption = DEFAULT_LAW
+    sliders: SlidersOption = None
+
+    @property
+    def law(self) -> pr.Law | None:
+        """The law; ``None`` for a free tip.
+
+        Raises:
+            ParameterError: for an unknown law, or sliders without a brush.
+        """
+        return law_named(self.contact, self.sliders)
+
+
+@dataclass(frozen=True)
+class PeriodOptions(LawOptions):
+    """How periods of a steady state are run."""
+
+    step: StepOption = None
+    timeout: TimeoutOption = None
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The settings of an analysis."""
+        return {"contact": self.law, "step": self.step, "timeout": self.timeout}
+
+
+@dataclass(frozen=True)
+class EngineOptions(Options):
+    """The engine, and the audit of its result."""
+
+    audit: AuditOption = True
+    engine: EngineOption = "spice"
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The settings of an analysis."""
+        return {"audit": self.audit, "engine": self.engine}
+
+
+class _Deliverable(Protocol):
+    def to_dict(self) -> dict[str, Any]: ...
+
+    def summary(self) -> dict[str, str]: ...
+
+    def save(self, path: str | Path) -> Path: ...
+
+    def plot(self, path: str | Path) -> Any: ...
+
+
+@dataclass(frozen=True)
+class Targets(Options):
+    """Where the result goes."""
+
+    as_json: JsonOption = False
+    output: OutputOption = None
+    plot: PlotOption = None
+
+    def check(self, *endings: str, inputs: Iterable[str | Path | None] = ()) -> None:
+        """Check the files to write before any work is done; see :func:`.common.check_targets`.
+
+        Raises:
+            ParameterError: for a file that cannot be written.
+        """
+        check_targets(self.output, endings, self.plot, inputs)
+
+    def deliver(self, result: _Deliverable, table: Table | str, document: dict[str, Any] | None = None) -> None:
+        """Write a result to its files and print it.
+
+        Args:
+            result: the result.
+            table: what is printed without ``--json``; as a text, the title of the result's summary.
+            document: the JSON object; by default that of the result.
+        """
+        if isinstance(table, str):
+            table = summary_table(result.summary(), table)
+        document = result.to_dict() if document is None else document
+        deliver(document, table, self.as_json, (self.output, result.save), (self.plot, result.plot))
+
+
+def summary_table(summary: dict[str, str], title: str) -> Table:
+    """Return the summary of a result as a table."""
+    table = Table("quantity", "value", title=title)
+    for name, value in summary.items():
+        table.add_row(name, value)
+    return table
