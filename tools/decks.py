@@ -28,9 +28,9 @@ from pyspice_runner.netlist.benches import AC_OPTIONS, METERED, admittance_bench
 from pyspice_runner.netlist.contact import PAPER_LAW, Law
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.library import data_path
-from pyspice_runner.netlist.motor import Discretisation, plate_nodes
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import Bench, DriveSource, dynamometer_bench, motor_bench
+from pyspice_runner.netlist.state import Discretisation, plate_nodes
 from pyspice_runner.netlist.trackers import (
     RAIL,
     TrackedSource,

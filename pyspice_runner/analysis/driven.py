@@ -33,7 +33,8 @@ from pyspice_runner.netlist.driven import (
     driven_vectors,
 )
 from pyspice_runner.netlist.drivers import Driver
-from pyspice_runner.netlist.motor import Discretisation, require_linear
+from pyspice_runner.netlist.motor import require_linear
+from pyspice_runner.netlist.state import Discretisation
 from pyspice_runner.run.kernel import simulator, transient
 from pyspice_runner.run.operating_point import OperatingPoint
 
@@ -287,7 +288,8 @@ def _scale(plant: DrivenPlant) -> Array:
     volts = max(plant.driver.amplitude(group) for group in "ab")
     amperes = 2.0 * pi * plant.driver.frequency * max(plant.motor.piezo.capacitance_a_f, 1e-12) * volts
     stores = [amperes if store.coil else volts for store in plant.stores]
-    return np.array([*start_point(plant).scale, *(volts,) * len(plant.plates), *stores])
+    plates = len(plant.states) - plant.inner
+    return np.array([*start_point(plant).scale, *(volts,) * plates, *stores])
 
 
 def _search(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:

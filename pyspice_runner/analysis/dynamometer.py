@@ -9,7 +9,7 @@ grow with the time that is simulated, and a motion that has not settled is carri
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from math import ceil, pi, sqrt
 from typing import Any
 
@@ -19,9 +19,10 @@ from pyspice_runner.model import strength
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.netlist.benches import SpeedRamp
-from pyspice_runner.netlist.motor import PLATES, Motion, dielectric_branches, require_linear
+from pyspice_runner.netlist.motor import dielectric_branches, require_linear
 from pyspice_runner.netlist.source import Source
 from pyspice_runner.netlist.sources import dynamometer_bench
+from pyspice_runner.netlist.state import PLATES, Motion, motion_of, motor_states
 from pyspice_runner.run.kernel import Outcome, transient
 from pyspice_runner.run.operating_point import OperatingPoint
 
@@ -118,17 +119,10 @@ class Dynamometer:
 
     def rest(self, speed: float) -> Motion:
         """Return preloaded rest on a rotor that already turns, the source about to come on."""
-        preload = self.motor.contact.preload_n
-        stiffness = self.setup.discretisation.mode
-        voltage_a, voltage_b = self.source.initial_voltages()
-        return Motion(
-            tuple(-mode.tip_y * preload / stiffness(mode)[1] for mode in self.motor.modes),
-            (0.0,) * len(self.motor.modes),
-            0.0,
-            speed,
-            (voltage_a,) * len(PLATES),
-            (voltage_b,) * len(PLATES),
-        )
+        states = motor_states(self.motor, self.setup.law)
+        rest = motion_of(states, [state.at_rest(self.setup.discretisation) for state in states])
+        plates_a, plates_b = ((voltage,) * len(PLATES) for voltage in self.source.initial_voltages())
+        return replace(rest, speed_rad_s=speed, plates_a_v=plates_a, plates_b_v=plates_b)
 
     def run(self, start: Motion, speed: float | SpeedRamp, begun: float, *, meters: bool = True) -> Block:
         """Run one block.

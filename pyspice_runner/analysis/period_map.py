@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.model.drive import Tone
 from pyspice_runner.netlist.copies import Copy, Plant, copies_bench, copy_name, motor_texts
-from pyspice_runner.netlist.motor import Discretisation
+from pyspice_runner.netlist.state import Discretisation
 from pyspice_runner.run.kernel import run_bench, simulator
 
 Array = NDArray[np.float64]
@@ -221,7 +221,7 @@ def _vectors(number: int, plant: Plant, *, whole: bool) -> list[str]:
     """Return the vectors to record of a copy: its states, and of a whole period its contact."""
     instance = copy_name(number)
     contact = _CONTACT if whole and plant.law else ()
-    return [*(name.format(instance) for name in plant.vectors()), *(f"v({instance}.{name})" for name in contact)]
+    return [*plant.vectors(instance, f"{instance}_shaft"), *(f"v({instance}.{name})" for name in contact)]
 
 
 class _Uneven(Exception):

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from pyspice_runner.analysis.dynamometer import UNITS
 from pyspice_runner.analysis.period_map import Trace
-from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model import strength
 from pyspice_runner.netlist.copies import Plant, drive_voltage, phasor_at
-from pyspice_runner.netlist.motor import Discretisation, dielectric_admittance
+from pyspice_runner.netlist.motor import dielectric_admittance
+from pyspice_runner.netlist.state import Discretisation, static_sway
 
 Array = NDArray[np.float64]
 
@@ -71,23 +71,13 @@ def current(plant: Plant, group: str, trace: Trace) -> Array:
     return plate_current(plant, group, trace.time) + couplings @ modal(plant, trace)[1]
 
 
-def sway(plant: Plant, discretisation: Discretisation) -> float:
-    """Return the sideways displacement in m of the tip under the preload, where the rotor's crown stands."""
-    if plant.law is None:
-        return 0.0
-    softened = [
-        mode.model_copy(update={"stiffness_n_per_m": discretisation.mode(mode)[1]}) for mode in plant.motor.modes
-    ]
-    return contact_law.static_sway(plant.motor.contact, tuple(softened))
-
-
 def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[str, float]:
     """Return the means over a period of which the quantities are made; all are linear in time averages."""
     motor, radius = plant.motor, plant.motor.rotor.radius_m
     x, _, vx, vy = (values[1:] for values in tip(plant, trace))
     rise = trace.states[plant.carrier][1, 1:] if plant.mount else np.zeros(len(vy))
     vy = vy + rise
-    x = x - sway(plant, discretisation)
+    x = x - static_sway(motor, plant.law, discretisation)
     normal, friction, state = trace.normal[1:], trace.friction[1:], trace.contact_state[1:]
     turning = speed(plant, trace)[1:]
     slipping = state > 1.5

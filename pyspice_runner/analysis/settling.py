@@ -18,7 +18,7 @@ import numpy as np
 from pyspice_runner.analysis.dynamometer import UNITS, Block, Dynamometer, quantities
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.netlist.benches import SpeedRamp
-from pyspice_runner.netlist.motor import Motion
+from pyspice_runner.netlist.state import Motion
 from pyspice_runner.run.audit import audit_point
 from pyspice_runner.run.waveforms import Array
 

@@ -111,7 +111,7 @@ class Point:
         period does not depend on where the slider starts if it slips there a period later.
         """
         felt = np.ones(self.plant.order, dtype=bool)
-        if self.trace is not None and self.plant.contact_states == ("slider",):
+        if self.trace is not None and self.plant.slider is not None:
             time = self.trace.time
             later = time > self.begun + (time[-1] - time[0]) - 1.01 * (time[1] - time[0])
             felt[self.plant.slider] = np.any(np.abs(self.trace.contact_state[later] - 1.0) < 0.5)
@@ -121,7 +121,7 @@ class Point:
     def free(self) -> NDArray[np.bool_]:
         """Whether each state is one of Newton's unknowns: all but a slider whose start has no influence."""
         free = self.felt
-        if self.at_start is not None and self.plant.contact_states == ("slider",):
+        if self.at_start is not None and self.plant.slider is not None:
             free[self.plant.slider] &= self.at_start[self.plant.slider, self.plant.slider] > FELT
         return free
 
@@ -160,7 +160,7 @@ class Point:
         time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
         at = time[0] + (begun - time[0]) % period
         state = Akima1DInterpolator(time, self.trace.states, axis=1)(at)
-        if step is not None and self.plant.contact_states == ("slider",):
+        if step is not None and self.plant.slider is not None:
             depth = max(1e-6 * float(np.interp(at, time, self.trace.penetration_um)), 0.0)
             limit = contact_law.limit_ratio(self.plant.motor.contact) * depth
             slider = state[self.plant.slider]
@@ -292,7 +292,7 @@ def start_point(plant: Plant) -> Point:
     energy = max(energy, np.finfo(float).tiny * 1e100)
     fastest = np.sqrt(2.0 * energy / masses)
     slide = contact_law.limit_ratio(motor.contact) * contact_law.static_penetration(motor.contact)
-    if plant.contact_states == ("slider",):  # where it does not slip it has followed the tip since rest
+    if plant.slider is not None:  # where it does not slip it has followed the tip since rest
         followed = sum(mode.tip_x * (r - rest) for mode, r, rest in zip(motor.modes, state, _rest(plant), strict=False))
         state[plant.slider] = float(np.clip(followed, -slide, slide))
     along = max(abs(mode.tip_x) * v for mode, v in zip(motor.modes, fastest, strict=True))
@@ -304,7 +304,10 @@ def start_point(plant: Plant) -> Point:
         )
         carrier = [lift, lift / plant.drive.period]
     turning = [max(along, towards) / motor.rotor.radius_m] if plant.turns else []
-    scale = np.array([*np.sqrt(2.0 * energy / stiffnesses), *fastest, *(slide,) * plant.sliders, *carrier, *turning])
+    sliders = plant.where("contact")
+    scale = np.array([
+        *np.sqrt(2.0 * energy / stiffnesses), *fastest, *(slide,) * (sliders.stop - sliders.start), *carrier, *turning
+    ])  # fmt: skip
     return Point(plant, state, scale)
 
 

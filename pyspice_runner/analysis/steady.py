@@ -35,6 +35,7 @@ from pyspice_runner.netlist.copies import Copy, Plant, drive_voltage
 from pyspice_runner.netlist.driven import DrivenPlant
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.netlist.state import motor_states
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_point
 from pyspice_runner.run.engines import BEHIND_DRIVER, Engine, on_engine
@@ -518,20 +519,14 @@ def _waveforms(setup: OperatingPoint, point: Point, period_map: PeriodMap, prove
             "v(xmotor.xcontact.delta)": trace.penetration_um,
             "v(xmotor.state)": trace.contact_state,
         }
+    for state, row in zip(plant.states, trace.states, strict=True):
+        samples[state.within("xmotor")] = row / state.scale(period_map.discretisation)
+    for state in motor_states(setup.motor, plant.law, ("bearing",)):
+        samples[state.within("xmotor")] = np.full(len(trace.time), np.sign(setup.load.speed or 0.0))
     for group in "ab":
         name, sign = setup.source.current(group)
         samples[f"v({group})"] = drive_voltage(getattr(plant.drive, f"tones_{group}"), trace.time)
         samples[name] = sign * current(plant, group, trace)
-    units = plant.units(period_map.discretisation)
-    for index in range(plant.modes):
-        samples[f"v(xmotor.xmode{index + 1}.elastic)"] = trace.states[index] / units[index]
-        samples[f"i(v.xmotor.xmode{index + 1}.vvelocity)"] = trace.states[plant.modes + index]
-    if setup.motor.rotor.bearing_friction_n_m:
-        samples["v(xmotor.xbearing.share)"] = np.full(len(trace.time), np.sign(setup.load.speed or 0.0))
-    if plant.mount:
-        lift, rise = trace.states[plant.carrier]
-        stiffness = period_map.discretisation.mode(plant.mount)[1]
-        samples |= {"v(xmotor.xmount.elastic)": lift * stiffness, "i(v.xmotor.xmount.vvelocity)": rise}
     recording = Recording(setup.motor, setup.source, setup.law, setup.load, period_map.discretisation, started=False)
     waves = recording.columns(samples, COLUMNS)
     arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED)}

@@ -25,7 +25,13 @@ from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import add_cooling
 from pyspice_runner.netlist.contact import PAPER_LAW, ContactLaw, law_of
 from pyspice_runner.netlist.library import Library, Pin, check_name, read_library
-from pyspice_runner.netlist.motor import CROWN, MOUNTED, REVISION, Assembly, require_linear
+from pyspice_runner.netlist.motor import (
+    CROWN,
+    MOUNTED,
+    REVISION,
+    Assembly,
+    require_linear,
+)
 from pyspice_runner.netlist.sources import FREE, Bench
 
 SUBCIRCUIT = "piezomotor_averaged"

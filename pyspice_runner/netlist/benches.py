@@ -7,22 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees, pi
 
-from PySpice.Spice.Netlist import Circuit
+from PySpice.Spice.Netlist import Circuit, Netlist
 
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Drive, Tone
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import PAPER_LAW, Law
-from pyspice_runner.netlist.library import read_library
-from pyspice_runner.netlist.motor import (
-    Motion,
-    add_motor,
-    contact_nodes,
-    dielectric_branches,
-    instantiate,
-    plate_nodes,
-)
+from pyspice_runner.netlist.library import Library, definitions, read_library
+from pyspice_runner.netlist.motor import add_motor, contact_nodes, dielectric_branches, instantiate
+from pyspice_runner.netlist.state import plate_nodes
 
 # Newton's iteration ends at a relative change of 10⁻⁶, so that its error is far below that of the time step. Nodes have
 # V, N, µm, m/s and rad/s of order one; a nanovolt and a nanoampere are negligible. The step is uniform: trtol switches
@@ -70,13 +64,17 @@ class SpeedRamp:
     duration: float
 
 
+def brake_parts(*, meters: bool) -> list[Library]:
+    """Return the libraries of a dynamometer, and those of the meters if asked for."""
+    return [read_library(name) for name in ("piezomotor_dynamometer", *(_METERS if meters else ()))]
+
+
 def add_brake(circuit: Circuit, *, meters: bool) -> None:
-    """Add the subcircuits of a dynamometer to a circuit, and those of the meters if asked for."""
-    parts = ("piezomotor_dynamometer", *(_METERS if meters else ()))
-    circuit.raw_spice += "\n".join(read_library(name).subcircuit for name in parts) + "\n"
+    """Add the subcircuits of :func:`brake_parts` to a circuit."""
+    circuit.raw_spice += definitions(*brake_parts(meters=meters)) + "\n"
 
 
-def add_set_speed(circuit: Circuit, speed: float | SpeedRamp | None) -> None:
+def add_set_speed(circuit: Netlist, speed: float | SpeedRamp | None) -> None:
     """Put the commanded speed of a dynamometer, in rad/s, at the node ``set``."""
     if isinstance(speed, SpeedRamp):
         slope = (speed.last - speed.first) / speed.duration
@@ -85,7 +83,7 @@ def add_set_speed(circuit: Circuit, speed: float | SpeedRamp | None) -> None:
         circuit.V("set", "set", circuit.gnd, f"DC {float(speed or 0.0)!r}")
 
 
-def connect_brake(circuit: Circuit, load_torque: float, *, grips: bool) -> None:
+def connect_brake(circuit: Netlist, load_torque: float, *, grips: bool) -> None:
     """Connect the brake to the shaft: it holds the speed, or only draws a torque in N·m."""
     instantiate(
         circuit, "brake", "piezomotor_dynamometer", ("set", "shaft", "xmotor.normal", "xmotor.friction"),
@@ -93,7 +91,7 @@ def connect_brake(circuit: Circuit, load_torque: float, *, grips: bool) -> None:
     )  # fmt: skip
 
 
-def add_meters(circuit: Circuit, motor: Motor, lag: dict[str, float]) -> None:
+def add_meters(circuit: Netlist, motor: Motor, lag: dict[str, float]) -> None:
     """Put meters of power, losses and states around a motor whose source is at ``metered_a`` and ``metered_b``."""
     tip = contact_nodes(motor)
     inside = [f"xmotor.{name}" for name in (tip["x"], tip["vx"], tip["vy"], "normal", "friction", "state")]
@@ -143,18 +141,6 @@ def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circu
             law=PAPER_LAW if preloaded else None,
         )
     return circuit
-
-
-def start_voltages(start: Motion, law: Law | None, instance: str = "motor") -> dict[str, float]:
-    """Return the initial voltages of the plates and the contact for a run that continues a motion."""
-    states = law.states if law and start.contact_v else ()
-    cells = {f"x{instance}.{node}": voltage for node, voltage in zip(states, start.contact_v, strict=True)}
-    plates = {
-        f"x{instance}.{node}": voltage
-        for group, voltages in (("a", start.plates_a_v), ("b", start.plates_b_v))
-        for node, voltage in zip(plate_nodes(group), voltages, strict=True)
-    }
-    return plates | cells
 
 
 def add_drive(circuit: Circuit, drive: Drive, pins: tuple[str, str], *, begun: float = 0.0) -> None:

@@ -17,8 +17,8 @@ from functools import cache
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.motor import PLATES, Discretisation, Motion, plate_nodes
+from pyspice_runner.netlist.contact import PAPER_LAW, Law
+from pyspice_runner.netlist.state import PLATES, Discretisation, motor_states, plate_nodes, written
 from pyspice_runner.netlist.veriloga import WRITTEN, module_source, module_values
 
 # states and pins that a motor may not need: their nodes, and the comment before their equations
@@ -29,7 +29,7 @@ _HEAD = re.compile(r"module piezomotor\([^)]*\);\n +inout [^;]*;\n")
 _ELECTRICAL = re.compile(r"(?m)^    electrical ([^;]+);$")  # first the pins, then the states
 PINS = ("a", "b", "com", "shaft")  # the first ports of a module
 # ports of the module that are nodes of the subcircuit under another name
-_NODES = {"pressing": "normal", "share": "xbearing.share"} | {
+_NODES = {"pressing": "normal"} | {
     f"{plate}_{group}": node for group in "ab" for plate, node in zip(PLATES, plate_nodes(group), strict=True)
 }
 
@@ -156,50 +156,20 @@ def module_signals(motor: Motor, discretisation: Discretisation | None, instance
         discretisation: with which the module's values were written.
         instance: name of the motor in the circuit, in lower case.
     """
-    numbers = range(1, len(motor.modes) + 1)
-    preload = motor.contact.preload_n
-    written = [
-        discretisation.mode(mode) if discretisation else (mode.mass_kg, mode.stiffness_n_per_m) for mode in motor.modes
-    ]
     found: dict[str, Signal] = {}
-    for number, mode, (_, stiffness) in zip(numbers, motor.modes, written, strict=True):
-        elastic = Signal({f"v({instance}.displacement_{number})": 1e-6 * stiffness}, -mode.tip_y * preload)
-        found[f"v({instance}.xmode{number}.elastic)"] = elastic
-        velocity = Signal({f"v({instance}.velocity_{number})": 1.0})
-        found[f"i(v.{instance}.xmode{number}.vvelocity)"] = velocity
+    for state in motor_states(motor, PAPER_LAW, ("mode", "mount", "bearing")):
+        factor = state.unit / state.scale(discretisation)
+        found[state.within(instance)] = Signal({f"v({instance}.{state.name})": factor}, state.rest)
     for axis in "xy":
         shapes = [getattr(mode, f"tip_{axis}") for mode in motor.modes]
-        terms = {
-            f"v({instance}.displacement_{number})": shape
-            for number, shape in zip(numbers, shapes, strict=True)
-            if shape
-        }
+        terms = {f"v({instance}.displacement_{at})": shape for at, shape in enumerate(shapes, start=1) if shape}
         bending = sum(
-            shape * mode.tip_y / stiffness
-            for shape, mode, (_, stiffness) in zip(shapes, motor.modes, written, strict=True)
+            shape * mode.tip_y / written(mode, discretisation)[1]
+            for shape, mode in zip(shapes, motor.modes, strict=True)
         )
         if axis == "x":  # which is 0 where it differs from 0 only by rounding
             bending = bending if contact_law.static_sway(motor.contact, motor.modes) else 0.0
-        found[f"v({instance}.{axis})"] = Signal(terms, -1e6 * bending * preload)
+        found[f"v({instance}.{axis})"] = Signal(terms, -1e6 * bending * motor.contact.preload_n)
     for node, variable in (("friction", "tangential"), ("state", "state"), ("xcontact.delta", "delta")):
         found[f"v({instance}.{node})"] = Signal({f"@n.{instance}.n1[{variable}]": 1.0})
-    if motor.mount:
-        stiffness = (discretisation.mode(motor.mount) if discretisation else (0.0, motor.mount.stiffness_n_per_m))[1]
-        found[f"v({instance}.xmount.elastic)"] = Signal({f"v({instance}.carrier)": 1e-6 * stiffness})
-        found[f"i(v.{instance}.xmount.vvelocity)"] = Signal({f"v({instance}.carrier_velocity)": 1.0})
     return found
-
-
-def module_start(motor: Motor, discretisation: Discretisation | None, start: Motion) -> dict[str, float]:
-    """Return the initial voltages of the nodes inside the motor for a motion, but for the plates and the shaft."""
-    nodes = {"slider": 1e6 * start.slider_m}
-    for index, mode in enumerate(motor.modes):
-        stiffness = discretisation.mode(mode)[1] if discretisation else mode.stiffness_n_per_m
-        bending = mode.tip_y * motor.contact.preload_n / stiffness
-        nodes[f"displacement_{index + 1}"] = 1e6 * (start.displacements_m[index] + bending)
-        nodes[f"velocity_{index + 1}"] = start.velocities_m_s[index]
-    if motor.mount:
-        nodes |= {"carrier": 1e6 * start.carrier_m, "carrier_velocity": start.carrier_m_s}
-    if motor.rotor.bearing_friction_n_m:
-        nodes["xbearing.share"] = start.bearing
-    return nodes

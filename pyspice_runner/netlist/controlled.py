@@ -18,9 +18,9 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import averaged_bench, constant_settings
 from pyspice_runner.netlist.contact import PAPER_LAW, Law
-from pyspice_runner.netlist.motor import Discretisation
 from pyspice_runner.netlist.source import Pins, UniformSource
 from pyspice_runner.netlist.sources import FREE, Bench, motor_bench
+from pyspice_runner.netlist.state import Discretisation
 
 COMMANDS = {"frequency": "vset_frequency", "voltage_a": "vset_a", "voltage_b": "vset_b", "phase_deg": "vset_phase"}
 SAMPLED = ("v(position)", "v(sum_re)", "v(sum_im)")  # angle in rad; integrals of the current's amplitude, 1 V = 1 uA.s

@@ -8,7 +8,6 @@ same motor share its subcircuit; the state at the start is a set of parameters o
 from __future__ import annotations
 
 import hashlib
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,26 +28,32 @@ from pyspice_runner.netlist.compiled import (
     loading,
     module_of,
     module_signals,
-    module_start,
     module_subcircuit,
 )
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.library import PREFIX
-from pyspice_runner.netlist.motor import Discretisation, Motion, MotorSubCircuit, dielectric_branches, plate_nodes
+from pyspice_runner.netlist.motor import MotorSubCircuit, dielectric_branches
 from pyspice_runner.netlist.sources import Bench
+from pyspice_runner.netlist.state import (
+    Discretisation,
+    Kind,
+    State,
+    motor_states,
+    plate_nodes,
+    start_nodes,
+    start_parameters,
+)
 
 Array = NDArray[np.float64]
-_MICRO = 1e-6  # m for 1 V
 
 
 @dataclass(frozen=True)
 class Plant:
     """A motor, its drive and its load and the order of the states that a period maps.
 
-    The states are the modal displacements (m), the modal velocities (m/s), the sliders of the contact (m), of a stator
-    on a mount the displacement (m) and velocity (m/s) of the carrier and, unless the shaft is held, the speed of the
-    rotor (rad/s). The plates are no states: ideal voltage sources set their
-    voltages. A bench may leave them out, since their current does not act on the motion.
+    The states are those of modes, contact, mount and, unless the shaft is held, rotor (:func:`.motor_states`). The
+    plates are no states: ideal voltage sources set their voltages. A bench may leave them out, since their current does
+    not act on the motion.
 
     Attributes:
         motor: the motor.
@@ -72,6 +77,16 @@ class Plant:
         """Name of the curve on which the point is: equal for plants that differ only in the load."""
         return content_name("curve", self.motor_name, self.drive.model_dump_json())
 
+    @cached_property
+    def states(self) -> tuple[State, ...]:
+        """The states that a period maps, in their order."""
+        return motor_states(self.motor, self.law, ("mode", "contact", "mount", *(("rotor",) if self.turns else ())))
+
+    def where(self, kind: Kind) -> slice:
+        """Return the place of the states of a part of the motor."""
+        places = [place for place, state in enumerate(self.states) if state.kind == kind]
+        return slice(places[0], places[-1] + 1) if places else slice(0, 0)
+
     @property
     def modes(self) -> int:
         """Number of modes."""
@@ -84,21 +99,9 @@ class Plant:
         return module_of(self.motor, self.law)
 
     @property
-    def contact_states(self) -> tuple[str, ...]:
-        """Nodes inside the motor whose voltages are the states of the contact, 1 V for 1 µm of displacement."""
-        if self.law is None:
-            return ()
-        return ("slider",) if self.law.name == "spring-slider" else self.law.states
-
-    @property
-    def sliders(self) -> int:
-        """Number of states of the contact."""
-        return len(self.contact_states)
-
-    @property
-    def slider(self) -> int:
-        """Where the first state of the contact is."""
-        return 2 * self.modes
+    def slider(self) -> int | None:
+        """Place of the slider of the law ``spring-slider``."""
+        return 2 * self.modes if self.law and self.law.name == "spring-slider" else None
 
     @property
     def mount(self) -> Mount | None:
@@ -107,9 +110,8 @@ class Plant:
 
     @property
     def carrier(self) -> slice:
-        """Where the states of the carrier are, if there is one."""
-        first = 2 * self.modes + self.sliders
-        return slice(first, first + (2 if self.mount else 0))
+        """Place of displacement and velocity of the carrier, if there is one."""
+        return self.where("mount")
 
     @property
     def turns(self) -> bool:
@@ -119,79 +121,47 @@ class Plant:
     @property
     def order(self) -> int:
         """Number of states."""
-        return 2 * self.modes + self.sliders + 2 * (self.mount is not None) + self.turns
+        return len(self.states)
 
     def motor_texts(
         self, discretisation: Discretisation, *, plates: bool = True, compiled: bool = False
     ) -> dict[str, str]:
         """Return the subcircuit of the motor and those of its parts, by name.
 
-        The state is a set of parameters of the X line: r1 …, v1 …, u, z, s, w. ``plates`` tells whether the motor has
-        its clamped capacitances. A compiled module has them, and no such parameters.
+        ``plates`` tells whether the motor has its clamped capacitances, which a compiled module always has.
         """
         name = self.motor_name
         if compiled:
             assert self.law is not None
             return {name: module_subcircuit(self.motor, self.law, discretisation, name)}
-        still = (0.0,) * self.modes
         definition = MotorSubCircuit(
-            self.motor, law=self.law, discretisation=discretisation,
-            start=Motion(still, still, 0.0, 0.0, (), ()), name=name, prefix=PREFIX,
+            self.motor, law=self.law, discretisation=discretisation, startable=True, plates=plates, name=name,
+            prefix=PREFIX,
         )  # fmt: skip
-        text = str(definition)
-        numbers = range(1, self.modes + 1)
-        names = [*(f"r{number}" for number in numbers), *(f"v{number}" for number in numbers), "u", "z", "s", "w"]
-        text = re.sub(rf"^(\.subckt {name} .*)$", rf"\1 {' '.join(f'{one}=0' for one in names)}", text, flags=re.M)
-        for number in numbers:
-            text = _with(text, f"Xmode{number}", start=f"{{r{number}}}", velocity=f"{{v{number}}}")
-        if self.law and self.law.name == "spring-slider":
-            text = _with(text, "Xcontact", start="{u}")
-        if not plates:
-            text = re.sub(r"^Xgroup_[ab] .*\n", "", text, flags=re.M)
-        text = _with(text, "Xmount", start="{z}", velocity="{s}")
-        return definition.part_texts | {name: _with(text, "Xrotor", start="{w}").strip()}
+        return definition.part_texts | {name: str(definition).strip()}
 
     def start_values(self, state: Array, discretisation: Discretisation) -> dict[str, float]:
         """Return the parameters of the X line for a state."""
-        n = self.modes
-        preload = self.motor.contact.preload_n if self.law else 0.0
-        values = {}
-        for index, mode in enumerate(self.motor.modes):
-            bending = mode.tip_y * preload / discretisation.mode(mode)[1]
-            values[f"r{index + 1}"] = (float(state[index]) + bending) / _MICRO
-            values[f"v{index + 1}"] = float(state[n + index])
-        if self.law and self.law.name == "spring-slider":
-            values["u"] = float(state[2 * n]) / _MICRO
-        if self.mount:
-            displacement, velocity = state[self.carrier]
-            values |= {"z": float(displacement) / _MICRO, "s": float(velocity)}
-        values["w"] = float(state[-1]) if self.load.speed is None else self.load.speed
-        return values
-
-    def motion(self, state: Array) -> Motion:
-        """Return a state as a motion, without the plates."""
-        n = self.modes
-        lift, rise = state[self.carrier] if self.mount else (0.0, 0.0)
-        held = self.load.speed
-        return Motion(
-            tuple(state[:n].tolist()), tuple(state[n : 2 * n].tolist()),
-            float(state[2 * n]) if self.contact_states == ("slider",) else 0.0,
-            float(state[-1]) if held is None else held, (), (), carrier_m=float(lift), carrier_m_s=float(rise),
-        )  # fmt: skip
+        values = start_parameters(self.states, state.tolist(), discretisation)
+        return values if self.load.speed is None else values | {"start_speed": self.load.speed}
 
     def start_nodes(
-        self, state: Array, begun: float, probes: Sequence[Probe] = (), *, plates: bool = True
+        self,
+        state: Array,
+        begun: float,
+        discretisation: Discretisation,
+        probes: Sequence[Probe] = (),
+        *,
+        plates: bool = True,
+        compiled: bool = False,
     ) -> dict[str, float]:
-        """Return the initial voltages by node inside the motor: of plates and of a contact without start parameter."""
-        nodes = {}
+        """Return the initial voltages by node inside the motor: of plates and of states without a parameter."""
+        nodes = start_nodes(self.states, state.tolist(), discretisation, compiled=compiled)
         for group in "ab" if plates else "":
             tones = self.tones(group, probes)
             for node, branch in zip(plate_nodes(group), dielectric_branches(self.motor, group), strict=True):
                 volts = (phasor_at(tone, branch.gain(tone.frequency), begun)[0] for tone in tones)
                 nodes[node] = float(sum(volts))
-        if self.law and self.law.name != "spring-slider":
-            values = state[2 * self.modes : 2 * self.modes + self.sliders]
-            nodes |= {node: float(u) / _MICRO for node, u in zip(self.contact_states, values, strict=True)}
         return nodes
 
     def tones(self, group: str, probes: Sequence[Probe] = ()) -> tuple[Tone, ...]:
@@ -199,21 +169,13 @@ class Plant:
         own: tuple[Tone, ...] = getattr(self.drive, f"tones_{group}")
         return (*own, *(probe.tone for probe in probes if probe.place == group))
 
-    def vectors(self) -> list[str]:
-        """Return the vectors inside the motor that hold its states, in their order."""
-        numbers = range(1, self.modes + 1)
-        names = [f"v({{}}.xmode{number}.elastic)" for number in numbers]
-        names += [f"i(v.{{}}.xmode{number}.vvelocity)" for number in numbers]
-        names += [f"v({{}}.{node})" for node in self.contact_states]
-        if self.mount:
-            names += ["v({}.xmount.elastic)", "i(v.{}.xmount.vvelocity)"]
-        return [*names, "v({}_shaft)"] if self.turns else names
+    def vectors(self, instance: str, shaft: str) -> list[str]:
+        """Return the vectors that hold the states, in their order, for an instance and the node of its shaft."""
+        return [state.within(instance, shaft) for state in self.states]
 
     def units(self, discretisation: Discretisation) -> Array:
         """Return the SI value of 1 V or 1 A of each of these vectors."""
-        compliances = [1.0 / discretisation.mode(mode)[1] for mode in self.motor.modes]
-        carrier = [1.0 / discretisation.mode(self.mount)[1], 1.0] if self.mount else []
-        return np.array([*compliances, *(1.0,) * self.modes, *(_MICRO,) * self.sliders, *carrier, *(1.0,) * self.turns])
+        return np.array([state.scale(discretisation) for state in self.states])
 
 
 def phasor_at(tone: Tone, gain: complex, time: float | Array) -> tuple[float | Array, float | Array]:
@@ -322,9 +284,10 @@ def copies_bench(
         values = " ".join(f"{name}={value:.17g}" for name, value in start_values.items())
         pins = f"a{sources[key]} b{sources[key]} 0 {shaft}"
         lines.append(f"{instance} {pins} {plant.motor_name} {values}")
-        inside = plant.start_nodes(copy.state, copy.begun, copy.probes, plates=plates or compiled)
+        inside = plant.start_nodes(
+            copy.state, copy.begun, discretisation, copy.probes, plates=plates or compiled, compiled=compiled
+        )
         if compiled:
-            inside |= module_start(plant.motor, discretisation, plant.motion(copy.state))
             start |= {shaft: float(copy.state[-1])} if plant.turns else {}
             signals |= module_signals(plant.motor, discretisation, instance)
         start |= {f"{instance}.{node}": value for node, value in inside.items()}
@@ -356,18 +319,6 @@ def _drive_lines(plant: Plant, probes: Sequence[Probe], begun: float, number: in
 def _sine(tone: Tone, begun: float) -> str:
     degrees = 180.0 / pi * tone.phase + 360.0 * ((tone.frequency * begun) % 1.0)
     return f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {degrees!r})"
-
-
-def _with(text: str, instance: str, **values: str) -> str:
-    """Replace the values of parameters in the line of an instance."""
-
-    def replaced(line: re.Match[str]) -> str:
-        changed = line.group()
-        for name, value in values.items():
-            changed = re.sub(rf" {name}=\S+", f" {name}={value}", changed)
-        return changed
-
-    return re.sub(rf"^{instance} .*$", replaced, text, flags=re.M)
 
 
 def drive_voltage(tones: Sequence[Tone], time: Array) -> Array:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The bench of a motor behind a driver circuit, with the state of both as parameters: for the steady state.
 
-The inductances and capacitances of the driver's parts are found in their libraries, by ``ic=0``. The capacitances of a
-bridge's delays and transistors are no states: away from the switching edges the control determines them.
+The inductances and capacitances of the driver's parts are found in their libraries, by ``ic={start_NAME}``. The
+capacitances of a bridge's delays and transistors are no states: away from the switching edges the control determines
+them.
 """
 
 from __future__ import annotations
@@ -15,29 +16,29 @@ from math import degrees, pi, sin
 
 import numpy as np
 from numpy.typing import NDArray
-from PySpice.Spice.Netlist import Circuit
+from PySpice.Spice.Netlist import Circuit, SubCircuit
 
 from pyspice_runner.model.drive import Tone
 from pyspice_runner.netlist.benches import (
     METERED,
-    add_brake,
     add_meters,
     add_set_speed,
+    brake_parts,
     connect_brake,
     transient_options,
 )
 from pyspice_runner.netlist.copies import Copy, Plant, content_name, copy_name
-from pyspice_runner.netlist.drivers import Driver, Part, add_driver, control_amplitude
-from pyspice_runner.netlist.library import Library
-from pyspice_runner.netlist.motor import Discretisation, plate_nodes
+from pyspice_runner.netlist.drivers import Driver, Part, add_channels, control_amplitude
+from pyspice_runner.netlist.library import definition_texts
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import Bench
+from pyspice_runner.netlist.state import Discretisation, State, motor_states
 
 Array = NDArray[np.float64]
 LEAD = 0.05  # of a period, from the start of a run to that of the period: charges of the transistors settle in it
 _CANDIDATES = 256  # phases at which a run may start
-_STORE = re.compile(r"^([LC]\w*) (\S+) (\S+) (\{[^}]*\}|\S+) ic=0$", re.M)
-_DELAY = "cdelay"  # device of a half bridge that the control charges to 1 V of its sign
+_STORE = re.compile(r"^([LC]\w*) (\S+) (\S+) (\{[^}]*\}|\S+) ic=\{(start_\w+)\}$", re.M)
+_DELAY = "start_delay"  # parameter of a half bridge: the control charges a capacitance to 1 V of its sign
 
 
 @dataclass(frozen=True)
@@ -47,11 +48,13 @@ class Store:
     Attributes:
         instance: instance of the part that it belongs to.
         device: its name there, in lower case.
+        start: parameter of the part for its current or voltage at the start.
         ends: nodes of the bench at its ends.
     """
 
     instance: str
     device: str
+    start: str
     ends: tuple[str, str]
 
     @property
@@ -100,35 +103,38 @@ class DrivenPlant(Plant):
         """Whether ngspice's steps are uniform, because nothing switches."""
         return bool(self.stage) or self.driver.uniform
 
+    @cached_property
+    def states(self) -> tuple[State, ...]:
+        """The states of the motor, with those of its plates at the end."""
+        kinds = ("mode", "contact", "mount", *(("rotor",) if self.turns else ()), "group")
+        return motor_states(self.motor, self.law, kinds)
+
     @property
     def inner(self) -> int:
         """Number of states of the motor without its plates."""
-        return super().order
+        return int(self.where("group").start)
 
     @property
     def order(self) -> int:
         """Number of states."""
-        return self.inner + len(self.plates) + len(self.stores)
-
-    @property
-    def plates(self) -> list[str]:
-        """Nodes of the capacitances of both groups inside the motor."""
-        return [node for group in GROUPS for node in plate_nodes(group)]
+        return len(self.states) + len(self.stores)
 
     @cached_property
     def stores(self) -> list[Store]:
         """The inductances and capacitances of the driver that are states."""
         found = []
-        lines = {line.split()[0].lower(): line.split()[1:] for line in self._body().splitlines() if line[:1] == "X"}
+        channels = SubCircuit("channels", "mark")
+        add_channels(channels, self.driver, dict(zip(GROUPS, METERED, strict=True)))
         for group in GROUPS:
             for part in self.driver.parts(group):
                 instance = part.instance.lower()
-                pins = dict(zip(part.library.pin_names, lines[f"x{instance}"], strict=False))
-                for device, first, second, value in _STORE.findall(part.library.subcircuit):
-                    if device.lower() == _DELAY or self._bridged(part, value):
+                nodes = channels[f"X{part.instance}"].node_names
+                pins = {"0": "0"} | dict(zip(part.library.pin_names, nodes, strict=True))
+                for device, first, second, value, start in _STORE.findall(part.library.subcircuit):
+                    if start == _DELAY or self._bridged(part, value):
                         continue
-                    ends = [node if node == "0" else pins.get(node, f"x{instance}.{node}") for node in (first, second)]
-                    found.append(Store(instance, device.lower(), (ends[0], ends[1])))
+                    ends = [str(pins.get(node, f"x{instance}.{node}")) for node in (first, second)]
+                    found.append(Store(instance, device.lower(), start, (ends[0], ends[1])))
         return found
 
     @staticmethod
@@ -148,88 +154,65 @@ class DrivenPlant(Plant):
         """Return by what part of a period a group is ahead of group A."""
         return self.driver.phase_deg / 360.0 if group == "b" else 0.0
 
-    def _body(self) -> str:
-        """Return the lines of the driver without its subcircuits and controls."""
-        circuit = Circuit("driver")
-        add_driver(circuit, self.driver, dict(zip(GROUPS, METERED, strict=True)), source=False)
-        return _split(str(circuit))[1]
+    def bench_texts(self, discretisation: Discretisation, *, meters: bool) -> dict[str, str]:
+        """Return the subcircuit of motor, driver and shaft and those of its parts, by name.
 
-    def bench_text(self, discretisation: Discretisation, name: str, *, meters: bool) -> str:
-        """Return the subcircuit of motor, driver and shaft, with the state as parameters of the X line."""
-        start = self.start_values(np.zeros(self.order), discretisation)
-        lines = [self._stage_lines(), *self._control_lines(), self._shaft_lines(discretisation, meters=meters)]
-        lines.append(f"Xmotor a b 0 shaft {self.motor_name} {' '.join(f'{one}={{{one}}}' for one in start)}")
-        text = "\n".join(lines)
+        The state is a set of parameters of the X line.
+        """
+        starts = [*self.start_values(np.zeros(len(self.states)), discretisation)]
+        parameters = dict.fromkeys([*starts, *(store.name for store in self.stores)], "0")
+        circuit = SubCircuit(self.bench_name, "mark", **parameters)
+        add_channels(circuit, self.driver, dict(zip(GROUPS, METERED, strict=True)), risen=True, stage=not self.stage)
         for store in self.stores:
-            text = _append(text, f"X{store.instance}", f"start_{store.device}={{{store.name}}}")
-        circuit = Circuit("parts")
-        add_driver(circuit, self.driver, dict(zip(GROUPS, METERED, strict=True)), source=False)
-        if meters:
-            add_brake(circuit, meters=True)
-        parts = _split(str(circuit))[0]
-        for library in {library.name: library for library in self.driver.libraries()}.values():
-            parts = _with_start(parts, library)
-        parameters = " ".join(f"{one}=0" for one in [*start, *(store.name for store in self.stores)])
-        motor = "\n".join(self.motor_texts(discretisation).values())
-        whole = f"{parts}\n{motor}\n.subckt {name} mark {parameters}\n{text}\n.ends"
-        return re.sub(r"\n\n+", "\n", whole)
+            circuit[f"X{store.instance}"].parameters[store.start] = f"{{{store.name}}}"
+        self._add_controls(circuit)
+        self._add_shaft(circuit, discretisation, meters=meters)
+        passed = {name: f"{{{name}}}" for name in starts}
+        circuit.X("motor", self.motor_name, "a", "b", circuit.gnd, "shaft", **passed)
+        libraries = [*self.driver.libraries(), *(brake_parts(meters=True) if meters else ())]
+        return definition_texts(*libraries) | self.motor_texts(discretisation) | {self.bench_name: str(circuit).strip()}
 
-    def _stage_lines(self) -> str:
-        """Return the lines of the driver, its supplies risen long ago, or with sines in place of the stage."""
-        text = re.sub(r"PWL\(0 0 \S+ (\S+)\)", r"DC \1", self._body()).strip()
-        if self.stage:
-            text = re.sub(r"^(Xstage_|Vvp_|Vvn_).*\n", "", text, flags=re.M | re.I)
-        elif self.driver.kind == "half-bridge":
-            for group in GROUPS:
-                sign = 1.0 if sin(2.0 * pi * (self.begins + self._ahead(group))) > 0.0 else -1.0
-                text = _append(text, f"Xstage_{group}", f"start_{_DELAY}={sign!r}")
-        return text
-
-    def _control_lines(self) -> list[str]:
-        """Return the sources of the controls, and those in place of the stage."""
-        lines = []
+    def _add_controls(self, circuit: SubCircuit) -> None:
+        """Add the sources of the controls, and those in place of the stage; the supplies rose long ago."""
         for group, tones in self.stage.items():
-            ends = [f"out_{group}", *(f"out_{group}_{index}" for index in range(1, len(tones))), "0"]
+            ends = [f"out_{group}", *(f"out_{group}_{index}" for index in range(1, len(tones))), circuit.gnd]
             for index, tone in enumerate(tones):
                 sine = f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {degrees(tone.phase)!r})"
-                lines.append(f"Vstage_{group}_{index} {ends[index]} {ends[index + 1]} {sine}")
+                circuit.V(f"stage_{group}_{index}", ends[index], ends[index + 1], sine)
         for group in GROUPS:
-            turned = 360.0 * ((self.begins + self._ahead(group)) % 1.0)
-            amplitude = control_amplitude(self.driver, group)
+            begins = self.begins + self._ahead(group)
+            amplitude, turned = control_amplitude(self.driver, group), 360.0 * (begins % 1.0)
             sine = f"SIN(0 {amplitude!r} {self.driver.frequency!r} 0 0 {turned!r})"
-            lines.append(f"Vcontrol_{group} control_{group} 0 {sine}")
-        return lines
+            circuit.V(f"control_{group}", f"control_{group}", circuit.gnd, sine)
+            if self.driver.kind == "half-bridge" and not self.stage:
+                sign = 1.0 if sin(2.0 * pi * begins) > 0.0 else -1.0
+                circuit[f"Xstage_{group}"].parameters[_DELAY] = sign
 
-    def _shaft_lines(self, discretisation: Discretisation, *, meters: bool) -> str:
-        """Return what holds or loads the shaft, and the meters, if any."""
-        shaft = Circuit("shaft")
+    def _add_shaft(self, circuit: SubCircuit, discretisation: Discretisation, *, meters: bool) -> None:
+        """Add what holds or loads the shaft, and the meters, if any."""
         if meters:
-            add_meters(shaft, self.motor, {"lag": discretisation.slider_time})
-            add_set_speed(shaft, self.load.speed)
-            connect_brake(shaft, self.load.torque, grips=self.load.speed is not None)
-            return _split(str(shaft))[1].strip()
+            add_meters(circuit, self.motor, {"lag": discretisation.slider_time})
+            add_set_speed(circuit, self.load.speed)
+            connect_brake(circuit, self.load.torque, grips=self.load.speed is not None)
+            return
         for group, line in zip(GROUPS, METERED, strict=True):
-            shaft.V(line, line, group, "DC 0")
+            circuit.V(line, line, group, "DC 0")
         if self.load.speed is not None:
-            shaft.V("shaft", "shaft", shaft.gnd, f"DC {float(self.load.speed)!r}")
+            circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(self.load.speed)!r}")
         elif self.load.torque:
-            shaft.I("load", "shaft", shaft.gnd, f"DC {float(self.load.torque)!r}")
-        return _split(str(shaft))[1].strip()
+            circuit.I("load", "shaft", circuit.gnd, f"DC {float(self.load.torque)!r}")
 
 
 def driven_vectors(plant: DrivenPlant, copy: str) -> list[str]:
     """Return the vectors of a copy that hold its states."""
-    own = [name.format(f"{copy}.xmotor") for name in Plant.vectors(plant)[: plant.inner - plant.turns]]
-    own += [f"v({copy}.shaft)"] if plant.turns else []
-    plates = [f"v({copy}.xmotor.{node})" for node in plant.plates]
-    return [*own, *plates, *(name for store in plant.stores for name in store.vectors(copy))]
+    stores = [name for store in plant.stores for name in store.vectors(copy)]
+    return [*plant.vectors(f"{copy}.xmotor", f"{copy}.shaft"), *stores]
 
 
 def driven_states(plant: DrivenPlant, samples: dict[str, Array], copy: str, discretisation: Discretisation) -> Array:
     """Return the states from the samples of these vectors, shape (order, points), in SI units."""
-    names = driven_vectors(plant, copy)[: plant.inner + len(plant.plates)]
-    units = np.append(Plant.units(plant, discretisation), np.ones(len(plant.plates)))
-    rows = [samples[name] * unit for name, unit in zip(names, units.tolist(), strict=True)]
+    names = plant.vectors(f"{copy}.xmotor", f"{copy}.shaft")
+    rows = [samples[name] * unit for name, unit in zip(names, plant.units(discretisation).tolist(), strict=True)]
     return np.array([*rows, *(store.value(samples, copy) for store in plant.stores)])
 
 
@@ -243,7 +226,7 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
         discretisation: adaptation to the step.
         meters: whether each shaft has a dynamometer, and the motor the meters of :func:`.dynamometer_bench`.
     """
-    lines, names, start = [], set[str](), dict[str, float]()
+    lines, subcircuits, start = [], dict[str, str](), dict[str, float]()
     first = copies[0].plant
     assert isinstance(first, DrivenPlant)
     if not first.uniform:
@@ -252,53 +235,16 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
     for number, copy in enumerate(copies):
         plant, instance = copy.plant, copy_name(number)
         assert isinstance(plant, DrivenPlant)
-        if plant.bench_name not in names:
-            names.add(plant.bench_name)
-            text = plant.bench_text(discretisation, plant.bench_name, meters=meters)
-            lines += [text] if len(names) == 1 else [_without_known(text, lines)]
-        values = plant.start_values(copy.state[: plant.inner], discretisation)
-        values |= zip(
-            (store.name for store in plant.stores), copy.state[plant.inner + len(plant.plates) :], strict=True
-        )
+        if plant.bench_name not in subcircuits:
+            subcircuits |= plant.bench_texts(discretisation, meters=meters)
+        motor, stores = np.split(copy.state, [len(plant.states)])
+        values = plant.start_values(motor, discretisation)
+        values |= zip((store.name for store in plant.stores), stores, strict=True)
         words = " ".join(f"{name}={value:.17g}" for name, value in values.items())
         lines.append(f"{instance} mark {plant.bench_name} {words}")
-        nodes = dict(zip(plant.plates, copy.state[plant.inner :], strict=False))
-        nodes |= plant.start_nodes(copy.state[: plant.inner], 0.0, plates=False)
+        nodes = plant.start_nodes(motor, 0.0, discretisation, plates=False)
         start |= {f"{instance}.xmotor.{node}": float(value) for node, value in nodes.items()}
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name} behind a driver")
-    circuit.raw_spice += "\n".join(lines) + "\n"
+    circuit.raw_spice += "\n".join([*subcircuits.values(), *lines]) + "\n"
     uniform = transient_options(first.motor, first.law)
     return Bench(circuit, uniform if first.uniform else first.driver.options(first.motor, first.law), start)
-
-
-def _split(text: str) -> tuple[str, str]:
-    """Return the subcircuits of a netlist, and its other lines without the title."""
-    blocks = re.findall(r"^\.subckt .*?^\.ends[^\n]*\n", text, re.M | re.S | re.I)
-    rest = re.sub(r"^\.subckt .*?^\.ends[^\n]*\n", "", text, flags=re.M | re.S | re.I)
-    return "".join(blocks), re.sub(r"^\.title.*\n", "", rest, flags=re.M | re.I)
-
-
-def _with_start(text: str, library: Library) -> str:
-    """Make the initial values of a library's inductances and capacitances parameters of its subcircuit."""
-    devices = [device.lower() for device, *_ in _STORE.findall(library.subcircuit)]
-    if not devices:
-        return text
-
-    def changed(block: re.Match[str]) -> str:
-        body = _STORE.sub(lambda line: f"{line.group()[:-1]}{{start_{line.group(1).lower()}}}", block.group())
-        head, _, rest = body.partition("\n")
-        return f"{head} {' '.join(f'start_{device}=0' for device in devices)}\n{rest}"
-
-    return re.sub(rf"^\.subckt {library.name} .*?^\.ends", changed, text, count=1, flags=re.M | re.S | re.I)
-
-
-def _append(text: str, instance: str, words: str) -> str:
-    """Append parameters to the line of an instance."""
-    return re.sub(rf"^{instance} .*$", lambda line: f"{line.group()} {words}", text, flags=re.M | re.I)
-
-
-def _without_known(text: str, lines: Sequence[str]) -> str:
-    """Return subcircuits without those of the driver that the lines already have."""
-    known = {word.lower() for word in re.findall(r"^\.subckt (\S+)", "\n".join(lines), re.M | re.I)}
-    blocks = re.findall(r"^\.subckt \S+ .*?^\.ends[^\n]*", text, re.M | re.S | re.I)
-    return "\n".join(block for block in blocks if block.split()[1].lower() not in known)

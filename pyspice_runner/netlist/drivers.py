@@ -18,7 +18,7 @@ from math import pi, radians, sqrt
 from typing import Any, Literal, NamedTuple, get_args
 
 from pydantic import Field, PrivateAttr
-from PySpice.Spice.Netlist import Circuit
+from PySpice.Spice.Netlist import Circuit, Netlist
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
@@ -37,6 +37,7 @@ NetworkKind = Literal["none", "inductor", "llcc"]
 RAILS = ("vp", "vn")  # supply pins
 HIGHEST_RAILS = 180.0  # V between the rails of a bridge: nine tenths of the transistors' breakdown voltage
 IRF610 = "IRF610"  # the built-in MOSFET
+START = "start_"  # of the names of parameters for the state at the start, which are no settings
 HEADROOM = 3.0  # V between an amplifier's output and its rails, if it does not state another one
 LARGEST_DEAD_TIME = 0.2  # of a period; with a quarter the transistors do not conduct at all
 _OWN = "driver"  # label of the user's own stage
@@ -352,6 +353,7 @@ class Driver(Stated, Source):
         values = {
             parameter.name: self._setting(label, parameter.name, group, parameter.default)
             for parameter in library.parameters
+            if label == _OWN or not parameter.name.startswith(START)
         }
         if label == _OWN:
             phase_deg = self.phase_deg if group == "b" else 0.0
@@ -437,8 +439,23 @@ def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, sou
             circuit, "source", "driver_source", nodes,
             frequency=driver.frequency, phase_deg=driver.phase_deg, **amplitudes,
         )  # fmt: skip
+    add_channels(circuit, driver, pins)
+
+
+def add_channels(
+    circuit: Netlist, driver: Driver, pins: Mapping[str, str], *, risen: bool = False, stage: bool = True
+) -> None:
+    """Add both channels of a driver, without their subcircuits and the control source.
+
+    Args:
+        circuit: the circuit to add to.
+        driver: the driver.
+        pins: node of each group.
+        risen: whether the supplies have risen before the start of the run.
+        stage: whether to add the power stages and their supplies.
+    """
     for group in GROUPS:
-        _add_channel(circuit, driver, group, pins[group])
+        _add_channel(circuit, driver, group, pins[group], risen=risen, stage=stage)
 
 
 def control_amplitude(driver: Driver, group: str) -> float:
@@ -452,7 +469,7 @@ def control_amplitude(driver: Driver, group: str) -> float:
     return driver.amplitude(group) / gain if gain else 1.0
 
 
-def _add_channel(circuit: Circuit, driver: Driver, group: str, pin: str) -> None:
+def _add_channel(circuit: Netlist, driver: Driver, group: str, pin: str, *, risen: bool, stage: bool) -> None:
     """Add stage, transformer and network of one group; the pins of the libraries name the nodes."""
     ground, back, output = circuit.gnd, f"return_{group}", f"out_{group}"
 
@@ -465,12 +482,13 @@ def _add_channel(circuit: Circuit, driver: Driver, group: str, pin: str) -> None
 
     parts, control, line = list(driver.parts(group)), f"control_{group}", f"line_{group}"
     if driver.kind != "ideal":
-        stage, *parts = parts
+        first, *parts = parts
         for rail, volts in zip(RAILS, driver.rails(group), strict=True):
-            ramp = f"PWL(0 0 {driver.supply_rise_s!r} {volts!r})" if volts else "DC 0"
-            if rail in stage.library.pin_names:
-                circuit.V(f"{rail}_{group}", f"{rail}_{group}", ground, ramp)
-        add(stage, control, output)
+            ramp = f"DC {volts!r}" if risen else f"PWL(0 0 {driver.supply_rise_s!r} {volts!r})"
+            if stage and rail in first.library.pin_names:
+                circuit.V(f"{rail}_{group}", f"{rail}_{group}", ground, ramp if volts else "DC 0")
+        if stage:
+            add(first, control, output)
     circuit.V(f"out_{group}", control if driver.kind == "ideal" else output, line, "DC 0")
     for part in parts:
         after = f"{part.label}_{group}"

@@ -21,9 +21,10 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.averaged import OPTIONS as AVERAGED_OPTIONS
 from pyspice_runner.netlist.averaged import AveragedSubCircuit
 from pyspice_runner.netlist.benches import AC_OPTIONS, transient_options
-from pyspice_runner.netlist.contact import LIBRARIES, Law
-from pyspice_runner.netlist.motor import Assembly, Discretisation, MotorSubCircuit
+from pyspice_runner.netlist.contact import LIBRARIES, PAPER_LAW, Law
+from pyspice_runner.netlist.motor import Assembly, MotorSubCircuit
 from pyspice_runner.netlist.sources import DriveSource, motor_bench
+from pyspice_runner.netlist.state import Discretisation, motor_states
 
 # of the averaged motor: with fewer phases speeds of andersen2002 at 52 to 53 kHz are off by a third; with 48 by 4 %
 PHASES, CURVE_PHASES, HARMONICS = 48, 64, 2
@@ -33,7 +34,6 @@ SLIDER_AT_START = f"xmotor.xcontact.slider{3 * PHASES // 4}"
 DRIVER, END = "* driver: lines between source_a, source_b and the pins a, b", "* end of the driver"
 _RADIANS = pi / 180.0
 _SPRUNG = "bimodal40"  # whose mount the page offers to a motor that has none
-_STARTS = ("slider", "carrier", "carrier_velocity", "damping", "bearing_share", "speed")
 
 LOAD = "Iload shaft 0 DC {torque}\nVheld held 0 DC {held}\nGheld shaft 0 shaft held {grip}"
 
@@ -133,29 +133,22 @@ def _opened(circuit: Assembly, motor: Motor) -> Assembly:
     return circuit
 
 
-def _startable(circuit: Assembly, motor: Motor) -> Assembly:
-    """Return a motor's subcircuit with parameters of the X line for the motion with which a run starts."""
-    preload = motor.contact.preload_n
-    for index in range(1, len(motor.modes) + 1):
-        mode = circuit[f"Xmode{index}"].parameters
-        bending = 1e6 * mode["tip_y"] / mode["stiffness"]  # um per N; a mode starts relative to it
-        mode["start"] = f"{{start_{index}+{_number(bending)}*preload}}"
-        mode["velocity"] = f"{{velocity_{index}}}"
-        circuit.parameters[f"start_{index}"] = _number(-bending * preload)
-        circuit.parameters[f"velocity_{index}"] = "0"
-    circuit["Xrotor"].parameters["start"] = "{speed}"
-    circuit.parameters["speed"] = "0"
-    if circuit["Xcontact"].subcircuit_name.endswith("contact"):
-        circuit["Xcontact"].parameters["start"] = "{slider}"
-        circuit.parameters["slider"] = "0"
-    if motor.rotor.bearing_friction_n_m:
-        circuit["Xbearing"].parameters["start"] = "{bearing_share}"
-        circuit.parameters["bearing_share"] = "0"
-    if motor.mount:
-        circuit["Xmount"].parameters |= {"start": "{carrier}", "velocity": "{carrier_velocity}", "damping": "{damping}"}
-        starts = {"carrier": "0", "carrier_velocity": "0", "damping": _number(_quick_damping(motor))}
-        circuit.parameters.update(starts)
-    return circuit
+def _starts(motor: Motor, law: Law, discretisation: Discretisation) -> tuple[dict[str, str], Values]:
+    """Return the parameters of the X line for the motion with which a run starts, and the deck's in their expressions.
+
+    The page gives the displacement of a mode, which the parameter of the X line counts from rest under the preload.
+    """
+    passed: dict[str, str] = {}
+    values: Values = {}
+    for state in motor_states(motor, law):
+        if not state.part:
+            continue
+        name = state.name.replace("displacement_", "start_").replace("share", "bearing_share")
+        rest = state.at_rest(discretisation) / state.unit
+        bending = f"+{_number(-rest / motor.contact.preload_n)}*preload" if rest else ""
+        passed[state.parameter] = f"{{{name}{bending}}}"
+        values[name] = (_number(rest) if rest else "0", _meaning(name))
+    return passed, values
 
 
 def _quick_damping(motor: Motor) -> float:
@@ -264,7 +257,8 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
     """Return the deck of the full motor, two sources and a load torque; with ``driver`` a user's lines between them."""
     step = live_step(motor, driver=driver)
     discretisation = Discretisation(step, exact_resonance=not driver)
-    circuit = _startable(_opened(MotorSubCircuit(motor, law=Law(law), discretisation=discretisation), motor), motor)
+    circuit = _opened(MotorSubCircuit(motor, law=Law(law), discretisation=discretisation, startable=True), motor)
+    starts, start_values = _starts(motor, Law(law), discretisation)
     values = _settings(motor) | {
         "voltage_2": ("0", "V, amplitude of a second tone, which drives the groups against each other"),
         "frequency_2": (second_frequency(motor), "Hz, of the second tone"),
@@ -273,8 +267,11 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
         "window": (_number(20.0 / default_drive(motor).frequencies[-1]), "s, at the end of the run, for the means"),
         "step": (_number(step), "s, time step; the modes are written for it" if not driver else "s, time step"),
     }
-    inner = [name for name in circuit.parameters if name.startswith(("start_", "velocity_")) or name in _STARTS]
-    values |= {name: (circuit.parameters[name], _meaning(name)) for name in inner}
+    values |= start_values
+    if motor.mount:
+        circuit.parameters["damping"] = _number(_quick_damping(motor))
+        circuit["Xmount"].parameters["damping"] = "{damping}"
+        values["damping"] = (circuit.parameters["damping"], _meaning("damping"))
     pins = ("source_a", "source_b") if driver else ("a", "b")
     body = [f".param radians={{phase*{_RADIANS!r}}}", f".param radians_2={{phase_2*{_RADIANS!r}}}"]
     for group, pin, sign, phase in (("a", pins[0], "", "0"), ("b", pins[1], "-", "{phase}")):
@@ -288,8 +285,8 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
     nodes = "pin_a pin_b 0 shaft" if driver else "a b 0 shaft"
     if driver:
         body += ["Vpin_a a pin_a 0", "Vpin_b b pin_b 0"]
-    passed = ("preload", "friction", "inertia", "mount_stiffness", *inner)
-    body.append(_instance(circuit, nodes, passed))
+    passed = ("preload", "friction", "inertia", "mount_stiffness", "damping")
+    body.append(" ".join([_instance(circuit, nodes, passed), *(f"{name}={value}" for name, value in starts.items())]))
     options = dict(transient_options(motor, Law(law)))
     if driver:
         options = {"method": "trap", "reltol": "1e-4", "abstol": "1e-9", "vntol": "1e-6"}
@@ -341,10 +338,7 @@ def live_vectors(motor: Motor, *, driver: bool) -> list[str]:
     """Return the vectors of the decks with waveforms."""
     names = ["v(a)", "v(b)", *(("i(vpin_a)", "i(vpin_b)") if driver else ("i(va)", "i(vb)")), "v(shaft)"]
     names += [f"v(xmotor.{node})" for node in ("x", "y", "normal", "friction", "slider", "state")]
-    for index in range(1, len(motor.modes) + 1):
-        names += [f"v(xmotor.xmode{index}.elastic)", f"i(v.xmotor.xmode{index}.vvelocity)"]
-    names += ["v(xmotor.xmount.elastic)", "i(v.xmotor.xmount.vvelocity)"] if motor.mount else []
-    names += ["v(xmotor.xbearing.share)"] if motor.rotor.bearing_friction_n_m else []
+    names += [state.within("xmotor") for state in motor_states(motor, PAPER_LAW, ("mode", "mount", "bearing"))]
     return names
 
 

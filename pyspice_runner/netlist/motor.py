@@ -8,8 +8,8 @@ units.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from math import cos, degrees, pi, sin
+from dataclasses import replace
+from math import degrees, pi
 
 from PySpice.Spice.Netlist import Netlist, SubCircuit
 
@@ -18,7 +18,7 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.dielectric import Branch, lossy_capacitance
 from pyspice_runner.model.drive import Drive, default_drive
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.parameters import Mode, Mount, Rotor
+from pyspice_runner.model.parameters import Mode
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import (
@@ -41,6 +41,16 @@ from pyspice_runner.netlist.library import (
     read_library,
 )
 from pyspice_runner.netlist.own_law import PINS
+from pyspice_runner.netlist.state import (
+    PLATES,
+    Discretisation,
+    Motion,
+    motor_states,
+    plate_nodes,
+    start_parameters,
+    static_sway,
+    written,
+)
 
 SUBCIRCUIT = PREFIX
 MOUNTED = {"y": "contact_y", "vy": "contact_vy"}  # nodes of the tip at the contact if there is a mount
@@ -60,70 +70,6 @@ _OF_ROTOR = ("inertia", "bearing")
 _DERIVED = ("deflection", "damping", "span", "start")  # parameters of a contact that the motor sets
 # for a loss tangent of 0: SPICE has no resistor of 0 ohm, and a tiny one costs precision
 SMALLEST_LOSS = 1e-5
-PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
-
-
-@dataclass(frozen=True)
-class Discretisation:
-    """Adaptation of the netlist to a run with a uniform step; an exported motor has none.
-
-    The trapezoidal rule with step h shifts a resonance ω to (2/h) atan(ω h/2). With m′ = m cos²(ωh/2) and
-    k′ = (4m/h²) sin²(ωh/2) the discretised mode resonates at ω exactly. The time constant of
-    the slider is h/2, with which the slider follows its limit without ringing.
-
-    Attributes:
-        step: time step h in s.
-        exact_resonance: whether to adapt the modes.
-    """
-
-    step: float
-    exact_resonance: bool = True
-
-    def mode(self, mode: Mode | Mount) -> tuple[float, float]:
-        """Return the mass (kg) and stiffness (N/m) to write for a mode or a carrier."""
-        if not self.exact_resonance:
-            return mode.mass_kg, mode.stiffness_n_per_m
-        half_angle = pi * mode.frequency_hz * self.step
-        return mode.mass_kg * cos(half_angle) ** 2, 4.0 * mode.mass_kg / self.step**2 * sin(half_angle) ** 2
-
-    @property
-    def slider_time(self) -> float:
-        """Time constant that holds the slider at its limit, in s."""
-        return self.step / 2.0
-
-
-@dataclass(frozen=True)
-class Motion:
-    """The state of a running motor, from which a run with ``uic`` can continue.
-
-    Attributes:
-        displacements_m: modal displacements r, in the order of the modes.
-        velocities_m_s: modal velocities.
-        slider_m: displacement of the contact's slider.
-        speed_rad_s: speed of the rotor.
-        plates_a_v: voltages of the capacitances :data:`PLATES` of group A.
-        plates_b_v: the same of group B.
-        contact_v: voltages of the nodes :attr:`.Law.states`, in V, for ``.ic``.
-        carrier_m: displacement of the carrier towards the rotor.
-        carrier_m_s: velocity of the carrier.
-        bearing: share of its torque that a dry bearing takes, from -1 to 1.
-    """
-
-    displacements_m: tuple[float, ...]
-    velocities_m_s: tuple[float, ...]
-    slider_m: float
-    speed_rad_s: float
-    plates_a_v: tuple[float, ...]
-    plates_b_v: tuple[float, ...]
-    contact_v: tuple[float, ...] = ()
-    carrier_m: float = 0.0
-    carrier_m_s: float = 0.0
-    bearing: float = 0.0
-
-
-def plate_nodes(group: str) -> list[str]:
-    """Return the nodes of the capacitances of group ``"a"`` or ``"b"`` inside the motor, in the order of PLATES."""
-    return [f"xgroup_{group}.{plate}" for plate in PLATES]
 
 
 class Assembly(SubCircuit):
@@ -170,12 +116,13 @@ class MotorSubCircuit(Assembly):
         motor: the motor.
         law: law of the contact; ``None`` for a free tip, without a force on the rotor.
         discretisation: adaptation to a run's time step, if any.
-        start: motion with which a run with ``uic`` starts; by default preloaded rest. It does not
-            include the plates and the cells of a brush: ``.ic`` sets their voltages.
+        startable: whether the X line has the parameters :attr:`.State.parameter`, with which a run with ``uic`` starts
+            from a motion; their defaults are preloaded rest. Without them it starts there.
         thermal: drift with the pin ``temperature`` (1 V = 1 K), and a pin ``heat`` (1 V = 1 W). With open pins
             nothing drifts.
         approach: whether there is, as the last pin, ``approach`` (1 V = 1 um), by which the tip, or the far end of the
             mount's springs, moves towards the rotor, which changes the preload.
+        plates: whether the groups have their clamped capacitances.
         name: name of the subcircuit; by default ``piezomotor``, or ``piezomotor_thermal``.
         prefix: first part of the names of its parts; by default its name. Motors with the same law may share parts.
     """
@@ -186,76 +133,96 @@ class MotorSubCircuit(Assembly):
         *,
         law: Law | None = PAPER_LAW,
         discretisation: Discretisation | None = None,
-        start: Motion | None = None,
+        startable: bool = False,
         thermal: Thermal | None = None,
         approach: bool = False,
+        plates: bool = True,
         name: str = "",
         prefix: str = "",
     ) -> None:
-        library = contact_library(law, motor.contact) if law else None
-        rotor = read_library("piezomotor_rotor")
-        warm = ("temperature", "heat") if thermal else ()
-        kind = "_thermal" if thermal else ""
-        preload = motor.contact.preload_n if law else 0.0
-        adapted = [
-            discretisation.mode(mode) if discretisation else (mode.mass_kg, mode.stiffness_n_per_m)
-            for mode in motor.modes
-        ]
-        flexibility = sum(mode.tip_y**2 / stiffness for mode, (_, stiffness) in zip(motor.modes, adapted, strict=True))
+        flexibility = sum(mode.tip_y**2 / written(mode, discretisation)[1] for mode in motor.modes)
         flexibility += motor.contact.series_compliance_m_per_n
+        preload = motor.contact.preload_n
+        library = contact_library(law, motor.contact) if law else None
         touching: dict[str, float] = {}
         if law:
             touching = contact_values(
                 law, motor.contact, radius=motor.rotor.radius_m, preload=preload, deflection=preload * flexibility,
                 slider_time=discretisation.slider_time if discretisation else None,
             )  # fmt: skip
-            if start and law.name == "spring-slider":
-                touching["start"] = 1e6 * start.slider_m
         turning = {"inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s}
+        rotor = read_library("piezomotor_rotor")
         #: parameters of the X line, with their defaults and ranges
         self.settable = (*_settable(library, touching), *_settable_rotor(rotor, turning))
+        states = motor_states(motor, law) if startable else ()
+        self._starts = [state for state in states if state.part]
 
+        warm = ("temperature", "heat") if thermal else ()
         pins = ("a", "b", "com", "shaft", *warm, *(("approach",) if approach else ()))
         defaults = {parameter.name: repr(parameter.default) for parameter in self.settable}
+        defaults |= {state.parameter: "0" for state in self._starts}
         super().__init__(name or (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT), *pins, **defaults)
         self.prefix = prefix or self.name
+        self._motor, self._discretisation, self._thermal = motor, discretisation, thermal
+        if plates:
+            self._add_groups(warm)
+        self._add_modes(warm, preload if law else 0.0)
+        if library:
+            moved = self._add_sway(static_sway(motor, law, discretisation) / preload)
+            moved |= self._add_mount(approach=approach)
+            moved |= self._add_stem(motor.contact.series_compliance_m_per_n, moved.get("y", "y"))
+            library.check(**touching)
+            expressions = _expressions(library, touching, flexibility)
+            self._put("contact", library, [moved.get(pin, pin) for pin in PINS], {**touching, **expressions})
+        else:
+            self.R("free_fx", "fx", self.gnd, 1)
+            self.R("free_fy", "fy", self.gnd, 1)
+        self._put("rotor", rotor, ("shaft",), turning, _OF_ROTOR)
+        self._add_dry_bearing()
+
+    def _put(
+        self,
+        instance: str,
+        part: str | Library,
+        nodes: Sequence[str | int],
+        values: Mapping[str, float | str],
+        passed: Sequence[str] = (),
+    ) -> None:
+        """Add an instance of a part, with its start as an expression of the parameters of the X line."""
+        starts = {state.start: f"{{{state.parameter}}}" for state in self._starts if state.part == instance}
+        super()._put(instance, part, nodes, {**values, **starts}, passed)
+
+    def _add_groups(self, warm: tuple[str, ...]) -> None:
+        piezo, thermal = self._motor.piezo, self._thermal
         drift = {"capacitance_drift": thermal.capacitance_drift_per_k} if thermal else {}
-        for group, capacitance in (("a", motor.piezo.capacitance_a_f), ("b", motor.piezo.capacitance_b_f)):
-            values = {"capacitance": capacitance, "loss": _loss_tangent(motor)}
+        for group, capacitance in (("a", piezo.capacitance_a_f), ("b", piezo.capacitance_b_f)):
+            values = {"capacitance": capacitance, "loss": _loss_tangent(self._motor)}
             nodes = (group, "com", *plate_nodes(group), *warm)
-            self._put(f"group_{group}", f"piezomotor_group{kind}", nodes, values | drift)
-        for index, (mode, (mass, stiffness)) in enumerate(zip(motor.modes, adapted, strict=True), start=1):
+            self._put(f"group_{group}", f"piezomotor_group{'_thermal' if thermal else ''}", nodes, values | drift)
+
+    def _add_modes(self, warm: tuple[str, ...], preload: float) -> None:
+        """Add the modes and the resistors that sum their motion and heat."""
+        for index, mode in enumerate(self._motor.modes, start=1):
+            mass, stiffness = written(mode, self._discretisation)
+            part, more = _mode_part(self._motor, mode, self._thermal)
             values = {
                 "mass": mass, "damping": mode.damping_n_s_per_m, "stiffness": stiffness,
                 "coupling_a": mode.coupling_a_n_per_v, "coupling_b": mode.coupling_b_n_per_v,
                 "tip_x": mode.tip_x, "tip_y": mode.tip_y, "preload": preload,
-                **_mode_start(start, index - 1, mode.tip_y * preload / stiffness), **_mode_drift(thermal),
             }  # fmt: skip
             nodes = ("a", "b", "com", "fx", "fy", "x", "y", "vx", "vy", f"xmode{index}.elastic", *warm)
-            part, more = _mode_part(motor, mode, thermal)
-            self._put(f"mode{index}", part, nodes, values | more, ["preload"] if law else [])
-        for node in ("x", "y", "vx", "vy"):
+            self._put(f"mode{index}", part, nodes, values | more, ["preload"] if preload else [])
+        for node in ("x", "y", "vx", "vy", *(("heat",) if warm else ())):
             self.R(f"sum_{node}", node, self.gnd, 1)
-        if thermal:
-            self.R("sum_heat", "heat", self.gnd, 1)
+        if warm:
             self.R("open_temperature", "temperature", self.gnd, 1e9)
-        if law:
-            sway = contact_law.static_sway(motor.contact, _softened(motor, discretisation)) / preload
-            if sway:  # the crown of the rotor is above the tip at rest
-                self.V("sway", "x", CROWN, f"DC {{{_digits(1e6 * sway)!r}*preload}}")
-            moved = {"x": CROWN} if sway else {}
-            moved |= self._add_mount(motor.mount, preload, discretisation, start, approach=approach)
-            moved |= self._add_stem(motor.contact.series_compliance_m_per_n, moved.get("y", "y"))
-            nodes = tuple(moved.get(pin, pin) for pin in PINS)
-            assert library is not None
-            library.check(**touching)
-            self._put("contact", library, nodes, {**touching, **_expressions(library, touching, flexibility)})
-        else:
-            self.R("free_fx", "fx", self.gnd, 1)
-            self.R("free_fy", "fy", self.gnd, 1)
-        spinning = {"start": start.speed_rad_s} if start else {}
-        self._put("rotor", rotor, ("shaft",), turning | spinning, _OF_ROTOR)
-        self._add_dry_bearing(motor.rotor, start)
+
+    def _add_sway(self, sway: float) -> dict[str, str]:
+        """Add the crown of the rotor, in m per N of preload from the tip at rest; return the contact's node for x."""
+        if not sway:
+            return {}
+        self.V("sway", "x", CROWN, f"DC {{{_digits(1e6 * sway)!r}*preload}}")
+        return {"x": CROWN}
 
     def _add_stem(self, compliance: float, y: str) -> dict[str, str]:
         """Add the compliance in series with the contact, in m/N, which the contact force compresses."""
@@ -264,23 +231,15 @@ class MotorSubCircuit(Assembly):
         self.VCVS("stem", "stem_y", y, "normal", self.gnd, voltage_gain=_digits(-1e6 * compliance))
         return {"y": "stem_y"}
 
-    def _add_dry_bearing(self, rotor: Rotor, start: Motion | None) -> None:
-        if not rotor.bearing_friction_n_m:
-            return
-        values = {"torque": rotor.bearing_friction_n_m, "angle": rotor.bearing_presliding_rad}
-        before = {"start": start.bearing} if start else {}
-        self._put("bearing", "piezomotor_bearing", ("shaft", "xbearing.share"), values | before)
+    def _add_dry_bearing(self) -> None:
+        rotor = self._motor.rotor
+        if rotor.bearing_friction_n_m:
+            values = {"torque": rotor.bearing_friction_n_m, "angle": rotor.bearing_presliding_rad}
+            self._put("bearing", "piezomotor_bearing", ("shaft", "xbearing.share"), values)
 
-    def _add_mount(
-        self,
-        mount: Mount | None,
-        preload: float,
-        discretisation: Discretisation | None,
-        start: Motion | None,
-        *,
-        approach: bool,
-    ) -> dict[str, str]:
+    def _add_mount(self, *, approach: bool) -> dict[str, str]:
         """Add carrier and approach, and return the nodes to which the contact is connected instead of its pins."""
+        mount = self._motor.mount
         if approach:
             self.R("open_approach", "approach", self.gnd, 1e9)
         if mount is None:
@@ -288,14 +247,12 @@ class MotorSubCircuit(Assembly):
                 return {}
             self.VCVS("approach", "pressed", "y", "approach", self.gnd, voltage_gain=1)
             return {"y": "pressed"}
-        mass, stiffness = discretisation.mode(mount) if discretisation else (mount.mass_kg, mount.stiffness_n_per_m)
+        mass, stiffness = written(mount, self._discretisation)
         if approach:  # the far end of the springs moves
-            gain = float(f"{1e-6 * stiffness:.10g}")
-            self.VCVS("approach", "pressed", "fy", "approach", self.gnd, voltage_gain=gain)
-        values = {"stiffness": stiffness, "mass": mass, "damping": mount.damping_n_s_per_m, "preload": preload}
-        moving = {"start": 1e6 * start.carrier_m, "velocity": start.carrier_m_s} if start else {}
+            self.VCVS("approach", "pressed", "fy", "approach", self.gnd, voltage_gain=_digits(1e-6 * stiffness))
+        values = {"stiffness": stiffness, "mass": mass, "damping": mount.damping_n_s_per_m}
         nodes = ("pressed" if approach else "fy", "y", "vy", *MOUNTED.values())
-        self._put("mount", "piezomotor_mount", nodes, values | moving, ["preload"])
+        self._put("mount", "piezomotor_mount", nodes, values, ["preload"])
         return MOUNTED
 
 
@@ -354,13 +311,6 @@ def contact_nodes(motor: Motor) -> dict[str, str]:
     return nodes | (MOUNTED if motor.mount else {})
 
 
-def _softened(motor: Motor, discretisation: Discretisation | None) -> tuple[Mode, ...]:
-    """Return the modes with the stiffness in the netlist."""
-    if discretisation is None:
-        return motor.modes
-    return tuple(mode.model_copy(update={"stiffness_n_per_m": discretisation.mode(mode)[1]}) for mode in motor.modes)
-
-
 def coarsest_step(motor: Motor) -> float:
     """Return the coarsest time step in s at which an exported motor gives right results."""
     resonances = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor)
@@ -391,7 +341,8 @@ def add_motor(
         instance: name of the instance (``X`` + this).
         law: as in :class:`MotorSubCircuit`.
         discretisation: as in :class:`MotorSubCircuit`.
-        start: as in :class:`MotorSubCircuit`.
+        start: motion with which a run with ``uic`` starts; by default preloaded rest. The initial voltages of the
+            plates and the cells of a brush are not set here.
         thermal: as in :class:`MotorSubCircuit`.
         approach: as in :class:`MotorSubCircuit`.
         name: as in :class:`MotorSubCircuit`; a second, different motor in one circuit needs another name.
@@ -402,7 +353,7 @@ def add_motor(
             does not have or whose value is out of range.
     """
     definition = MotorSubCircuit(
-        motor, law=law, discretisation=discretisation, start=start, thermal=thermal,
+        motor, law=law, discretisation=discretisation, startable=start is not None, thermal=thermal,
         approach=approach, name=name,
     )  # fmt: skip
     name = definition.name
@@ -416,7 +367,9 @@ def add_motor(
             "Give the second motor another name, or the same values."
         )
     check_parameters(name, definition.settable, settings or {})
-    circuit.X(instance, name, *nodes, **(settings or {}))
+    states = motor_states(motor, law) if start else ()
+    starts = start_parameters(states, [state.of(start) for state in states], discretisation) if start else {}
+    circuit.X(instance, name, *nodes, **(settings or {}), **starts)
 
 
 @checked
@@ -520,27 +473,15 @@ def _mount_line(motor: Motor) -> str:
     )
 
 
-def _mode_start(start: Motion | None, index: int, bending: float) -> dict[str, float]:
-    """Return the start of a mode, relative to its displacement under the preload, which is minus the bending (m)."""
-    if start is None:
-        return {}
-    return {"start": 1e6 * (start.displacements_m[index] + bending), "velocity": start.velocities_m_s[index]}
-
-
 def _mode_part(motor: Motor, mode: Mode, thermal: Thermal | None) -> tuple[str, dict[str, float]]:
-    """Return the library of a mode, and the parameters that only this one has besides the drift."""
+    """Return the library of a mode, and the parameters that only this one has."""
     if thermal:
         require_linear(motor, "A motor that its losses heat")
-        return "piezomotor_mode_thermal", {}
+        drift = {"frequency_drift": thermal.frequency_drift_per_k, "coupling_drift": thermal.coupling_drift_per_k}
+        return "piezomotor_mode_thermal", drift
     if mode.linear:
         return "piezomotor_mode", {}
     return "piezomotor_mode_soft", {"softening": mode.softening_per_m2, "growth": mode.damping_growth_per_m2}
-
-
-def _mode_drift(thermal: Thermal | None) -> dict[str, float]:
-    if thermal is None:
-        return {}
-    return {"frequency_drift": thermal.frequency_drift_per_k, "coupling_drift": thermal.coupling_drift_per_k}
 
 
 def dielectric_branches(motor: Motor, group: str) -> tuple[Branch, ...]:

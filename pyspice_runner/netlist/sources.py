@@ -24,7 +24,6 @@ from pyspice_runner.netlist.benches import (
     add_meters,
     add_set_speed,
     connect_brake,
-    start_voltages,
 )
 from pyspice_runner.netlist.compiled import (
     Module,
@@ -32,15 +31,15 @@ from pyspice_runner.netlist.compiled import (
     loading,
     module_of,
     module_signals,
-    module_start,
     module_subcircuit,
 )
 from pyspice_runner.netlist.contact import PAPER_LAW, Law, contact_library, contact_values
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.library import definitions
-from pyspice_runner.netlist.motor import SUBCIRCUIT, Discretisation, Motion, add_motor, instantiate, plate_nodes
+from pyspice_runner.netlist.motor import SUBCIRCUIT, add_motor, instantiate
 from pyspice_runner.netlist.own_law import PINS
 from pyspice_runner.netlist.source import GROUPS, Pins, Source, UniformSource
+from pyspice_runner.netlist.state import Discretisation, Motion, motor_states, plate_nodes, start_nodes
 from pyspice_runner.netlist.trackers import Disturbance, Tracker, add_disturbance, tracked_source
 
 Excitation = Drive | Driver | Tracker  # the drives that an analysis accepts
@@ -181,7 +180,7 @@ def motor_bench(
         law=law, discretisation=discretisation, start=start,
         thermal=thermal, approach=disturbance is not None and disturbance.kind == "preload",
     )  # fmt: skip
-    return Bench(circuit, source.options(motor, law), _start(source, law, start))
+    return Bench(circuit, source.options(motor, law), _start(motor, source, law, start, discretisation))
 
 
 def _compiled_bench(
@@ -196,11 +195,9 @@ def _compiled_bench(
     module = module_of(motor, law)
     text = module_subcircuit(motor, law, discretisation, SUBCIRCUIT)
     circuit.raw_spice += f"{loading(module)}\n{text}\nXmotor a b 0 shaft {SUBCIRCUIT}\n"
-    first = _start(source, law, start)
+    first = _start(motor, source, law, start, discretisation, compiled=True)
     if start is not None:
         first["shaft"] = start.speed_rad_s
-        inside = module_start(motor, discretisation, start)
-        first |= {f"xmotor.{node}": value for node, value in inside.items()}
     signals = module_signals(motor, discretisation, "xmotor")
     return Bench(circuit, source.options(motor, law), first, (module,), signals)
 
@@ -250,7 +247,7 @@ def dynamometer_bench(
     connect_brake(circuit, load_torque, grips=speed is not None)
     if meters:
         add_meters(circuit, motor, {"lag": discretisation.slider_time} if discretisation else {})
-    return Bench(circuit, source.options(motor, law), _start(source, law, start))
+    return Bench(circuit, source.options(motor, law), _start(motor, source, law, start, discretisation))
 
 
 def contact_bench(
@@ -288,10 +285,20 @@ def contact_bench(
     return Bench(circuit, TRANSIENT_OPTIONS)
 
 
-def _start(source: Source, law: Law | None, start: Motion | None) -> dict[str, float]:
-    """Return the initial voltages of the plates and the contact, by node."""
+def _start(
+    motor: Motor,
+    source: Source,
+    law: Law | None,
+    start: Motion | None,
+    discretisation: Discretisation | None,
+    *,
+    compiled: bool = False,
+) -> dict[str, float]:
+    """Return the initial voltages inside the motor, by node; without a motion those of the plates only."""
     if start is not None:
-        return start_voltages(start, law)
+        states = motor_states(motor, law)
+        nodes = start_nodes(states, [state.of(start) for state in states], discretisation, compiled=compiled)
+        return {f"xmotor.{node}": voltage for node, voltage in nodes.items()}
     plates = zip(GROUPS, source.initial_voltages(), strict=True)
     return {
         f"xmotor.{node}": voltage for group, voltage in plates if abs(voltage) > 1e-12 for node in plate_nodes(group)

@@ -17,7 +17,8 @@ from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import LIBRARIES, ContactLaw, Law, contact_library, contact_values, touching_law
 from pyspice_runner.netlist.expressions import HELPERS, equations, translated
 from pyspice_runner.netlist.library import LibraryParameter, check_name, data_path, read_library
-from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, Discretisation, coarsest_step
+from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, coarsest_step
+from pyspice_runner.netlist.state import Discretisation
 
 WRITTEN = ("spring-slider", "coulomb", "brush")  # the laws that have a Verilog-A form
 _BLOCKS = ("parameters of mode", "states of mode", "motion of mode", "mode")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.strength import exceeded, peak_of_motion, temperature_rise
-from pyspice_runner.netlist.motor import Discretisation
+from pyspice_runner.netlist.state import Discretisation, motor_states
 from pyspice_runner.run.window import Window
 
 Array = NDArray[np.float64]
@@ -19,12 +19,7 @@ Array = NDArray[np.float64]
 
 def modal_vectors(motor: Motor) -> list[str]:
     """Return the vectors of velocity and elastic force of every mode."""
-    numbers = range(1, len(motor.modes) + 1)
-    return [
-        name
-        for number in numbers
-        for name in (f"i(v.xmotor.xmode{number}.vvelocity)", f"v(xmotor.xmode{number}.elastic)")
-    ]
+    return [state.within("xmotor") for state in motor_states(motor, None, ("mode",))]
 
 
 def ceramic(
@@ -39,14 +34,10 @@ def ceramic(
         power_w: electrical power into the motor, W, at the points of the vectors.
         window: the last periods of the run.
     """
-    numbers = range(1, len(motor.modes) + 1)
-    velocities = [samples[f"i(v.xmotor.xmode{number}.vvelocity)"] for number in numbers]
-    displacement = np.array(
-        [
-            samples[f"v(xmotor.xmode{number}.elastic)"][window.points] / discretisation.mode(mode)[1]
-            for number, mode in zip(numbers, motor.modes, strict=True)
-        ]
-    )
+    states = motor_states(motor, None, ("mode",))
+    courses = [samples[state.within("xmotor")] * state.scale(discretisation) for state in states]
+    moved, velocities = courses[: len(motor.modes)], courses[len(motor.modes) :]
+    displacement = np.array([course[window.points] for course in moved])
     heat = window.mean(power_w)
     for mode, velocity in zip(motor.modes, velocities, strict=True):
         force = mode.coupling_a_n_per_v * samples["v(a)"] + mode.coupling_b_n_per_v * samples["v(b)"]

@@ -14,15 +14,14 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import PAPER_LAW, ContactLaw, Law, law_of
 from pyspice_runner.netlist.drivers import Driver
-from pyspice_runner.netlist.motor import Discretisation, Motion
 from pyspice_runner.netlist.source import Source
 from pyspice_runner.netlist.sources import FREE, Bench, DriveSource, Excitation, motor_bench, source_of
+from pyspice_runner.netlist.state import Discretisation, Motion, motion, state_vectors
 from pyspice_runner.netlist.trackers import Disturbance
 from pyspice_runner.run.kernel import Outcome, transient
 from pyspice_runner.run.paths import Parameter, canonical, changed, parameter, unknown
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.settings import DEFAULT, Solver
-from pyspice_runner.run.state import motion, state_vectors
 from pyspice_runner.run.steps import shortest_period, time_step
 
 

@@ -5,17 +5,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Load
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.motor import Discretisation, dielectric_branches
+from pyspice_runner.netlist.motor import dielectric_branches
 from pyspice_runner.netlist.source import Source
+from pyspice_runner.netlist.state import Discretisation, Kind, State, motor_states, static_sway
 from pyspice_runner.run.audit import NEWTON, pressed_j
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, EnergyBalance
 
@@ -33,8 +34,8 @@ VECTORS: dict[str, tuple[str, ...]] = {  # of the columns, but for the currents,
     "temperature_k": ("v(temperature)",),
 }
 _OF_CONTACT = ("xmotor.normal", "xmotor.friction", "xmotor.slider", "xmotor.state", "xmotor.xcontact.delta")
-_OF_MOUNT = ("v(xmotor.xmount.elastic)", "i(v.xmotor.xmount.vvelocity)")
-_SHARE = "v(xmotor.xbearing.share)"
+_OF_MODES = ("mass_kg", "stiffness_n_per_m", "damping_n_s_per_m", "softening_per_m2", "damping_growth_per_m2")
+_MOTOR = "xmotor"  # the instance of the motor
 _CURRENTS = {"current_a_a": "a", "current_b_a": "b"}
 
 
@@ -66,12 +67,7 @@ class Recording:
         for column in self.all_columns if signals is None else signals:
             names += self._current(column)[:1] if column in _CURRENTS else VECTORS[column]
         if signals is None:
-            for index in range(1, len(self.motor.modes) + 1):
-                names += [f"i(v.xmotor.xmode{index}.vvelocity)", f"v(xmotor.xmode{index}.elastic)"]
-            if self._mount:
-                names += _OF_MOUNT
-            if self.motor.rotor.bearing_friction_n_m:
-                names.append(_SHARE)
+            names += [state.within(_MOTOR) for state in self._states("mode", "mount", "bearing")]
         return [name for name in names if self.law or name[2:-1] not in _OF_CONTACT]
 
     @property
@@ -85,7 +81,7 @@ class Recording:
     def columns(self, samples: Mapping[str, Array], names: Iterable[str]) -> dict[str, Array]:
         """Return time and columns in SI units; each is the one copy that is made of the raw file's vector."""
         voltage_a, voltage_b = self.source.initial_voltages()
-        deflection = sum(self._preload * mode.tip_y**2 / self._stiffness(mode) for mode in self.motor.modes)
+        deflection = sum(self._preload * mode.tip_y**2 / self.discretisation.mode(mode)[1] for mode in self.motor.modes)
         first = {
             "voltage_a_v": voltage_a,
             "voltage_b_v": voltage_b,
@@ -118,31 +114,16 @@ class Recording:
 
     def energy(self, waves: Mapping[str, Array], samples: Mapping[str, Array]) -> EnergyBalance:
         """Balance the run by the physical parameters, not by those that the step asked for in the netlist."""
-        modal = self._modal(samples)
-        carrier = self._carrier(samples) if self._mount else None
-        drift = samples.get("v(temperature)") if self.thermal else None
-        bearing = self.motor.rotor.bearing_damping_n_m_s * waves["rotor_speed_rad_s"]
-        if self.motor.rotor.bearing_friction_n_m:
-            bearing = bearing + self._after(0.0, samples[_SHARE], self.motor.rotor.bearing_friction_n_m)
-        return _energy(self, waves, self._penetration(samples), modal, carrier, bearing, drift)
+        return _Terms(self, waves, samples).balance()
 
     @property
     def sway(self) -> float:
         """Sideways displacement in m of the tip under the preload, where the rotor's crown stands."""
-        softened = [mode.model_copy(update={"stiffness_n_per_m": self._stiffness(mode)}) for mode in self.motor.modes]
-        return contact_law.static_sway(self.motor.contact, tuple(softened)) if self.law else 0.0
+        return static_sway(self.motor, self.law, self.discretisation)
 
     @property
     def _preload(self) -> float:
         return self.motor.contact.preload_n if self.law else 0.0
-
-    @property
-    def _mount(self) -> Mount | None:
-        """The mount, which a free tip has none of."""
-        return self.motor.mount if self.law else None
-
-    def _stiffness(self, mode: Mode | Mount) -> float:
-        return self.discretisation.mode(mode)[1]
 
     def _after(self, start: float, values: Array, scale: float = 1.0) -> Array:
         """Return a vector, scaled, behind its value at the start if that is recorded."""
@@ -159,21 +140,19 @@ class Recording:
         depth = self._after(start, samples["v(xmotor.xcontact.delta)"], 1e-6)
         return np.maximum(depth, 0.0, out=depth)
 
-    def _modal(self, samples: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Return displacement (m) and velocity (m/s) of every mode, shape (modes, points)."""
-        displacement, velocity = [], []
-        for index, mode in enumerate(self.motor.modes, start=1):
-            stiffness = self._stiffness(mode)
-            elastic = samples[f"v(xmotor.xmode{index}.elastic)"]
-            displacement.append(self._after(-mode.tip_y * self._preload / stiffness, elastic, 1.0 / stiffness))
-            velocity.append(self._after(0.0, samples[f"i(v.xmotor.xmode{index}.vvelocity)"]))
-        return np.array(displacement), np.array(velocity)
+    def _states(self, *kinds: Kind) -> tuple[State, ...]:
+        return motor_states(self.motor, self.law, kinds)
 
-    def _carrier(self, samples: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Return displacement (m) and velocity (m/s) of the carrier, shape (points,)."""
-        assert self._mount is not None
-        elastic, velocity = (samples[name] for name in _OF_MOUNT)
-        return self._after(0.0, elastic, 1.0 / self._stiffness(self._mount)), self._after(0.0, velocity)
+    def _courses(self, samples: Mapping[str, Array], *kinds: Kind) -> Array:
+        """Return the states of parts of the motor in SI units, shape (states, points)."""
+        return np.array(
+            [
+                self._after(
+                    state.at_rest(self.discretisation), samples[state.within(_MOTOR)], state.scale(self.discretisation)
+                )
+                for state in self._states(*kinds)
+            ]
+        )
 
 
 def plate_voltage(time_s: Array, voltage_v: Array, lag_s: float) -> Array:
@@ -200,98 +179,142 @@ def plate_voltage(time_s: Array, voltage_v: Array, lag_s: float) -> Array:
     return found
 
 
-def _energy(
-    recording: Recording,
-    waves: Mapping[str, Array],
-    penetration: Array,
-    modal: tuple[Array, Array],
-    carrier: tuple[Array, Array] | None,
-    bearing: Array,
-    temperature: Array | None,
-) -> EnergyBalance:
-    """Balance the run by the physical parameters, not by those that the step asked for in the netlist."""
-    motor, load, thermal = recording.motor, recording.load, recording.thermal
-    time = waves["time_s"]
-    displacement, velocity = modal
-    tip_vx = sum(mode.tip_x * v for mode, v in zip(motor.modes, velocity, strict=True))
-    tip_vy = sum(mode.tip_y * v for mode, v in zip(motor.modes, velocity, strict=True))
+class _Terms:
+    """The terms of the energy balance of a run, in J."""
 
-    def work(power: Array) -> float:
-        return float(np.trapezoid(power, time))
-
-    def change(stored: Array) -> float:
-        return float(stored[-1] - stored[0])
-
-    mount = mount_damping = 0.0
-    if carrier is not None:
-        assert motor.mount is not None
-        lift, rise = carrier
-        tip_vy = tip_vy + rise
-        pressed = 0.5 * (motor.mount.mass_kg * rise**2 + motor.mount.stiffness_n_per_m * lift**2)
-        mount = change(pressed - motor.contact.preload_n * lift)
-        mount_damping = work(motor.mount.damping_n_s_per_m * rise**2)
-
-    # a heated motor: its couplings and capacitances are those of its temperature, and drift does work on its springs
-    coupling, drift = np.ones_like(time), 0.0
-    if thermal is not None and temperature is not None:
-        warm = np.concatenate((np.full(len(time) - len(temperature), thermal.ambient_k), temperature))
-        coupling = 1.0 + thermal.coupling_drift_per_k * warm
-        softer = thermal.frequency_drift_per_k * warm
-        force = np.array([mode.stiffness_n_per_m for mode in motor.modes])[:, np.newaxis] * displacement
-        drift = work(softer * (2.0 + softer) * np.sum(force * velocity, axis=0))
-
-    dielectric = 0.0
-    for group in "ab":
-        motional = coupling * sum(
-            getattr(mode, f"coupling_{group}_n_per_v") * v for mode, v in zip(motor.modes, velocity, strict=True)
+    def __init__(self, recording: Recording, waves: Mapping[str, Array], samples: Mapping[str, Array]) -> None:
+        motor = recording.motor
+        self.recording, self.motor, self.waves = recording, motor, waves
+        self.time = waves["time_s"]
+        self.displacement, self.velocity = np.split(recording._courses(samples, "mode"), 2)
+        self.carrier = recording._courses(samples, "mount")  # displacement and velocity, or nothing
+        self.share = recording._courses(samples, "bearing")
+        self.penetration = recording._penetration(samples)
+        self.temperature = samples.get("v(temperature)") if recording.thermal else None
+        self.masses, self.stiffnesses, self.dampings, softening, growth = (
+            np.array([getattr(mode, name) for mode in motor.modes]) for name in _OF_MODES
         )
-        voltage = waves[f"voltage_{group}_v"]
-        if not recording.started or thermal is not None:
-            # of a run that continues another, or whose capacitances drift, only what the pins take is known
-            dielectric += work(voltage * (waves[f"current_{group}_a"] - motional))
-            continue
-        for branch in dielectric_branches(motor, group):
-            plate = plate_voltage(time, voltage, branch.resistance_ohm * branch.capacitance_f)
-            dielectric += change(0.5 * branch.capacitance_f * plate**2)
-            if branch.resistance_ohm > 0.0:
-                dielectric += work((voltage - plate) ** 2) / branch.resistance_ohm
+        self.softening, self.growth = softening[:, np.newaxis], growth[:, np.newaxis]
 
-    masses = np.array([mode.mass_kg for mode in motor.modes])
-    stiffnesses = np.array([mode.stiffness_n_per_m for mode in motor.modes])
-    dampings = np.array([mode.damping_n_s_per_m for mode in motor.modes])
-    squared = displacement**2
-    softening = np.array([mode.softening_per_m2 for mode in motor.modes])[:, np.newaxis]
-    growth = np.array([mode.damping_growth_per_m2 for mode in motor.modes])[:, np.newaxis]
-    normal, friction, rotor_speed = (
-        waves["normal_force_n"],
-        waves["friction_force_n"],
-        waves["rotor_speed_rad_s"],
-    )
-    hertz = motor.contact.normal_stiffness_n_per_m15 * penetration**1.5
-    radius = motor.rotor.radius_m
-    sine = (waves["tip_x_m"] - recording.sway) / (radius - penetration)
-    cosine = np.sqrt(np.maximum(1.0 - sine**2, 0.0))  # a tip that ran away is for the audit
-    tangential = tip_vx * cosine + tip_vy * sine
-    torque = radius * friction
-    electrical = waves["voltage_a_v"] * waves["current_a_a"] + waves["voltage_b_v"] * waves["current_b_a"]
-    passed = np.cumsum(0.5 * (electrical[1:] + electrical[:-1]) * np.diff(time))
-    to_load = work((torque - bearing) * rotor_speed) if load.speed is not None else work(load.torque * rotor_speed)
-    return EnergyBalance(
-        electrical=work(electrical),
-        dielectric=dielectric,
-        kinetic=change(0.5 * masses @ velocity**2),
-        elastic=change(0.5 * stiffnesses @ (squared - 0.5 * softening * squared**2)),
-        damping=work(dampings @ (velocity**2 * (1.0 + growth * squared))),
-        contact_elastic=change(0.4 * hertz * penetration + 0.5 * motor.contact.series_compliance_m_per_n * normal**2),
-        contact_damping=float(np.trapezoid(normal - hertz, penetration)),
-        friction=work(friction * (tangential - radius * rotor_speed)),
-        mount=mount,
-        mount_damping=mount_damping,
-        # a held speed does not change but for the rounding of its digits
-        rotor=change(0.5 * motor.rotor.inertia_kg_m2 * rotor_speed**2) if load.speed is None else 0.0,
-        bearing=work(bearing * rotor_speed),
-        load=to_load,
-        drift=drift,
-        passed=float(np.abs(passed).max()) + max(-to_load, 0.0),
-        rounding=NEWTON * pressed_j(motor, float(np.abs(normal).max())) if recording.law else 0.0,
-    )
+    def work(self, power: Array) -> float:
+        """Return the energy that a power in W carries over the run."""
+        return float(np.trapezoid(power, self.time))
+
+    def balance(self) -> EnergyBalance:
+        """Return all terms."""
+        waves, motor, load = self.waves, self.motor, self.recording.load
+        squared = self.displacement**2
+        normal, rotor_speed = waves["normal_force_n"], waves["rotor_speed_rad_s"]
+        electrical = waves["voltage_a_v"] * waves["current_a_a"] + waves["voltage_b_v"] * waves["current_b_a"]
+        passed = np.cumsum(0.5 * (electrical[1:] + electrical[:-1]) * np.diff(self.time))
+        to_load = self.load()
+        return EnergyBalance(
+            electrical=self.work(electrical),
+            dielectric=self.dielectric("a") + self.dielectric("b"),
+            kinetic=_change(0.5 * self.masses @ self.velocity**2),
+            elastic=_change(0.5 * self.stiffnesses @ (squared - 0.5 * self.softening * squared**2)),
+            damping=self.work(self.dampings @ (self.velocity**2 * (1.0 + self.growth * squared))),
+            contact_elastic=self.contact_elastic(),
+            contact_damping=float(np.trapezoid(normal - self.hertz, self.penetration)),
+            friction=self.friction(),
+            mount=self.mount(),
+            mount_damping=self.mount_damping(),
+            # a held speed changes by the rounding of its digits only
+            rotor=_change(0.5 * motor.rotor.inertia_kg_m2 * rotor_speed**2) if load.speed is None else 0.0,
+            bearing=self.work(self.bearing * rotor_speed),
+            load=to_load,
+            drift=self.drift(),
+            passed=float(np.abs(passed).max()) + max(-to_load, 0.0),
+            rounding=NEWTON * pressed_j(motor, float(np.abs(normal).max())) if self.recording.law else 0.0,
+        )
+
+    @cached_property
+    def warm(self) -> Array | None:
+        """Temperature above that at which the parameters hold, K; ``None`` for a motor that does not drift."""
+        thermal = self.recording.thermal
+        if thermal is None or self.temperature is None:
+            return None
+        return np.concatenate((np.full(len(self.time) - len(self.temperature), thermal.ambient_k), self.temperature))
+
+    @cached_property
+    def hertz(self) -> Array:
+        """Normal force of the penetration alone, N."""
+        return np.asarray(self.motor.contact.normal_stiffness_n_per_m15 * self.penetration**1.5)
+
+    @cached_property
+    def bearing(self) -> Array:
+        """Torque of the bearing, N·m."""
+        rotor = self.motor.rotor
+        viscous = rotor.bearing_damping_n_m_s * self.waves["rotor_speed_rad_s"]
+        return np.asarray(viscous + rotor.bearing_friction_n_m * self.share.sum(axis=0)) if len(self.share) else viscous
+
+    def dielectric(self, group: str) -> float:
+        """Return the energy in the clamped capacitance of a group and its loss."""
+        thermal, warm = self.recording.thermal, self.warm
+        voltage = self.waves[f"voltage_{group}_v"]
+        if not self.recording.started or thermal is not None:
+            # of a run that continues another, or whose capacitances drift, only what the pins take is known
+            couplings = np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in self.motor.modes])
+            drifting = 1.0 if thermal is None or warm is None else 1.0 + thermal.coupling_drift_per_k * warm
+            return self.work(voltage * (self.waves[f"current_{group}_a"] - drifting * (couplings @ self.velocity)))
+        energy = 0.0
+        for branch in dielectric_branches(self.motor, group):
+            plate = plate_voltage(self.time, voltage, branch.resistance_ohm * branch.capacitance_f)
+            energy += _change(0.5 * branch.capacitance_f * plate**2)
+            if branch.resistance_ohm > 0.0:
+                energy += self.work((voltage - plate) ** 2) / branch.resistance_ohm
+        return energy
+
+    def drift(self) -> float:
+        """Return the work of the drift of a heated motor on the springs of its modes."""
+        thermal, warm = self.recording.thermal, self.warm
+        if thermal is None or warm is None:
+            return 0.0
+        softer = thermal.frequency_drift_per_k * warm
+        force = self.stiffnesses[:, np.newaxis] * self.displacement
+        return self.work(softer * (2.0 + softer) * np.sum(force * self.velocity, axis=0))
+
+    def mount(self) -> float:
+        """Return the change of the energy of carrier and springs."""
+        if not len(self.carrier):
+            return 0.0
+        assert self.motor.mount is not None
+        lift, rise = self.carrier
+        pressed = 0.5 * (self.motor.mount.mass_kg * rise**2 + self.motor.mount.stiffness_n_per_m * lift**2)
+        return _change(pressed - self.motor.contact.preload_n * lift)
+
+    def mount_damping(self) -> float:
+        """Return the loss in the springs of the mount."""
+        if not len(self.carrier):
+            return 0.0
+        assert self.motor.mount is not None
+        return self.work(self.motor.mount.damping_n_s_per_m * self.carrier[1] ** 2)
+
+    def contact_elastic(self) -> float:
+        """Return the change of the elastic energy of the contact and of the compliance in series."""
+        compliance = self.motor.contact.series_compliance_m_per_n
+        return _change(0.4 * self.hertz * self.penetration + 0.5 * compliance * self.waves["normal_force_n"] ** 2)
+
+    def friction(self) -> float:
+        """Return the work of the friction force on the motion of the tip against the rotor."""
+        along, towards = (np.array([getattr(mode, name) for mode in self.motor.modes]) for name in ("tip_x", "tip_y"))
+        vx, vy = along @ self.velocity, towards @ self.velocity
+        if len(self.carrier):
+            vy = vy + self.carrier[1]
+        radius = self.motor.rotor.radius_m
+        sine = (self.waves["tip_x_m"] - self.recording.sway) / (radius - self.penetration)
+        cosine = np.sqrt(np.maximum(1.0 - sine**2, 0.0))  # a tip that ran away is for the audit
+        tangential = vx * cosine + vy * sine
+        return self.work(self.waves["friction_force_n"] * (tangential - radius * self.waves["rotor_speed_rad_s"]))
+
+    def load(self) -> float:
+        """Return the energy that the load takes."""
+        load, speed = self.recording.load, self.waves["rotor_speed_rad_s"]
+        if load.speed is None:
+            return self.work(load.torque * speed)
+        return self.work((self.motor.rotor.radius_m * self.waves["friction_force_n"] - self.bearing) * speed)
+
+
+def _change(stored: Array) -> float:
+    """Return the change of a stored energy over the run."""
+    return float(stored[-1] - stored[0])

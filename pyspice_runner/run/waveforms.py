@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.netlist.motor import Motion
+from pyspice_runner.netlist.state import Motion
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering

@@ -27,7 +27,7 @@ from pyspice_runner.model.load import available_motors, load_motor
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist import live
-from pyspice_runner.netlist.motor import Discretisation
+from pyspice_runner.netlist.state import Discretisation
 
 ASSETS = Path(__file__).parent / "live_page"
 SCRIPTS = ("solve.js", "driver.js", "spectrum.js", "charts.js", "page.js")

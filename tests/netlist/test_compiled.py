@@ -13,10 +13,9 @@ import pyspice_runner as pr
 from pyspice_runner.netlist.compiled import loading, missing_form, module_of, module_signals, module_subcircuit
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.library import read_library
-from pyspice_runner.netlist.motor import Discretisation
 from pyspice_runner.netlist.sources import DriveSource, motor_bench
+from pyspice_runner.netlist.state import Discretisation, state_vectors
 from pyspice_runner.run.kernel import signal_of
-from pyspice_runner.run.state import state_vectors
 
 MOTOR = pr.load_motor("andersen2002-unintended-mode")
 

@@ -226,6 +226,7 @@ def ranges(kind: str, network: str) -> dict[str, tuple[float, float]]:
         f"{part.label}.{parameter.name}": (parameter.least, parameter.greatest)
         for part in plain.parts("a")
         for parameter in part.library.parameters
+        if parameter.name in part.values
     }
     found["frequency"] = (1e3, 5e5)
     found["voltage"] = (0.1, 1000.0 if kind == "linear" else 100.0)

@@ -25,8 +25,9 @@ from pyspice_runner.model.parameters import Mode
 from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS, admittance_bench
 from pyspice_runner.netlist.contact import LIBRARIES, Law, law_of
 from pyspice_runner.netlist.library import read_library
-from pyspice_runner.netlist.motor import Discretisation, MotorSubCircuit, add_motor, motor_library
+from pyspice_runner.netlist.motor import MotorSubCircuit, add_motor, motor_library
 from pyspice_runner.netlist.sources import DriveSource, motor_bench
+from pyspice_runner.netlist.state import Discretisation
 from tests import soak
 from tests.motors import mode, motor
 from tests.netlist.batch import measured

@@ -14,8 +14,8 @@ import pyspice_runner as pr
 from pyspice_runner.analysis.track import running_resonance
 from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.motor import Discretisation
 from pyspice_runner.netlist.sources import motor_bench
+from pyspice_runner.netlist.state import Discretisation
 from pyspice_runner.netlist.trackers import (
     Disturbance,
     TrackedSource,

@@ -24,8 +24,8 @@ from pyspice_runner.engine.rawfile import RawFile, read_rawfile
 from pyspice_runner.model.drive import Load, Tone
 from pyspice_runner.netlist.compiled import PINS, module_of, module_signals
 from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.motor import Discretisation, plate_nodes
 from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.netlist.state import Discretisation, plate_nodes
 from pyspice_runner.netlist.veriloga import module_values
 from pyspice_runner.run.kernel import modules_folder, signal_of
 from pyspice_runner.run.operating_point import OperatingPoint
@@ -130,7 +130,6 @@ def _as_ngspice(found: Mapping[str, Any], setup: OperatingPoint) -> dict[str, An
     samples = {"time": found["time"], "v(shaft)": found["shaft"], "v(a)": found["a"], "v(b)": found["b"]}
     samples |= {"i(va)": found["va:flow(br)"], "i(vb)": found["vb:flow(br)"]}
     samples |= {"v(xmotor.slider)": found["slider"], "v(xmotor.normal)": found["pressing"]}
-    samples |= {"v(xmotor.xbearing.share)": found["share"]} if "share" in found else {}
     module = {f"v(xmotor.{name})": values for name, values in found.items()}
     module |= {f"v(@n.xmotor.n1[{variable}])": found[f"n1.{variable}"] for variable in _VARIABLES}
     signals = module_signals(setup.motor, setup.discretisation, "xmotor")

@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The state of a running motor, declared once: the vectors that hold it, their units, and how a run starts from it.
+
+:func:`motor_states` lists the states of a motor. A state with a part is set by a parameter of the motor's X line
+(:attr:`State.parameter`), any other by the initial voltage of its node. In a compiled module each state is a node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import cos, pi, sin
+from typing import Literal
+
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.parameters import Mode, Mount
+from pyspice_runner.netlist.contact import Law
+
+PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
+MICRO = 1e-6
+Kind = Literal["mode", "contact", "mount", "rotor", "bearing", "group"]
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """Adaptation of the netlist to a run with a uniform step; an exported motor has none.
+
+    The trapezoidal rule with step h shifts a resonance ω to (2/h) atan(ω h/2). With m′ = m cos²(ωh/2) and
+    k′ = (4m/h²) sin²(ωh/2) the discretised mode resonates at ω exactly. The time constant of
+    the slider is h/2, with which the slider follows its limit without ringing.
+
+    Attributes:
+        step: time step h in s.
+        exact_resonance: whether to adapt the modes.
+    """
+
+    step: float
+    exact_resonance: bool = True
+
+    def mode(self, mode: Mode | Mount) -> tuple[float, float]:
+        """Return the mass (kg) and stiffness (N/m) to write for a mode or a carrier."""
+        if not self.exact_resonance:
+            return mode.mass_kg, mode.stiffness_n_per_m
+        half_angle = pi * mode.frequency_hz * self.step
+        return mode.mass_kg * cos(half_angle) ** 2, 4.0 * mode.mass_kg / self.step**2 * sin(half_angle) ** 2
+
+    @property
+    def slider_time(self) -> float:
+        """Time constant that holds the slider at its limit, in s."""
+        return self.step / 2.0
+
+
+def written(spring: Mode | Mount, discretisation: Discretisation | None) -> tuple[float, float]:
+    """Return the mass (kg) and stiffness (N/m) of a mode or a carrier in the netlist."""
+    return discretisation.mode(spring) if discretisation else (spring.mass_kg, spring.stiffness_n_per_m)
+
+
+def static_sway(motor: Motor, law: Law | None, discretisation: Discretisation | None) -> float:
+    """Return the sideways displacement in m of the tip under the preload, above which the rotor's crown stands."""
+    if law is None:
+        return 0.0
+    modes = [mode.model_copy(update={"stiffness_n_per_m": written(mode, discretisation)[1]}) for mode in motor.modes]
+    return contact_law.static_sway(motor.contact, tuple(modes))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The state of a running motor, from which a run with ``uic`` can continue.
+
+    Attributes:
+        displacements_m: modal displacements r, in the order of the modes.
+        velocities_m_s: modal velocities.
+        slider_m: displacement of the slider of the law ``spring-slider``.
+        speed_rad_s: speed of the rotor.
+        plates_a_v: voltages of the capacitances :data:`PLATES` of group A.
+        plates_b_v: the same of group B.
+        contact_m: states of another law, the nodes :attr:`.Law.states`, 1 V = 1 µm.
+        carrier_m: displacement of the carrier towards the rotor.
+        carrier_m_s: velocity of the carrier.
+        bearing: share of its torque that a dry bearing takes, from -1 to 1.
+    """
+
+    displacements_m: tuple[float, ...]
+    velocities_m_s: tuple[float, ...]
+    slider_m: float = 0.0
+    speed_rad_s: float = 0.0
+    plates_a_v: tuple[float, ...] = ()
+    plates_b_v: tuple[float, ...] = ()
+    contact_m: tuple[float, ...] = ()
+    carrier_m: float = 0.0
+    carrier_m_s: float = 0.0
+    bearing: float = 0.0
+
+
+@dataclass(frozen=True)
+class State:
+    """One number of the state of a motor.
+
+    Attributes:
+        name: its name, and that of its node in a compiled module.
+        kind: the part of the motor that it belongs to.
+        vector: the vector that holds it, a format of the instance of the motor and the node of the shaft.
+        field: its field of :class:`Motion`.
+        index: its place in that field; ``None`` for a field with one number.
+        part: instance whose parameter sets its start; empty if the initial voltage of its node does.
+        start: that parameter.
+        unit: SI value of 1 of the start, and of 1 V or 1 A of the vector if there is no spring.
+        spring: mode or carrier whose elastic force in N the vector is.
+        rest: elastic force at preloaded rest, N. The start is relative to rest.
+    """
+
+    name: str
+    kind: Kind
+    vector: str
+    field: str
+    index: int | None = None
+    part: str = ""
+    start: str = "start"
+    unit: float = 1.0
+    spring: Mode | Mount | None = None
+    rest: float = 0.0
+
+    @property
+    def parameter(self) -> str:
+        """Parameter of the X line of a motor that sets the start."""
+        return f"start_{self.name}"
+
+    def within(self, instance: str, shaft: str = "shaft") -> str:
+        """Return the vector for the instance of a motor, in lower case, and the node of its shaft."""
+        return self.vector.format(instance, shaft)
+
+    def scale(self, discretisation: Discretisation | None) -> float:
+        """Return the SI value of 1 V or 1 A of the vector."""
+        return 1.0 / written(self.spring, discretisation)[1] if self.spring else self.unit
+
+    def at_rest(self, discretisation: Discretisation | None) -> float:
+        """Return the SI value at preloaded rest."""
+        return self.rest / written(self.spring, discretisation)[1] if self.spring else 0.0
+
+    def start_value(self, value: float, discretisation: Discretisation | None) -> float:
+        """Return the parameter or the initial voltage for an SI value at the start."""
+        return float((value - self.at_rest(discretisation)) / self.unit)
+
+    def of(self, motion: Motion) -> float:
+        """Return the SI value of a motion; 0 for a number that the motion does not have."""
+        found = getattr(motion, self.field)
+        if self.index is None:
+            return float(found)
+        return float(found[self.index]) if found else 0.0
+
+
+def motor_states(motor: Motor, law: Law | None, kinds: Sequence[Kind] | None = None) -> tuple[State, ...]:
+    """Return the states of a motor, of some kinds or of all.
+
+    Args:
+        motor: the motor.
+        law: law of the contact; ``None`` for a free tip, whose stator has no mount.
+        kinds: the parts of the motor whose states are returned.
+    """
+    modes = list(enumerate(motor.modes))
+    preload = motor.contact.preload_n if law else 0.0
+    states = [
+        State(
+            f"displacement_{at + 1}", "mode", f"v({{0}}.xmode{at + 1}.elastic)", "displacements_m", at,
+            f"mode{at + 1}", unit=MICRO, spring=mode, rest=-mode.tip_y * preload,
+        )
+        for at, mode in modes
+    ]  # fmt: skip
+    states += [
+        State(
+            f"velocity_{at + 1}", "mode", f"i(v.{{0}}.xmode{at + 1}.vvelocity)", "velocities_m_s", at,
+            f"mode{at + 1}", "velocity",
+        )
+        for at, _ in modes
+    ]  # fmt: skip
+    if law and law.name == "spring-slider":
+        states.append(State("slider", "contact", "v({0}.slider)", "slider_m", part="contact", unit=MICRO))
+    elif law:
+        states += [
+            State(node, "contact", f"v({{0}}.{node})", "contact_m", at, unit=MICRO)
+            for at, node in enumerate(law.states)
+        ]
+    if law and motor.mount:
+        states += [
+            State("carrier", "mount", "v({0}.xmount.elastic)", "carrier_m", None, "mount", unit=MICRO,
+                  spring=motor.mount),
+            State("carrier_velocity", "mount", "i(v.{0}.xmount.vvelocity)", "carrier_m_s", None, "mount", "velocity"),
+        ]  # fmt: skip
+    states.append(State("speed", "rotor", "v({1})", "speed_rad_s", part="rotor"))
+    if motor.rotor.bearing_friction_n_m:
+        states.append(State("share", "bearing", "v({0}.xbearing.share)", "bearing", part="bearing"))
+    states += [
+        State(node, "group", f"v({{0}}.{node})", f"plates_{group}_v", at)
+        for group in "ab"
+        for at, node in enumerate(plate_nodes(group))
+    ]
+    return tuple(state for state in states if kinds is None or state.kind in kinds)
+
+
+def plate_nodes(group: str) -> list[str]:
+    """Return the nodes of the capacitances of group ``"a"`` or ``"b"`` inside the motor, in the order of PLATES."""
+    return [f"xgroup_{group}.{plate}" for plate in PLATES]
+
+
+def state_vectors(motor: Motor, law: Law | None, instance: str = "xmotor") -> list[str]:
+    """Return the vectors that hold the state of a motor."""
+    return [state.within(instance) for state in motor_states(motor, law)]
+
+
+def motion(
+    values: Mapping[str, float], motor: Motor, law: Law | None, discretisation: Discretisation, instance: str = "xmotor"
+) -> Motion:
+    """Return the motion for values of :func:`state_vectors`.
+
+    Args:
+        values: value by vector, at one time.
+        motor: the motor.
+        law: law of the contact; ``None`` for a free tip.
+        discretisation: with which the motor was written.
+        instance: name of the motor in the circuit.
+    """
+    states = motor_states(motor, law)
+    return motion_of(states, [values[state.within(instance)] * state.scale(discretisation) for state in states])
+
+
+def motion_of(states: Sequence[State], values: Sequence[float]) -> Motion:
+    """Return the motion with the SI values of states; others are 0 or missing."""
+    fields: dict[str, float | tuple[float, ...]] = {}
+    for state, value in zip(states, values, strict=True):
+        before = fields.get(state.field, ())
+        fields[state.field] = float(value) if state.index is None else (*before, float(value))  # type: ignore[misc]
+    return Motion(**fields)  # type: ignore[arg-type]
+
+
+def start_parameters(
+    states: Sequence[State], values: Sequence[float], discretisation: Discretisation | None
+) -> dict[str, float]:
+    """Return the parameters of the X line with which a motor starts at the SI values of its states."""
+    return {
+        state.parameter: state.start_value(value, discretisation)
+        for state, value in zip(states, values, strict=True)
+        if state.part
+    }
+
+
+def start_nodes(
+    states: Sequence[State],
+    values: Sequence[float],
+    discretisation: Discretisation | None,
+    *,
+    compiled: bool = False,
+) -> dict[str, float]:
+    """Return the initial voltages by node inside a motor that starts at the SI values of its states.
+
+    They are those of the states without a parameter. A compiled module has no parameters for its start, so all but
+    the shaft's are among them.
+    """
+    return {
+        state.name: state.start_value(value, discretisation)
+        for state, value in zip(states, values, strict=True)
+        if not state.part or (compiled and state.kind != "rotor")
+    }
