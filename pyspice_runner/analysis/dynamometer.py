@@ -286,44 +286,74 @@ def off_beat(setup: OperatingPoint) -> OperatingPoint:
 
 def quantities(blocks: list[Block]) -> dict[str, float]:
     """Return the quantities of :data:`UNITS` over successive blocks, all of them metered."""
-    bench, motor = blocks[0].bench, blocks[0].bench.motor
+    bench = blocks[0].bench
     mean = {name: sum(block.means[name] for block in blocks) / len(blocks) for name in blocks[0].means}
-    radius = motor.rotor.radius_m
-    contact = "xcontactmeter.v_"
-    friction, slip, touching = mean["xbrake.v_friction"], mean[f"{contact}slip"], mean[f"{contact}contact"]
-    electrical, shaft = mean["xmeter_a.v_energy"] + mean["xmeter_b.v_energy"], mean[f"{contact}given"]
-    duration = len(blocks) * bench.duration
-    losses = {
-        "dielectric_loss_w": mean["xheat_a.v_heat"] + mean["xheat_b.v_heat"],
-        "damping_loss_w": sum(mean[f"xheat_{damper}.v_heat"] for damper in bench.dampers),
-        "friction_loss_w": mean[f"{contact}work"] - shaft,
-        "normal_loss_w": mean[f"{contact}press"],
-        "stored_power_w": (bench.stored(blocks[-1].end) - bench.stored(blocks[0].start)) / duration,
-    }
-    put_in = max(electrical, 0.0) + max(-shaft, 0.0)
-    missing = electrical - shaft - sum(losses.values())
-    result = {
-        "torque_n_m": radius * friction,
-        "torque_ripple_n_m": radius * sqrt(max(mean[f"{contact}square"] - friction**2, 0.0)),
-        "load_torque_n_m": mean["xbrake.v_taken"],
-        "normal_force_n": mean["xbrake.v_normal"],
-        "separated": 1.0 - touching,
-        "stick": touching - slip,
-        "slip": slip,
+    found = {
+        "friction": mean["xbrake.v_friction"],
+        "normal": mean["xbrake.v_normal"],
+        "load_torque": mean["xbrake.v_taken"],
+        "friction_square": mean["xcontactmeter.v_square"],
+        "touching": mean["xcontactmeter.v_contact"],
+        **{name: mean[f"xcontactmeter.v_{name}"] for name in ("slip", "work", "press", "given")},
+        "dielectric_loss": mean["xheat_a.v_heat"] + mean["xheat_b.v_heat"],
+        "damping_loss": sum(mean[f"xheat_{damper}.v_heat"] for damper in bench.dampers),
+        "stored": (bench.stored(blocks[-1].end) - bench.stored(blocks[0].start)) / (len(blocks) * bench.duration),
+        **_strained(bench, mean, blocks[-1]),
     }
     for group in "ab":
         meter = f"xmeter_{group}.v_"
-        current, voltage = (sqrt(max(mean[f"{meter}square_{what}"], 0.0)) for what in "iv")
-        result |= {
-            f"power_{group}_w": mean[f"{meter}energy"],
-            f"apparent_power_{group}_va": voltage * current,
-            f"current_{group}_rms_a": current,
-            f"current_{group}_peak_a": max(block.peaks[group] for block in blocks),
+        found |= {
+            f"power_{group}": mean[f"{meter}energy"],
+            f"voltage_square_{group}": mean[f"{meter}square_v"],
+            f"current_square_{group}": mean[f"{meter}square_i"],
+            f"peak_{group}": max(block.peaks[group] for block in blocks),
         }
-    result |= {"shaft_power_w": shaft, "efficiency": shaft / electrical if electrical > 0.0 else float("nan")}
-    result |= losses
-    result |= _strained(bench, mean, blocks[-1])
-    heat = losses["dielectric_loss_w"] + losses["damping_loss_w"]
-    result["temperature_rise_k"] = strength.temperature_rise(motor, heat)
-    result["balance_residual"] = missing / put_in if put_in > 0.0 else 0.0
+    return quantities_of(bench.motor, found)
+
+
+def quantities_of(motor: Motor, mean: Mapping[str, float]) -> dict[str, float]:
+    """Return the quantities of :data:`UNITS`.
+
+    Args:
+        motor: the motor.
+        mean: means over whole periods, in SI units: ``friction``, ``friction_square`` and ``normal`` of the forces;
+            ``touching`` and ``slip``, shares of time; ``work`` and ``press``, powers of the tip along the rotor and
+            towards it; ``given``, power on the rotor; ``load_torque``, ``dielectric_loss``, ``damping_loss``,
+            ``stored``; of each group ``power_a``, ``voltage_square_a``, ``current_square_a`` and the greatest current
+            ``peak_a``; ``ceramic_strain`` and ``ceramic_stress_pa``.
+    """
+    radius, friction, shaft = motor.rotor.radius_m, mean["friction"], mean["given"]
+    electrical = mean["power_a"] + mean["power_b"]
+    losses = {
+        "dielectric_loss_w": mean["dielectric_loss"],
+        "damping_loss_w": mean["damping_loss"],
+        "friction_loss_w": mean["work"] - shaft,
+        "normal_loss_w": mean["press"],
+        "stored_power_w": mean["stored"],
+    }
+    put_in = max(electrical, 0.0) + max(-shaft, 0.0)
+    result = {
+        "torque_n_m": radius * friction,
+        "torque_ripple_n_m": radius * sqrt(max(mean["friction_square"] - friction**2, 0.0)),
+        "load_torque_n_m": mean["load_torque"],
+        "normal_force_n": mean["normal"],
+        "separated": 1.0 - mean["touching"],
+        "stick": mean["touching"] - mean["slip"],
+        "slip": mean["slip"],
+        "shaft_power_w": shaft,
+        "efficiency": shaft / electrical if electrical > 0.0 else float("nan"),
+        **losses,
+        "ceramic_strain": mean["ceramic_strain"],
+        "ceramic_stress_pa": mean["ceramic_stress_pa"],
+        "temperature_rise_k": strength.temperature_rise(motor, mean["dielectric_loss"] + mean["damping_loss"]),
+        "balance_residual": (electrical - shaft - sum(losses.values())) / put_in if put_in > 0.0 else 0.0,
+    }
+    for group in "ab":
+        volts, amperes = (sqrt(max(mean[f"{what}_square_{group}"], 0.0)) for what in ("voltage", "current"))
+        result |= {
+            f"power_{group}_w": mean[f"power_{group}"],
+            f"apparent_power_{group}_va": volts * amperes,
+            f"current_{group}_rms_a": amperes,
+            f"current_{group}_peak_a": mean[f"peak_{group}"],
+        }
     return {name: result[name] for name in UNITS}

@@ -7,12 +7,11 @@ The instruments of the dynamometer integrate inside the circuit; here the same m
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.dynamometer import UNITS
+from pyspice_runner.analysis.dynamometer import quantities_of
 from pyspice_runner.analysis.period_map import Trace
 from pyspice_runner.model import strength
 from pyspice_runner.netlist.copies import Plant, drive_voltage, phasor_at
@@ -150,42 +149,8 @@ def extrapolated(fine: Mapping[str, float], coarse: Mapping[str, float], ratio: 
 
 
 def quantities(plant: Plant, found: Mapping[str, float]) -> dict[str, float]:
-    """Return the quantities of a speed–torque curve (:data:`.dynamometer.UNITS`) from means."""
+    """Return the quantities of :data:`.dynamometer.UNITS` from means."""
     motor = plant.motor
-    radius, bearing = motor.rotor.radius_m, motor.rotor.bearing_damping_n_m_s
-    electrical, shaft = found["power_a"] + found["power_b"], found["given"]
-    losses = {
-        "dielectric_loss_w": found["dielectric_loss"],
-        "damping_loss_w": found["damping_loss"],
-        "friction_loss_w": found["work"] - shaft,
-        "normal_loss_w": found["press"],
-        "stored_power_w": found["stored"],
-    }
-    put_in = max(electrical, 0.0) + max(-shaft, 0.0)
-    torque = radius * found["friction"]
-    heat = losses["dielectric_loss_w"] + losses["damping_loss_w"]
-    result = {
-        "ceramic_strain": found["ceramic_strain"],
-        "ceramic_stress_pa": found["ceramic_stress_pa"],
-        "temperature_rise_k": strength.temperature_rise(motor, heat),
-        "torque_n_m": torque,
-        "torque_ripple_n_m": radius * sqrt(max(found["friction_square"] - found["friction"] ** 2, 0.0)),
-        "load_torque_n_m": torque - bearing * found["speed"] - dry_bearing(plant),
-        "normal_force_n": found["normal"],
-        "separated": 1.0 - found["touching"],
-        "stick": found["touching"] - found["slip"],
-        "slip": found["slip"],
-        "shaft_power_w": shaft,
-        "efficiency": shaft / electrical if electrical > 0.0 else float("nan"),
-        **losses,
-        "balance_residual": (electrical - shaft - sum(losses.values())) / put_in if put_in > 0.0 else 0.0,
-    }
-    for group in "ab":
-        volts, amperes = (sqrt(max(found[f"{what}_square_{group}"], 0.0)) for what in ("voltage", "current"))
-        result |= {
-            f"power_{group}_w": found[f"power_{group}"],
-            f"apparent_power_{group}_va": volts * amperes,
-            f"current_{group}_rms_a": amperes,
-            f"current_{group}_peak_a": found[f"peak_{group}"],
-        }
-    return {name: result[name] for name in UNITS}
+    bearing = motor.rotor.bearing_damping_n_m_s * found["speed"] + dry_bearing(plant)
+    load_torque = motor.rotor.radius_m * found["friction"] - bearing
+    return quantities_of(motor, {**found, "load_torque": load_torque})
