@@ -22,36 +22,41 @@ from pyspice_runner.display import draw_with
 if TYPE_CHECKING:
     __version__: str
 
-    from pyspice_runner.analysis.averaged import simulate_averaged
-    from pyspice_runner.analysis.branch import steady_branch
-    from pyspice_runner.analysis.controlled import simulate_controlled
-    from pyspice_runner.analysis.drive import drive_report
-    from pyspice_runner.analysis.motor_from import motor_from
-    from pyspice_runner.analysis.simulate import simulate
-    from pyspice_runner.analysis.small_signals import small_signals
-    from pyspice_runner.analysis.speed_torque import speed_torque
-    from pyspice_runner.analysis.steady import steady_state
-    from pyspice_runner.analysis.track import track
-    from pyspice_runner.analysis.working_points import working_points
-    from pyspice_runner.errors import ParameterError, SimulationError, SpectrumError
-    from pyspice_runner.export.motor import export_motor
-    from pyspice_runner.model.drive import TwoPhaseDrive, TwoToneDrive, default_drive
-    from pyspice_runner.model.load import available_motors, load_motor
-    from pyspice_runner.model.motor import Motor
-    from pyspice_runner.model.thermal import Thermal
-    from pyspice_runner.netlist.contact import Law
-    from pyspice_runner.netlist.drivers import Driver
-    from pyspice_runner.netlist.trackers import Tracker
-    from pyspice_runner.spectra.admittance import admittance
-    from pyspice_runner.spectra.compare import compare
-    from pyspice_runner.spectra.fit import fit_spectrum
-    from pyspice_runner.spectra.readers import read_spectrum
-    from pyspice_runner.spectra.spectrum import Spectrum
-    from pyspice_runner.spectra.together import fit_together
-    from pyspice_runner.spectra.twoport import fit_two_port
-    from pyspice_runner.study.plan import Tolerance
-    from pyspice_runner.study.sweep import sweep
-    from pyspice_runner.view.report import report
+    from pyspice_runner.analysis.averaged import simulate_averaged as simulate_averaged
+    from pyspice_runner.analysis.branch import steady_branch as steady_branch
+    from pyspice_runner.analysis.controlled import simulate_controlled as simulate_controlled
+    from pyspice_runner.analysis.drive import drive_report as drive_report
+    from pyspice_runner.analysis.motor_from import motor_from as motor_from
+    from pyspice_runner.analysis.simulate import simulate as simulate
+    from pyspice_runner.analysis.small_signals import small_signals as small_signals
+    from pyspice_runner.analysis.speed_torque import speed_torque as speed_torque
+    from pyspice_runner.analysis.steady import steady_state as steady_state
+    from pyspice_runner.analysis.track import track as track
+    from pyspice_runner.analysis.working_points import working_points as working_points
+    from pyspice_runner.errors import ParameterError as ParameterError
+    from pyspice_runner.errors import SimulationError as SimulationError
+    from pyspice_runner.errors import SpectrumError as SpectrumError
+    from pyspice_runner.export.motor import export_motor as export_motor
+    from pyspice_runner.model.drive import TwoPhaseDrive as TwoPhaseDrive
+    from pyspice_runner.model.drive import TwoToneDrive as TwoToneDrive
+    from pyspice_runner.model.drive import default_drive as default_drive
+    from pyspice_runner.model.load import available_motors as available_motors
+    from pyspice_runner.model.load import load_motor as load_motor
+    from pyspice_runner.model.motor import Motor as Motor
+    from pyspice_runner.model.thermal import Thermal as Thermal
+    from pyspice_runner.netlist.contact import Law as Law
+    from pyspice_runner.netlist.drivers import Driver as Driver
+    from pyspice_runner.netlist.trackers import Tracker as Tracker
+    from pyspice_runner.spectra.admittance import admittance as admittance
+    from pyspice_runner.spectra.compare import compare as compare
+    from pyspice_runner.spectra.fit import fit_spectrum as fit_spectrum
+    from pyspice_runner.spectra.readers import read_spectrum as read_spectrum
+    from pyspice_runner.spectra.spectrum import Spectrum as Spectrum
+    from pyspice_runner.spectra.together import fit_together as fit_together
+    from pyspice_runner.spectra.twoport import fit_two_port as fit_two_port
+    from pyspice_runner.study.plan import Tolerance as Tolerance
+    from pyspice_runner.study.sweep import sweep as sweep
+    from pyspice_runner.view.report import report as report
 
 _HOMES = {
     "Driver": "netlist.drivers",
@@ -91,43 +96,7 @@ _HOMES = {
     "working_points": "analysis.working_points",
 }
 
-__all__ = [
-    "Driver",
-    "Law",
-    "Motor",
-    "ParameterError",
-    "SimulationError",
-    "Spectrum",
-    "SpectrumError",
-    "Thermal",
-    "Tolerance",
-    "Tracker",
-    "TwoPhaseDrive",
-    "TwoToneDrive",
-    "admittance",
-    "available_motors",
-    "compare",
-    "default_drive",
-    "drive_report",
-    "export_motor",
-    "fit_spectrum",
-    "fit_together",
-    "fit_two_port",
-    "load_motor",
-    "motor_from",
-    "read_spectrum",
-    "report",
-    "simulate",
-    "simulate_averaged",
-    "simulate_controlled",
-    "small_signals",
-    "speed_torque",
-    "steady_branch",
-    "steady_state",
-    "sweep",
-    "track",
-    "working_points",
-]
+__all__ = list(_HOMES)
 
 
 draw_with(lambda: import_module("pyspice_runner.view.plots"))
