@@ -137,7 +137,7 @@ class _Family:
 
     @property
     def scale(self) -> float:
-        """What of the parameter counts as much as the size of the motion."""
+        """Change of the parameter that counts as much as the size of the motion."""
         return SPAN * abs(self.stop - self.start)
 
     def setup(self, value: float) -> OperatingPoint:

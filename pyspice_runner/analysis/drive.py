@@ -16,17 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.analysis.matching import Matching, check_duration, proposal
-from pyspice_runner.model.drive import Load, MatchState
+from pyspice_runner.model.drive import MatchState
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.contact import ContactLaw, law_of
+from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.drivers import RAILS, Driver, Part
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
 from pyspice_runner.run.operating_point import OperatingPoint
-from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE, Array
 from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering
@@ -276,8 +275,9 @@ def drive_report(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    solver = Solver(step, timeout=timeout, audit=audit)
-    setup = OperatingPoint(motor, driver, Load(speed, load_torque), law_of(contact), solver)
+    setup = OperatingPoint.of(
+        motor, driver, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
+    )
     check_duration(setup, duration)
     states: Sequence[MatchState] = _PROPOSED if proposals else [match] if match else []
     matching: dict[str, Matching] = {state: proposal(setup, driver, duration, state) for state in states}

@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 
 from pyspice_runner.analysis.small_signals import small_signals
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import Load, MatchState, TwoPhaseDrive, two_phases
+from pyspice_runner.model.drive import MatchState, TwoPhaseDrive, two_phases
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.contact import ContactLaw, law_of
+from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.run.operating_point import OperatingPoint
-from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.steps import MOST_POINTS
 from pyspice_runner.run.window import Window
 from pyspice_runner.spectra.admittance import admittance
@@ -151,7 +150,7 @@ def propose_matching(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    setup = OperatingPoint(motor, driver, Load(speed, load_torque), law_of(contact), Solver(timeout=timeout))
+    setup = OperatingPoint.of(motor, driver, speed=speed, load_torque=load_torque, contact=contact, timeout=timeout)
     check_duration(setup, duration)
     return proposal(setup, driver, duration, state)
 

@@ -11,24 +11,22 @@ from typing import Any
 import numpy as np
 
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
-from pyspice_runner.model.drive import Drive, Load
+from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS
-from pyspice_runner.netlist.contact import ContactLaw, law_of
+from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.drivers import Driver
-from pyspice_runner.netlist.sources import source_of
 from pyspice_runner.netlist.trackers import Tracker
 from pyspice_runner.netlist.waveforms import Burst, Waveform
 from pyspice_runner.result import Audit
 from pyspice_runner.run.accuracy import COST, TIP, Errors, estimate_errors
 from pyspice_runner.run.audit import audit_run
 from pyspice_runner.run.ceramic import ceramic
-from pyspice_runner.run.engines import Engine, is_compiled
+from pyspice_runner.run.engines import Engine, on_engine
 from pyspice_runner.run.kernel import Outcome, progress_callback
 from pyspice_runner.run.operating_point import OperatingPoint
-from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.steps import MOST_POINTS
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, EnergyBalance, Waveforms
 from pyspice_runner.run.window import Window
@@ -60,10 +58,10 @@ def simulate(
     audit: bool = True,
     engine: Engine = "spice",
 ) -> Waveforms:
-    """Run a motor from its preloaded operating point, at rest, the drive coming on at t = 0.
+    """Run a motor from rest under its preload; the drive comes on at t = 0.
 
-    Memory grows with what is recorded, not with the duration: ``signals``, ``record_from`` and ``record_every`` say
-    what. All signals at every step are needed for the energy balance and the audit, and are the default.
+    Memory grows with the recorded points, not with the duration; ``signals``, ``record_from`` and ``record_every``
+    select them. The energy balance and the audit need all signals at every step, which is the default.
 
     Args:
         motor: the motor.
@@ -87,7 +85,7 @@ def simulate(
         signals: columns to record beside the time; by default all.
         record_from: time in s from which on points are recorded: for a look at the end of a long run.
         record_every: number of steps from one recorded point to the next.
-        progress: called some times a second with the part that is done, 0 to 1, and the seconds that are left.
+        progress: called several times a second with the fraction that is done, 0 to 1, and the remaining seconds.
         timeout: wall time in s after which the run is ended.
         audit: whether a run that fails the physical audit (:mod:`.audit`) is an error. If not, ``provenance["audit"]``
             has what was found.
@@ -100,13 +98,13 @@ def simulate(
         SimulationError: if ngspice fails or its result cannot be trusted.
         Interrupted: when interrupted; ``partial`` has what was done, marked as not complete.
     """
-    law = law_of(contact)
     reason = "A motor that its losses heat has no compiled form." if thermal else ""
     reason = reason or ("A tracker needs the B-sources." if isinstance(drive, Tracker) else "")
-    setup = OperatingPoint(
-        motor, source_of(drive, motor, law), Load(speed, load_torque), law,
-        Solver(step, accuracy, exact_resonance, timeout, audit, is_compiled(engine, motor, law, reason)), thermal,
+    setup = OperatingPoint.of(
+        motor, drive, speed=speed, load_torque=load_torque, contact=contact, thermal=thermal, step=step,
+        accuracy=accuracy, exact_resonance=exact_resonance, timeout=timeout, audit=audit,
     )  # fmt: skip
+    setup = on_engine(setup, engine, reason)
     if accuracy is not None and step is None:
         setup = setup.with_step(setup.shortest_period / points_per_period(accuracy))
     _check_duration(setup, duration)
@@ -141,7 +139,7 @@ def simulate(
 
 @dataclass(frozen=True)
 class _Recorded:
-    """What of a run is recorded: which signals, from when on, every so-many-th step."""
+    """Recorded part of a run: the signals, the start in s, and every n-th step."""
 
     signals: tuple[str, ...] | None
     start: float
@@ -156,7 +154,7 @@ def _run(
     estimate: bool,
     progress: Callable[[float, float], object] | None,
 ) -> Waveforms:
-    """Run a setup and return its waveforms, audited, with an estimate of their errors if that is asked for."""
+    """Run an operating point and return its waveforms, audited, with an estimate of their errors if requested."""
     motor, signals = setup.motor, recorded.signals
     recording = setup.recording(started=recorded.start == 0.0)
     balanced = signals is None and recorded.every == 1

@@ -41,7 +41,7 @@ from pyspice_runner.model.strength import exceeded
 from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.result import Audit
-from pyspice_runner.run.engines import BEHIND_DRIVER, Engine, is_compiled, on_engine
+from pyspice_runner.run.engines import BEHIND_DRIVER, Engine, on_engine
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.paths import canonical
 from pyspice_runner.run.steps import MOST_POINTS
@@ -119,10 +119,10 @@ def speed_torque(
         tolerance: change from block to block that still counts as settled: of the normal force relative to itself, of
             the torque relative to itself plus a fiftieth of the friction torque that the normal force allows; the
             energy stored in the modes may change by four times as much. What is left of the start is at most 0.6 of it.
-        patience: number of blocks after which a point is given up as one that does not settle.
-        executor: what runs the points; by default one thread a core, each with an ngspice process of its own.
-        progress: called with the number of points that are finished and of all.
-        timeout: wall time in s after which ngspice is ended, a block.
+        patience: number of blocks after which a point counts as not settled.
+        executor: executor that runs the points; by default one thread per core, each with its own ngspice process.
+        progress: called with the number of finished points and of all points.
+        timeout: wall time in s after which ngspice is stopped, per block.
         audit: whether a point that fails the physical audit (:mod:`.audit`) is an error. If not, ``audit_passed`` is
             false there, and the attribute ``audit`` has what was found.
         engine: of the steady states, as in ``simulate``. A point that settles, and one behind a driver, runs with the
@@ -144,8 +144,7 @@ def speed_torque(
     _check(axes, drive, mode, follow)
     base = OperatingPoint.of(motor, drive, contact=law, step=step, timeout=timeout, audit=audit)
     if mode == "steady" and follow is not None:
-        is_compiled(engine, motor, law, "A branch is followed with the B-sources.")
-        return _branch(base, axes, follow)
+        return _branch(on_engine(base, engine, "A branch is followed with the B-sources."), axes, follow)
     base = on_engine(base, engine, _without_form(mode, drive))
     *further, _ = axes
     points: list[Dynamometer] = []

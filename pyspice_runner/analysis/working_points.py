@@ -84,7 +84,8 @@ def working_points(
         drive: the voltages of both groups.
         over: dotted path → values, as in :func:`speed_torque`: ``drive.frequency``, ``drive.phase_deg``,
             ``drive.ratio_b``, ``drive.voltage``, ``contact.preload_n``, ``load.speed``, ``load.torque``.
-        objective: what is to be greatest: ``"torque"``, ``"speed"``, ``"efficiency"`` or ``"power"`` at the shaft.
+        objective: quantity that the best point maximises: ``"torque"``, ``"speed"``, ``"efficiency"``, or
+            ``"power"`` at the shaft.
         limits: name of a quantity → greatest absolute value allowed, such as ``{"current_a": 0.1}``: ``voltage_v``,
             ``current_a``, ``temperature_c`` or a quantity of :func:`speed_torque`, as ``ceramic_stress_pa``.
         speed: at which the shaft is held, rad/s. Without speed and load torque it is held still for the torque, free
@@ -95,7 +96,7 @@ def working_points(
         accuracy: error of the torque, relative to the friction torque under the preload, above which the step is
             halved, twice at most.
         timeout: wall time in s after which a run of ngspice is ended.
-        progress: called with the number of points that are finished and of all.
+        progress: called with the number of finished points and of all points.
 
     Returns:
         The quantities over the axes; attribute ``best`` has the best point as JSON, also as
@@ -163,7 +164,7 @@ Index = tuple[int, ...]
 
 
 def _solved(setups: Mapping[Index, OperatingPoint], accuracy: float, progress: Progress) -> dict[Index, SteadyState]:
-    """Solve the points of a coarse grid, and then again and again those halfway between the solved ones."""
+    """Solve the points of a coarse grid, then repeatedly those halfway between solved ones."""
     found: dict[Index, SteadyState] = {}
     stride = _COARSEST
     progress(0, len(setups))

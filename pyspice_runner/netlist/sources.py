@@ -12,7 +12,6 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.model.drive import Drive, Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Contact
-from pyspice_runner.model.refusal import unit_of
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import (
     METERED,
@@ -113,18 +112,6 @@ def updated(excitation: Excitation, changes: Mapping[str, Any]) -> Excitation:
     if isinstance(excitation, Driver):
         return excitation.updated(changes)
     return type(excitation)(**{**excitation.model_dump(), **changes})
-
-
-def unit_in(path: str, motor: Motor, excitation: Excitation) -> str:
-    """Return the unit of the parameter that a dotted path names in a motor, or after ``drive.`` in an excitation."""
-    section, _, rest = path.partition(".")
-    if section == "drive" and isinstance(excitation, Driver) and "." in rest:
-        return excitation.unit(rest)
-    key = rest.rpartition(".")[2]
-    if key == "frequency_hz":
-        return "Hz"
-    owner = excitation if section == "drive" else motor.modes[0] if section == "modes" else getattr(motor, section)
-    return unit_of(type(owner), key)
 
 
 def motor_bench(

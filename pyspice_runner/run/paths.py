@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import quoted, unit_of
 from pyspice_runner.netlist.drivers import Driver
@@ -142,10 +142,7 @@ def unit_of_name(name: str) -> str:
 
 def unknown(name: str, known: Iterable[str], what: str = "parameter") -> ParameterError:
     """Return the error for an unknown name, with the nearest known one."""
-    known = list(known)
-    close = difflib.get_close_matches(name, known, n=1)
-    hint = f"Did you mean {close[0]!r}?" if close else f"There are {', '.join(known)}."
-    return ParameterError(f"There is no {what} {quoted(name)}. {hint}")
+    return ParameterError(f"There is no {what} {quoted(name)}. {did_you_mean(name, known, 'There are')}")
 
 
 def _unknown_parameter(path: str, motor: Motor, drive: Excitation, run: Mapping[str, Any]) -> ParameterError:

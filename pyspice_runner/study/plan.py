@@ -27,7 +27,7 @@ MOST_POINTS = 1_000_000
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far a parameter may lie from its nominal value.
+    """Tolerance of a parameter about its nominal value.
 
     Attributes:
         relative: half the width, as a fraction of the nominal value: 0.1 for ±10 %.
@@ -48,7 +48,7 @@ class Tolerance:
         _one_of("distribution", self.distribution, ("uniform", "normal"))
 
     def factors(self, quantiles: Array) -> Array:
-        """Return by what the nominal value is multiplied at quantiles, numbers from 0 to 1."""
+        """Return the factors of the nominal value at quantiles from 0 to 1."""
         if self.distribution == "uniform":
             return 1.0 + self.relative * (2.0 * quantiles - 1.0)
         from scipy.stats import norm

@@ -60,18 +60,18 @@ def sweep(
         drive: the drive at its nominal values.
         over: dotted path → values, which become a dimension of the result, or → :class:`Tolerance`; all tolerances
             together become the dimension ``sample``.
-        quantities: what to keep of each point: dotted names of numbers in :meth:`Waveforms.to_dict`. Or names of one's
-            own → such a name, or → a function of the point's result, which workers find by its name in its module.
+        quantities: the numbers to keep of each point: dotted names in :meth:`Waveforms.to_dict`, or a mapping from new
+            names to such names or to functions of the result. Workers import such a function by its name.
         samples: number of samples within the tolerances.
-        sampling: how they are spread: by a scrambled Sobol sequence, or a Latin hypercube.
+        sampling: ``"sobol"``, a scrambled Sobol sequence, or ``"latin-hypercube"``.
         seed: seed of the samples.
-        analysis: what is done at a point, a function of motor, drive and the settings of the run, such as
+        analysis: analysis of a point: a function of motor, drive and the settings of the run, such as
             :func:`simulate`, :func:`operating_point`, or :func:`drive_report` with a driver; its result is a mapping,
             or has a ``to_dict`` that gives one.
         store: folder of the finished points; by default in the user's cache folder.
         workers: number of processes; by default one a core.
-        executor: what runs the points instead of processes of our own, such as that of a Dask client.
-        progress: called with the number of points that are finished and of all.
+        executor: executor that runs the points instead of local processes, such as that of a Dask client.
+        progress: called with the number of finished points and of all points.
         **run: settings of the run, as :func:`simulate` takes them.
 
     Returns:
@@ -80,7 +80,7 @@ def sweep(
 
     Raises:
         ParameterError: for an invalid value.
-        KeyboardInterrupt: when interrupted; it says how many points are finished and where they are.
+        KeyboardInterrupt: when interrupted; the message gives the number of finished points and their folder.
     """
     wanted: dict[str, Quantity] = (
         dict(quantities)
