@@ -117,6 +117,16 @@ def test_files_and_tables_hold_the_same_columns(results: dict[str, Result], tmp_
         assert result.save(tmp_path / "a.nc").stat().st_size > 1000
 
 
+def test_a_motor_is_a_table_in_every_result(results: dict[str, Result]) -> None:
+    motor = pr.load_motor("andersen2002")
+    tracked = pr.track(motor, pr.Tracker("none", 50.0, 51.7e3), duration=2e-3)
+    driven = pr.drive_report(motor, pr.Driver("ideal", 50.0, 51.7e3), duration=0.5e-3, audit=False)
+    documents = [result.to_dict() for result in (*results.values(), tracked, driven)]
+    found = [document["motor"] for document in documents if "motor" in document]
+    assert found == [motor.to_dict()] * len(found)
+    assert len(found) >= 4
+
+
 def test_the_audit_of_every_result_is_at_one_place(results: dict[str, Result]) -> None:
     for result in results.values():
         assert isinstance(result.audit, Audit)

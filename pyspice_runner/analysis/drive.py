@@ -93,7 +93,7 @@ class DriveReport(Result):
     """One driver and its motor, measured over the last whole periods of a run.
 
     Attributes:
-        motor: name of the motor.
+        motor: the motor, JSON-ready.
         driver: the driver and every parameter of its parts, JSON-ready.
         run: settings of the run, JSON-ready.
         outputs: group → output of its power stage, in front of transformer and network.
@@ -121,7 +121,7 @@ class DriveReport(Result):
         ceramic: strain, stress and temperature rise of the ceramic, and ``cautions``; empty where not measured.
     """
 
-    motor: str
+    motor: dict[str, Any]
     driver: dict[str, Any]
     run: dict[str, Any]
     outputs: dict[str, Port]
@@ -228,7 +228,7 @@ class DriveReport(Result):
     def summary(self) -> dict[str, str]:
         """Return driver, powers, efficiency, speed and torque."""
         return {
-            "motor": self.motor,
+            "motor": str(self.motor["name"]),
             "driver": str(self.driver["label"]),
             "power put in": engineering(self.power_in_w, "W"),
             "power into the motor": f"{engineering(self.motor_power_w, 'W')}, {100.0 * self.driver_efficiency:.1f} %",
@@ -295,7 +295,7 @@ def drive_report(
     torque = motor.rotor.radius_m * samples.get("v(xmotor.friction)", np.zeros_like(samples["time"]))
     currents = measured.supply_currents()
     report = DriveReport(
-        motor=motor.name,
+        motor=motor.to_dict(),
         driver=driver.to_dict(),
         run={
             "duration_s": duration,

@@ -71,7 +71,7 @@ def loop_design(
     """
     if signals is not None:
         frequency = signals.modulation_hz
-        stator = -signals.transfer("motional_phase_a", "frequency") / (2.0 * pi)
+        stator = -signals.transfer("motional_phase_a_rad", "frequency") / (2.0 * pi)
         impedance = np.array([loop_filter.impedance(2j * pi * at) for at in frequency.tolist()])
         return _crossing(tracker, loop_filter, frequency,
                          tracker.pump_current_a * tracker.gain_hz_per_v * impedance * stator)  # fmt: skip

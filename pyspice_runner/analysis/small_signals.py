@@ -39,10 +39,11 @@ from pyspice_runner.run.operating_point import OperatingPoint
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-INPUTS = {"amplitude": "V", "phase": "rad", "frequency": "Hz", "load_torque": "N·m"}
+INPUTS = {"amplitude": "V", "phase_rad": "rad", "frequency": "Hz", "load_torque": "N·m"}
 OUTPUTS = {
-    "speed": "rad/s", "torque": "N·m", "current_amplitude_a": "A", "current_amplitude_b": "A", "current_phase_a": "rad",
-    "current_phase_b": "rad", "motional_phase_a": "rad", "motional_phase_b": "rad",
+    "speed": "rad/s", "torque": "N·m", "current_amplitude_a": "A", "current_amplitude_b": "A",
+    "current_phase_a_rad": "rad", "current_phase_b_rad": "rad", "motional_phase_a_rad": "rad",
+    "motional_phase_b_rad": "rad",
 }  # fmt: skip
 # Both are large enough that a change of contact moves over whole steps, and are taken with both signs, so that the
 # curvature drops out. On a motor that slips, the transfer functions are then within 2 % of those of finite modulation.
@@ -54,11 +55,32 @@ HIGHEST = 0.45  # of the drive's frequency
 _SIGNALS = ("speed", "friction", "current_a", "current_b", "motional_a", "motional_b")
 
 
-class Transfers(Result):
-    """Transfer functions over a modulation frequency: what small signals of the full and the averaged motor share."""
+@dataclass(frozen=True, repr=False)
+class SmallSignals(Result):
+    """Transfer functions of a running motor, and the admittance that its groups have for a small additional voltage.
 
+    The phases of currents are those against the voltage of the same group; phases of motional currents, which the
+    clamped capacitance does not take, likewise.
+
+    Attributes:
+        state: the steady state.
+        modulation_hz: frequencies of the modulation, Hz.
+        transfers: (output, input) → complex transfer function, in SI units; a load torque is an input of a free shaft
+            only. Inputs are ``amplitude`` (of group A; that of B in proportion), ``phase_rad`` (of group B),
+            ``frequency`` and ``load_torque``.
+        probe_hz: frequencies of an additional small voltage, the drive's less and plus those of the modulation.
+        hot_admittance_s: admittance matrix of the running motor for it, shape (frequencies, 2, 2).
+        cold_admittance_s: that of the stator at rest and free, beside it.
+        image_admittance_s: current at twice the drive's frequency less that of the voltage, over the conjugate voltage.
+    """
+
+    state: SteadyState
     modulation_hz: Array
     transfers: dict[tuple[str, str], Complex]
+    probe_hz: Array
+    hot_admittance_s: Complex
+    cold_admittance_s: Complex
+    image_admittance_s: Complex = field(repr=False)
 
     def transfer(self, output: str, of: str) -> Complex:
         """Return the transfer function from an input to an output, over :attr:`modulation_hz`.
@@ -79,34 +101,6 @@ class Transfers(Result):
         for (output, of), values in self.transfers.items():
             found |= {f"{output}_per_{of}_re": values.real, f"{output}_per_{of}_im": values.imag}
         return found
-
-
-@dataclass(frozen=True, repr=False)
-class SmallSignals(Transfers):
-    """Transfer functions of a running motor, and the admittance that its groups have for a small additional voltage.
-
-    The phases of currents are those against the voltage of the same group; phases of motional currents, which the
-    clamped capacitance does not take, likewise.
-
-    Attributes:
-        state: the steady state.
-        modulation_hz: frequencies of the modulation, Hz.
-        transfers: (output, input) → complex transfer function, in SI units; a load torque is an input of a free shaft
-            only. Inputs are ``amplitude`` (of group A; that of B in proportion), ``phase`` (of group B), ``frequency``
-            and ``load_torque``.
-        probe_hz: frequencies of an additional small voltage, the drive's less and plus those of the modulation.
-        hot_admittance_s: admittance matrix of the running motor for it, shape (frequencies, 2, 2).
-        cold_admittance_s: that of the stator at rest and free, beside it.
-        image_admittance_s: current at twice the drive's frequency less that of the voltage, over the conjugate voltage.
-    """
-
-    state: SteadyState
-    modulation_hz: Array
-    transfers: dict[tuple[str, str], Complex]
-    probe_hz: Array
-    hot_admittance_s: Complex
-    cold_admittance_s: Complex
-    image_admittance_s: Complex = field(repr=False)
 
     def to_dict(self) -> dict[str, Any]:
         """Return frequencies, transfer functions, admittances and the steady state, JSON-ready."""
@@ -369,7 +363,7 @@ class _Linear:
 
         found = {
             "amplitude": grown("a") + grown("b"),
-            "phase": turned("b"),
+            "phase_rad": turned("b"),
             "frequency": turned("a") + turned("b"),
         }
         return found if shaft is None else found | {"load_torque": shaft * -1.0}
@@ -405,14 +399,14 @@ def _outputs(response: _Response, carriers: Mapping[str, complex], of: str, plan
         "speed": response.at("speed", 0),
         "torque": plant.motor.rotor.radius_m * response.at("friction", 0),
     }
-    for kind, words in (("current", "current"), ("motional", "motional")):
+    for kind in ("current", "motional"):
         for group in "ab":
             name, carrier = f"{kind}_{group}", carriers[f"{kind}_{group}"]
             above, below = response.at(name, 1), response.at(name, -1)
             if kind == "current":
                 found[f"current_amplitude_{group}"] = (above * carrier.conjugate() + below * carrier) / abs(carrier)
-            own = {"phase": float(group == "b"), "frequency": 1.0}.get(of, 0.0)
-            found[f"{words}_phase_{group}"] = -1j * above / carrier + 1j * below / carrier.conjugate() - own
+            own = {"phase_rad": float(group == "b"), "frequency": 1.0}.get(of, 0.0)
+            found[f"{kind}_phase_{group}_rad"] = -1j * above / carrier + 1j * below / carrier.conjugate() - own
     return {name: found[name] for name in OUTPUTS}
 
 

@@ -138,7 +138,7 @@ class Tracking(Result):
     def summary(self) -> dict[str, str]:
         """Return lock, phase error, and the speeds before and after the disturbance."""
         rows = {
-            "motor": str(self.settings["motor"]),
+            "motor": str(self.settings["motor"]["name"]),
             "tracker": str(self.settings["tracker"]["kind"]),
             "disturbance": str(self.settings["disturbance"]["kind"]),
             "locked": "yes" if self.locked else "no",
@@ -266,7 +266,7 @@ def judged(run: TrackedRun, periods: Periods, outcome: Outcome, loop: LoopDesign
         lag=run.lag,
         loop=loop,
         settings={
-            "motor": setup.motor.name,
+            "motor": setup.motor.to_dict(),
             "tracker": tracker.model_dump(),
             "disturbance": disturbance.to_dict() | {"begin_s": begin if disturbed else None},
             "driver": run.source.driver.to_dict() if run.source.driver else None,

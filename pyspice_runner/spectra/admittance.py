@@ -108,7 +108,7 @@ class Admittance(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return state, operating point and resonances, JSON-ready."""
         return {
-            "motor": self.motor["name"],
+            "motor": self.motor,
             "state": self.state,
             "points": len(self.frequency_hz),
             "start_hz": float(self.frequency_hz[0]),

@@ -147,7 +147,7 @@ def tracking(result: Tracking) -> Sheet:
         if label.unit == "degrees":
             ax.set_ylim(-95.0, 95.0)
 
-    title = f"{result.settings['motor']}: {result.settings['disturbance']['kind']}"
+    title = f"{result.settings['motor']['name']}: {result.settings['disturbance']['kind']}"
     return Sheet({name: partial(draw_curve, *curve) for name, curve in curves.items()}, 1, (8.0, 2.7), title)
 
 
@@ -159,7 +159,7 @@ def drive_report(report: DriveReport) -> Sheet:
         "spectrum": partial(_harmonics, report),
         "powers": partial(_powers, report),
     }
-    return Sheet(panels, 1, (6.5, 3.0), report.motor)
+    return Sheet(panels, 1, (6.5, 3.0), report.motor["name"])
 
 
 def _ports(report: DriveReport, unit: str, label: Label, title: str, ax: Axes) -> None:

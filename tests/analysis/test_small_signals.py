@@ -33,7 +33,7 @@ MOTOR = pr.load_motor("andersen2002-unintended-mode")
 DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0)
 LOAD = 5e-3  # N·m
 PERIODS = (10, 60, 300)  # of the drive in one of the modulation: 4600, 767 and 153 Hz
-STRENGTH = {"amplitude": 0.5, "phase": 1e-2, "load_torque": 2e-4}  # 0.5 V, 10 mrad, 0.2 mN·m
+STRENGTH = {"amplitude": 0.5, "phase_rad": 1e-2, "load_torque": 2e-4}  # 0.5 V, 10 mrad, 0.2 mN·m
 
 
 @cache
@@ -59,9 +59,9 @@ def side_bands(of: str, at: float, sign: float) -> tuple[Probe, ...]:
         if of == "amplitude":  # m cos(ωt) sin(Ωt + φ) = m/2 [sin((Ω+ω)t + φ) + sin((Ω−ω)t + φ)]
             half = 0.5 * ratio * size
             bands = ((half, at, phase), (half, -at, phase))
-        elif of == "phase" and group == "a":
+        elif of == "phase_rad" and group == "a":
             continue
-        elif of == "phase":  # ψ cos(ωt) cos(Ωt + φ)
+        elif of == "phase_rad":  # ψ cos(ωt) cos(Ωt + φ)
             half = 0.5 * ratio * DRIVE.voltage * size
             bands = ((half, at, phase + 0.5 * pi), (half, -at, phase + 0.5 * pi))
         else:  # the phase is (δf/f_m) sin(ωt): ψ sin(ωt) cos(Ωt + φ) = ψ/2 [sin((Ω+ω)t + φ) − sin((Ω−ω)t + φ)]
@@ -126,7 +126,7 @@ def modulated(of: str, numbers: Sequence[int], rest: int, window: int) -> dict[t
             couplings = np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in MOTOR.modes])
             carrier = component(couplings @ mean[2:], DRIVE.frequency)
             above, below = (component(couplings @ change[2:], DRIVE.frequency + side) for side in (at, -at))
-            result[f"motional_phase_{group}", number] = -1j * (above / carrier - (below / carrier).conjugate())
+            result[f"motional_phase_{group}_rad", number] = -1j * (above / carrier - (below / carrier).conjugate())
             # the copies have no clamped capacitances, whose currents the known voltages determine
             first, second = (voltage(group, copy) for copy in copies)
             clamped = [
@@ -138,7 +138,7 @@ def modulated(of: str, numbers: Sequence[int], rest: int, window: int) -> dict[t
                 )
             ]
             carrier, above, below = (one + two for one, two in zip((carrier, above, below), clamped, strict=True))
-            result[f"current_phase_{group}", number] = -1j * (above / carrier - (below / carrier).conjugate())
+            result[f"current_phase_{group}_rad", number] = -1j * (above / carrier - (below / carrier).conjugate())
             grown = above * carrier.conjugate() + below.conjugate() * carrier
             result[f"current_amplitude_{group}", number] = grown / abs(carrier)
     return {(name, number): value / strength(of, frequencies[number]) for (name, number), value in result.items()}
@@ -149,7 +149,7 @@ def compare(of: str, numbers: Sequence[int], rest: int, window: int) -> None:
         place = int(np.argmin(np.abs(signals().modulation_hz - DRIVE.frequency / number)))
         ours = complex(signals().transfer(output, of)[place])
         if "_phase_" in output:  # the transient shows it against the drive without modulation
-            ours += {"phase": float(output[-1] == "b"), "frequency": number / (1j * DRIVE.frequency)}.get(of, 0.0)
+            ours += {"phase_rad": float("_b_" in output), "frequency": number / (1j * DRIVE.frequency)}.get(of, 0.0)
         assert abs(ours - value) < 0.02 * abs(value), (of, number, output, ours, value)  # required
 
 
@@ -177,7 +177,7 @@ def test_slow_modulation_follows_the_steady_states() -> None:
     inertia = 2j * pi * 0.5 * MOTOR.rotor.inertia_kg_m2
     assert torque - (bearing + inertia) * speed == pytest.approx(1.0, rel=1e-3)
     # the phase of both groups changes nothing, so that the slow response to a frequency does not grow with its integral
-    for output in ("speed", "current_phase_a"):
+    for output in ("speed", "current_phase_a_rad"):
         near, far = slow.transfer(output, "frequency")
         assert near == pytest.approx(far, rel=0.02)
 
@@ -235,5 +235,5 @@ def test_the_command_prints_transfers_and_admittances(capsys: pytest.CaptureFixt
     document = json.loads(capsys.readouterr().out)
     assert np.shape(document["hot_admittance_s"]) == (2, 2, 2, 2)
     assert np.shape(document["transfers"]["torque_per_amplitude"]) == (1, 2)
-    assert document["units"]["speed_per_phase"] == "rad/s/rad"
+    assert document["units"]["speed_per_phase_rad"] == "rad/s/rad"
     assert (tmp_path / "bode.png").stat().st_size > 10_000
