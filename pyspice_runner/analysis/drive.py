@@ -244,8 +244,8 @@ class DriveReport(Result):
 def drive_report(
     motor: Motor,
     driver: Driver,
-    *,
     duration: float = 3e-3,
+    *,
     contact: ContactLaw | None = "spring-slider",
     speed: float | None = None,
     load_torque: float = 0.0,

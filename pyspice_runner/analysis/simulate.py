@@ -41,8 +41,8 @@ _FEWEST_KEPT = 10  # points of an interrupted run; fewer show nothing
 def simulate(
     motor: Motor,
     drive: Drive | Driver | Tracker | Waveform | Burst,
-    *,
     duration: float,
+    *,
     contact: ContactLaw | None = "spring-slider",
     speed: float | None = None,
     load_torque: float = 0.0,

@@ -43,12 +43,12 @@ LONGEST_STEPS = 50  # least number of steps of an averaged run
 def track(
     motor: Motor,
     tracker: Tracker,
+    duration: float | None = None,
     *,
     disturb: DisturbanceKind = "start",
     mode: int | None = None,
     contact: ContactLaw | None = "spring-slider",
     begin: float | None = None,
-    duration: float | None = None,
     load_torque: float | None = None,
     preload_change: float = 0.3,
     drift: float = -0.02,

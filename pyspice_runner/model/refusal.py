@@ -236,6 +236,8 @@ def _complaint(function: Callable[..., Any], error: ValidationError) -> str:
     if first["type"] == "unexpected_keyword_argument":
         if name == "sliders" and "contact" in names:
             return f"{where}: there is no argument 'sliders'. Write contact=Law(\"brush\", {quoted(first['input'])})."
+        if name == "averaged":
+            return f"{where}: there is no argument 'averaged'. The averaged motor runs in simulate_averaged."
         hint = did_you_mean(name, [known for known in names if known != "self"], "The arguments are")
         return f"{where}: there is no argument {quoted(name)}. {hint}"
     if first["type"].startswith("missing"):

@@ -60,8 +60,8 @@ class Report(Contents):
 def report(
     motor: Motor,
     drive: Drive,
-    *,
     duration: float = 10e-3,
+    *,
     speeds: SkipValidation[ArrayLike | None] = None,
     levels: Sequence[float] = LEVELS,
     measured: Spectrum | None = None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from datetime import date
+from inspect import signature
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -271,6 +272,20 @@ def test_a_typo_in_an_argument_of_a_public_function_names_the_function_and_the_a
 def test_a_method_does_not_name_self_among_its_arguments() -> None:
     with pytest.raises(ParameterError, match=r"updated: there is no argument 'x'. The arguments are changes\.$"):
         pr.load_motor("andersen2002").updated(x=1)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize(
+    "name", ["simulate", "simulate_averaged", "simulate_controlled", "track", "drive_report", "report"]
+)
+def test_the_duration_is_positional_and_has_a_name(name: str) -> None:
+    parameter = signature(getattr(pr, name)).parameters["duration"]
+    assert parameter.kind is parameter.POSITIONAL_OR_KEYWORD
+
+
+def test_simulate_points_to_the_averaged_motor() -> None:
+    motor, drive = pr.load_motor("andersen2002"), pr.TwoPhaseDrive(50.0, 51.7e3)
+    with pytest.raises(ParameterError, match="The averaged motor runs in simulate_averaged"):
+        pr.simulate(motor, drive, 1e-3, averaged=True)  # type: ignore[call-arg]
 
 
 def test_a_motor_without_named_parameters_points_to_load_motor() -> None:
