@@ -31,6 +31,7 @@ from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import SUBCIRCUIT, default_two_phase, require_averaged
 from pyspice_runner.netlist.expressions import HELPERS, equations, translated
 from pyspice_runner.netlist.library import check_name, data_path, read_library
+from pyspice_runner.netlist.motor import mode_values, rounded, spring_values
 
 C_FILES = ("piezomotor_averaged.c", "piezomotor_fmi2.c")  # what a compiler is given
 _HEADER, _START, _PHASE = "piezomotor_averaged.h", "piezomotor_start.h", "piezomotor_phase.h"
@@ -110,7 +111,6 @@ def _values(motor: Motor, thermal: Thermal | None) -> dict[str, float]:
     """Return the start values of inputs and parameters; the inputs are those of the recommended drive."""
     drive, contact = default_two_phase(motor), motor.contact
     body = thermal or Thermal.of(motor)
-    mount = motor.mount
     values = {
         "amplitude_a": drive.voltage, "amplitude_b": drive.voltage_b, "phase": drive.phase_deg,
         "frequency": drive.frequency, "load_torque": 0.0, "ambient_temperature": body.ambient_k,
@@ -124,17 +124,12 @@ def _values(motor: Motor, thermal: Thermal | None) -> dict[str, float]:
         "coupling_drift": thermal.coupling_drift_per_k if thermal else 0.0,
         "capacitance_drift": thermal.capacitance_drift_per_k if thermal else 0.0,
         "heat_capacity": body.heat_capacity_j_per_k, "thermal_resistance": body.thermal_resistance_k_per_w,
-        "mount_stiffness": mount.stiffness_n_per_m if mount else 1.0,
-        "mount_mass": mount.mass_kg if mount else 1.0, "mount_damping": mount.damping_n_s_per_m if mount else 1.0,
     }  # fmt: skip
+    carrier = spring_values(motor.mount) if motor.mount else dict.fromkeys(("mass", "damping", "stiffness"), 1.0)
+    values |= {f"mount_{name}": value for name, value in carrier.items()}
     for number, mode in enumerate(motor.modes, start=1):
-        of_mode = {
-            "mass": mode.mass_kg, "damping": mode.damping_n_s_per_m, "stiffness": mode.stiffness_n_per_m,
-            "coupling_a": mode.coupling_a_n_per_v, "coupling_b": mode.coupling_b_n_per_v, "tip_x": mode.tip_x,
-            "tip_y": mode.tip_y,
-        }  # fmt: skip
-        values |= {f"mode[{number}].{name}": value for name, value in of_mode.items()}
-    return {name: float(f"{value:.10g}") for name, value in values.items()}
+        values |= {f"mode[{number}].{name}": value for name, value in mode_values(mode).items()}
+    return {name: rounded(value) for name, value in values.items()}
 
 
 def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None) -> dict[str, str]:

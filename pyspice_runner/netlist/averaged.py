@@ -30,7 +30,10 @@ from pyspice_runner.netlist.motor import (
     MOUNTED,
     REVISION,
     Assembly,
+    mode_values,
     require_linear,
+    rounded,
+    spring_values,
 )
 from pyspice_runner.netlist.sources import FREE, Bench
 
@@ -210,7 +213,7 @@ class AveragedSubCircuit(Assembly):
             "bearing": motor.rotor.bearing_damping_n_m_s, "radius": motor.rotor.radius_m,
         }  # fmt: skip
         #: parameters of the X line, with their defaults
-        self.settable = {key: float(f"{value:.10g}") for key, value in values.items()}
+        self.settable = {key: rounded(value) for key, value in values.items()}
         super().__init__(name, *PINS, **{key: repr(value) for key, value in self.settable.items()})
         self._add_groups(motor, thermal)
         drift = {
@@ -218,20 +221,18 @@ class AveragedSubCircuit(Assembly):
             "coupling_drift": thermal.coupling_drift_per_k if thermal else 0.0,
         }
         for index, mode in enumerate(motor.modes, start=1):
-            tip = {"tip_x": mode.tip_x, "tip_y": mode.tip_y}
-            arm = {"mass": mode.mass_kg, "damping": mode.damping_n_s_per_m, "stiffness": mode.stiffness_n_per_m, **tip}
-            bending = {"stiffness": mode.stiffness_n_per_m, **tip}
+            values = mode_values(mode)
+            bending, arm = (
+                {name: value for name, value in values.items() if not name.startswith(left_out)}
+                for left_out in (("mass", "damping", "coupling"), "coupling")
+            )
             self._put(f"bending{index}", f"{SUBCIRCUIT}_bending", ("fx_0", "fy_0", "x_0", "y_0"), bending, ["preload"])
             for order in range(1, harmonics + 1):
                 groups = ("a_re", "a_im", "b_re", "b_im") if order == 1 else (self.gnd,) * 4
                 forces = [f"{axis}_{part}{order}" for axis in ("fx", "fy") for part in ("re", "im")]
                 moves = [f"{axis}_{part}{order}" for axis in "xy" for part in ("re", "im")]
-                couplings = {"coupling_a": mode.coupling_a_n_per_v, "coupling_b": mode.coupling_b_n_per_v}
                 nodes = (*groups, *forces, *moves, "frequency", "temperature", "heat")
-                self._put(
-                    f"mode{index}_{order}", f"{SUBCIRCUIT}_mode", nodes,
-                    {**arm, **drift, **couplings, "harmonic": order},
-                )  # fmt: skip
+                self._put(f"mode{index}_{order}", f"{SUBCIRCUIT}_mode", nodes, values | drift | {"harmonic": order})
             for order in range(harmonics + 1, harmonics + CHECKED_HARMONICS + 1):
                 forces = [f"{axis}_{part}{order}" for axis in ("fx", "fy") for part in ("re", "im")]
                 moves = [f"left_{axis}_{part}{order}" for axis in "xy" for part in ("re", "im")]
@@ -262,12 +263,8 @@ class AveragedSubCircuit(Assembly):
             nodes[0] = CROWN
         if motor.mount:  # the carrier follows the mean force; its inertia keeps it at rest at the drive frequency
             self.VCVS("carrier", "fy_carrier", self.gnd, "fy_0", self.gnd, voltage_gain=1)
-            carrier = {
-                "stiffness": motor.mount.stiffness_n_per_m, "mass": motor.mount.mass_kg,
-                "damping": motor.mount.damping_n_s_per_m,
-            }  # fmt: skip
             pins = ("fy_carrier", "y_0", self.gnd, *MOUNTED.values())
-            self._put("mount", "piezomotor_mount", pins, carrier, ["preload"])
+            self._put("mount", "piezomotor_mount", pins, spring_values(motor.mount), ["preload"])
             nodes[nodes.index("y_0")] = MOUNTED["y"]
         values: dict[str, float | str] = {
             "compliance": contact_law.total_compliance(contact), "mu": "{friction}",

@@ -18,7 +18,7 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.dielectric import Branch, lossy_capacitance
 from pyspice_runner.model.drive import Drive, default_drive
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.parameters import Mode
+from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import (
@@ -203,13 +203,8 @@ class MotorSubCircuit(Assembly):
     def _add_modes(self, warm: tuple[str, ...], preload: float) -> None:
         """Add the modes and the resistors that sum their motion and heat."""
         for index, mode in enumerate(self._motor.modes, start=1):
-            mass, stiffness = written(mode, self._discretisation)
             part, more = _mode_part(self._motor, mode, self._thermal)
-            values = {
-                "mass": mass, "damping": mode.damping_n_s_per_m, "stiffness": stiffness,
-                "coupling_a": mode.coupling_a_n_per_v, "coupling_b": mode.coupling_b_n_per_v,
-                "tip_x": mode.tip_x, "tip_y": mode.tip_y, "preload": preload,
-            }  # fmt: skip
+            values = mode_values(mode, self._discretisation) | {"preload": preload}
             nodes = ("a", "b", "com", "fx", "fy", "x", "y", "vx", "vy", f"xmode{index}.elastic", *warm)
             self._put(f"mode{index}", part, nodes, values | more, ["preload"] if preload else [])
         for node in ("x", "y", "vx", "vy", *(("heat",) if warm else ())):
@@ -221,14 +216,14 @@ class MotorSubCircuit(Assembly):
         """Add the crown of the rotor, in m per N of preload from the tip at rest; return the contact's node for x."""
         if not sway:
             return {}
-        self.V("sway", "x", CROWN, f"DC {{{_digits(1e6 * sway)!r}*preload}}")
+        self.V("sway", "x", CROWN, f"DC {{{rounded(1e6 * sway)!r}*preload}}")
         return {"x": CROWN}
 
     def _add_stem(self, compliance: float, y: str) -> dict[str, str]:
         """Add the compliance in series with the contact, in m/N, which the contact force compresses."""
         if not compliance:
             return {}
-        self.VCVS("stem", "stem_y", y, "normal", self.gnd, voltage_gain=_digits(-1e6 * compliance))
+        self.VCVS("stem", "stem_y", y, "normal", self.gnd, voltage_gain=rounded(-1e6 * compliance))
         return {"y": "stem_y"}
 
     def _add_dry_bearing(self) -> None:
@@ -247,10 +242,10 @@ class MotorSubCircuit(Assembly):
                 return {}
             self.VCVS("approach", "pressed", "y", "approach", self.gnd, voltage_gain=1)
             return {"y": "pressed"}
-        mass, stiffness = written(mount, self._discretisation)
+        values = spring_values(mount, self._discretisation)
         if approach:  # the far end of the springs moves
-            self.VCVS("approach", "pressed", "fy", "approach", self.gnd, voltage_gain=_digits(1e-6 * stiffness))
-        values = {"stiffness": stiffness, "mass": mass, "damping": mount.damping_n_s_per_m}
+            gain = rounded(1e-6 * values["stiffness"])
+            self.VCVS("approach", "pressed", "fy", "approach", self.gnd, voltage_gain=gain)
         nodes = ("pressed" if approach else "fy", "y", "vy", *MOUNTED.values())
         self._put("mount", "piezomotor_mount", nodes, values, ["preload"])
         return MOUNTED
@@ -260,7 +255,7 @@ def _expressions(law: Library, values: Mapping[str, float], flexibility: float) 
     """Return a law's parameters that depend on the X line, as expressions; ``flexibility`` of the stator in m/N."""
     outer = {inner: name for name, inner in _OF_CONTACT.items()}
     written = {name: f"{{{outer.get(name, name)}}}" for name in _settable_names(law)}
-    written["deflection"] = f"{{{_digits(1e6 * flexibility)!r}*preload}}"
+    written["deflection"] = f"{{{rounded(1e6 * flexibility)!r}*preload}}"
     if "span" in values:
         written["span"] = f"{{{1e6 * REACH!r}*(preload/normal_stiffness)**(2/3)}}"
     return written
@@ -279,16 +274,30 @@ def _settable(law: Library | None, values: Mapping[str, float]) -> list[LibraryP
     names = {outer: inner for outer, inner in _OF_CONTACT.items() if inner in declared}
     names |= {name: name for name in _settable_names(law) if name not in _OF_CONTACT.values()}
     return [
-        replace(declared[inner], name=outer, default=_digits(values.get(inner, declared[inner].default)))
+        replace(declared[inner], name=outer, default=rounded(values.get(inner, declared[inner].default)))
         for outer, inner in names.items()
     ]
 
 
 def _settable_rotor(rotor: Library, values: Mapping[str, float]) -> list[LibraryParameter]:
-    return [replace(item, default=_digits(values[item.name])) for item in rotor.parameters if item.name in _OF_ROTOR]
+    return [replace(item, default=rounded(values[item.name])) for item in rotor.parameters if item.name in _OF_ROTOR]
 
 
-def _digits(value: float) -> float:
+def spring_values(part: Mode | Mount, discretisation: Discretisation | None = None) -> dict[str, float]:
+    """Return mass, damping and stiffness of a mode or a carrier as parameters of its subcircuit."""
+    mass, stiffness = written(part, discretisation)
+    return {"mass": mass, "damping": part.damping_n_s_per_m, "stiffness": stiffness}
+
+
+def mode_values(mode: Mode, discretisation: Discretisation | None = None) -> dict[str, float]:
+    """Return a linear mode as parameters of its subcircuit."""
+    return {
+        **spring_values(mode, discretisation), "coupling_a": mode.coupling_a_n_per_v,
+        "coupling_b": mode.coupling_b_n_per_v, "tip_x": mode.tip_x, "tip_y": mode.tip_y,
+    }  # fmt: skip
+
+
+def rounded(value: float) -> float:
     """Round to ten digits, because the last digits of an eigenvalue depend on the computer."""
     return float(f"{value:.10g}")
 
@@ -522,5 +531,5 @@ def instantiate(
     """
     library = part if isinstance(part, Library) else read_library(part)
     check_parameters(library.name, library.parameters, values)
-    rounded = {name: value if isinstance(value, str) else _digits(value) for name, value in values.items()}
-    parent.X(instance, library.name, *nodes, **rounded)
+    texts = {name: value if isinstance(value, str) else rounded(value) for name, value in values.items()}
+    parent.X(instance, library.name, *nodes, **texts)

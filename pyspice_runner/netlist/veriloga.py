@@ -12,12 +12,11 @@ from collections.abc import Mapping
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import LIBRARIES, ContactLaw, Law, contact_library, contact_values, touching_law
 from pyspice_runner.netlist.expressions import HELPERS, equations, translated
 from pyspice_runner.netlist.library import LibraryParameter, check_name, data_path, read_library
-from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, coarsest_step
+from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, coarsest_step, mode_values, rounded, spring_values
 from pyspice_runner.netlist.state import Discretisation
 
 WRITTEN = ("spring-slider", "coulomb", "brush")  # the laws that have a Verilog-A form
@@ -165,25 +164,20 @@ def module_values(
     )  # fmt: skip
     touching = {_OF_CONTACT.get(name, name): value for name, value in constants.items() if name != "deflection"}
     values: dict[str, float | int] = {
-        **{name: _digits(value) for name, value in touching.items()},
-        "normal_damping": _digits(touching.get("normal_damping", 0.0)),
+        **{name: rounded(value) for name, value in touching.items()},
+        "normal_damping": rounded(touching.get("normal_damping", 0.0)),
         "series_compliance": motor.contact.series_compliance_m_per_n,
         "inertia": motor.rotor.inertia_kg_m2,
         "bearing": motor.rotor.bearing_damping_n_m_s,
         "bearing_torque": motor.rotor.bearing_friction_n_m,
         "bearing_angle": motor.rotor.bearing_presliding_rad,
         "mounted": int(motor.mount is not None),
-        "capacitance_a": _digits(motor.piezo.capacitance_a_f),
-        "capacitance_b": _digits(motor.piezo.capacitance_b_f),
+        "capacitance_a": rounded(motor.piezo.capacitance_a_f),
+        "capacitance_b": rounded(motor.piezo.capacitance_b_f),
         "loss": max(motor.piezo.loss_tangent, SMALLEST_LOSS),
     }
     if motor.mount is not None:
-        mass, stiffness = _written(motor.mount, discretisation)
-        values |= {
-            "mount_stiffness": stiffness,
-            "mount_mass": mass,
-            "mount_damping": motor.mount.damping_n_s_per_m,
-        }
+        values |= {f"mount_{name}": value for name, value in spring_values(motor.mount, discretisation).items()}
     if thermal is not None:
         values |= {
             "drift_f": thermal.frequency_drift_per_k,
@@ -191,27 +185,9 @@ def module_values(
             "drift_c": thermal.capacitance_drift_per_k,
         }
     for number, mode in enumerate(motor.modes, start=1):
-        mass, stiffness = _written(mode, discretisation)
         of_mode = {
-            "mass": mass,
-            "damping": mode.damping_n_s_per_m,
-            "stiffness": stiffness,
-            "coupling_a": mode.coupling_a_n_per_v,
-            "coupling_b": mode.coupling_b_n_per_v,
-            "tip_x": mode.tip_x,
-            "tip_y": mode.tip_y,
-            "softening": mode.softening_per_m2,
+            **mode_values(mode, discretisation), "softening": mode.softening_per_m2,
             "growth": mode.damping_growth_per_m2,
-        }
-        values |= {f"{parameter}_{number}": _digits(value) for parameter, value in of_mode.items()}
+        }  # fmt: skip
+        values |= {f"{parameter}_{number}": rounded(value) for parameter, value in of_mode.items()}
     return values
-
-
-def _written(mode: Mode | Mount, discretisation: Discretisation | None) -> tuple[float, float]:
-    """Return mass (kg) and stiffness (N/m) to write for a mode or a carrier."""
-    return discretisation.mode(mode) if discretisation else (mode.mass_kg, mode.stiffness_n_per_m)
-
-
-def _digits(value: float) -> float:
-    """Round to ten digits, because the last digits of an eigenvalue depend on the computer."""
-    return float(f"{value:.10g}")
