@@ -97,11 +97,11 @@ def run(arguments: list[str]) -> int:
         with raised() as came:
             status = _invoked(arguments)
             sys.stdout.flush()
-    except (pr.ParameterError, pr.SpectrumError) as error:
+    except (pr.ParameterError, pr.SpectrumError, pr.SimulationError) as error:
         complain(f"piezomotor: {error}")
-        return 2
-    except pr.SimulationError as error:
-        complain(f"piezomotor: {error}")
+        return 3 if isinstance(error, pr.SimulationError) else 2
+    except MemoryError:
+        complain(f"piezomotor: {OUT_OF_MEMORY}")
         return 3
     except (BrokenPipeError, SystemExit):  # the reader of the pipe has ended; for --help rich raises SystemExit then
         silence(sys.stdout)
@@ -110,9 +110,6 @@ def run(arguments: list[str]) -> int:
         done = f"{' and '.join(written)} {'are' if len(written) > 1 else 'is'} complete" if written else ""
         complain(f"piezomotor: interrupted; {done or 'nothing was written'}.")
         return _status_of(came)
-    except MemoryError:
-        complain(f"piezomotor: {OUT_OF_MEMORY}")
-        return 3
     except OSError as error:
         complain(f"piezomotor: {_told(error)}")
         silence(sys.stdout)

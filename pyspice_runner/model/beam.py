@@ -197,29 +197,21 @@ def resonator_modes(
             "at least one of them must be positive."
         )
     resonator = solve_resonator(beam, patches, tip, count=count, shapes=shapes)
+    coupling_a, coupling_b = resonator.couplings_n_per_v
+    columns = {
+        "mass_kg": resonator.masses_kg, "stiffness_n_per_m": resonator.stiffnesses_n_per_m,
+        "coupling_a_n_per_v": coupling_a, "coupling_b_n_per_v": coupling_b,
+        "tip_x": resonator.tip_x, "tip_y": resonator.tip_y,
+    }  # fmt: skip
+    modes = [{name: float(column[index]) for name, column in columns.items()} for index in range(count)]
     try:
         return tuple(
             Mode(
                 name=f"bending-{number}",
-                mass_kg=float(mass),
-                damping_n_s_per_m=damping.modal(float(mass), float(stiffness)),
-                stiffness_n_per_m=float(stiffness),
-                coupling_a_n_per_v=float(coupling_a),
-                coupling_b_n_per_v=float(coupling_b),
-                tip_x=float(tip_x),
-                tip_y=float(tip_y),
+                damping_n_s_per_m=damping.modal(values["mass_kg"], values["stiffness_n_per_m"]),
+                **values,
             )
-            for number, (mass, stiffness, coupling_a, coupling_b, tip_x, tip_y) in enumerate(
-                zip(
-                    resonator.masses_kg,
-                    resonator.stiffnesses_n_per_m,
-                    *resonator.couplings_n_per_v,
-                    resonator.tip_x,
-                    resonator.tip_y,
-                    strict=True,
-                ),
-                start=1,
-            )
+            for number, values in enumerate(modes, start=1)
         )
     except ValidationError as error:
         first = error.errors()[0]
