@@ -11,15 +11,11 @@ from rich.table import Column, Table
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
     AuditOption,
-    JsonOption,
     MotorArgument,
-    OutputOption,
-    PlotOption,
     SetOption,
     TimeoutOption,
     busy,
     caution,
-    check_targets,
     deliver,
     engineering,
     load_changed,
@@ -29,6 +25,7 @@ from pyspice_runner.commands.common import (
 )
 from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, law_named
 from pyspice_runner.commands.driving import recommended_phases
+from pyspice_runner.commands.options import LoadOption, SpeedOption, Targets, with_options
 from pyspice_runner.model.drive import MatchState, two_phases
 
 if TYPE_CHECKING:
@@ -51,10 +48,9 @@ MosfetOption = Annotated[
     str | None,
     typer.Option(metavar="FILE:NAME", help="MOSFET of a bridge, a .subckt or .model; default: IRF610."),
 ]
-
-
-MatchKind = Literal["none", MatchState]
-MatchOption = Annotated[MatchKind, typer.Option(help="State of the motor for which the network is matched.")]
+MatchOption = Annotated[
+    Literal["none", MatchState], typer.Option(help="State of the motor for which the network is matched.")
+]
 VoltageOption = Annotated[
     float | None, typer.Option(help="Amplitude of group A, V; default: the motor's recommended drive.")
 ]
@@ -63,9 +59,11 @@ PhaseOption = Annotated[
 ]
 
 
+@with_options
 def drive(
     context: typer.Context,
     motor: MotorArgument,
+    *,
     driver: Annotated[str, typer.Option(help=DRIVERS)] = "linear",
     against: Annotated[str | None, typer.Option(help="A second driver for comparison.")] = None,
     voltage: VoltageOption = None,
@@ -76,14 +74,12 @@ def drive(
     mosfet: MosfetOption = None,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 3e-3,
     contact: ContactOption = DEFAULT_LAW,
-    speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
-    load_torque: Annotated[float, typer.Option(help="Torque of a load on the shaft, N.m.")] = 0.0,
+    speed: SpeedOption = None,
+    load_torque: LoadOption = 0.0,
     timeout: TimeoutOption = None,
     audit: AuditOption = True,
     changes: SetOption = None,
-    as_json: JsonOption = False,
-    output: OutputOption = None,
-    plot: PlotOption = None,
+    targets: Targets,
 ) -> None:
     """Run a motor with its drive electronics: currents, powers, harmonics, losses, efficiency, matching inductors.
 
@@ -92,7 +88,7 @@ def drive(
     Example: piezomotor drive andersen2002 --driver half-bridge+llcc --against linear --plot drivers.png
     """
     refuse_idle_match(context, driver, against or "")
-    check_targets(output, (".json", ".csv", ".cir") if against is None else (".json", ".csv"), plot)
+    targets.check(".json", ".csv", *([".cir"] if against is None else []))
     of_motor, of_parts = changes_of(changes, part)
     loaded = load_changed(motor, of_motor)
     tone = recommended_phases(loaded, voltage, frequency, phase)
@@ -121,8 +117,8 @@ def drive(
     )
     save = reports[0].save if against is None else lambda path: write_table(path, document, rows)
     deliver(
-        document, _table(loaded, reports, rows), as_json,
-        (output, save), (plot, lambda path: view().draw_beside(reports, path)),
+        document, _table(loaded, reports, rows), targets.as_json,
+        (targets.output, save), (targets.plot, lambda path: view().draw_beside(reports, path)),
     )  # fmt: skip
     if fault is not None:
         raise fault

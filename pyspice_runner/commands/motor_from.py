@@ -61,10 +61,10 @@ def motor_from(
     as_json: JsonOption = False,
     output: OutputOption = None,
 ) -> None:
-    """Make a motor of spectra and of numbers of its data sheet. Writes .toml or .json.
+    """Make a motor from spectra and numbers of its data sheet. Writes .toml or .json.
 
-    The spectra are those of `fit --two-port` or `fit --b`. The no-load speed gives the modal mass, the stall torque the
-    friction, a preloaded spectrum the contact's stiffness. Every value has its origin and its standard error.
+    The spectra are those of `fit --two-port` or `fit --b`. The no-load speed determines the modal mass, the stall
+    torque the friction, a preloaded spectrum the contact's stiffness. Every value has its origin and standard error.
 
     Example: piezomotor motor-from free.csv --no-load-speed 18.4 --stall-torque 0.9e-3 --voltage 300 --frequency 54e3
     """

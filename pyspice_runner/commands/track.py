@@ -6,21 +6,15 @@ from __future__ import annotations
 from typing import Annotated, get_args
 
 import typer
-from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import (
     AuditOption,
-    JsonOption,
     MotorArgument,
-    OutputOption,
-    PlotOption,
     SetOption,
     TimeoutOption,
     busy,
     caution,
-    check_targets,
-    deliver,
     load_changed,
     refuse_idle,
 )
@@ -37,12 +31,15 @@ from pyspice_runner.commands.drive import (
     refuse_idle_match,
 )
 from pyspice_runner.commands.driving import recommended_phases
+from pyspice_runner.commands.options import Targets, with_options
 from pyspice_runner.model.tracking import DisturbanceKind, TrackerKind
 
 
+@with_options
 def track(
     context: typer.Context,
     motor: MotorArgument,
+    *,
     tracker: Annotated[TrackerKind, typer.Option(help="Tracker that sets the frequency.")] = "pll",
     disturb: Annotated[DisturbanceKind, typer.Option(help="Disturbance of the motor.")] = "start",
     voltage: VoltageOption = None,
@@ -84,9 +81,7 @@ def track(
     timeout: TimeoutOption = None,
     audit: AuditOption = True,
     changes: SetOption = None,
-    as_json: JsonOption = False,
-    output: OutputOption = None,
-    plot: PlotOption = None,
+    targets: Targets,
 ) -> None:
     """Track the last mode of a motor under a disturbance. The exit status is 0 whether or not the tracker locked.
 
@@ -95,7 +90,7 @@ def track(
     Example: piezomotor track bimodal40 --tracker pll --disturb load --plot track.png
     """
     _refuse_idle(context, tracker, disturb, driver)
-    check_targets(output, (".json", ".csv", ".cir"), plot)
+    targets.check(".json", ".csv", ".cir")
     of_motor, of_parts = changes_of(changes, part) if driver else (changes, part)
     loaded = load_changed(motor, of_motor)
     tone = recommended_phases(loaded, voltage, frequency, phase) | {"ratio_b": ratio_b}
@@ -124,10 +119,7 @@ def track(
             averaged=averaged, timeout=timeout, audit=audit,
         )  # fmt: skip
     caution(found)
-    table = Table("quantity", "value", title=loaded.name)
-    for name, text in found.summary().items():
-        table.add_row(name, text)
-    deliver(found.to_dict(), table, as_json, (output, found.save), (plot, found.plot))
+    targets.deliver(found, loaded.name)
 
 
 _OF_TRACKERS: dict[tuple[str, ...], set[str]] = {

@@ -6,11 +6,13 @@ from __future__ import annotations
 import re
 import stat
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pyspice_runner.errors import ParameterError
 
+Content = TypeVar("Content", str, bytes)
 MOST_BYTES = 4 * 2**20  # a motor has a few kB, a fit about ten
 MOST_PARTS = 32  # of a dotted key; a motor's longest key has four
 
@@ -37,19 +39,38 @@ def read_document(path: Path, wanted: str) -> str:
     Raises:
         ParameterError: if the file is not a regular file, is too large, is not text, or cannot be read.
     """
+    return _read(path, str(path), wanted, MOST_BYTES, lambda file: file.read_text(encoding="utf-8"))
+
+
+def read_bytes(path: str, what: str, most: int) -> bytes:
+    """Return the bytes of a library.
+
+    Args:
+        path: the file.
+        what: kind of library for messages, such as ``"contact law"``.
+        most: greatest size in bytes.
+
+    Raises:
+        ParameterError: if the file is not a regular file, is too large, or cannot be read.
+    """
+    shown = repr(path if len(path) <= 200 else f"{path[:197]}...")
+    return _read(Path(path), f"the {what} {shown}", "the path of a .lib file", most, Path.read_bytes)
+
+
+def _read(path: Path, shown: str, wanted: str, most: int, read: Callable[[Path], Content]) -> Content:
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):  # reading a pipe would wait for its writer
             reason = "it is not a regular file"
-        elif status.st_size > MOST_BYTES:
-            reason = f"it has {status.st_size / 2**20:.3g} MiB; the limit is {MOST_BYTES >> 20} MiB"
+        elif status.st_size > most:
+            reason = f"it has {status.st_size / 2**20:.3g} MiB; the limit is {most / 2**20:g} MiB"
         else:
-            return path.read_text(encoding="utf-8")
+            return read(path)
     except UnicodeDecodeError:
         reason = "it is not UTF-8 text"
     except (OSError, ValueError) as error:  # a path with a null character raises ValueError
         reason = getattr(error, "strerror", None) or str(error)
-    raise ParameterError(f"Cannot read {path}: {reason}. Give {wanted}.")
+    raise ParameterError(f"Cannot read {shown}: {reason}. Give {wanted}.")
 
 
 def parse_toml(text: str, name: str) -> dict[str, Any]:

@@ -12,9 +12,10 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.document import read_bytes
 from pyspice_runner.model.refusal import quoted
 from pyspice_runner.netlist.library import Header, Library, LibraryParameter
-from pyspice_runner.netlist.own_file import OwnFile, Rules, Statement, read_bytes, short, words_of
+from pyspice_runner.netlist.own_file import OwnFile, Rules, Statement, short, words_of
 
 DRIVER = "driver_own"  # name of the subcircuit in a netlist
 MOSFET = "driver_mosfet"  # that of the part of the bridges that it replaces

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import NoReturn
 
 from pyspice_runner.errors import ParameterError
@@ -55,32 +54,6 @@ class Rules:
     models: tuple[str, ...] = ("D", "SW", "CSW")
     usual: str = f"{PREFIX}_normal"
     forbidden: Mapping[str, str] = field(default_factory=dict)
-
-
-def read_bytes(path: str, what: str, most: int) -> bytes:
-    """Read a regular file.
-
-    Args:
-        path: the file.
-        what: kind of file for messages, such as ``"contact law"``.
-        most: greatest size in bytes.
-
-    Raises:
-        ParameterError: for a file that cannot be read or is larger.
-    """
-    shown = repr(path if len(path) <= 200 else f"{path[:197]}...")
-    file = Path(path)
-    try:
-        if not file.is_file():
-            raise ParameterError(f"The {what} {shown} is not a file. Give the path of a .lib file.")
-        with file.open("rb") as stream:
-            data = stream.read(most + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ParameterError(f"The {what} {shown} cannot be read: {reason}.") from None
-    if len(data) > most:
-        raise ParameterError(f"The {what} {shown} is larger than {most >> 10} KiB. Shorten it.")
-    return data
 
 
 class OwnFile:

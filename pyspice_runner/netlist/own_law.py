@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The user's own contact law: a file with one subcircuit that has the pins of the built-in laws.
+"""A contact law of the user's own: a file with one subcircuit with the pins of the built-in laws.
 
 ``docs/tutorial_contact_law.md`` shows how to write one; :mod:`.own_file` reads it.
 """
@@ -9,8 +9,9 @@ from __future__ import annotations
 import re
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.document import read_bytes
 from pyspice_runner.netlist.library import LAW, PREFIX, Library
-from pyspice_runner.netlist.own_file import OwnFile, Rules, Statement, read_bytes, short, words_of
+from pyspice_runner.netlist.own_file import OwnFile, Rules, Statement, short, words_of
 
 ENDING = ".lib"
 PINS = ("x", "y", "vx", "vy", "fx", "fy", "shaft", "normal", "friction", "slider", "state")

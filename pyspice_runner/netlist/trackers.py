@@ -41,8 +41,8 @@ from pyspice_runner.netlist.motor import dielectric_admittance, instantiate
 from pyspice_runner.netlist.source import GROUPS, Pins, Source
 
 RAIL = 5.0  # V, range of the control voltage
-# Digital events shorten the steps; ngspice's error control is switched off, as with uniform steps. The nodes have some
-# volts, and frequencies of some ten thousand hertz.
+# Digital events shorten the steps; ngspice's error control is off, as with uniform steps. The nodes have some volts,
+# and frequencies of some ten thousand hertz.
 TRACKER_OPTIONS = {"reltol": "1e-5", "vntol": "1e-7", "abstol": "1e-8", "trtol": "1e9", "method": "trap"}
 STEP_TIME = 0.2e-3  # s, rise time of a step of load or preload: short for the loop, long for the modes
 
@@ -86,7 +86,7 @@ class Tracker(Stated):
 
     @property
     def gain_hz_per_v(self) -> float:
-        """Gain of the oscillator."""
+        """Gain of the oscillator in Hz/V."""
         return 2.0 * self.span * self.frequency / RAIL
 
     @property
@@ -157,12 +157,12 @@ class Disturbance:
 
     @property
     def drifting(self) -> Thermal | None:
-        """Coefficients by which the motor drifts; ``None`` if it does not."""
+        """Coefficients of the drift; ``None`` without one."""
         return {"temperature": self.coefficients, "warm-up": self.thermal or Thermal()}.get(self.kind)
 
     @property
     def end_s(self) -> float:
-        """Time in s at which it has ended."""
+        """End of the disturbance in s."""
         return self.begin_s + {"start": 0.0, "warm-up": 0.0, "target": 0.0, "temperature": self.drift_time_s}.get(
             self.kind, STEP_TIME
         )
@@ -281,11 +281,11 @@ class TrackedSource(Source):
         return float((time[late][-1] - time[late][0]) / np.trapezoid(tuned[late], time[late]))
 
     def check(self, motor: Motor) -> None:
-        """Raise a ParameterError if no group drives the mode, or the driver cannot follow the oscillator."""
+        """Raise a ParameterError if no group drives the mode, or the driver has no control input."""
         weights(motor, self.mode)
         if self.driver and not self.driver.controlled:
             raise ParameterError(
-                f"The driver {self.driver.name} has no pin in, so that no tracker can set its frequency. Add the pin."
+                f"The driver {self.driver.name} has no pin in, so no tracker can set its frequency. Add the pin."
             )
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
@@ -352,7 +352,7 @@ def tracked_source(tracker: Tracker, motor: Motor, law: Law | None) -> TrackedSo
 def averaged_bench(
     tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter, *, closed: bool, target: str = "DC 0", title: str = ""
 ) -> Circuit:
-    """Return the averaged loop: opened at the oscillator's input and driven there by ``AC 1``, or closed.
+    """Return the averaged loop: closed, or open at the oscillator's input and driven there by ``AC 1``.
 
     The voltage at ``control`` of the open loop is minus the loop gain. In the closed loop ``phase`` follows ``target``,
     both in rad.

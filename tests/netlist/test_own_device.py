@@ -283,14 +283,22 @@ def test_a_library_that_holds_no_mosfet_is_an_error(text: str, sentence: str, tm
 @pytest.mark.parametrize(
     ("kind", "values", "sentence"),
     [
-        ("absent.lib:one", {}, "The driver library 'absent.lib' is not a file. Give the path of a .lib file."),
-        ("/dev/zero:one", {}, "The driver library '/dev/zero' is not a file."),
+        (
+            "absent.lib:one",
+            {},
+            "No such file or directory. Give the path of a .lib file.",
+        ),
+        ("/dev/zero:one", {}, "Cannot read the driver library '/dev/zero': it is not a regular file."),
         (f"{'x' * 300}:one", {}, "The driver library 'xxx"),
         ("my.lib:a b", {}, "it must be FILE:NAME, with a NAME of letters, digits and _ . + -."),
         ("my.lib:", {}, "it must be FILE:NAME"),
         ("linear", {"mosfet": f"{EXAMPLE}:fast200"}, "mosfet has no effect on a linear"),
         ("half-bridge", {"mosfet": "BUZ11"}, "it must be IRF610 or FILE:NAME of a .subckt or .model."),
-        ("half-bridge", {"mosfet": "absent.lib:one"}, "The MOSFET library 'absent.lib' is not a file."),
+        (
+            "half-bridge",
+            {"mosfet": "absent.lib:one"},
+            "Cannot read the MOSFET library 'absent.lib'",
+        ),
         (f"{EXAMPLE}:push_pull", {"settings": {"driver.gian": 1.0}}, "no parameter 'gian'. Did you mean 'gain'?"),
         (f"{EXAMPLE}:push_pull", {"settings": {"driver.gain": 500.0}}, "gain = 500 is not valid: it must be 1 to 200."),
         (f"{EXAMPLE}:generator", {"settings": {"driver.frequency": 1.0}}, "driver.frequency follows from the driver's"),
@@ -311,7 +319,7 @@ def test_the_command_ends_with_status_2_for_a_library_that_is_not_valid(
     assert run(["drive", "andersen2002", "--driver", "my.lib:one"]) == 2
     assert "my.lib, line 4: '.control' is not allowed" in " ".join(capsys.readouterr().err.split())
     assert run(["drive", "andersen2002", "--driver", "half-bridge", "--mosfet", "absent.lib:one"]) == 2
-    assert "The MOSFET library 'absent.lib' is not a file." in " ".join(capsys.readouterr().err.split())
+    assert "Cannot read the MOSFET library 'absent.lib'" in " ".join(capsys.readouterr().err.split())
     assert [path.name for path in tmp_path.iterdir()] == ["my.lib"]
 
 

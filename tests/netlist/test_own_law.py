@@ -133,8 +133,11 @@ def test_a_file_that_is_no_law_is_an_error_that_names_the_line(
 @pytest.mark.parametrize(
     ("contact", "sentence"),
     [
-        ("absent.lib", "The contact law 'absent.lib' is not a file. Give the path of a .lib file."),
-        ("/dev/zero.lib", "is not a file"),
+        (
+            "absent.lib",
+            "No such file or directory. Give the path of a .lib file.",
+        ),
+        ("/dev/zero.lib", "Cannot read the contact law '/dev/zero.lib'"),
         ("sticky", "it must be 'spring-slider', 'brush', 'coulomb', None (free tip) or the path of a .lib file."),
     ],
 )
