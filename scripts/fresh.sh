@@ -57,8 +57,7 @@ done
 cp -L /etc/ssl/certs/ca-certificates.crt "$root/etc/ssl/certs/"
 grep -lsi 'proxy\|cainfo' /etc/apt/apt.conf.d/* | while read -r file; do cp "$file" "$root/etc/apt/apt.conf.d/"; done
 
-mount --bind "$root" "$root" # a root that is a mount point: `unshare --mount` works inside
-mount --bind "$root" "$root"
+mount --bind "$root" "$root" # so that the root is a mount point, as on a machine
 mount --rbind /dev "$root/dev"
 mount -t proc proc "$root/proc"
 
