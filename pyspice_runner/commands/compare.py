@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,34 +11,18 @@ import typer
 from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands.admittance import StateKind
-from pyspice_runner.commands.common import (
-    JsonOption,
-    OutputOption,
-    PlotOption,
-    SetOption,
-    busy,
-    check_targets,
-    complain,
-    deliver,
-    engineering,
-    grid,
-    load_changed,
-    refuse_idle,
-)
-from pyspice_runner.commands.fit import (
+from pyspice_runner.commands.common import SetOption, busy, complain, engineering, grid, load_changed, refuse_idle
+from pyspice_runner.commands.measured import (
     ColumnsOption,
-    FitTimeoutOption,
-    LeadsOption,
-    ModesOption,
-    NoiseOption,
-    NoLeadsOption,
-    Port,
+    FitOptions,
+    LeadOptions,
+    Reader,
     ThroughOption,
-    leads_of,
-    noise_of,
+    note,
     reader,
 )
+from pyspice_runner.commands.options import Targets, with_options
+from pyspice_runner.spectra.spectrum import Connection, State
 
 if TYPE_CHECKING:
     from pyspice_runner.spectra.compare import Trend
@@ -47,12 +30,16 @@ if TYPE_CHECKING:
 _UNITS = {"frequency": "Hz", "quality_factor": "", "coupling_factor": "", "resistance": "Ω"}
 
 
+@with_options
 def compare(
     context: typer.Context,
     files: Annotated[
         list[str],
         typer.Argument(metavar="FILE... REFERENCE", help="Spectra, and last a motor or another spectrum."),
     ],
+    fitting: FitOptions,
+    leads: LeadOptions,
+    targets: Targets,
     reference: Annotated[
         str | None, typer.Option(help="The reference, if it is not the last: a motor or a spectrum.")
     ] = None,
@@ -64,32 +51,24 @@ def compare(
             "resistance, clamped_capacitance): 5% or 0.05. Exit status 1 if it is exceeded. Repeatable.",
         ),
     ] = None,
-    modes: ModesOption = None,
-    connection: Annotated[Port, typer.Option(help="Connection of the groups, of a motor and of two-ports.")] = Port.a,
-    state: Annotated[StateKind, typer.Option(help="Tip of a motor: free, or pressed on the rotor.")] = StateKind.free,
-    leads: LeadsOption = "auto",
-    no_leads: NoLeadsOption = False,
-    noise: NoiseOption = None,
-    timeout: FitTimeoutOption = None,
+    connection: Annotated[Connection, typer.Option(help="Connection of the groups, for a motor and two-ports.")] = "A",
+    state: Annotated[State, typer.Option(help="Tip of a motor: free, or pressed on the rotor.")] = "free",
     columns: ColumnsOption = None,
     through: ThroughOption = None,
     at: Annotated[
-        str | None, typer.Option(help="What the spectra were measured at, such as temperatures: 20,40,60.")
+        str | None, typer.Option(help="Condition of each spectrum, such as its temperature: 20,40,60.")
     ] = None,
-    label: Annotated[str, typer.Option(help='What --at is: "temperature in °C".')] = "",
+    label: Annotated[str, typer.Option(help='Name and unit of --at: "temperature in °C".')] = "",
     changes: SetOption = None,
-    as_json: JsonOption = False,
-    output: OutputOption = None,
-    plot: PlotOption = None,
 ) -> None:
-    """Hold spectra against a motor or another spectrum, mode by mode. Writes .json or .csv.
+    """Compare spectra with a motor or another spectrum, mode by mode. Writes .json or .csv.
 
-    One spectrum is drawn over its reference; of many, the trend. Exit status 1 if a --tolerance is exceeded or a mode
-    is missing. --columns and --through hold for every spectrum, the reference included.
+    The plot shows one spectrum over its reference, or the trend of several. Exit status 1 if a --tolerance is exceeded
+    or a mode is missing. --columns and --through apply to every spectrum, including the reference.
 
     Example: piezomotor compare measured.csv andersen2002 --tolerance 5% --plot comparison.png
     """
-    check_targets(output, (".json", ".csv"), plot, [*files, reference])
+    targets.check(".json", ".csv", inputs=[*files, reference])
     tolerances = _tolerances(tolerance)
     if reference is None:
         *files, reference = files
@@ -102,27 +81,26 @@ def compare(
     _refuse_idle(context, spectra, against, at)
     with busy("fitting", "spectrum {} of {}") as progress:
         trend = pr.compare(
-            spectra, against, modes=modes, connection=connection.value, state=state.value, leads=leads_of(leads,
-            no_leads), noise=noise_of(noise),
-            timeout=timeout, at=grid("--at", at) if at is not None else None, label=label, progress=progress,
+            spectra, against, connection=connection, state=state, leads=leads.known, label=label, progress=progress,
+            at=grid("--at", at) if at is not None else None, **fitting.settings,
         )  # fmt: skip
     outside = [item.outside(tolerances) if tolerances else () for item in trend.comparisons]
     document = trend.to_dict()
     for entry, faults in zip(document["comparisons"], outside, strict=True):
         entry["outside_tolerance"] = list(faults)
     document |= {"tolerances": tolerances, "within_tolerance": not any(outside) if tolerances else None}
-    said = [] if as_json else [f"note: {text}" for item in trend.comparisons for text in item.warnings]
+    targets.deliver(trend, _table(trend), document)
+    if not targets.as_json:
+        note(trend.cautions)
     for item, faults in zip(trend.comparisons, outside, strict=True):
-        said += [f"{item.measured.source}: {text}" for text in faults]
-    deliver(document, _table(trend), as_json, (output, trend.save), (plot, trend.plot))
-    for text in dict.fromkeys(said):
-        complain(text, style=None)
+        for text in faults:
+            complain(f"{item.measured.source}: {text}", style=None)
     if any(outside):
         raise typer.Exit(1)
 
 
-def _reference(name: str, changes: list[str] | None, read: Callable[[str], pr.Spectrum]) -> pr.Motor | pr.Spectrum:
-    """Return a motor, of a parameter set or a TOML file, or else a spectrum."""
+def _reference(name: str, changes: list[str] | None, read: Reader) -> pr.Motor | pr.Spectrum:
+    """Return the motor of a parameter set or a TOML file, or else a spectrum."""
     if name in pr.available_motors() or Path(name).suffix == ".toml":
         return load_changed(name, changes)
     if changes:
@@ -133,7 +111,7 @@ def _reference(name: str, changes: list[str] | None, read: Callable[[str], pr.Sp
 def _refuse_idle(
     context: typer.Context, spectra: list[pr.Spectrum], against: pr.Motor | pr.Spectrum, at: str | None
 ) -> None:
-    """Refuse options of a motor or of two-ports where there is none, and a label without --at."""
+    """Reject options of a motor or of two-ports without one, and a label without --at."""
     if at is None:
         refuse_idle(context, "without --at", "label")
     if isinstance(against, pr.Spectrum):
@@ -163,7 +141,7 @@ def _cell(value: float, unit: str, deviation: float) -> str:
 
 
 def _tolerances(given: list[str] | None) -> dict[str, float]:
-    """Read tolerances: a bare number is a ratio, a percentage has its sign: 0.05 and 5% are the same."""
+    """Read tolerances: a ratio such as 0.05, or a percentage such as 5%."""
     from pyspice_runner.spectra.compare import Comparison
 
     found: dict[str, float] = {}

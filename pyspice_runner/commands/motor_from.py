@@ -20,19 +20,19 @@ from pyspice_runner.commands.common import (
     grid,
     refuse_idle,
 )
-from pyspice_runner.commands.fit import (
+from pyspice_runner.commands.measured import (
     BaseOption,
     ColumnsOption,
     DifferenceOption,
     MassOption,
     ModesOption,
     OtherOption,
-    Port,
     SumOption,
     TipOption,
     reader,
     tips_of,
 )
+from pyspice_runner.spectra.spectrum import Connection
 
 _SHEET = "Data sheet"
 
@@ -44,7 +44,7 @@ def motor_from(
     both: SumOption = None,
     difference: DifferenceOption = None,
     preloaded: Annotated[Path | None, typer.Option(help="Spectrum of the stator pressed on its rotor.")] = None,
-    connection: Annotated[Port, typer.Option(help="Connection of the groups in a preloaded two-port.")] = Port.a,
+    connection: Annotated[Connection, typer.Option(help="Connection of the groups in a preloaded two-port.")] = "A",
     no_load_speed: Annotated[float | None, typer.Option(help="rad/s.", rich_help_panel=_SHEET)] = None,
     stall_torque: Annotated[float | None, typer.Option(help="N·m.", rich_help_panel=_SHEET)] = None,
     voltage: Annotated[float | None, typer.Option(help="Amplitude on each group, V.", rich_help_panel=_SHEET)] = None,
@@ -90,7 +90,7 @@ def motor_from(
         result = pr.motor_from(
             given, preloaded=pressed, no_load_speed=no_load_speed, stall_torque=stall_torque, voltage=voltage,
             frequency=frequency, phase_deg=phase, mass_kg=masses[0] if masses and len(masses) == 1 else masses,
-            speed_error=speed_error, torque_error=torque_error, modes=modes, connection=connection.value, tips=pairs,
+            speed_error=speed_error, torque_error=torque_error, modes=modes, connection=connection, tips=pairs,
             base=base, progress=progress,
         )  # fmt: skip
     table = Table("", "", box=None, padding=(0, 1, 0, 0), show_header=False)

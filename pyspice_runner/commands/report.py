@@ -28,8 +28,9 @@ from pyspice_runner.commands.common import (
     refuse_idle,
 )
 from pyspice_runner.commands.driving import DriveOptions
-from pyspice_runner.commands.fit import ColumnsOption, Port, ThroughOption, reader
+from pyspice_runner.commands.measured import ColumnsOption, ThroughOption, reader
 from pyspice_runner.commands.options import with_options
+from pyspice_runner.spectra.spectrum import Connection
 
 if TYPE_CHECKING:
     from pyspice_runner.view.report import Report
@@ -48,7 +49,7 @@ def report(
     measured: Annotated[
         str | None, typer.Option(metavar="FILE", help="A measured spectrum to plot with the computed ones.")
     ] = None,
-    connection: Annotated[Port, typer.Option(help="Connection of the groups in a one-port measurement.")] = Port.a,
+    connection: Annotated[Connection, typer.Option(help="Connection of the groups in a one-port measurement.")] = "A",
     columns: ColumnsOption = None,
     through: ThroughOption = None,
     timeout: TimeoutOption = None,
@@ -81,7 +82,7 @@ def report(
                 speeds=grid("--speeds", speeds) if speeds else None,
                 levels=grid("--levels", levels),
                 measured=spectrum,
-                connection=connection.value,
+                connection=connection,
                 progress=progress,
                 timeout=timeout,
             )

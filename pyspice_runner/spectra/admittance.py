@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from math import pi, sqrt
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,11 +32,9 @@ from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_two_port
 from pyspice_runner.run.kernel import Outcome, run_bench
 from pyspice_runner.run.two_port import Swept, sweep_two_port, two_port, two_port_bench
-from pyspice_runner.spectra.spectrum import COUPLING, Connection, columns_of, connect
+from pyspice_runner.spectra.spectrum import COUPLING, Connection, State, columns_of, connect
 from pyspice_runner.spectra.threads import one_thread
 from pyspice_runner.units import engineering
-
-State = Literal["free", "preloaded"]
 
 _ZOOM_POINTS = 1201  # over the zoom below: 100 points a bandwidth, so that a parabola finds an extremum to 1e-6
 _ZOOM_BANDWIDTHS = 6.0  # on each side of a resonance

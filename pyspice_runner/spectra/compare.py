@@ -22,9 +22,9 @@ from pyspice_runner.files import write_rows
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
-from pyspice_runner.spectra.admittance import State, admittance
+from pyspice_runner.spectra.admittance import admittance
 from pyspice_runner.spectra.fit import FittedArm, SpectrumFit, fit_spectrum
-from pyspice_runner.spectra.spectrum import Connection, Spectrum
+from pyspice_runner.spectra.spectrum import Connection, Spectrum, State
 
 if TYPE_CHECKING:
     import pandas

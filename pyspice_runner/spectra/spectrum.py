@@ -25,6 +25,7 @@ from pyspice_runner.result import Result
 from pyspice_runner.units import engineering
 
 Connection = Literal["A", "B", "A+B", "A-B"]
+State = Literal["free", "preloaded"]  # of the tip of a motor
 COUPLING: dict[Connection, tuple[float, float]] = {
     "A": (1.0, 0.0),
     "B": (0.0, 1.0),

@@ -17,8 +17,8 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.benches import AC_OPTIONS, admittance_bench
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.waveforms import Array, Waveforms
-from pyspice_runner.spectra.admittance import Admittance, State
-from pyspice_runner.spectra.spectrum import Connection, Spectrum
+from pyspice_runner.spectra.admittance import Admittance
+from pyspice_runner.spectra.spectrum import Connection, Spectrum, State
 from pyspice_runner.units import engineering
 
 if TYPE_CHECKING:

@@ -24,8 +24,8 @@ from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.run.waveforms import Array, Waveforms
-from pyspice_runner.spectra.admittance import Admittance, State, admittance
-from pyspice_runner.spectra.spectrum import Connection, Spectrum
+from pyspice_runner.spectra.admittance import Admittance, admittance
+from pyspice_runner.spectra.spectrum import Connection, Spectrum, State
 from pyspice_runner.view.contents import Contents
 from pyspice_runner.view.datasheet import datasheet
 
