@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Seconds of motor time: the averaged motor, its settings changing as they do in a control loop."""
+"""Transients of the averaged motor over seconds, with settings that change as in a control loop."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class AveragedRun(Result):
 
     @property
     def trusted(self) -> bool:
-        """Whether the check passes from beginning to end.
+        """Whether the model's own check passes throughout the run.
 
         It passes where the harmonics of the model are enough and the contact stays closed. Where it does not, speed and
         torque may be off by more than 2 % of the friction torque μ F₀ R.
@@ -135,7 +135,7 @@ class AveragedRun(Result):
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the summary of the run at its end, JSON-ready; the keys of ``simulate`` and those of the average."""
+        """Return the values at the end, JSON-ready, with the keys of ``simulate`` and those of the averaged model."""
         last = {name: float(values[-1]) for name, values in self.curves.items()}
         return {
             "mean_rotor_speed_rad_s": last["rotor_speed_rad_s"],
@@ -160,7 +160,7 @@ class AveragedRun(Result):
 
 
 def model_cautions(check: float, opened: float) -> tuple[str, ...]:
-    """Return what the greatest check and the greatest share of open contact say against an averaged run."""
+    """Return the cautions for the largest check value and the largest open share of an averaged run."""
     found = []
     if check > TRUSTED_CHECK:
         found.append(
@@ -260,7 +260,7 @@ def simulate_averaged(
 
 
 def averaged_ceramic(motor: Motor, samples: Mapping[str, Array], harmonics: int) -> dict[str, Any]:
-    """Return strain, stress and temperature rise at the end: static bending and all amplitudes at once are a bound."""
+    """Return upper bounds of strain and stress at the end (all amplitudes in phase), and the temperature rise."""
     normal = float(samples["v(xmotor.normal)"][-1])
     amplitudes = []
     for index, mode in enumerate(motor.modes, start=1):
@@ -284,7 +284,7 @@ def _audit(residual: float) -> Audit:
 
 
 def _settings(drive: TwoPhaseDrive, load: Load, courses: Mapping[str, ArrayLike]) -> dict[str, Course]:
-    """Return the courses of all settings: constant, or as the user states them."""
+    """Return the courses of all settings, constant unless the user gives one."""
     given = dict(courses)
     if "voltage" in given:
         if {"voltage_a", "voltage_b"} & given.keys():

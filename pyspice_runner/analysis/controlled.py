@@ -53,7 +53,7 @@ SAMPLES: dict[str, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Sample:
-    """What a controller sees; units as in :data:`SAMPLES`."""
+    """Measurements passed to the controller, in the units of :data:`SAMPLES`."""
 
     time_s: float
     speed_rad_s: float
@@ -67,7 +67,7 @@ Controller = Callable[[Sample], Mapping[str, float]]
 
 
 class _Library:
-    """A controller in a shared library of C code. Each one is loaded from a copy, so that its variables begin anew."""
+    """A controller in a shared C library, loaded from a copy so that its variables are initialised."""
 
     def __init__(self, path: str | Path, drive: TwoPhaseDrive) -> None:
         try:
@@ -82,7 +82,7 @@ class _Library:
         self._out: Any = (ctypes.c_double * 3)(drive.voltage, drive.phase_deg, drive.frequency)
 
     def __call__(self, sample: Sample) -> Mapping[str, float]:
-        """Return what the library sets."""
+        """Return the commands of the library."""
         time, *seen = vars(sample).values()
         self._step(time, (ctypes.c_double * len(seen))(*seen), self._out)
         return dict(zip(("voltage", "phase_deg", "frequency"), map(float, self._out), strict=True))
@@ -90,7 +90,7 @@ class _Library:
 
 @dataclass(frozen=True, repr=False)
 class ControlledRun(Result):
-    """What a controller saw and set.
+    """Samples and commands of a controller.
 
     Attributes:
         samples: arrays by the names of :data:`SAMPLES`, one value a sample.
@@ -221,7 +221,7 @@ def simulate_controlled(
 
 
 def _uniform_step(motor: Motor, drive: TwoPhaseDrive, sample_time: float, step: float | None) -> float:
-    """Return a step of which a sample time holds a whole number."""
+    """Return the largest step that divides the sample time and is not above the usual one."""
     coarsest = OperatingPoint(motor, CommandedSource(drive), solver=Solver(step)).step
     return sample_time / ceil(sample_time / coarsest * (1.0 - 1e-12))
 
@@ -236,7 +236,7 @@ def _sample(now: Mapping[str, float], last: Mapping[str, float]) -> Sample:
 
 
 def _commands(returned: Mapping[str, float], present: Mapping[str, float], motor: Motor) -> dict[str, float]:
-    """Check what a controller returned.
+    """Return the commands of a controller as numbers, after a check.
 
     Raises:
         ParameterError: for an unknown name or a value out of range.

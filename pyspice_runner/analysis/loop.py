@@ -29,7 +29,7 @@ _DECADES = 2  # swept to either side of the bandwidth
 
 @dataclass(frozen=True)
 class LoopDesign:
-    """The loop gain of a tracker, and what it says about stability.
+    """Loop gain and stability margin of a tracker.
 
     Attributes:
         loop_filter: the filter.

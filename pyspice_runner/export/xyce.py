@@ -43,11 +43,13 @@ def check_dialect(dialect: str, path: str | Path | None) -> None:
     if dialect not in get_args(Dialect):
         raise ParameterError(f"dialect = {dialect!r} is not known: it must be one of {', '.join(get_args(Dialect))}.")
     if dialect != "spice" and path is not None and Path(path).suffix != ".lib":
-        raise ParameterError(f"dialect = {dialect!r} has no effect on {Path(path).name!r}: let the name end in .lib.")
+        raise ParameterError(
+            f"dialect = {dialect!r} has no effect on {Path(path).name!r}: give a file name that ends in .lib."
+        )
 
 
 def in_dialect(text: str, dialect: str) -> str:
-    """Return a library as it is, or for ``"xyce"`` translated."""
+    """Return a library in a dialect; ``"spice"`` leaves it unchanged."""
     return xyce_library(text) if dialect == "xyce" else text
 
 

@@ -82,7 +82,7 @@ def check_averaged(contact: ContactLaw | None) -> None:
 
 
 def require_averaged(motor: Motor) -> None:
-    """Check that a motor has no property that the averaged motor leaves out.
+    """Check that the averaged model covers a motor.
 
     Raises:
         ParameterError: for a mode that is not linear, or a loss of contact or bearing that it does not have.
@@ -290,7 +290,7 @@ class AveragedSubCircuit(Assembly):
 
 
 def default_two_phase(motor: Motor) -> TwoPhaseDrive:
-    """Return the recommended drive, or 50 V at the highest resonance where that drive has two tones."""
+    """Return the recommended drive, or 50 V at the highest resonance if that drive has two tones."""
     drive = default_drive(motor)
     if not isinstance(drive, TwoPhaseDrive):  # two tones have no common amplitude
         drive = TwoPhaseDrive(voltage=50.0, frequency=max(mode.frequency_hz for mode in motor.modes))
@@ -426,7 +426,7 @@ def averaged_bench(
     thermal: Thermal | None = None,
     title: str = "",
 ) -> Bench:
-    """Drive an averaged motor by ideal amplitudes, its shaft free, loaded or held.
+    """Return a bench with ideal sources and an averaged motor whose shaft is free, loaded or held.
 
     Args:
         motor: the motor; instance ``Xmotor``. ``v(position)`` is the angle of the shaft in rad.
@@ -463,7 +463,7 @@ def averaged_bench(
 
 
 def _at_start(settings: Mapping[str, Course], name: str, shift_deg: float) -> float:
-    """Return a voltage to which a clamped capacitance starts charged; a step onto it would be an infinite current."""
+    """Return the initial voltage of a clamped capacitance; a voltage step would draw an infinite current."""
     voltage = settings[name][0][1]
     return voltage if name == "voltage_a" else voltage * cos(radians(settings["phase_deg"][0][1] + shift_deg))
 

@@ -58,7 +58,7 @@ def averaged_tracked_bench(
     thermal: Thermal | None = None,
     title: str = "",
 ) -> Bench:
-    """Put a tracked averaged motor on a bench.
+    """Return a bench with an averaged motor behind a tracker.
 
     Nodes: ``tuned`` (Hz, the frequency), ``phase`` (rad, of the motional current against the target), ``control`` (V),
     ``shaft`` (rad/s), ``temperature`` (K).

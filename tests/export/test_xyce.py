@@ -172,7 +172,7 @@ def test_the_command_writes_the_dialect(tmp_path: Path, capsys: pytest.CaptureFi
     assert run(["export", "bimodal40", "--dialect", "xyce", "--output", str(tmp_path / "motor.va")]) == 2
     assert run(["export", "bimodal40", "--dialect", "hspice"]) == 2
     said = capsys.readouterr().err
-    assert "dialect = 'xyce' has no effect on 'motor.va': let the name end in .lib." in said
+    assert "dialect = 'xyce' has no effect on 'motor.va': give a file name that ends in .lib." in said
     assert "dialect = 'hspice' is not known: it must be one of spice, xyce." in said
 
 
