@@ -210,18 +210,7 @@ def operating_point(
 ) -> dict[str, Any]:
     """Return the quantities of :func:`speed_torque` at one speed, plain and JSON-ready; ``sweep`` takes it as analysis.
 
-    Args:
-        motor: the motor.
-        drive: the voltages of both groups.
-        speed: at which the shaft is held, rad/s.
-        mode: as in :func:`speed_torque`, but for ``"ramp"``.
-        contact: as in :func:`speed_torque`.
-        step: as in :func:`speed_torque`.
-        tolerance: as in :func:`speed_torque`.
-        patience: as in :func:`speed_torque`.
-        timeout: as in :func:`speed_torque`.
-        audit: as in :func:`speed_torque`; ``audit`` of the result has what was found.
-        engine: as in :func:`speed_torque`.
+    The arguments are those of :func:`speed_torque`, without ``"ramp"``. ``audit`` of the result has its findings.
 
     Raises:
         ParameterError: for an invalid value.

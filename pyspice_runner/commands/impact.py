@@ -6,24 +6,15 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
-from pyspice_runner.commands.common import (
-    AuditOption,
-    JsonOption,
-    OutputOption,
-    PlotOption,
-    TimeoutOption,
-    busy,
-    check_targets,
-    deliver,
-    warn_of,
-)
-from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
+from pyspice_runner.commands.common import AuditOption, TimeoutOption, busy, warn_of
+from pyspice_runner.commands.options import LawOptions, Targets, with_options
 
 
+@with_options
 def impact(
-    contact: ContactOption = DEFAULT_LAW,
+    *,
+    law: LawOptions,
     poisson: Annotated[float, typer.Option(help="Poisson's ratio of sphere and half-space.")] = 0.3,
     psi: Annotated[float, typer.Option(help="Incidence: 2(1-v)/(2-v) v_t/(mu v_n) of the contact patch.")] = 1.0,
     friction: Annotated[float, typer.Option(help="Coefficient of friction.")] = 0.2,
@@ -33,19 +24,16 @@ def impact(
     radius: Annotated[float, typer.Option(help="Radius of the sphere, m.")] = 5e-3,
     density: Annotated[float, typer.Option(help="Density of the sphere, kg/m3.")] = 7850.0,
     youngs_modulus: Annotated[float, typer.Option(help="Young's modulus of sphere and half-space, Pa.")] = 206e9,
-    sliders: SlidersOption = None,
     timeout: TimeoutOption = None,
     audit: AuditOption = True,
-    as_json: JsonOption = False,
-    output: OutputOption = None,
-    plot: PlotOption = None,
+    targets: Targets,
 ) -> None:
     """Simulate the impact of an elastic sphere on a half-space. Writes .csv (over time), .json or .cir (the deck).
 
     Example: piezomotor impact --contact brush --poisson 0.3 --psi 1.2 --plot impact.png
     """
-    law = law_named(contact, sliders)
-    check_targets(output, (".csv", ".json", ".cir"), plot)
+    contact = law.law
+    targets.check(".csv", ".json", ".cir")
     from pyspice_runner.analysis.impact import Throw
     from pyspice_runner.analysis.impact import impact as rebound
 
@@ -54,9 +42,6 @@ def impact(
         radius_m=radius, density_kg_m3=density, youngs_modulus_pa=youngs_modulus, poisson=poisson,
     )  # fmt: skip
     with busy("simulating the impact"):
-        result = rebound(throw, law, timeout=timeout, audit=audit)
+        result = rebound(throw, contact, timeout=timeout, audit=audit)
     warn_of(result.audit.findings)
-    table = Table("quantity", "value", title=f"{contact}, Poisson's ratio {poisson:g}")
-    for name, value in result.summary().items():
-        table.add_row(name, value)
-    deliver(result.to_dict(), table, as_json, (output, result.save), (plot, result.plot))
+    targets.deliver(result, f"{law.contact}, Poisson's ratio {poisson:g}")
