@@ -9,9 +9,8 @@ converges linearly, to a fixed point of the map with the stage itself.
 
 from __future__ import annotations
 
-import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from math import ceil, pi
@@ -20,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.analysis.dynamometer import Block, Dynamometer, ammeter, quantities
-from pyspice_runner.analysis.period_map import PeriodMap, Trace, cores
+from pyspice_runner.analysis.period_map import CONTACT, PeriodMap, Trace, cores
 from pyspice_runner.analysis.shooting import PERTURBATION, Point, Shooting, start_point
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Tone, TwoPhaseDrive, two_phases
-from pyspice_runner.netlist.copies import Copy, copy_name
+from pyspice_runner.netlist.copies import Copy, Plant, copy_name
 from pyspice_runner.netlist.driven import (
     LEAD,
     DrivenPlant,
@@ -34,12 +33,13 @@ from pyspice_runner.netlist.driven import (
 )
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.motor import require_linear
+from pyspice_runner.netlist.source import GROUPS
+from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.state import Discretisation
-from pyspice_runner.run.kernel import simulator, transient
+from pyspice_runner.run.kernel import transient
 from pyspice_runner.run.operating_point import OperatingPoint
 
 Array = NDArray[np.float64]
-_CONTACT = ("normal", "friction", "state", "slider", "xcontact.delta")
 HARMONICS = (1, 2, 3, 5, 7, 9)  # of a stage's output for the derivative
 FADED = 1e-6  # part of the largest singular value below which a state at the start has no influence but by rounding
 FEWEST_PERIODS = 10  # of the transient from which a curve starts
@@ -75,39 +75,32 @@ class DrivenMap(PeriodMap):
         """Length in s of a run over a period."""
         return (1.0 + LEAD) * self.period + (_MORE * self.step if self.uniform else 0.0)
 
-    def _run(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
-        bench = driven_bench(copies, self.discretisation)
-        self._hashes.add(hashlib.sha256(str(bench.circuit.raw_spice).encode()).hexdigest())
-        names: list[str] = []
-        for number, copy in enumerate(copies):
-            assert isinstance(copy.plant, DrivenPlant)
-            instance = copy_name(number)
-            names += driven_vectors(copy.plant, instance)
-            if whole:
-                names += (f"v({instance}.xmotor.{name})" for name in _CONTACT)
-            if whole and not self.uniform:
-                names += (f"v({instance}.out_{group})" for group in "ab")
-        result = simulator(bench, list(dict.fromkeys(names)), self.timeout).verified(
-            "transient", **self._timing(duration, whole)
-        )
-        self.runs += 1
-        self.seconds += result.seconds
-        samples = {name: np.asarray(values.real) for name, values in result.raw.vectors.items()}
-        time = samples["time"]
+    def _bench(self, copies: Sequence[Copy]) -> Bench:
+        return driven_bench(copies, self.discretisation)
+
+    def _vectors(self, number: int, plant: Plant, *, whole: bool) -> list[str]:
+        instance = copy_name(number)
+        assert isinstance(plant, DrivenPlant)
+        names = driven_vectors(plant, instance)
+        names += [f"v({instance}.xmotor.{name})" for name in CONTACT if whole]
+        return names + [f"v({instance}.out_{group})" for group in GROUPS if whole and not self.uniform]
+
+    def _traces(
+        self, copies: Sequence[Copy], names: Sequence[Sequence[str]], raw: Mapping[str, Array], *, whole: bool
+    ) -> list[Trace | None]:
+        time = raw["time"]
         first, last = self.ends(time) if whole else (len(time) - 1, len(time) - 1)
         even = np.linspace(time[first], time[last], self.steps + 1) if whole else time[-1:]
+        within = slice(first, last + 1)
         traces: list[Trace | None] = []
-        for number, copy in enumerate(copies):
+        for number, (copy, own) in enumerate(zip(copies, names, strict=True)):
             assert isinstance(copy.plant, DrivenPlant)
-            instance = copy_name(number)
-            states = driven_states(copy.plant, samples, instance, self.discretisation)
-            contact = [samples[f"v({instance}.xmotor.{name})"] for name in _CONTACT] if whole else [time] * 5
+            states = driven_states(copy.plant, raw, copy_name(number), self.discretisation)
+            contact = (
+                [raw[f"v({copy_name(number)}.xmotor.{name})"] for name in CONTACT] if whole else [time] * len(CONTACT)
+            )
             rows = [np.interp(even, time, row) for row in (*states, *contact)]
-            within = slice(first, last + 1)
-            outputs = {
-                group: self._harmonics(time[within], samples[f"v({instance}.out_{group})"][within])
-                for group in ("ab" if whole and not self.uniform else "")
-            }
+            outputs = {name[-2]: self._harmonics(time[within], raw[name][within]) for name in own if ".out_" in name}
             traces.append(replace(Trace(even, np.array(rows[: len(states)]), *rows[len(states) :]), outputs=outputs))
         return traces
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.model.drive import Tone
 from pyspice_runner.netlist.copies import Copy, Plant, copies_bench, copy_name, motor_texts
+from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.state import Discretisation
 from pyspice_runner.run.kernel import run_bench, simulator
 
@@ -32,7 +33,7 @@ COPIES_PER_DECK = 30  # measured: beyond, the parse trees of the B-sources no lo
 # steps; the first uniform step begins after less than two and lets a slider that slips forget its start, and ngspice 46
 # shortens the last two
 _LEAD = 5.5
-_CONTACT = ("normal", "friction", "state", "slider", "xcontact.delta")
+CONTACT = ("normal", "friction", "state", "slider", "xcontact.delta")
 
 
 def cores() -> int:
@@ -130,7 +131,7 @@ class PeriodMap:
     def deck(self, copy: Copy) -> str:
         """Return the deck that runs one copy over a period."""
         bench = copies_bench([copy], self.discretisation, compiled=self.compiled)
-        ready = simulator(bench, _vectors(0, copy.plant, whole=True))
+        ready = simulator(bench, self._vectors(0, copy.plant, whole=True))
         return str(ready.prepare("transient", **self._timing(self.period + _LEAD * self.step, whole=True)))
 
     def hashes(self) -> str:
@@ -184,15 +185,29 @@ class PeriodMap:
         return [*self._deck(copies[:half], duration, whole), *self._deck(copies[half:], duration, whole)]
 
     def _run(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
-        bench = copies_bench(copies, self.discretisation, self._texts, plates=False, compiled=self.compiled)
+        bench = self._bench(copies)
         self._hashes.add(hashlib.sha256(str(bench.circuit.raw_spice).encode()).hexdigest())
-        names = [_vectors(number, copy.plant, whole=whole) for number, copy in enumerate(copies)]
-        every = [name for own in names for name in own]
+        names = [self._vectors(number, copy.plant, whole=whole) for number, copy in enumerate(copies)]
+        every = list(dict.fromkeys(name for own in names for name in own))
         outcome = run_bench(bench, every, self.timeout, "transient", self._timing(duration, whole))
         self.runs += 1
         self.seconds += outcome.seconds
         self.ngspice_version = outcome.ngspice_version
-        raw = outcome.vectors()
+        return self._traces(copies, names, outcome.vectors(), whole=whole)
+
+    def _bench(self, copies: Sequence[Copy]) -> Bench:
+        return copies_bench(copies, self.discretisation, self._texts, plates=False, compiled=self.compiled)
+
+    def _vectors(self, number: int, plant: Plant, *, whole: bool) -> list[str]:
+        """Return the vectors to record of a copy: its states, and of a whole period its contact."""
+        instance = copy_name(number)
+        contact = CONTACT if whole and plant.law else ()
+        return [*plant.vectors(instance, f"{instance}_shaft"), *(f"v({instance}.{name})" for name in contact)]
+
+    def _traces(
+        self, copies: Sequence[Copy], names: Sequence[Sequence[str]], raw: Mapping[str, Array], *, whole: bool
+    ) -> list[Trace | None]:
+        """Return the traces of the copies from the vectors of a run."""
         time = raw["time"]
         window = self._window(time) if whole else slice(-1, None)
         if window is None:
@@ -202,7 +217,7 @@ class PeriodMap:
             units = copy.plant.units(self.discretisation)
             values = np.array([raw[name][window] for name in own])
             order = copy.plant.order
-            contact = np.zeros((len(_CONTACT), values.shape[1]))
+            contact = np.zeros((len(CONTACT), values.shape[1]))
             contact[: len(values) - order] = values[order:]
             traces.append(Trace(copy.begun + time[window], values[:order] * units[:, np.newaxis], *contact))
         return traces
@@ -215,13 +230,6 @@ class PeriodMap:
         if first + self.steps >= len(time) or not uniform[first : first + self.steps].all():
             return None
         return slice(first, first + self.steps + 1)
-
-
-def _vectors(number: int, plant: Plant, *, whole: bool) -> list[str]:
-    """Return the vectors to record of a copy: its states, and of a whole period its contact."""
-    instance = copy_name(number)
-    contact = _CONTACT if whole and plant.law else ()
-    return [*plant.vectors(instance, f"{instance}_shaft"), *(f"v({instance}.{name})" for name in contact)]
 
 
 class _Uneven(Exception):

@@ -394,7 +394,7 @@ class Shooting:
         self.solve(seeds)
         others = [point for point in self.points if point not in seeds]
         for point in others:
-            beside = _neighbours(point, seeds)
+            beside = _nearest(point, seeds)[:2]
             if beside:
                 point.guess(between(beside))
         if others:
@@ -406,11 +406,10 @@ class Shooting:
             point.restart(start_point(point.plant).state)
         self._retry(lost, "newton")
         lost = [point for point in self.points if point.failed]
-        near = [(point, _neighbour(point, self.points)) for point in lost]
+        near = [(point, others[0]) for point in lost if (others := _nearest(point, self.points))]
         for point, other in near:
-            if other is not None:
-                point.restart(other.state)
-        self._retry([point for point, other in near if other is not None], "neighbour")
+            point.restart(other.state)
+        self._retry([point for point, _ in near], "neighbour")
         for decays in SETTLING:
             lost = [point for point in self.points if point.failed]
             self._settle(lost, decays)
@@ -451,27 +450,21 @@ def _seeds(points: Sequence[Point]) -> list[Point]:
     return seeds
 
 
-def _neighbours(point: Point, solved: Sequence[Point]) -> list[Point]:
-    """Return the two solved points of the same curve whose speeds are nearest."""
-    speed = point.plant.load.speed or 0.0
-    others = [other for other in solved if other.done and other.plant.curve == point.plant.curve]
-    return sorted(others, key=lambda other: abs((other.plant.load.speed or 0.0) - speed))[:2]
+def _nearest(point: Point, points: Sequence[Point]) -> list[Point]:
+    """Return the solved points of the same curve at held speeds, that with the nearest speed first."""
+    speed = point.plant.load.speed
+    if speed is None:
+        return []
+    others = [
+        (abs(other.plant.load.speed - speed), other)
+        for other in points
+        if other.done and other.plant.load.speed is not None and other.plant.curve == point.plant.curve
+    ]
+    return [other for _, other in sorted(others, key=lambda one: one[0])]
 
 
 def _newton(point: Point) -> str:
     return "damped" if point.damped else "newton"
-
-
-def _neighbour(point: Point, points: Sequence[Point]) -> Point | None:
-    """Return the solved point of the same motor and drive whose speed is nearest."""
-    speed = point.plant.load.speed
-    if speed is None:
-        return None
-    others = [
-        other for other in points
-        if other.done and other.plant.load.speed is not None and other.plant.curve == point.plant.curve
-    ]  # fmt: skip
-    return min(others, key=lambda other: abs((other.plant.load.speed or 0.0) - speed), default=None)
 
 
 def _rest(plant: Plant) -> Array:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import Any
 
@@ -23,7 +23,6 @@ from pyspice_runner.analysis.dynamometer import Quantities
 from pyspice_runner.analysis.period_map import PeriodMap, cores
 from pyspice_runner.analysis.period_means import average, current, extrapolated, means, quantities, speed, tip
 from pyspice_runner.analysis.shooting import Point, Shooting, start_point
-from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
@@ -435,6 +434,65 @@ def _state(
     waveforms: bool,
 ) -> SteadyState:
     drive = _drive(setup)
+    if answer is None:
+        return _result(setup, drive, point, maps, points)
+    found, error, last, period_map = answer
+    state = _result(
+        setup, drive, point, maps, points, found=quantities(point.plant, found), speed_rad_s=found["speed"],
+        error=error, step=period_map.step, last=last,
+    )  # fmt: skip
+    waves = _waveforms(setup, last, period_map, state.provenance) if waveforms else None
+    return replace(state, waveforms=waves, solution=point)
+
+
+def _driven(setup: OperatingPoint, answer: DrivenAnswer) -> SteadyState:
+    """Return the steady state of a motor behind a driver."""
+    point, driver = answer.point, setup.source
+    assert isinstance(driver, Driver)
+    turning = setup.load.speed
+    if turning is None and answer.found and point.trace is not None:
+        assert isinstance(point.plant, DrivenPlant)
+        turning = float(point.trace.states[point.plant.inner - 1].mean())
+    return _result(
+        setup, driver, point, answer.maps, 1, found=answer.found, speed_rad_s=turning, error=answer.error,
+        step=answer.step,
+    )  # fmt: skip
+
+
+def _result(
+    setup: OperatingPoint,
+    drive: Drive | Driver,
+    point: Point,
+    maps: Sequence[PeriodMap],
+    points: int,
+    *,
+    found: Mapping[str, float] | None = None,
+    speed_rad_s: float | None = None,
+    error: float = float("nan"),
+    step: float | None = None,
+    last: Point | None = None,
+) -> SteadyState:
+    """Return the steady state of a point with its audit and provenance.
+
+    Args:
+        setup: the operating point.
+        drive: the voltages of both groups, or the driver.
+        point: the point at the coarse step.
+        maps: the maps that were used.
+        points: number of points that share them.
+        found: the quantities; empty without a solution.
+        speed_rad_s: mean speed of the rotor; by default that at which the shaft is held.
+        error: of the torque, N·m.
+        step: finest time step, s; by default that of the operating point.
+        last: the point at the finest step; by default ``point``.
+    """
+    solved, last, step = bool(found), last or point, step or setup.step
+    speed_rad_s = setup.load.speed if speed_rad_s is None else speed_rad_s
+    audit = Audit(done=False)
+    if found and setup.law:
+        audit = Audit(audit_point(setup.motor, found, step))
+        if setup.solver.audit:
+            audit.withhold(f"steady state at {speed_rad_s:.4g} rad/s")
     provenance: dict[str, Any] = {
         "motor": setup.motor.to_dict(),
         "drive": setup.source.to_dict(),
@@ -444,59 +502,14 @@ def _state(
         "deck_sha256": hashlib.sha256("".join(period_map.hashes() for period_map in maps).encode()).hexdigest(),
         "period_maps": sum(period_map.evaluations for period_map in maps),
         "solver_seconds": sum(period_map.seconds for period_map in maps),
+        "audit": audit.to_dict(),
     }
-    if answer is None:
-        held = setup.load.speed
-        return SteadyState(
-            motor=setup.motor, drive=drive, speed_rad_s=float("nan") if held is None else held,
-            torque_error_n_m=float("nan"), floquet_multipliers=np.zeros(0, complex), converged=False,
-            residual=point.residual, iterations=point.iterations, method="", step_s=setup.step, provenance=provenance,
-        )  # fmt: skip
-    found, error, last, period_map = answer
-    result = quantities(point.plant, found)
-    audit = Audit(audit_point(setup.motor, result, period_map.step) if setup.law else (), done=setup.law is not None)
-    if setup.solver.audit:
-        audit.withhold(f"steady state at {found['speed']:.4g} rad/s")
-    provenance["audit"] = audit.to_dict()
-    waves = _waveforms(setup, last, period_map, provenance) if waveforms else None
     return SteadyState(
-        **result, motor=setup.motor, drive=drive, speed_rad_s=found["speed"], torque_error_n_m=error,
-        floquet_multipliers=last.multipliers, converged=True, residual=last.residual, iterations=point.iterations,
-        method=point.method, step_s=period_map.step, audit=audit, waveforms=waves, provenance=provenance,
-        solution=point,
-    )  # fmt: skip
-
-
-def _driven(setup: OperatingPoint, answer: DrivenAnswer) -> SteadyState:
-    """Return the steady state of a motor behind a driver."""
-    point, driver = answer.point, setup.source
-    assert isinstance(driver, Driver)
-    provenance: dict[str, Any] = {
-        "motor": setup.motor.to_dict(),
-        "drive": driver.to_dict(),
-        "run": setup.to_dict(),
-        "ngspice_version": ngspice_version(),
-        "simulated_s": sum(one.simulated_s for one in answer.maps),
-        "deck_sha256": hashlib.sha256("".join(one.hashes() for one in answer.maps).encode()).hexdigest(),
-        "period_maps": sum(one.evaluations for one in answer.maps),
-        "solver_seconds": sum(one.seconds for one in answer.maps),
-    }
-    audit = Audit(done=False)
-    if answer.found:
-        audit = Audit(audit_point(setup.motor, answer.found, answer.step))
-        if setup.solver.audit:
-            audit.withhold("steady state behind a driver")
-    held = setup.load.speed
-    turning = held
-    if held is None and answer.found and point.trace is not None:
-        assert isinstance(point.plant, DrivenPlant)
-        turning = float(point.trace.states[point.plant.inner - 1].mean())
-    return SteadyState(
-        **answer.found, motor=setup.motor, drive=driver, speed_rad_s=float("nan") if turning is None else turning,
-        torque_error_n_m=answer.error, floquet_multipliers=point.multipliers if answer.found else np.zeros(0, complex),
-        converged=bool(answer.found), residual=point.residual, iterations=point.iterations,
-        method=point.method if answer.found else "", step_s=answer.step, audit=audit,
-        waveforms=None, provenance=provenance | {"audit": audit.to_dict()}, solution=None,
+        **(found or {}), motor=setup.motor, drive=drive,
+        speed_rad_s=float("nan") if speed_rad_s is None else speed_rad_s, torque_error_n_m=error,
+        floquet_multipliers=last.multipliers if solved else np.zeros(0, complex), converged=solved,
+        residual=last.residual, iterations=point.iterations, method=point.method if solved else "", step_s=step,
+        audit=audit, waveforms=None, provenance=provenance, solution=None,
     )  # fmt: skip
 
 

@@ -73,7 +73,7 @@ class Store:
             return (f"i(l.{copy}.x{self.instance}.{self.device})",)
         return tuple(f"v({copy}.{node})" for node in self.ends if node != "0")
 
-    def value(self, samples: dict[str, Array], copy: str) -> Array:
+    def value(self, samples: Mapping[str, Array], copy: str) -> Array:
         """Return its current in A or its voltage in V."""
         if self.coil:
             return samples[self.vectors(copy)[0]]
@@ -209,7 +209,7 @@ def driven_vectors(plant: DrivenPlant, copy: str) -> list[str]:
     return [*plant.vectors(f"{copy}.xmotor", f"{copy}.shaft"), *stores]
 
 
-def driven_states(plant: DrivenPlant, samples: dict[str, Array], copy: str, discretisation: Discretisation) -> Array:
+def driven_states(plant: DrivenPlant, samples: Mapping[str, Array], copy: str, discretisation: Discretisation) -> Array:
     """Return the states from the samples of these vectors, shape (order, points), in SI units."""
     names = plant.vectors(f"{copy}.xmotor", f"{copy}.shaft")
     rows = [samples[name] * unit for name, unit in zip(names, plant.units(discretisation).tolist(), strict=True)]
