@@ -204,7 +204,7 @@ class DrivenPoint(Point):
 
 @dataclass(frozen=True)
 class DrivenAnswer:
-    """What was found of one operating point.
+    """Steady state of one operating point behind a driver.
 
     Attributes:
         point: the point at the last step; ``done`` tells whether it is solved.
@@ -222,7 +222,7 @@ class DrivenAnswer:
 
 
 def check_driven(setup: OperatingPoint) -> None:
-    """Raise a ParameterError for a source whose steady state is not found by shooting."""
+    """Raise a ParameterError for a source that shooting cannot handle."""
     source = setup.source
     settle = "Take mode = 'settle', or simulate it until it settles."
     if not isinstance(source, Driver):
@@ -306,7 +306,7 @@ def _search(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
 
 
 def _retry(points: Sequence[DrivenPoint], shooting: DrivenShooting, period_map: DrivenMap, decays: float) -> None:
-    """Solve points after so many decay times of the slowest mode from rest."""
+    """Solve points after a transient from rest of a number of decay times of the slowest mode."""
     _settle(points, period_map, decays)
     shooting.solve(points)
     for point in points:
@@ -314,7 +314,7 @@ def _retry(points: Sequence[DrivenPoint], shooting: DrivenShooting, period_map: 
 
 
 def _settle(points: Sequence[DrivenPoint], period_map: DrivenMap, decays: float) -> None:
-    """Let points run from rest for so many decay times of their slowest mode."""
+    """Run points from rest for a number of decay times of their slowest mode."""
     if not points:
         return
     times = [2.0 * mode.mass_kg / mode.damping_n_s_per_m for point in points for mode in point.plant.motor.modes]

@@ -71,7 +71,7 @@ def current(plant: Plant, group: str, trace: Trace) -> Array:
 
 
 def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[str, float]:
-    """Return the means over a period of which the quantities are made; all are linear in time averages."""
+    """Return the means over a period from which the quantities follow; all are linear in time averages."""
     motor, radius = plant.motor, plant.motor.rotor.radius_m
     x, _, vx, vy = (values[1:] for values in tip(plant, trace))
     rise = trace.states[plant.carrier][1, 1:] if plant.mount else np.zeros(len(vy))
@@ -135,7 +135,7 @@ def average(several: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 def extrapolated(fine: Mapping[str, float], coarse: Mapping[str, float], ratio: float) -> dict[str, float]:
-    """Return what the means of two steps tend to when the step vanishes: their error is of second order.
+    """Extrapolate the means at two time steps to a vanishing step; their error is of second order.
 
     Shares of time and squares stay in their range.
     """

@@ -169,23 +169,23 @@ class Point:
         return replace(self, state=state, begun=begun, trace=None, step=None)
 
     def guess(self, other: Point) -> None:
-        """Begin at the state and with the derivative of another point."""
+        """Start from the state and the derivative of another point."""
         self.restart(other.state)
         self.at_start, self.at_end, self.force_slope = other.at_start, other.at_end, other.force_slope
         self.guessed = True
 
     def restart(self, state: Array) -> None:
-        """Begin anew from a state."""
+        """Restart from a state, without a derivative."""
         self.state, self.trace, self.at_start, self.at_end, self.measured_end = state.copy(), None, None, None, None
 
     def judge(self) -> None:
-        """Decide by the size of the next step whether the point is solved."""
+        """Mark the point as solved if the next step is small enough."""
         assert self.step is not None
         self.residual = self.remaining(self.step)
         self.done = self.residual <= TOLERANCE
 
     def accepts(self, trial: Array, trace: Trace | None) -> bool:
-        """Take the trial as the new state if the step that would follow, by the old derivative, is shorter."""
+        """Accept the trial state if the next step by the old derivative is shorter than the last one."""
         assert self.step is not None
         if trace is None:
             return False
@@ -217,7 +217,7 @@ class Point:
         return float(np.abs(((self.state - self.measured_at) / self.scale)[self.free]).max()) > NEAR
 
     def _update(self, step: Array, gap: Array) -> None:
-        """Correct the derivative by what the last step, from a state with another gap, has shown (Broyden 1965)."""
+        """Update the derivative from the last step and the gap before it (Broyden 1965)."""
         assert self.at_start is not None
         assert self.at_end is not None
         missed = self.gap - gap - (self.at_end - self.at_start) @ step
@@ -324,7 +324,7 @@ class Shooting:
         self.map = period_map
 
     def solve(self, points: Sequence[Point] | None = None) -> None:
-        """Iterate until every point is solved or has failed; what derivative a point has is used while it is good."""
+        """Iterate until every point is solved or has failed. A point keeps its derivative while that is good."""
         active = list(self.points if points is None else points)
         for point in active:
             point.done = point.failed = point.damped = False
@@ -422,7 +422,7 @@ class Shooting:
             point.method = method if point.done else ""
 
     def _settle(self, points: Sequence[Point], decays: float) -> None:
-        """Let points run from preloaded rest for so many decay times of their slowest mode."""
+        """Run points from preloaded rest for a number of decay times of their slowest mode."""
         longest = 0.0
         for point in points:
             mount = point.plant.mount

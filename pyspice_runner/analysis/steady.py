@@ -261,7 +261,7 @@ def steady_states(
 
 
 def _drive(setup: OperatingPoint) -> Drive:
-    """Return the drive of a setup, once it is seen to have a steady state that can be found.
+    """Return the drive of an operating point, after checking that shooting can find its steady state.
 
     Raises:
         ParameterError: if not.
@@ -317,9 +317,9 @@ Answer = tuple[dict[str, float], float, Point, PeriodMap]  # means, error of the
 
 
 def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accuracy: float) -> dict[int, Answer]:
-    """Correct solved points at finer steps until their error is allowed, and extrapolate; add the finer maps.
+    """Refine solved points at finer steps until their error is small enough, and extrapolate; append the maps.
 
-    Points that are not solved at every step lose their mark of being solved.
+    A point that fails at a finer step is no longer solved.
     """
     answers: dict[int, Answer] = {}
     pending = [place for place, point in enumerate(points) if point.done]

@@ -68,7 +68,7 @@ class Module:
 
 
 def missing_form(law: Law | None) -> str:
-    """Return why a motor with this law has no compiled form, as a sentence; empty if it has one."""
+    """Return the reason why a motor with this law has no compiled form; empty if it has one."""
     if law is None:
         return "contact = None (a free tip) has no compiled form: its circuit is linear."
     if law.name not in WRITTEN:
@@ -149,7 +149,7 @@ def loading(module: Module) -> str:
 
 
 def module_signals(motor: Motor, discretisation: Discretisation | None, instance: str) -> dict[str, Signal]:
-    """Return the vectors of the B-source motor that have another name or origin in the module.
+    """Return the vectors of the B-source motor that differ in the module, as sums of the module's vectors.
 
     Args:
         motor: the motor.

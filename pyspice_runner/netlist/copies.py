@@ -241,7 +241,7 @@ def copies_bench(
     plates: bool = True,
     compiled: bool = False,
 ) -> Bench:
-    """Return the bench of many copies: instances ``Xc0``, ``Xc1``, …, shafts on the nodes ``xc0_shaft``, ….
+    """Return the bench of many copies, instances ``Xc0``, ``Xc1``, … with their shafts at ``xc0_shaft``, ….
 
     Copies with the same drive in the same phase share their sources. The law is the same in all copies.
 
@@ -297,7 +297,7 @@ def copies_bench(
 
 
 def _options(copies: Sequence[Copy]) -> dict[str, str]:
-    """Return the options that suit all copies."""
+    """Return options with the smallest tolerances of all copies."""
     first = copies[0].plant
     options = dict(transient_options(first.motor, first.law))
     for copy in copies:

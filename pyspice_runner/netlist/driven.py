@@ -139,12 +139,12 @@ class DrivenPlant(Plant):
 
     @staticmethod
     def _bridged(part: Part, value: str) -> bool:
-        """Whether the value of a capacitance, as an expression, is one farad, which stands for a connection."""
+        """Whether a capacitance, given as an expression, is 1 F, the value for a short circuit."""
         return part.values.get(value.strip("{}")) == 1.0 and value == "{capacitance}"
 
     @cached_property
     def begins(self) -> float:
-        """Part of a period, counted from the control of group A, after which a run starts: far from the edges."""
+        """Phase of group A's control at which a run starts, as a fraction of a period; it is far from the edges."""
         phases = np.arange(_CANDIDATES) / _CANDIDATES
         edges = np.array([half - self._ahead(group) for group in GROUPS for half in (0.0, 0.5)])
         distances = np.abs((phases[:, np.newaxis] - edges + 0.5) % 1.0 - 0.5).min(axis=1)

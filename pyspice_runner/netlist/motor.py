@@ -303,7 +303,7 @@ def rounded(value: float) -> float:
 
 
 def require_linear(motor: Motor, what: str) -> None:
-    """Raise a ParameterError if stiffness or damping of a mode depends on the amplitude; ``what`` takes none such."""
+    """Raise a ParameterError if stiffness or damping of a mode depends on the amplitude. ``what`` is the subject."""
     for mode in motor.modes:
         if not mode.linear:
             raise ParameterError(

@@ -29,9 +29,9 @@ class Outcome:
     """A verified run of a bench.
 
     Attributes:
-        result: what ngspice gave; the vectors are views of its file.
+        result: the result of ngspice; its vectors are views of the raw file.
         deck: the netlist that was run.
-        signals: the vectors that were asked for and are sums of others, by name.
+        signals: the requested vectors that are sums of others, by name.
     """
 
     result: Result
@@ -54,7 +54,7 @@ class Outcome:
         return self.result.ngspice_version
 
     def vectors(self, every: int = 1) -> dict[str, Array]:
-        """Return the real vectors by name, ``time`` first; every so-many-th point of them."""
+        """Return every ``every``-th point of the real vectors by name, ``time`` first."""
         raw = self.result.raw.vectors if every == 1 else self.result.raw.thinned(every)
         return self._signals({name: np.asarray(values, dtype=float) for name, values in raw.items()})
 
@@ -84,7 +84,7 @@ def signal_of(signal: Signal, vectors: Mapping[str, Array]) -> Array:
 
 
 def simulator(bench: Bench, vectors: Sequence[str], timeout: float | None = None) -> BatchSimulator:
-    """Return PySpice's simulator of a bench, with its options, its start and what is to be recorded.
+    """Return PySpice's simulator of a bench, with its options, initial voltages and recorded vectors.
 
     Raises:
         SimulationError: if the bench has a module to be compiled and the compiler or an ngspice for it is missing.
@@ -124,7 +124,7 @@ def transient(
 
     Args:
         bench: the bench.
-        vectors: what to record, as ngspice's ``.save`` takes it.
+        vectors: vectors to record, as in ngspice's ``.save``.
         step: time step in s.
         longest: longest time step in s where ngspice chooses them; by default ``step``, which makes them uniform.
         duration: time in s that is simulated.
@@ -156,10 +156,10 @@ def ac(
 
     Args:
         bench: the bench.
-        vectors: what to record.
+        vectors: vectors to record.
         guess: voltages of nodes with which the iteration to the operating point begins.
         timeout: wall time in s after which ngspice is ended.
-        sweep: as said.
+        sweep: frequencies, as the arguments of PySpice's ``.ac()``.
 
     Raises:
         SimulationError: if ngspice fails or its result cannot be trusted.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the vectors of a run mean: its columns in SI units, and its energy balance."""
+"""Columns in SI units and energy balance from the vectors of a run."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _CURRENTS = {"current_a_a": "a", "current_b_a": "b"}
 
 @dataclass(frozen=True)
 class Recording:
-    """What a run's vectors mean.
+    """Conversion of the vectors of a run into columns and energies.
 
     Attributes:
         motor: the motor.
