@@ -25,18 +25,6 @@ from pyspice_runner.result import Result
 from pyspice_runner.view.live import live_page
 
 ROOT = Path(__file__).resolve().parents[1]
-FURTHER = (
-    "pyspice_runner.analysis.impact.impact",
-    "pyspice_runner.analysis.impact.Throw",
-    "pyspice_runner.analysis.speed_torque.operating_point",
-    "pyspice_runner.analysis.matching.propose_matching",
-    "pyspice_runner.analysis.track.running_resonance",
-    "pyspice_runner.analysis.track.measured_loop_gain",
-    "pyspice_runner.analysis.loop.loop_design",
-    "pyspice_runner.model.tracking.propose_filter",
-    "pyspice_runner.model.beam.resonator_modes",
-    "pyspice_runner.model.circuit_file.load_circuit",
-)
 _OUTSIDE = re.compile(r"\]\(\.\./([^)#]+)(#[^)]*)?\)")
 PLAYGROUND = "playground.html"  # the live page, of which other pages show parts
 _LIVE = re.compile(r"^<!-- live: (.+) -->$", re.M)
@@ -153,7 +141,7 @@ def _cell(text: str | None) -> str:
 
 
 def api_page() -> str:
-    """Return the page of all public names, results, and benches, for mkdocstrings to fill in."""
+    """Return the page of all public names and results, for mkdocstrings to fill in."""
     names = [f"{getattr(pr, name).__module__}.{name}" for name in pr.__all__]
     parts = (
         (
@@ -161,7 +149,6 @@ def api_page() -> str:
             names,
         ),
         ("## Results\n\nWhat the functions return. All have the methods of `Result`.", result_names()),
-        ("## Benches, designs and closed forms\n\nImported from their modules.", FURTHER),
     )
     return "\n\n".join(block for head, names in parts for block in (head, *(f"::: {name}" for name in names))) + "\n"
 

@@ -15,7 +15,7 @@ from math import copysign, sqrt
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.controlled import ControlledRun, Sample
+from pyspice_runner.analysis.controlled import ControlledRun
 
 MOTOR = pr.load_motor("bimodal40")
 DEAD_BAND, HIGHEST = 40.0, 110.0  # V
@@ -39,7 +39,7 @@ class Controller:
         self.arrived = False
         self.voltage = 0.0
 
-    def __call__(self, sample: Sample) -> dict[str, float]:
+    def __call__(self, sample: pr.Sample) -> dict[str, float]:
         """Return amplitude and phase until the next sample."""
         left = TARGET - sample.position_rad
         self.arrived = self.arrived or abs(left) < NEAR

@@ -14,7 +14,7 @@ import cmath
 from math import degrees, pi, radians
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.controlled import ControlledRun, Sample
+from pyspice_runner.analysis.controlled import ControlledRun
 
 MOTOR = pr.load_motor("bimodal40")
 DRIVE = pr.default_drive(MOTOR).model_copy(update={"frequency": 40.8e3})  # 1.7 % above the recommended frequency
@@ -33,7 +33,7 @@ class Controller:
     def __init__(self) -> None:
         self.integral = self.frequency = DRIVE.frequency
 
-    def __call__(self, sample: Sample) -> dict[str, float]:
+    def __call__(self, sample: pr.Sample) -> dict[str, float]:
         """Return the frequency until the next sample."""
         error = motional_phase(sample, self.frequency) - TARGET
         self.integral = limited(self.integral + INTEGRAL * error)
@@ -41,7 +41,7 @@ class Controller:
         return {"frequency": self.frequency}
 
 
-def motional_phase(sample: Sample, frequency: float) -> float:
+def motional_phase(sample: pr.Sample, frequency: float) -> float:
     """Return the phase of the motional current in degrees: the current less that of the clamped capacitance."""
     current = cmath.rect(sample.current_amplitude_a, radians(sample.current_phase_deg))
     return degrees(cmath.phase(current - 2j * pi * frequency * MOTOR.piezo.capacitance_a_f * DRIVE.voltage))

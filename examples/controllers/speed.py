@@ -13,7 +13,7 @@ from __future__ import annotations
 from math import copysign
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.controlled import ControlledRun, Sample
+from pyspice_runner.analysis.controlled import ControlledRun
 
 MOTOR = pr.load_motor("bimodal40")
 DEAD_BAND, HIGHEST = 45.0, 110.0  # V
@@ -32,7 +32,7 @@ class Controller:
     def __init__(self) -> None:
         self.integral = 0.0
 
-    def __call__(self, sample: Sample) -> dict[str, float]:
+    def __call__(self, sample: pr.Sample) -> dict[str, float]:
         """Return amplitude and phase until the next sample."""
         error = (SPEED if sample.time_s < REVERSAL else -SPEED) - sample.speed_rad_s
         span = HIGHEST - DEAD_BAND

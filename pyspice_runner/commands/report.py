@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -107,19 +107,11 @@ def _check_tools() -> None:
 
 
 def _table(result: Report, target: Path | None) -> Table:
-    figures: dict[str, Any] = result.key_figures
-
-    def shown(name: str, unit: str) -> str:
-        return "–" if figures[name] is None else engineering(figures[name], unit)
-
     table = Table("quantity", "value", title=f"{result.motor.name}, {result.drive.label}")
     for mode in result.motor.modes:
         table.add_row(mode.name, f"{engineering(mode.frequency_hz, 'Hz')}, Q {mode.quality_factor:.3g}")
-    table.add_row("stall torque", shown("stall_torque_n_m", "N·m"))
-    table.add_row("no-load speed", shown("no_load_speed_rad_s", "rad/s"))
-    best = figures["best_efficiency"]
-    table.add_row("best efficiency", "–" if best is None else f"{100.0 * best:.3g} %")
-    table.add_row("electrical power", engineering(figures["power_a_w"] + figures["power_b_w"], "W"))
+    for name, value in list(result.summary().items())[2:]:  # motor and drive are in the title
+        table.add_row(name, value)
     table.add_row("error by the step", f"{result.discretisation_error['tip_path']:.1e} of the tip's path")
     table.add_row("energy residual", f"{result.run.energy_residual:.1e}")
     if target is not None:

@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyspice_runner.datasets import Curves
-from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.netlist.benches import AC_OPTIONS, admittance_bench
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.spectra.admittance import Admittance
@@ -123,18 +121,9 @@ class Contents(Result):
         }
 
     def decks(self) -> dict[str, str]:
-        """Return file name → text of the decks that were run: the two spectra and the run from rest."""
-        decks = {"run.cir": self.run.deck}
-        for state, result in self.spectra.items():
-            simulator = BatchSimulator(admittance_bench(self.motor, preloaded=state == "preloaded"))
-            simulator.options(**AC_OPTIONS)
-            start, stop = (float(result.frequency_hz[place]) for place in (0, -1))
-            points = round((stop - start) / float(np.diff(result.frequency_hz).min())) + 1
-            simulator.prepare(
-                "ac", variation="lin", number_of_points=points, start_frequency=start, stop_frequency=stop
-            )
-            decks[f"admittance_{state}.cir"] = str(simulator)
-        return decks
+        """Return file name → text of the decks that were run: the run from rest, and the spectra."""
+        spectra = {f"admittance_{state}.cir": result.deck or "" for state, result in self.spectra.items()}
+        return {"run.cir": self.run.deck, **spectra}
 
     @property
     def audit(self) -> Audit:  # type: ignore[override]
@@ -150,15 +139,15 @@ class Contents(Result):
     def summary(self) -> dict[str, str]:
         """Return motor, drive and key figures."""
         figures = self.key_figures
-        shown = {
+        best = figures["best_efficiency"]
+        return {
+            "motor": self.motor.name,
+            "drive": self.drive.label,
             "stall torque": engineering(figures["stall_torque_n_m"], "N·m"),
             "no-load speed": engineering(figures["no_load_speed_rad_s"], "rad/s"),
-            "best efficiency": "–"
-            if figures["best_efficiency"] is None
-            else f"{100.0 * figures['best_efficiency']:.3g} %",
+            "best efficiency": "–" if best is None else f"{100.0 * best:.3g} %",
             "electrical power": engineering((figures["power_a_w"] or 0.0) + (figures["power_b_w"] or 0.0), "W"),
         }
-        return {"motor": self.motor.name, "drive": self.drive.label, **shown}
 
 
 def _zero(x: Array, y: Array) -> float | None:
