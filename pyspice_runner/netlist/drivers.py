@@ -15,7 +15,7 @@ from cmath import rect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi, radians, sqrt
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 from pydantic import Field, PrivateAttr
 from PySpice.Spice.Netlist import Circuit, Netlist
@@ -274,19 +274,15 @@ class Driver(Stated, Source):
             rail = self.supply_v or self._amplifier_rail(self._setting("amplifier", "headroom", group, HEADROOM))
         return rail, -rail
 
-    def updated(self, changes: Mapping[str, Any]) -> Driver:
+    def updated(self, changes: Mapping[str, Any]) -> Self:
         """Return a driver with changed values: its own by their name, those of its parts by PART.PARAMETER.
 
         Raises:
             ParameterError: for a name that does not exist or an invalid value.
         """
-        values = self.model_dump()
-        for name, value in changes.items():
-            if "." in name:
-                values["settings"] = {**values["settings"], name: value}
-            else:
-                values[name] = value
-        return Driver(**values)
+        own = {name: value for name, value in changes.items() if "." not in name}
+        of_parts = {name: value for name, value in changes.items() if "." in name}
+        return super().updated({**own, "settings": {**own.get("settings", self.settings), **of_parts}})
 
     def setting(self, path: str) -> float:
         """Return the value of a part's parameter, by PART.PARAMETER; for a part of both groups that of group A.

@@ -103,17 +103,6 @@ def source_of(excitation: Excitation | Source, motor: Motor, law: Law | None) ->
     return excitation
 
 
-def updated(excitation: Excitation, changes: Mapping[str, Any]) -> Excitation:
-    """Return an excitation with changed values, by their names; those of a driver's parts by PART.PARAMETER.
-
-    Raises:
-        ParameterError: for a name that does not exist or a value out of range.
-    """
-    if isinstance(excitation, Driver):
-        return excitation.updated(changes)
-    return type(excitation)(**{**excitation.model_dump(), **changes})
-
-
 def motor_bench(
     motor: Motor,
     source: Source,

@@ -19,7 +19,7 @@ from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import quoted, unit_of
 from pyspice_runner.netlist.drivers import Driver
-from pyspice_runner.netlist.sources import Excitation, updated
+from pyspice_runner.netlist.sources import Excitation
 from pyspice_runner.units import unit_in
 
 #: path of the load → setting of an analysis, unit, description
@@ -128,7 +128,7 @@ def changed(
             parts["motor"][path] = value
     return (
         motor.updated(parts["motor"]) if parts["motor"] else motor,
-        updated(drive, parts["drive"]) if parts["drive"] else drive,
+        drive.updated(parts["drive"]) if parts["drive"] else drive,
         {**run, **parts["run"]},
     )
 
