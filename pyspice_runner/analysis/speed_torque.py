@@ -220,7 +220,7 @@ def operating_point(
     if mode not in ("steady", "settle"):
         raise ParameterError(f"mode = {quoted(mode)} is not valid: it must be 'steady' or 'settle'.")
     bench = _held(
-        motor, drive, mode, speed=speed, contact=contact, step=step, timeout=timeout, audit=audit, engine=engine
+        motor, drive, mode=mode, speed=speed, contact=contact, step=step, timeout=timeout, audit=audit, engine=engine
     )
     axes = {SPEED: np.array([speed])}
     found, fault = _measured([bench], axes, mode, None, Settling(tolerance, patience), None, None)
@@ -237,7 +237,7 @@ def operating_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -
     benches: dict[int, Dynamometer] = {}
     for place, (motor, drive, settings) in enumerate(points):
         with suppress(ParameterError, SimulationError, TypeError, ValueError):
-            benches[place] = _held(motor, drive, "steady", **settings)
+            benches[place] = _held(motor, drive, **settings)
     try:
         found = _steady(list(benches.values()), None)
     except (ParameterError, SimulationError):
@@ -252,8 +252,8 @@ def operating_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -
 def _held(
     motor: Motor,
     drive: Drive | Driver,
-    mode: str,
     *,
+    mode: str = "steady",
     speed: float = 0.0,
     contact: ContactLaw | None = "spring-slider",
     engine: Engine = "spice",
