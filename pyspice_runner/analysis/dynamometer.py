@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A motor on the dynamometer: means over blocks of whole drive periods, from a motion that goes on from block to block.
+"""A motor on the dynamometer: means over blocks of whole drive periods; each block continues the motion of the last.
 
-A block is one run of ngspice. Integrators in the circuit (``behavioral/piezomotor_dynamometer.lib`` and its like) give
-the means, and only the last point is stored: the motion there, from which the next block goes on. So memory does not
-grow with the time that is simulated, and a motion that has not settled is carried on, not begun again.
+A block is one run of ngspice. Integrators in the circuit (``behavioral/piezomotor_dynamometer.lib`` and others) give
+the means. Only the motion at the end is stored, from which the next block starts, so that memory does not grow with
+the simulated time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from math import ceil, pi, sqrt
 from typing import Any
@@ -78,7 +78,7 @@ UNITS = {item.name: (str(item.metadata["unit"]), str(item.metadata["meaning"])) 
 
 @dataclass(frozen=True)
 class Dynamometer:
-    """A motor and what drives it on the dynamometer, which takes the place of the load.
+    """A motor and its source on the dynamometer, which replaces the load.
 
     Attributes:
         setup: motor, source, contact and solver.
@@ -98,7 +98,7 @@ class Dynamometer:
 
     @property
     def source(self) -> Source:
-        """What drives its pins."""
+        """The source at its pins."""
         return self.setup.source
 
     @property
@@ -109,7 +109,7 @@ class Dynamometer:
 
     @property
     def periods(self) -> int:
-        """Drive periods of a block: as many as fit the decay time, but not too few to average over."""
+        """Number of drive periods in a block: the decay time, but at least ten periods."""
         return max(_FEWEST_PERIODS, ceil(self.decay_time / self.source.period))
 
     @property
@@ -118,7 +118,7 @@ class Dynamometer:
         return self.periods * self.source.period
 
     def rest(self, speed: float) -> Motion:
-        """Return preloaded rest on a rotor that already turns, the source about to come on."""
+        """Return preloaded rest on a turning rotor, before the source is switched on."""
         states = motor_states(self.motor, self.setup.law)
         rest = motion_of(states, [state.at_rest(self.setup.discretisation) for state in states])
         plates_a, plates_b = ((voltage,) * len(PLATES) for voltage in self.source.initial_voltages())
@@ -128,9 +128,9 @@ class Dynamometer:
         """Run one block.
 
         Args:
-            start: motion to go on from.
-            speed: at which the shaft is held, rad/s.
-            begun: time in s since the source came on.
+            start: motion at the start.
+            speed: speed at which the shaft is held, rad/s.
+            begun: time in s since the source was switched on.
             meters: whether powers, losses and states are measured, or only forces and torque.
         """
         outcome = self._run(start, speed, self.duration, begun, meters=meters, end_only=True)
@@ -140,7 +140,7 @@ class Dynamometer:
         return Block(self, self.means(last), peaks, start, end, begun + self.duration, outcome.deck_sha256)
 
     def run_from_rest(self, speed: float, blocks: int) -> list[Block]:
-        """Run successive blocks at once, for a source that stores what a run cannot go on from: a driver circuit."""
+        """Run successive blocks at once, for a source whose state cannot be continued: a driver circuit."""
         start = self.rest(speed)
         outcome = self._run(start, speed, blocks * self.duration, 0.0, meters=True, end_only=False)
         vectors = outcome.vectors()
@@ -186,26 +186,23 @@ class Dynamometer:
         }
 
     def stored(self, motion: Motion) -> float:
-        """Return the energy in J that a motion holds: in modes, plates and mount, not in the rotor and the contact."""
-        energy = 0.0
+        """Return the energy in J in modes, plates and mount, without rotor and contact."""
+        energy = stored_energy(
+            self.motor, motion.displacements_m, motion.velocities_m_s, motion.carrier_m, motion.carrier_m_s
+        )
         for group, plates in (("a", motion.plates_a_v), ("b", motion.plates_b_v)):
             for branch, voltage in zip(dielectric_branches(self.motor, group), plates, strict=True):
                 energy += 0.5 * branch.capacitance_f * voltage**2
-        for mode, r, v in zip(self.motor.modes, motion.displacements_m, motion.velocities_m_s, strict=True):
-            energy += 0.5 * (mode.mass_kg * v**2 + mode.stiffness_n_per_m * r**2)
-        if mount := self.motor.mount:
-            energy += 0.5 * (mount.mass_kg * motion.carrier_m_s**2 + mount.stiffness_n_per_m * motion.carrier_m**2)
-            energy -= self.motor.contact.preload_n * motion.carrier_m
         return energy
 
     @property
     def dampers(self) -> list[str]:
-        """What damps a motion: the modes, and the mount if there is one."""
+        """Names of the dampers: the modes, and the mount if there is one."""
         modes = [str(index) for index in range(1, len(self.motor.modes) + 1)]
         return [*modes, "mount"] if self.motor.mount else modes
 
     def integrals(self, meters: bool) -> list[str]:
-        """Return the vectors of the integrals that the instruments form."""
+        """Return the vectors of the integrals of the instruments."""
         integrals: dict[str, tuple[str, ...]] = {"xbrake": ("normal", "friction", "taken")}
         if meters:
             integrals["xcontactmeter"] = ("work", "press", "given", "square", "contact", "slip")
@@ -223,15 +220,15 @@ def ammeter(group: str) -> str:
 
 @dataclass(frozen=True)
 class Block:
-    """What a block of periods gave.
+    """The result of a block of periods.
 
     Attributes:
-        bench: where it ran.
+        bench: the dynamometer.
         means: mean by node of its integral, in SI units.
         peaks: greatest current of each group, A, if it was measured.
         start: motion at its start.
         end: motion at its end.
-        ended: time in s since the drive came on.
+        ended: time in s since the source was switched on.
         deck_sha256: hash of its deck.
     """
 
@@ -282,6 +279,29 @@ def off_beat(setup: OperatingPoint) -> OperatingPoint:
         return setup
     period = setup.source.period
     return setup.with_step(period / (ceil(period / setup.step - _GOLDEN) + _GOLDEN))
+
+
+def stored_energy(
+    motor: Motor, displacements_m: Iterable[float], velocities_m_s: Iterable[float], lift_m: float, rise_m_s: float
+) -> float:
+    """Return the energy in J in the modes and the mount.
+
+    Args:
+        motor: the motor.
+        displacements_m: displacement of each mode.
+        velocities_m_s: velocity of each mode.
+        lift_m: displacement of the carrier.
+        rise_m_s: velocity of the carrier.
+    """
+    energy = 0.0
+    for mode, r, v in zip(motor.modes, displacements_m, velocities_m_s, strict=True):
+        energy += 0.5 * (
+            mode.mass_kg * v**2 + mode.stiffness_n_per_m * r**2 * (1.0 - 0.5 * mode.softening_per_m2 * r**2)
+        )
+    if mount := motor.mount:
+        energy += 0.5 * (mount.mass_kg * rise_m_s**2 + mount.stiffness_n_per_m * lift_m**2)
+        energy -= motor.contact.preload_n * lift_m
+    return float(energy)
 
 
 def quantities(blocks: list[Block]) -> dict[str, float]:

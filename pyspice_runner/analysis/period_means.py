@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.dynamometer import quantities_of
+from pyspice_runner.analysis.dynamometer import quantities_of, stored_energy
 from pyspice_runner.analysis.period_map import Trace
 from pyspice_runner.model import strength
 from pyspice_runner.netlist.copies import Plant, drive_voltage, phasor_at
@@ -116,17 +116,9 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
 
 def _stored(plant: Plant, trace: Trace, at: int) -> float:
     """Return the energy in J in the modes and the mount."""
-    displacement, velocity = modal(plant, trace)
-    energy = 0.0
-    for index, mode in enumerate(plant.motor.modes):
-        energy += 0.5 * mode.mass_kg * float(velocity[index, at]) ** 2
-        squared = float(displacement[index, at]) ** 2
-        energy += 0.5 * mode.stiffness_n_per_m * squared * (1.0 - 0.5 * mode.softening_per_m2 * squared)
-    if plant.mount:
-        lift, rise = (float(value) for value in trace.states[plant.carrier][:, at])
-        energy += 0.5 * (plant.mount.mass_kg * rise**2 + plant.mount.stiffness_n_per_m * lift**2)
-        energy -= plant.motor.contact.preload_n * lift
-    return energy
+    displacement, velocity = (values[:, at].tolist() for values in modal(plant, trace))
+    lift, rise = trace.states[plant.carrier][:, at].tolist() if plant.mount else (0.0, 0.0)
+    return stored_energy(plant.motor, displacement, velocity, lift, rise)
 
 
 def average(several: Sequence[Mapping[str, float]]) -> dict[str, float]:

@@ -61,7 +61,7 @@ class Format:
     """A format of files.
 
     Attributes:
-        text: function that returns the netlist, or what stands for it.
+        text: function that returns the text for ``MotorExport.text``.
         content: function that returns the content of the file at a path, where it is not just this text.
         averaged: whether it can contain the averaged motor.
         idle: options of the command that have no effect on it.

@@ -15,7 +15,7 @@ def touchstone(frequency_hz: NDArray[np.float64], matrix_s: NDArray[np.complex12
     Args:
         frequency_hz: frequencies in Hz, rising, shape (points,).
         matrix_s: admittance in S, shape (points, ports, ports), of one or two ports.
-        title: what it stands for, one line.
+        title: description, one line.
     """
     ports = matrix_s.shape[-1]
     one = np.eye(ports)
