@@ -60,7 +60,7 @@ def test_the_tracker_holds_the_phase_and_the_motor_runs_faster(
     examples: dict[str, tuple[dict[str, Any], ControlledRun]],
 ) -> None:
     defined, run = examples["resonance"]
-    last = defined["Sample"](*(run.samples[name][-1] for name in defined["Sample"].__dataclass_fields__))
+    last = pr.Sample(*(run.samples[name][-1] for name in pr.Sample.__dataclass_fields__))
     phase = defined["motional_phase"](last, run.frequency_hz[-2])
     assert phase == pytest.approx(defined["TARGET"], abs=2.0)  # an integral part follows a drift with an error
     still = pr.simulate_controlled(
