@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A measured spectrum compared with a motor or another spectrum, mode by mode; and many against one.
+"""Comparison of measured spectra with a motor or another spectrum, mode by mode.
 
-Both are fitted (:mod:`.fit`); modes belong together whose frequencies and motional capacitances are closest. Deviations
-are measured over reference less one.
+Both are fitted (:mod:`.fit`); modes with the closest frequencies and motional capacitances are paired. A deviation is
+the measured over the reference value less one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import inf, isfinite, log, sqrt
+from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -24,6 +24,7 @@ from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
 from pyspice_runner.spectra.admittance import admittance
 from pyspice_runner.spectra.fit import FittedArm, SpectrumFit, fit_spectrum
+from pyspice_runner.spectra.identify.descent import rms
 from pyspice_runner.spectra.spectrum import Connection, Spectrum, State
 
 if TYPE_CHECKING:
@@ -34,19 +35,19 @@ _DRIFTING: dict[str, dict[str, float]] = {  # quantity → powers of an arm's va
     "quality_factor": {"quality_factor": 1.0},
     "coupling": {"series_resonance_hz": 1.0, "capacitance_f": 0.5},
 }
-_FARTHEST = 0.2  # relative distance of two frequencies that may belong to one mode
+_FARTHEST = 0.2  # largest relative distance of the frequencies of one mode
 _MODEL_POINTS = 2000
 
 
 @dataclass(frozen=True)
 class ModeDeviation:
-    """One mode of the reference and what was measured of it.
+    """One mode of the reference and its measured values.
 
     Attributes:
         mode: number of the mode in the reference, from 1.
         reference: frequency (Hz), quality factor, coupling factor, resistance (Ω) of the reference.
         measured: the same as measured; ``None`` if the mode is missing.
-        standard_errors: of ``measured``; ``None`` where the spectrum does not tell.
+        standard_errors: of ``measured``; ``None`` if not determined.
         deviations: measured over reference less one.
     """
 
@@ -57,8 +58,29 @@ class ModeDeviation:
     deviations: dict[str, float]
 
 
+class _Tabulated(Result):
+    """A result with a table of texts."""
+
+    def rows(self) -> list[list[str]]:
+        """Return the table: a header, then the rows."""
+        raise NotImplementedError
+
+    def writers(self) -> dict[str, Callable[[Path], object]]:
+        """Return the writers by ending: ``.json`` and ``.csv`` (:meth:`rows`)."""
+        return {**super().writers(), ".csv": lambda file: write_rows(file, self.rows())}
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return :meth:`rows` as a pandas table."""
+        import pandas
+
+        header, *rows = self.rows()
+        return pandas.DataFrame(rows, columns=header).apply(
+            lambda column: column if column.name == "spectrum" else pandas.to_numeric(column)
+        )
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Result):
+class Comparison(_Tabulated):
     """A spectrum against a reference.
 
     Attributes:
@@ -68,9 +90,9 @@ class Comparison(Result):
         extra_hz: frequencies of measured modes that the reference does not have.
         clamped_capacitance_deviation: measured over reference less one.
         rms_deviation: root mean square of |Y/Y_reference − 1| over the common band.
-        warnings: what to know before using the deviations.
-        QUANTITIES: what a tolerance may name.
-        JUDGED: what a tolerance without a name applies to; a resistance follows from the others.
+        warnings: limits of the deviations.
+        QUANTITIES: names that a tolerance may have.
+        JUDGED: quantities of a tolerance without a name; a resistance follows from the others.
     """
 
     QUANTITIES: ClassVar = ("frequency", "quality_factor", "coupling_factor", "resistance", "clamped_capacitance")
@@ -85,21 +107,17 @@ class Comparison(Result):
     warnings: tuple[str, ...]
 
     def deviations(self) -> dict[tuple[str, int | None], float]:
-        """Return quantity and mode → deviation; infinite for a mode that is missing."""
+        """Return quantity and mode → deviation; infinite for a missing mode."""
         found: dict[tuple[str, int | None], float] = {
-            (name, item.mode): item.deviations.get(name, inf)
-            for item in self.modes
-            for name in self.QUANTITIES
-            if name != "clamped_capacitance"
+            (name, item.mode): item.deviations.get(name, inf) for item in self.modes for name in self.QUANTITIES[:-1]
         }
-        found["clamped_capacitance", None] = self.clamped_capacitance_deviation
-        return found
+        return found | {("clamped_capacitance", None): self.clamped_capacitance_deviation}
 
     def outside(self, tolerances: Mapping[str, float]) -> tuple[str, ...]:
-        """Return what lies outside of tolerances, one sentence each; nothing if all is within.
+        """Return the deviations outside of tolerances, one sentence each.
 
         Args:
-            tolerances: quantity (of ``QUANTITIES``) → greatest deviation to either side, as a share.
+            tolerances: quantity (of ``QUANTITIES``) → limit of the magnitude of its relative deviation.
         """
         said = [f"Mode {item.mode} is missing." for item in self.modes if item.measured is None]
         for (name, mode), deviation in self.deviations().items():
@@ -129,14 +147,6 @@ class Comparison(Result):
         """Return the table: a header, then one row for each mode."""
         return Trend((self,), (1.0,)).rows()
 
-    def writers(self) -> dict[str, Callable[[Path], object]]:
-        """Return the writers by ending: ``.json`` (the comparison) and ``.csv`` (:meth:`rows`)."""
-        return {**super().writers(), ".csv": lambda file: write_rows(file, self.rows())}
-
-    def to_dataframe(self) -> pandas.DataFrame:
-        """Return :meth:`rows` as a pandas table."""
-        return _frame(self.rows())
-
     @property
     def cautions(self) -> tuple[str, ...]:
         """The warnings of the comparison."""
@@ -157,13 +167,13 @@ class Comparison(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trend(Result):
-    """Many spectra against one reference, in their order.
+class Trend(_Tabulated):
+    """Comparisons of many spectra with one reference, in their order.
 
     Attributes:
         comparisons: one for each spectrum.
-        at: what they were measured at, such as a temperature or an age; by default their number from 1.
-        label: what ``at`` is, with its unit.
+        at: condition of each spectrum, such as a temperature or an age; by default its number from 1.
+        label: name and unit of ``at``.
     """
 
     comparisons: tuple[Comparison, ...]
@@ -171,19 +181,16 @@ class Trend(Result):
     label: str = "number of the spectrum"
 
     def drifts(self) -> list[dict[str, Any]]:
-        r"""Return how each quantity changes with ``at``: the slope of its logarithm, fitted to all spectra together.
+        r"""Return the change of each quantity with ``at``: the slope of its logarithm over all spectra.
 
-        Of spectra over temperature, the slopes of ``frequency``, ``coupling`` (θ, in proportion to f √C) and
+        Over temperature, the slopes of ``frequency``, ``coupling`` (θ, in proportion to f √C) and
         ``clamped_capacitance`` are the drifts of :class:`~pyspice_runner.model.thermal.Thermal`; over the drive level,
-        those of
-        ``frequency`` and ``quality_factor`` are the softening and the losses of the ceramic. Weighted least squares;
-        the
-        errors of the spectra's fits, or the scatter about the line if it is greater, give the standard error.
+        those of ``frequency`` and ``quality_factor`` are the softening and the losses of the ceramic. Weighted least
+        squares; the errors of the fits, or the scatter about the line if it is greater, give the standard error.
 
         Returns:
-            For each mode and quantity ``mode``, ``quantity``, ``slope`` and ``standard_error`` per unit of ``at``;
-            nothing
-            for fewer than three spectra.
+            For each mode and quantity ``mode``, ``quantity``, ``slope`` and ``standard_error`` per unit of ``at``; an
+            empty list for fewer than three spectra.
         """
         found: list[dict[str, Any]] = []
         at = np.array(self.at)
@@ -197,25 +204,13 @@ class Trend(Result):
                 min(item.measured.arms, key=lambda arm: abs(arm.series_resonance_hz - mode.measured["frequency"]))  # type: ignore[index]
                 for item, mode in zip(self.comparisons, modes, strict=True)
             ]
+            errors = [arm.standard_errors for arm in arms]
             for name, powers in _DRIFTING.items():
-                values = [sum(power * log(getattr(arm, key)) for key, power in powers.items()) for arm in arms]
-                errors = [
-                    sqrt(
-                        sum(
-                            (power * (arm.standard_errors[key] or 0.0) / getattr(arm, key)) ** 2
-                            for key, power in powers.items()
-                        )
-                    )
-                    for arm in arms
-                ]
-                found.append({"mode": first.mode, "quantity": name, **_slope(at, values, errors)})
-        fits = [item.measured for item in self.comparisons]
-        values = [log(fit.circuit.clamped_capacitance_f) for fit in fits]
-        errors = [
-            (fit.standard_errors["clamped_capacitance_f"] or 0.0) / fit.circuit.clamped_capacitance_f for fit in fits
-        ]
-        found.append({"mode": None, "quantity": "clamped_capacitance", **_slope(at, values, errors)})
-        return found
+                found.append({"mode": first.mode, "quantity": name, **_slope(at, arms, errors, powers)})
+        circuits = [item.measured.circuit for item in self.comparisons]
+        errors = [item.measured.standard_errors for item in self.comparisons]
+        slope = _slope(at, circuits, errors, {"clamped_capacitance_f": 1.0})
+        return [*found, {"mode": None, "quantity": "clamped_capacitance", **slope}]
 
     def rows(self) -> list[list[str]]:
         """Return the table: a header, then one row for each spectrum and mode."""
@@ -224,17 +219,13 @@ class Trend(Result):
         header += ["clamped_capacitance_f", *(f"{name}_deviation" for name in names), "rms_deviation"]
         rows = [header]
         for item, at in zip(self.comparisons, self.at, strict=True):
-            whole = [f"{item.measured.circuit.clamped_capacitance_f:.9g}"]
+            capacitance = {"clamped_capacitance": item.measured.circuit.clamped_capacitance_f}
             for mode in item.modes:
-                values = mode.measured or {}
+                values = (mode.measured or {}) | capacitance
                 deviations = mode.deviations | {"clamped_capacitance": item.clamped_capacitance_deviation}
-                rows.append(
-                    [item.measured.source, f"{at:g}", str(mode.mode)]
-                    + [f"{values[name]:.9g}" if name in values else "" for name in names[:-1]]
-                    + whole
-                    + [f"{deviations[name]:.6g}" if name in deviations else "" for name in names]
-                    + [f"{item.rms_deviation:.6g}"]
-                )
+                cells = [f"{values[name]:.9g}" if name in values else "" for name in names]
+                cells += [f"{deviations[name]:.6g}" if name in deviations else "" for name in names]
+                rows.append([item.measured.source, f"{at:g}", str(mode.mode), *cells, f"{item.rms_deviation:.6g}"])
         return rows
 
     def to_dict(self) -> dict[str, Any]:
@@ -246,14 +237,6 @@ class Trend(Result):
             "comparisons": [item.to_dict() for item in self.comparisons],
             "drifts": self.drifts(),
         }
-
-    def writers(self) -> dict[str, Callable[[Path], object]]:
-        """Return the writers by ending: ``.json`` (the comparisons) and ``.csv`` (:meth:`rows`)."""
-        return {**super().writers(), ".csv": lambda file: write_rows(file, self.rows())}
-
-    def to_dataframe(self) -> pandas.DataFrame:
-        """Return :meth:`rows` as a pandas table."""
-        return _frame(self.rows())
 
     @property
     def cautions(self) -> tuple[str, ...]:
@@ -268,23 +251,23 @@ class Trend(Result):
         return found
 
 
-def _slope(at: NDArray[np.float64], values: Sequence[float], errors: Sequence[float]) -> dict[str, float]:
-    """Return the slope of a line through values, and its standard error."""
-    deviation = np.maximum(np.array(errors), 1e-12)
+def _slope(
+    at: NDArray[np.float64],
+    items: Sequence[object],
+    errors: Sequence[Mapping[str, float | None]],
+    powers: Mapping[str, float],
+) -> dict[str, float]:
+    """Return the slope of the logarithm of a product of powers of values, and its standard error."""
+    values = np.array([[getattr(item, key) for key in powers] for item in items])
+    deviations = np.array([[error[key] or 0.0 for key in powers] for error in errors])
+    power = np.array(list(powers.values()))
+    deviation = np.maximum(np.linalg.norm(power * deviations / values, axis=1), 1e-12)
     system = np.column_stack([np.ones_like(at), at]) / deviation[:, None]
-    scaled = np.array(values) / deviation
+    scaled = np.log(values) @ power / deviation
     solution = np.linalg.lstsq(system, scaled, rcond=None)[0]
     scatter = float(np.sum((system @ solution - scaled) ** 2)) / (len(at) - 2)
     variance = np.linalg.inv(system.T @ system)[1, 1] * max(scatter, 1.0)
     return {"slope": float(solution[1]), "standard_error": float(np.sqrt(variance))}
-
-
-def _frame(rows: list[list[str]]) -> pandas.DataFrame:
-    import pandas
-
-    return pandas.DataFrame(rows[1:], columns=rows[0]).apply(
-        lambda column: column if column.name == "spectrum" else pandas.to_numeric(column)
-    )
 
 
 @checked
@@ -302,23 +285,23 @@ def compare(
     label: str = "",
     progress: Callable[[int, int], object] | None = None,
 ) -> Trend:
-    """Hold one or many spectra against a motor or another spectrum.
+    """Compare one or many spectra with a motor or another spectrum.
 
     Args:
         measured: the spectra.
         reference: a spectrum, or a motor whose admittance ngspice computes over the measured band.
-        modes: number of modes to fit; found for each spectrum if it is not given.
+        modes: number of modes to fit; by default selected for each spectrum.
         connection: connection of the groups, of a motor and of two-ports.
         state: ``"free"`` or ``"preloaded"``, of a motor.
         leads: as of :func:`fit_spectrum`; not for a motor.
         noise: as of :func:`fit_spectrum`; not for a motor.
-        timeout: seconds after which the fit of a spectrum ends with an error.
-        at: what the spectra were measured at: a temperature, an age.
-        label: what ``at`` is, with its unit.
-        progress: called with the number of the spectrum that is fitted next and their count, the reference included.
+        timeout: time limit of the fit of a spectrum in s.
+        at: condition of each spectrum, such as a temperature or an age.
+        label: name and unit of ``at``.
+        progress: callback with the number of the next spectrum and their count, including the reference.
 
     Raises:
-        ParameterError: for a refused argument.
+        ParameterError: for an invalid argument.
         SimulationError: if ngspice fails to compute a motor's admittance.
         SpectrumError: if a spectrum cannot be fitted, or has no band in common with the reference.
     """
@@ -368,31 +351,26 @@ def _compare(measured: SpectrumFit, reference: SpectrumFit) -> Comparison:
     inside = (measured.frequency_hz >= low) & (measured.frequency_hz <= high)
     frequency, y = measured.frequency_hz[inside], measured.measured_s[inside]
     ratio = y / reference.admittance(frequency) - 1.0
+    capacitances = [fit.circuit.clamped_capacitance_f for fit in (measured, reference)]
     return Comparison(
         measured=measured,
         reference=reference,
         modes=modes,
         extra_hz=tuple(arm.series_resonance_hz for k, arm in enumerate(found) if k not in pairs.values()),
-        clamped_capacitance_deviation=measured.circuit.clamped_capacitance_f / reference.circuit.clamped_capacitance_f
-        - 1.0,
-        rms_deviation=float(np.sqrt(np.mean(np.abs(ratio) ** 2))),
+        clamped_capacitance_deviation=capacitances[0] / capacitances[1] - 1.0,
+        rms_deviation=rms(ratio),
         warnings=tuple(f"{fit.source}: {text}" for fit in (measured, reference) for text in fit.warnings),
     )
 
 
 def _pairs(wanted: Sequence[FittedArm], found: Sequence[FittedArm]) -> dict[int, int]:
-    """Return which measured mode belongs to which of the reference: the closest in frequency and capacitance."""
-    cost = np.array(
-        [
-            [
-                10.0 * abs(np.log(arm.series_resonance_hz / mode.series_resonance_hz))
-                + abs(np.log(arm.capacitance_f / mode.capacitance_f))
-                for arm in found
-            ]
-            for mode in wanted
-        ]
-    ).reshape(len(wanted), len(found))
-    rows, columns = linear_sum_assignment(cost)
+    """Return the measured mode of each mode of the reference: the closest in frequency and capacitance."""
+    (f, c), (f_found, c_found) = (
+        np.log([[arm.series_resonance_hz, arm.capacitance_f] for arm in arms] or np.ones((0, 2))).T
+        for arms in (wanted, found)
+    )
+    distance = 10.0 * np.abs(f[:, None] - f_found) + np.abs(c[:, None] - c_found)
+    rows, columns = linear_sum_assignment(distance)
     return {
         int(row): int(column)
         for row, column in zip(rows, columns, strict=True)

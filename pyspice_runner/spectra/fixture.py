@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-r"""A spectrum without its fixture, by measurements of the open, the short and a load in place of the device.
+r"""Compensation of a fixture by measurements of the open, the short and a load in place of the device.
 
 .. math::
     Z = \frac{Z_m - Z_s}{1 - (Z_m - Z_s)\,Y_o}, \qquad
@@ -34,7 +34,7 @@ def without_fixture(
     """Return the spectrum of a device without its fixture.
 
     Args:
-        measured: the device in its fixture, one port.
+        measured: one-port spectrum of the device in its fixture.
         opened: the fixture without the device.
         short: the fixture with a short in place of the device.
         load: the fixture with a resistor in place of the device; needs ``opened`` and ``short`` too.
@@ -42,7 +42,7 @@ def without_fixture(
 
     Raises:
         ParameterError: for a load without the open and the short, or a resistance that is not positive.
-        SpectrumError: if a fixture's spectrum has two ports or does not cover the device's band.
+        SpectrumError: if a spectrum of the fixture has two ports or does not cover the band of the device.
     """
     if load is not None and (opened is None or short is None):
         raise ParameterError(
@@ -69,7 +69,7 @@ def without_fixture(
 
 
 def _at(part: Spectrum | None, measured: Spectrum) -> NDArray[np.complex128] | None:
-    """Return the impedance of a fixture's spectrum in Ω at the device's frequencies."""
+    """Return the impedance of the fixture in Ω at the frequencies of the device."""
     if part is None:
         return None
     here, there = measured.frequency_hz, part.frequency_hz

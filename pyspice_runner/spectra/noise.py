@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-r"""The error of a measured admittance: what it is in proportion to, and how large.
+r"""Error models of a measured admittance.
 
 =================  ==========================================  =============================
 name               the error is the same at all points in      deviation of Y
@@ -9,9 +9,8 @@ name               the error is the same at all points in      deviation of Y
 ``z``              the impedance, as of a display's last digit  σ |Y|²
 =================  ==========================================  =============================
 
-σ is the root mean square of the complex error (in Ω for ``z``). Several add up as variances. An estimate takes the
-single error, or the proportional one with one of the others, that makes the deviations most likely, by Schwarz's
-criterion.
+σ is the root mean square of the complex error (in Ω for ``z``). Variances add. An estimate selects a single error, or
+the proportional one with one of the others, by maximum likelihood and Schwarz's criterion.
 """
 
 from __future__ import annotations
@@ -27,8 +26,8 @@ from pyspice_runner.spectra.identify.descent import Complexes, Vector, rms
 
 KINDS = ("proportional", "s11", "z")
 REFERENCE_OHM = 50.0
-_RATIOS = np.geomspace(0.03, 30.0, 21)  # of two errors' medians; beyond, the smaller does not count
-_DEGREES = 3.0  # of Student's distribution, whose tails take a resonance between the points for an outlier
+_RATIOS = np.geomspace(0.03, 30.0, 21)  # of the medians of two errors; outside, the smaller is negligible
+_DEGREES = 3.0  # of Student's distribution, whose tails treat a resonance between the points as an outlier
 _LEAST = 1e-12  # relative error of exact data
 _GAIN = sqrt(20.0)  # of a third difference for white noise: √(1 + 9 + 9 + 1)
 
@@ -39,7 +38,7 @@ class Noise:
 
     Attributes:
         sigma: kind → σ; of one kind, or of ``proportional`` and another.
-        stated: whether the user stated it, so that σ is not taken from the residuals.
+        stated: whether σ is known and not estimated from the residuals.
     """
 
     sigma: dict[str, float]
@@ -47,7 +46,7 @@ class Noise:
 
     @property
     def domain(self) -> str:
-        """The quantity in which residuals are formed: that of the additive error if there is one."""
+        """The quantity of the residuals: that of the additive error if there is one."""
         return next((kind for kind in ("s11", "z") if kind in self.sigma), "proportional")
 
     def deviation(self, y: Complexes) -> Vector:
@@ -104,7 +103,7 @@ def estimate(y: Complexes, error: Complexes | None = None) -> Noise:
 
     Args:
         y: admittance in S: measured, or fitted if its errors are given.
-        error: measured less fitted, S; without it, third differences of neighbouring points, which hold little else.
+        error: measured less fitted, S; by default third differences of neighbouring points, which contain little else.
     """
     robust = error is None
     if error is None:
@@ -132,7 +131,7 @@ def estimate(y: Complexes, error: Complexes | None = None) -> Noise:
 
 
 def same_shape(first: Noise, second: Noise, y: Complexes) -> bool:
-    """Tell whether two error models weight the points alike, to a tenth in 9 of 10 points."""
+    """Whether two error models give the same relative weights, within 10 % at 9 of 10 points."""
     ratio = first.deviation(y) / second.deviation(y)
     low, middle, high = np.quantile(ratio, [0.05, 0.5, 0.95])
     return bool(high < 1.1 * middle and low > middle / 1.1)

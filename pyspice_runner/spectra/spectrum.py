@@ -35,7 +35,7 @@ COUPLING: dict[Connection, tuple[float, float]] = {
 
 
 def connect(matrix_s: NDArray[np.complex128], connection: Connection) -> NDArray[np.complex128]:
-    """Return the admittance in S that a two-port shows when its groups are driven through one connection."""
+    """Return the admittance of a two-port in S, driven through a connection of its groups."""
     drive = np.array(COUPLING[connection])
     result: NDArray[np.complex128] = np.einsum("i,kij,j->k", drive, matrix_s, drive)
     return result
@@ -48,10 +48,10 @@ class Spectrum(Result):
     Attributes:
         frequency_hz: frequencies in Hz, rising, shape (points,).
         matrix_s: admittance matrix in S, shape (points, ports, ports); [.., 0, 1] is the current into A per volt on B.
-        source: name of the file, or of what the spectrum was computed from.
-        format: name of the format that the spectrum was read from.
-        warnings: what was repaired while reading, one sentence each.
-        metadata: what the file says of the measurement: instrument, date, level.
+        source: name of the file or of the origin.
+        format: name of the file format.
+        warnings: repairs while reading, one sentence each.
+        metadata: description of the measurement from the file: instrument, date, level.
     """
 
     frequency_hz: NDArray[np.float64]
@@ -62,7 +62,7 @@ class Spectrum(Result):
     metadata: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check the arrays and lock them, and leave out of the name what no file can hold."""
+        """Check the arrays and make them read-only; remove characters from the name that no file can hold."""
         object.__setattr__(self, "source", self.source.encode("utf-8", "replace").decode())
         frequency = np.array(self.frequency_hz, dtype=np.float64)
         matrix = np.array(self.matrix_s, dtype=np.complex128)
@@ -98,7 +98,8 @@ class Spectrum(Result):
         Raises:
             SpectrumError: for values that are no spectrum.
         """
-        matrix = _as_matrix(admittance_s)
+        matrix = np.asarray(admittance_s, dtype=np.complex128)
+        matrix = matrix[:, None, None] if matrix.ndim == 1 else matrix
         return cls(np.asarray(frequency_hz, float), matrix, source, format, warnings, dict(metadata or {}))
 
     @classmethod
@@ -117,12 +118,14 @@ class Spectrum(Result):
         Raises:
             SpectrumError: for values that are no spectrum, such as an impedance of zero.
         """
-        impedance = _as_matrix(impedance_ohm)
+        impedance = np.asarray(impedance_ohm, dtype=np.complex128)
         try:
-            matrix = np.asarray(np.linalg.inv(impedance), dtype=np.complex128)
+            matrix = np.linalg.inv(impedance[:, None, None] if impedance.ndim == 1 else impedance)
         except np.linalg.LinAlgError:
             raise SpectrumError("An impedance is zero or singular, so that there is no admittance.") from None
-        return cls(np.asarray(frequency_hz, float), matrix, source, format, warnings, dict(metadata or {}))
+        return cls.from_admittance(
+            frequency_hz, matrix, source=source, format=format, warnings=warnings, metadata=metadata
+        )
 
     def __len__(self) -> int:
         """Return the number of frequencies."""
@@ -138,7 +141,7 @@ class Spectrum(Result):
         """Admittance of a one-port in S, shape (points,).
 
         Raises:
-            SpectrumError: for a two-port, which has one only when driven through a connection.
+            SpectrumError: for a two-port; :meth:`driven` selects a connection.
         """
         if self.ports != 1:
             raise SpectrumError(f"{self._name} has two ports; choose one of {', '.join(COUPLING)} by driven().")
@@ -154,7 +157,7 @@ class Spectrum(Result):
         return 1.0 / self.admittance_s
 
     def driven(self, connection: Connection) -> Spectrum:
-        """Return the one-port that a two-port is when driven as ``A`` (B shorted), ``B``, ``A+B`` or ``A-B``.
+        """Return the one-port of a two-port driven as ``A`` (B shorted), ``B``, ``A+B`` or ``A-B``.
 
         Raises:
             SpectrumError: for a one-port or an unknown connection.
@@ -167,10 +170,10 @@ class Spectrum(Result):
         return replace(self, matrix_s=one_port, metadata={**self.metadata, "connection": connection})
 
     def between(self, start_hz: float = 0.0, stop_hz: float = np.inf) -> Spectrum:
-        """Return the part from ``start_hz`` to ``stop_hz``, both included.
+        """Return the part from ``start_hz`` to ``stop_hz`` inclusive.
 
         Raises:
-            SpectrumError: if fewer than two points lie there.
+            SpectrumError: with fewer than two points there.
         """
         inside = (self.frequency_hz >= start_hz) & (self.frequency_hz <= stop_hz)
         if np.count_nonzero(inside) < 2:
@@ -185,7 +188,7 @@ class Spectrum(Result):
         return columns_of(self.frequency_hz, self.matrix_s)
 
     def writers(self) -> dict[str, Callable[[Path], object]]:
-        """Return the writers by ending; ``read_spectrum`` reads the ``.csv`` back without loss."""
+        """Return the writers by ending; ``.csv`` has every digit, for ``read_spectrum``."""
         return {**super().writers(), ".csv": self._write_csv}
 
     def to_dict(self) -> dict[str, Any]:
@@ -203,7 +206,7 @@ class Spectrum(Result):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """What was repaired while reading."""
+        """Repairs while reading."""
         return self.warnings
 
     def summary(self) -> dict[str, str]:
@@ -213,7 +216,6 @@ class Spectrum(Result):
         return {name: text for name, text in found.items() if text} | {"band": f"{low} to {high}"}
 
     def _write_csv(self, path: Path) -> None:
-        """Write every digit, so that nothing is lost."""
         columns = self.columns()
         rows = zip(*(column.tolist() for column in columns.values()), strict=True)
         lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
@@ -235,11 +237,6 @@ def columns_of(frequency_hz: NDArray[np.float64], matrix_s: NDArray[np.complex12
             columns[f"y_{into}{driven}_real_s"] = entry.real
             columns[f"y_{into}{driven}_imag_s"] = entry.imag
     return columns
-
-
-def _as_matrix(values: ArrayLike) -> NDArray[np.complex128]:
-    matrix = np.asarray(values, dtype=np.complex128)
-    return matrix[:, None, None] if matrix.ndim == 1 else matrix
 
 
 def _are(count: int) -> str:

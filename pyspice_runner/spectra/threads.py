@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One BLAS thread for small matrices: more of them wait for each other on a busy machine, and are never faster."""
+"""One BLAS thread for small matrices; more threads are never faster, and wait for each other on a busy machine."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _Result = TypeVar("_Result")
 
 
 def one_thread(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
-    """Return a function during whose calls BLAS uses one thread."""
+    """Limit BLAS to one thread during the calls of a function."""
 
     @wraps(function)
     def limited(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> _Result:
