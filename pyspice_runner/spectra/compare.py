@@ -147,11 +147,6 @@ class Comparison(_Tabulated):
         """Return the table: a header, then one row for each mode."""
         return Trend((self,), (1.0,)).rows()
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """The warnings of the comparison."""
-        return self.warnings
-
     def summary(self) -> dict[str, str]:
         """Return both sources, the RMS deviation and the deviations of each mode."""
         found = {

@@ -186,11 +186,6 @@ class SpectrumFit(Result):
         title = f"fitted to {self.source or 'a spectrum'}"
         return {**super().writers(), **CircuitExport(self.circuit, title, frequency_hz=self.frequency_hz).writers()}
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """The warnings of the fit."""
-        return self.warnings
-
     def summary(self) -> dict[str, str]:
         """Return source, error, clamped capacitance, and frequency, Qm and R of each arm."""
         arms = {

@@ -204,11 +204,6 @@ class Spectrum(Result):
             "metadata": dict(self.metadata),
         }
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Repairs while reading."""
-        return self.warnings
-
     def summary(self) -> dict[str, str]:
         """Return source, format, number of ports and points, and the band."""
         low, high = (engineering(float(self.frequency_hz[place]), "Hz") for place in (0, -1))

@@ -96,11 +96,6 @@ class TogetherFit(Result):
         """Return the fit JSON-ready."""
         return {**asdict(self), "rms_relative_error": list(self.rms_relative_error), "warnings": list(self.warnings)}
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """The warnings."""
-        return self.warnings
-
     def summary(self) -> dict[str, str]:
         """Return the errors, the drifts, and the change of each arm with the charge."""
         found = {"RMS error": ", ".join(f"{100.0 * value:.3g} %" for value in self.rms_relative_error)}

@@ -177,11 +177,6 @@ class TwoPortFit(Result):
         heading = f"A motor by the two-port spectra {self.source}."
         file.write_text(self.to_motor(**calibration).to_toml(heading=heading), encoding="utf-8")
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """The warnings of the fit."""
-        return self.warnings
-
     def summary(self) -> dict[str, str]:
         """Return source, errors, clamped capacitances, and frequency, Qm and couplings of each mode."""
         errors = (f"{name.replace('-', '−')} {100.0 * value:.3g} %" for name, value in self.rms_relative_error.items())
