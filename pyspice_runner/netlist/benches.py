@@ -149,6 +149,12 @@ def add_drive(circuit: Circuit, drive: Drive, pins: tuple[str, str], *, begun: f
         _drive_group(circuit, group, tones, drive.soft_start, begun, node=node)
 
 
+def sine(tone: Tone, begun: float = 0.0) -> str:
+    """Return the value of a voltage source for a sine that has been on for ``begun`` seconds."""
+    phase = degrees(tone.phase) + 360.0 * ((tone.frequency * begun) % 1.0)
+    return f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {phase!r})"
+
+
 def _drive_group(
     circuit: Circuit, group: str, tones: Sequence[Tone], soft_start: float, begun: float = 0.0, node: str = ""
 ) -> None:
@@ -157,21 +163,21 @@ def _drive_group(
     ``begun`` is the time in s since the drive was switched on.
     """
     active = [tone for tone in tones if tone.amplitude] or [tones[0]]
-    phases = [tone.phase + 2.0 * pi * ((tone.frequency * begun) % 1.0) for tone in active]
     node = node or group
     if soft_start > 0.0:
         shape = "+".join(
-            f"({tone.amplitude!r})*sin({2.0 * pi * tone.frequency!r}*time+({phase!r}))"
-            for tone, phase in zip(active, phases, strict=True)
+            f"({tone.amplitude!r})*sin({2.0 * pi * tone.frequency!r}*time"
+            f"+({tone.phase + 2.0 * pi * ((tone.frequency * begun) % 1.0)!r}))"
+            for tone in active
         )
         since = f"(time+{begun!r})" if begun else "time"
         circuit.raw_spice += f"Bdrive_{group} drive_{group} 0 V=min(1,{since}/{soft_start!r})*({shape})\n"
         circuit.V(group, node, f"drive_{group}", "DC 0")
         return
     nodes = [node, *(f"drive_{group}{index}" for index in range(1, len(active))), circuit.gnd]
-    for index, (tone, phase) in enumerate(zip(active, phases, strict=True)):
+    for index, tone in enumerate(active):
         name = group if index == 0 else f"{group}{index}"
         circuit.V(
             name, nodes[index], nodes[index + 1],
-            f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {degrees(phase)!r})",
+            sine(tone, begun),
         )  # fmt: skip

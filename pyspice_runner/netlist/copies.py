@@ -21,7 +21,7 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.model.drive import Drive, Load, Tone
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mount
-from pyspice_runner.netlist.benches import transient_options
+from pyspice_runner.netlist.benches import sine, transient_options
 from pyspice_runner.netlist.compiled import (
     Module,
     Signal,
@@ -279,7 +279,7 @@ def copies_bench(
             lines.append(f"I{shaft} {shaft} 0 DC {float(plant.load.torque)!r}")
         for place, probe in enumerate(copy.probes):
             if probe.place == "shaft":
-                lines.append(f"I{shaft}_{place} 0 {shaft} {_sine(probe.tone, copy.begun)}")
+                lines.append(f"I{shaft}_{place} 0 {shaft} {sine(probe.tone, copy.begun)}")
         start_values = {} if compiled else plant.start_values(copy.state, discretisation)
         values = " ".join(f"{name}={value:.17g}" for name, value in start_values.items())
         pins = f"a{sources[key]} b{sources[key]} 0 {shaft}"
@@ -312,13 +312,8 @@ def _drive_lines(plant: Plant, probes: Sequence[Probe], begun: float, number: in
         tones = plant.tones(group, probes)
         nodes = [f"{group}{number}", *(f"{group}{number}_{index}" for index in range(1, len(tones))), "0"]
         for index, tone in enumerate(tones):
-            lines.append(f"V{group}{number}_{index} {nodes[index]} {nodes[index + 1]} {_sine(tone, begun)}")
+            lines.append(f"V{group}{number}_{index} {nodes[index]} {nodes[index + 1]} {sine(tone, begun)}")
     return lines
-
-
-def _sine(tone: Tone, begun: float) -> str:
-    degrees = 180.0 / pi * tone.phase + 360.0 * ((tone.frequency * begun) % 1.0)
-    return f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {degrees!r})"
 
 
 def drive_voltage(tones: Sequence[Tone], time: Array) -> Array:

@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import degrees, pi, sin
+from math import pi, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from pyspice_runner.netlist.benches import (
     add_set_speed,
     brake_parts,
     connect_brake,
+    sine,
     transient_options,
 )
 from pyspice_runner.netlist.copies import Copy, Plant, content_name, copy_name
@@ -177,13 +178,12 @@ class DrivenPlant(Plant):
         for group, tones in self.stage.items():
             ends = [f"out_{group}", *(f"out_{group}_{index}" for index in range(1, len(tones))), circuit.gnd]
             for index, tone in enumerate(tones):
-                sine = f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {degrees(tone.phase)!r})"
-                circuit.V(f"stage_{group}_{index}", ends[index], ends[index + 1], sine)
+                circuit.V(f"stage_{group}_{index}", ends[index], ends[index + 1], sine(tone))
         for group in GROUPS:
             begins = self.begins + self._ahead(group)
             amplitude, turned = control_amplitude(self.driver, group), 360.0 * (begins % 1.0)
-            sine = f"SIN(0 {amplitude!r} {self.driver.frequency!r} 0 0 {turned!r})"
-            circuit.V(f"control_{group}", f"control_{group}", circuit.gnd, sine)
+            control = f"SIN(0 {amplitude!r} {self.driver.frequency!r} 0 0 {turned!r})"
+            circuit.V(f"control_{group}", f"control_{group}", circuit.gnd, control)
             if self.driver.kind == "half-bridge" and not self.stage:
                 sign = 1.0 if sin(2.0 * pi * begins) > 0.0 else -1.0
                 circuit[f"Xstage_{group}"].parameters[_DELAY] = sign
