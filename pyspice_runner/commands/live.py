@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``piezomotor live``: a page with a motor to play with."""
+"""``piezomotor live``: the live page of a motor."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def live(
         save_live_page(loaded, target)
     facts = engine_facts()
     document = {"page": str(target), "motor": loaded.name, "bytes": target.stat().st_size, "engine": facts}
-    table = Table("quantity", "value", title=f"{loaded.name}: a motor to play with")
+    table = Table("quantity", "value", title=f"{loaded.name}: live page")
     table.add_row("page", str(target))
     table.add_row("size", f"{target.stat().st_size / 1e6:.1f} MB")
     table.add_row("engine", f"ngspice {facts['ngspice']}, {facts['package']}")

@@ -10,7 +10,6 @@ the MOSFETs of a bridge, may be a subcircuit of the user's own (:mod:`.own_devic
 
 from __future__ import annotations
 
-import difflib
 from cmath import rect
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from typing import Any, Literal, NamedTuple, Self, get_args
 from pydantic import Field, PrivateAttr
 from PySpice.Spice.Netlist import Circuit, Netlist
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import quantity
 from pyspice_runner.model.refusal import Stated, quoted
@@ -383,8 +382,7 @@ class Driver(Stated, Source):
             raise ParameterError(f"Driver: {path} follows from the driver's voltage, frequency and phase. Set these.")
         known = list(present[plain].values)
         if name not in known:
-            close = difflib.get_close_matches(name, known, n=1)
-            hint = f"Did you mean {close[0]!r}?" if close else f"It has {', '.join(known)}."
+            hint = did_you_mean(name, known, "It has")
             raise ParameterError(f"Driver: the {plain} has no parameter {quoted(name)}. {hint}")
         return present[plain], name
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A page with a motor to play with: ngspice as WebAssembly runs the motor's decks in the browser, without a network.
+"""The live page of a motor: ngspice as WebAssembly runs its decks in the browser, without a network.
 
-``live_page/`` has the page's template, its scripts and the engine, which ``scripts/live_engine.py`` rebuilds. The decks
-are those of :mod:`pyspice_runner.netlist.live`; the scripts fill in their numbers and show the results.
+``live_page/`` contains the template, the scripts and the engine, which ``scripts/live_engine.py`` rebuilds. The scripts
+fill the numbers into the decks of :mod:`pyspice_runner.netlist.live` and show the results.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from pyspice_runner.netlist.state import Discretisation
 
 ASSETS = Path(__file__).parent / "live_page"
 SCRIPTS = ("solve.js", "driver.js", "spectrum.js", "charts.js", "page.js")
-SHAPE_POINTS = 41  # of the beam, to draw it
+SHAPE_POINTS = 41  # of a mode shape
 GRIP = 1e3  # N·m·s, of the brake that holds the shaft: at 10 mN·m the speed is 10 µrad/s off
 DRIVER_EXAMPLE = """* a series inductor in each line
 La source_a a_in 2m
@@ -45,8 +45,8 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
     """Return the page as HTML.
 
     Args:
-        motor: the motor that the page shows first.
-        others: further motors to choose from; by default the bundled ones.
+        motor: the motor that is selected first.
+        others: further motors to select; by default the bundled ones.
 
     Raises:
         ParameterError: if Jinja2 is not installed.
@@ -98,7 +98,7 @@ def content_policy(script: str, style: str) -> str:
 
 
 def page_data(motors: Sequence[Motor]) -> dict[str, Any]:
-    """Return what the scripts need: the motors with their decks, the presets, and the marks of a driver's lines."""
+    """Return the data of the scripts: motors with their decks, presets, and the marks of a driver's lines."""
     return {
         "motors": [_motor(motor) for motor in motors],
         "presets": [preset for motor in motors for preset in _presets(motor)],
@@ -108,12 +108,12 @@ def page_data(motors: Sequence[Motor]) -> dict[str, Any]:
 
 
 def packed(data: bytes) -> str:
-    """Return data as text for a page: compressed by gzip, in base64."""
+    """Return data for a page: compressed by gzip, in base64."""
     return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode("ascii")
 
 
 def _motor(motor: Motor) -> dict[str, Any]:
-    """Return a motor for the page: decks, settings with their ranges, and what the pictures need."""
+    """Return a motor for the page: decks, settings with their ranges, and data of the pictures."""
     step, sprung = live.live_step(motor), live.mounts(motor)["sprung"].mount
     assert sprung is not None
     # the stiffness in the netlist, by which a displacement follows from the force of a mode's spring

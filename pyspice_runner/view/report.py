@@ -69,26 +69,25 @@ def report(
     progress: Progress | None = None,
     timeout: float | None = None,
 ) -> Report:
-    """Run everything that a motor's data sheet shows.
+    """Run the analyses of a motor's data sheet.
 
-    The curves are measured at twice the time step of the run, whose error is in ``discretisation_error`` a quarter of
-    theirs.
+    The curves have twice the time step of the run. Their error is four times ``discretisation_error``, that of the run.
 
     Args:
         motor: the motor.
         drive: the voltages of both groups.
         duration: of the run from rest, s.
-        speeds: of the speed–torque curves, rad/s; by default from standstill to somewhat beyond no load.
+        speeds: of the speed–torque curves, rad/s; by default from standstill to slightly beyond no load.
         levels: shares of the drive's voltage at which a curve is measured.
         measured: a measured spectrum to draw over the computed ones.
         connection: how the groups were connected when it was measured, if it is a one-port.
-        progress: called with the number of runs and points that are finished, and of all.
-        timeout: wall time in s after which ngspice is ended, a run.
+        progress: called with the number of finished runs and points, and with their total.
+        timeout: wall time in s of each run, after which ngspice is stopped.
 
     Raises:
         ParameterError: for an invalid value.
-        SimulationError: if ngspice fails or its result cannot be trusted; ``partial`` has what was finished, file name
-            → what writes it.
+        SimulationError: if ngspice fails or its result is not valid; ``partial`` maps the file name of each finished
+            part to the function that writes it.
     """
     if not levels or not all(0.0 < level <= 1.0 for level in levels):
         raise ParameterError(f"levels = {list(levels)} is not valid: it must be numbers > 0 and ≤ 1.")
@@ -105,7 +104,7 @@ def report(
     advance(0)
     spectra: dict[State, Admittance] = {}
     curves: dict[float, xarray.Dataset] = {}
-    with _handing_over() as finished:
+    with _keeping_finished() as finished:
         for state in get_args(State):
             spectra[state] = _spectrum(motor, state, timeout)
             finished[f"admittance_{state}.csv"] = spectra[state].save
@@ -114,7 +113,7 @@ def report(
         finished["run.nc"] = run.save
         advance()
         step = run.provenance["run"]["step_s"]
-        # the audit of the run itself counts; this one is there to be worse
+        # only for the estimate of the error: the audit of the finer run counts
         coarse = simulate(motor, drive, duration=duration, step=2.0 * step, timeout=timeout, audit=False)
         advance()
         if speeds is None:
@@ -130,7 +129,7 @@ def report(
 
 
 @contextmanager
-def _handing_over() -> Iterator[dict[str, Callable[[Path], object]]]:
+def _keeping_finished() -> Iterator[dict[str, Callable[[Path], object]]]:
     """Attach the finished parts, file name → function that writes it, to the error that ends the rest."""
     finished: dict[str, Callable[[Path], object]] = {}
     try:
@@ -165,9 +164,9 @@ def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:
 
 
 def _speeds(motor: Motor, drive: Drive, run: Waveforms, step: float, timeout: float | None) -> Array:
-    """Return speeds from standstill to somewhat beyond no load, in the direction in which the motor turns.
+    """Return speeds from standstill to slightly beyond no load, in the direction in which the motor turns.
 
-    The rotor cannot overtake the tip: no-load speed is looked for below the tip's largest speed along the rotor.
+    The rotor cannot overtake the tip: the no-load speed is below the tip's largest speed along the rotor.
     """
     window = run.window()
     fastest = float(np.abs(np.gradient(run.tip_x_m[window], run.time_s[window])).max()) / motor.rotor.radius_m
