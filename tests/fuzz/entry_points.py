@@ -413,8 +413,8 @@ def nothing_runs() -> Iterator[None]:
 
     with (
         mock.patch("pyspice_runner.engine.pyspice.run_deck", refuse),
-        mock.patch("pyspice_runner.study.sweep.outcomes", here),
-        mock.patch("pyspice_runner.study.sweep.MOST_POINTS", 200),  # more would take long
+        mock.patch("pyspice_runner.study.answers.outcomes", here),
+        mock.patch("pyspice_runner.study.plan.MOST_POINTS", 200),  # more would take long
         mock.patch("pyspice_runner.spectra.identify.problem.Problem.__init__", refuse),
         mock.patch("distributed.Client", unreachable),
         mock.patch("typer.main.get_command", return_value=_GROUP),  # typer would build it for every run
