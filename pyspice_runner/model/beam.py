@@ -68,6 +68,7 @@ from pydantic import ValidationError
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.parameters import Beam, Damping, Mode, Patch, Tip
+from pyspice_runner.model.roots import root
 
 Array = NDArray[np.float64]
 
@@ -322,9 +323,7 @@ def _amplitude(coefficients: Array, k: Array, length: float) -> float:
     for i in np.flatnonzero(np.abs(slopes) <= _ZERO * np.max(np.abs(slopes))):
         slopes[i] = slope(grid[i])  # where rounding decides on the sign: as the search below computes it
     turns = np.flatnonzero(slopes[:-1] * slopes[1:] <= 0.0)
-    from scipy.optimize import brentq  # takes long to load
-
-    extrema = np.array([brentq(slope, grid[i], grid[i + 1], xtol=1e-12 * length) for i in turns])
+    extrema = np.array([root(slope, grid[i], grid[i + 1], 1e-12 * length) for i in turns])
     largest = np.max(np.abs(np.sin(np.outer(extrema, k)) @ coefficients))
     return float(np.copysign(largest, slopes[0]))
 

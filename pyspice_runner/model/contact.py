@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.model.parameters import Contact, Mode, Mount, Rotor
+from pyspice_runner.model.roots import root
 
 
 def effective_modulus(
@@ -77,14 +78,13 @@ def hunt_crossley_damping(restitution: float, velocity_m_s: float) -> float:
     """
     if restitution >= 1.0:
         return 0.0
-    from scipy.optimize import brentq  # half of the load time of a first run, and seldom needed
 
     def mismatch(z: float) -> float:
         return z * (1.0 + restitution) - log1p(z) + log1p(-restitution * z)
 
     # the root between that at z = 0 and the pole at z = 1/e
     lowest = 0.5 * (1.0 - restitution)
-    return float(brentq(mismatch, lowest, (1.0 - 1e-15) / restitution, xtol=1e-15, rtol=1e-14)) / velocity_m_s
+    return root(mismatch, lowest, (1.0 - 1e-15) / restitution) / velocity_m_s
 
 
 def static_penetration(contact: Contact) -> float:

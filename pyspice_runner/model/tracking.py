@@ -25,6 +25,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Contact
+from pyspice_runner.model.roots import root
 
 TrackerKind = Literal["none", "pll", "observe-current", "observe-power"]
 DisturbanceKind = Literal["start", "target", "load", "preload", "temperature", "warm-up"]
@@ -105,9 +106,7 @@ def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True)
     if not own.tip_x:  # no rubbing: the loss does not depend on the amplitude
         omega, loss = state(highest)
         return StatorLag(omega / (2.0 * pi), own.mass_kg * omega**2 / loss, force_n / loss)
-    from scipy.optimize import brentq  # takes long to load
-
-    amplitude = brentq(lambda r: state(r)[1] * r - force_n, 1e-9 * highest, highest, xtol=1e-9 * highest)
+    amplitude = root(lambda r: state(r)[1] * r - force_n, 1e-9 * highest, highest, 1e-9 * highest)
     omega, loss = state(amplitude)
     return StatorLag(omega / (2.0 * pi), own.mass_kg * omega**2 / loss, amplitude)
 
