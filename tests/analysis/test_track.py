@@ -145,6 +145,7 @@ def test_a_load_step_is_half_of_the_stall_torque() -> None:
     assert found.stall_torque_n_m == pytest.approx(0.36e-3, rel=0.05)
 
 
+@pytest.mark.soak
 def test_observers_follow_a_drift() -> None:
     """As fast as 2 % in 50 ms. 80 Hz every 0.8 ms is 100 Hz/ms; against 21 Hz/ms of drift that is enough."""
     found = pr.track(

@@ -21,8 +21,8 @@ FIGURES = Path(__file__).resolve().parents[2] / "figures"
 DEMO = ["admittance", "figure_5", "patch_position", "spin_up"]  # the others are `make figures`
 # their kinds of curves, contact laws and controllers are those of the others, which `make soak` draws
 ALWAYS = [
-    "contact_patch", "control_speed", "drivers", "figure_6_region", "fit", "hysteresis", "softening", "speed_loop",
-    "speed_torque", "tolerance", "warm_up", "work_precision",
+    "contact_patch", "control_speed", "drivers", "figure_6_region", "fit", "hysteresis", "softening", "speed_torque",
+    "work_precision",
 ]  # fmt: skip
 SCRIPTS = sorted(path for path in FIGURES.glob("*.py") if path.stem not in ("style", "demo"))
 
