@@ -28,7 +28,7 @@ from pyspice_runner.netlist.averaged import (
     check_resolution,
     constant_settings,
 )
-from pyspice_runner.netlist.contact import ContactLaw
+from pyspice_runner.netlist.contact import PAPER_LAW, ContactLaw
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.ceramic import stated
@@ -247,7 +247,7 @@ def simulate_averaged(
             "motor": motor.to_dict(),
             "drive": DriveSource(drive).to_dict(),
             "run": {
-                "duration_s": duration, "contact": contact, "speed_rad_s": speed, "load_torque_n_m": load_torque,
+                "duration_s": duration, **PAPER_LAW.to_dict(), "speed_rad_s": speed, "load_torque_n_m": load_torque,
                 "phases": phases, "harmonics": harmonics,
                 "courses": {name: [*map(list, course)] for name, course in settings.items() if len(course) > 1},
                 "thermal": None if thermal is None else thermal.model_dump(),

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.analysis.averaged import AveragedRun, simulate_averaged
 from pyspice_runner.analysis.speed_torque import operating_point
+from pyspice_runner.cli import run
 from tests.netlist.batch import measured
 from tests.runs import simulated
 
@@ -112,6 +114,11 @@ def test_run_is_saved_by_its_ending(spin_up: AveragedRun, tmp_path: Path) -> Non
         assert spin_up.save(tmp_path / f"run.{ending}").stat().st_size > 0
     spin_up.plot(tmp_path / "run.png")
     assert spin_up.to_dict()["mean_rotor_speed_rad_s"] == spin_up.rotor_speed_rad_s[-1]
+
+
+def test_the_command_averages_and_prints_one_json_object(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["simulate", "andersen2002", "--averaged", "--duration", "2e-3", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["run"]["contact"] == "spring-slider"
 
 
 def test_exported_library_runs_by_its_own_example(motor: pr.Motor, tmp_path: Path) -> None:
