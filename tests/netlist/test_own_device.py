@@ -289,7 +289,7 @@ def test_a_library_that_holds_no_mosfet_is_an_error(text: str, sentence: str, tm
             "No such file or directory. Give the path of a .lib file.",
         ),
         ("/dev/zero:one", {}, "Cannot read the driver library '/dev/zero': it is not a regular file."),
-        (f"{'x' * 300}:one", {}, "The driver library 'xxx"),
+        (f"{'x' * 300}:one", {}, "Cannot read the driver library 'xxx"),
         ("my.lib:a b", {}, "it must be FILE:NAME, with a NAME of letters, digits and _ . + -."),
         ("my.lib:", {}, "it must be FILE:NAME"),
         ("linear", {"mosfet": f"{EXAMPLE}:fast200"}, "mosfet has no effect on a linear"),
