@@ -39,7 +39,7 @@ def snippets(page: Path) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
 
 
-LIKE = ("tracking",)  # its command is one of tutorial_tracking with another drift
+LIKE = ("tracking", "tutorial_impedance")  # their commands are those of tutorial_tracking and impedance, other values
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from pyspice_runner.model.contact import limit_ratio, linearised_resonances, sta
 from pyspice_runner.netlist.library import data_path
 from tests.reference.row import throw as exact_throw
 from tests.runs import simulated
+from tests.selection import mostly
 from tools import decks
 from tools.averaged_decks import averaged_library_text
 from tools.benches.hysteresis import hysteresis
@@ -217,7 +218,10 @@ def run_with(name: str, values: Mapping[str, str], folder: Path) -> dict[str, fl
     return {key: float(value) for key, value in re.findall(r"^(\w+) *= +([-+.\de]+)", done.stdout, re.M)}
 
 
-@pytest.mark.parametrize("name", NAMES)
+LIKE = "averaged_position_loop"  # its loop is that of averaged_speed_loop with another quantity
+
+
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, NAMES, [name for name in NAMES if name != LIKE]))
 def test_a_value_of_the_parameters_changes_the_result(name: str, tmp_path: Path) -> None:
     change, *short = CHANGES[name].items()
     before, after = (run_with(name, dict(values), tmp_path) for values in (short, [change, *short]))

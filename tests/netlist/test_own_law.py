@@ -55,7 +55,9 @@ def test_with_no_fall_the_law_of_the_tutorial_is_coulombs(law: Path) -> None:
         assert abs(wave.energy_residual) < 1e-3
 
 
-@pytest.mark.parametrize("name", ["piezomotor_contact", "piezomotor_brush", "piezomotor_coulomb"])
+@pytest.mark.parametrize(
+    "name", ["piezomotor_contact", pytest.param("piezomotor_brush", marks=pytest.mark.soak), "piezomotor_coulomb"]
+)
 def test_a_copy_of_a_built_in_law_gives_the_same(name: str, tmp_path: Path) -> None:
     """Also at the end of a run in blocks, which hands the state of the contact from block to block."""
     path = tmp_path / "copy.lib"
