@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run tasks in worker processes, or in the user's executor; a worker that dies loses none of them.
+"""Run tasks in worker processes or in the user's executor. A dead worker loses no task.
 
-The processes are watched by this thread alone, over one pipe each. A pool of the standard library has a thread and
-locks of its own; in Python 3.13 it may wait for ever after a worker was killed.
+The calling thread watches each worker over its own pipe. ProcessPoolExecutor has a thread and locks of its own; on
+Python 3.13 it can hang after a worker is killed.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from pyspice_runner.interrupts import held
 Task = Callable[[], dict[str, Any]]
 Outcome = dict[str, Any] | BaseException
 
-_TRIES = 2  # for a task whose worker dies
-_MOST_DEATHS = 8  # in a row, after which no worker seems able to work
+_TRIES = 2  # for each task
+_MOST_DEATHS = 8  # consecutive deaths after which the remaining tasks are given up
 _SAFE_PATH = "PYTHONSAFEPATH"
 _GRACE = 2.0  # s for a worker whose sweep has ended to stop ngspice and remove its files
 _LONGEST_END = 20.0  # s for a worker to end, including the imports of one that is just starting
@@ -39,7 +39,7 @@ _LONGEST_END = 20.0  # s for a worker to end, including the imports of one that 
 def outcomes(
     tasks: Mapping[str, Task], workers: int | None, executor: Executor | None
 ) -> Generator[tuple[str, Outcome]]:
-    """Yield the outcome of each task as it is finished; the task of a dead worker process is tried again."""
+    """Yield the outcome of each task on completion. The task of a dead worker process is repeated once."""
     if workers is not None and workers < 1:
         raise ParameterError(f"workers = {workers} is not valid: it must be a whole number > 0.")
     if executor is not None:
@@ -49,7 +49,7 @@ def outcomes(
 
 
 def _by_executor(tasks: Mapping[str, Task], executor: Executor) -> Iterator[tuple[str, Outcome]]:
-    """Run tasks in the user's executor; those that it loses or does not take are lost."""
+    """Run tasks in the user's executor, without retries."""
     done: SimpleQueue[Future[dict[str, Any]]] = SimpleQueue()
     under_way: dict[Future[dict[str, Any]], str] = {}
     try:
@@ -72,7 +72,7 @@ def _by_executor(tasks: Mapping[str, Task], executor: Executor) -> Iterator[tupl
 
 
 def _by_processes(tasks: Mapping[str, Task], number: int) -> Iterator[tuple[str, Outcome]]:
-    """Run each task in one of a number of worker processes."""
+    """Run tasks in a number of worker processes."""
     waiting = deque(tasks)
     deaths: Counter[str] = Counter()
     in_a_row = 0
@@ -80,7 +80,7 @@ def _by_processes(tasks: Mapping[str, Task], number: int) -> Iterator[tuple[str,
         idle: list[Connection] = []
         busy: dict[Connection, str] = {}
         while in_a_row < _MOST_DEATHS and (waiting or busy):
-            # a task whose worker died may need much memory: it runs alone, after all others
+            # a task whose worker died may be short of memory: run it alone, last
             while waiting and len(busy) < (1 if deaths[waiting[0]] else number):
                 worker, address = idle.pop() if idle else start(), waiting.popleft()
                 error = _send(worker, tasks[address])
@@ -106,10 +106,10 @@ def _by_processes(tasks: Mapping[str, Task], number: int) -> Iterator[tuple[str,
 
 
 def _send(worker: Connection, task: Task) -> Exception | None:
-    """Send a task to a worker; return why it cannot be sent."""
+    """Send a task to a worker. Return the error if pickling fails."""
     try:
         worker.send(task)
-    except OSError:  # the worker is dead, as the end of its pipe will say
+    except OSError:  # dead worker: _receive sees the closed pipe
         return None
     except Exception as error:  # noqa: BLE001 # pickle raises what the task raises
         return error
@@ -117,7 +117,7 @@ def _send(worker: Connection, task: Task) -> Exception | None:
 
 
 def _receive(worker: Connection) -> Outcome | None:
-    """Return the outcome that a worker sends; ``None`` if it is dead."""
+    """Return the outcome from a worker, or ``None`` if the worker is dead."""
     try:
         answer = worker.recv_bytes()
     except (EOFError, OSError):
@@ -132,7 +132,7 @@ def _receive(worker: Connection) -> Outcome | None:
 
 @contextmanager
 def _start_of_workers() -> Iterator[None]:
-    """Set what the worker processes inherit that start within.
+    """Set the environment that new worker processes inherit.
 
     SIGINT is blocked: only the sweep reacts to Ctrl-C. PYTHONSAFEPATH keeps the working directory out of a worker's
     module path until it has received that of this process; without it, Python would execute a file named signal.py or
@@ -153,7 +153,7 @@ def _start_of_workers() -> Iterator[None]:
 
 @contextmanager
 def _processes() -> Iterator[Callable[[], Connection]]:
-    """A function that starts a worker process; all end with this process, even if it is killed."""
+    """Yield a function that starts a worker process. All workers end with this process, even if it is killed."""
     spawn = multiprocessing.get_context("spawn")
     theirs, ours = spawn.Pipe(duplex=False)
     with _start_of_workers():
@@ -189,7 +189,7 @@ def _processes() -> Iterator[Callable[[], Connection]]:
 
 
 def _work(tasks: Connection, sweep_lives: Connection) -> None:
-    """Do tasks until their pipe ends; end with the sweep, after ngspice is stopped and its files are removed."""
+    """Run tasks until the pipe closes. If the sweep ends first, stop ngspice, remove its files and exit."""
 
     def watch() -> None:
         sweep_lives.poll(None)  # returns when the other end is closed, however the sweep ended
