@@ -19,11 +19,6 @@ _TIMEOUT = 120.0  # s; a compiler takes about one
 def compile_library(folder: Path, sources: Sequence[str], target: Path) -> None:
     """Compile C sources in a folder to a shared library for Linux on x86-64.
 
-    Args:
-        folder: the folder of the sources.
-        sources: their names.
-        target: the library.
-
     Raises:
         SimulationError: if there is no compiler, it fails, or this is another system.
     """

@@ -123,17 +123,10 @@ def run_deck(
 ) -> Result:
     """Run a netlist and return its vectors, or raise.
 
-    Args:
-        deck: the complete netlist, with ``.save`` and one analysis.
-        vectors: names that must be present in the result, all finite; as ``.save`` takes them, such as ``v(out)``,
-            ``out``, ``i(v1)``, ``@r1[i]``.
-        stop_time: for a transient, the time in s that it must reach.
-        stop_frequency: for an AC analysis, the frequency in Hz that it must reach.
-        timeout: wall time in s after which the run is ended.
-        progress: called several times a second with the simulated time in s of a transient.
-        keep_partial: whether an interrupted run returns its points.
-        executable: path of ngspice; by default that on the PATH.
-        modules: compiled modules that the deck loads by their names.
+    The netlist has ``.save`` and one analysis, which must reach ``stop_time`` in s or ``stop_frequency`` in Hz. The
+    ``vectors``, as ``.save`` takes them (``v(out)``, ``out``, ``i(v1)``, ``@r1[i]``), must be present and finite.
+    ``timeout`` is wall time in s. ``progress`` is called several times a second with the simulated time in s. The deck
+    loads the ``modules`` by their names.
 
     Raises:
         SimulationError: with ngspice's message and, as ``deck``, the file kept for inspection.

@@ -68,12 +68,7 @@ def compiler_version(compiler: str) -> str:
 
 
 def compile_module(name: str, source: str, folder: Path) -> Path:
-    """Return the compiled file ``NAME.osdi`` of a module; compile it if it is not there yet.
-
-    Args:
-        name: name of the module.
-        source: its Verilog-A text.
-        folder: folder of the compiled modules, which is created if it does not exist.
+    """Return the compiled file ``NAME.osdi`` of a Verilog-A text; compile it if it is not there yet.
 
     Raises:
         SimulationError: if the compiler is missing or fails, or the folder cannot be written.

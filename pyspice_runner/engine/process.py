@@ -23,12 +23,7 @@ def answer(
 ) -> subprocess.CompletedProcess[str]:
     """Run a program to its end and return its output.
 
-    Args:
-        command: the program and its arguments.
-        timeout: wall time in s.
-        hint: last sentence of a message, such as how to install the program.
-        what: name of the program in messages; by default its path.
-        folder: working folder.
+    ``timeout`` is wall time in s; a message names the program as ``what`` and ends in ``hint``.
 
     Raises:
         SimulationError: if the program does not start, or does not end in time.

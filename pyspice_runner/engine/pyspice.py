@@ -25,14 +25,9 @@ class BatchSimulator(CircuitSimulator):
     """A PySpice simulator that runs ``ngspice -b`` in a process of its own and verifies the result.
 
     ``operating_point``, ``dc``, ``ac`` and ``transient`` take PySpice's arguments and return PySpice's analyses; the
-    verified vectors are in :attr:`result`. The deck that would run is ``str(simulator)``.
-
-    Args:
-        circuit: a PySpice circuit.
-        timeout: wall time in s after which a run is ended.
-        executable: path of ngspice; by default that on the PATH.
-        modules: compiled modules that the circuit loads by their names.
-        **kwargs: PySpice's ``temperature`` and ``nominal_temperature``.
+    verified vectors are in :attr:`result`. The deck that would run is ``str(simulator)``. ``timeout`` is wall time in
+    s, ``executable`` by default the ngspice on the PATH; the circuit loads the ``modules`` by their names. ``kwargs``
+    are PySpice's ``temperature`` and ``nominal_temperature``.
 
     Raises:
         ParameterError: by another analysis.

@@ -78,10 +78,7 @@ class RawFileError(ValueError):
 def read_rawfile(path: Path, *, partial: bool = False) -> RawFile:
     """Map a binary raw file that holds one analysis: the vectors are views into the file, which may then be deleted.
 
-    Args:
-        path: the file.
-        partial: whether the analysis may have been stopped before it wrote the number of points; then all complete
-            points count.
+    A ``partial`` analysis may have been stopped before it wrote the number of points; then all complete points count.
 
     Raises:
         RawFileError: if the file is missing, truncated, of another format, or holds more than one analysis.

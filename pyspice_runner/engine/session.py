@@ -38,11 +38,8 @@ _DEFAULT_TIMEOUT = 600.0  # s of wall time between two samples
 class Session:
     """A running transient.
 
-    Args:
-        deck: the complete netlist, with ``.save`` and one ``.tran``. One of its sources must have edges at the sample
-            times, so that ngspice has a time point there.
-        vectors: vectors of a sample, such as ``v(shaft)``.
-        timeout: wall time in s between two samples.
+    The deck has ``.save`` and one ``.tran``; one of its sources must have edges at the sample times, so that ngspice
+    has a time point there. ``timeout`` is wall time in s between two samples.
 
     Raises:
         SimulationError: if ngspice fails; the process is ended.

@@ -22,11 +22,6 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
     The digits of the values are sufficient to read them back exactly. Leads below 1e-9 of the device's impedance at its
     resonances are omitted, and so is such a loss tangent: they would reduce the precision of the simulator.
 
-    Args:
-        circuit: the circuit.
-        name: name of the subcircuit.
-        title: what the circuit represents, one line.
-
     Raises:
         ParameterError: for an invalid name.
     """

@@ -90,9 +90,7 @@ def _declared() -> Mapping[str, tuple[tuple[str, str, str, str, str], ...]]:
 def variables(motor: Motor, thermal: Thermal | None = None) -> list[Variable]:
     """Return the variables of a motor, in the order of the C structure.
 
-    Args:
-        motor: the motor.
-        thermal: drift with temperature; without it nothing drifts, and the motor's own heat capacity holds.
+    Without ``thermal`` nothing drifts, and the motor's own heat capacity holds.
     """
     values = _values(motor, thermal)
     found: list[Variable] = []
@@ -135,11 +133,6 @@ def _values(motor: Motor, thermal: Thermal | None) -> dict[str, float]:
 def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None) -> dict[str, str]:
     """Return the text files of a Functional Mock-up Unit: path in the archive → text. Without the binary.
 
-    Args:
-        motor: the motor.
-        name: model identifier; by default ``piezomotor_averaged``.
-        thermal: drift with temperature; without it nothing drifts, and the motor's own heat capacity holds.
-
     Raises:
         ParameterError: for an invalid name, or a motor that has no averaged model.
     """
@@ -160,9 +153,6 @@ def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None) -
 
 def fmu_archive(texts: Mapping[str, str]) -> bytes:
     """Compile the sources of a Functional Mock-up Unit, and return the unit with its binary.
-
-    Args:
-        texts: text files, by path in the archive.
 
     Raises:
         SimulationError: if there is no C compiler.

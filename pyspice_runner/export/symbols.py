@@ -37,14 +37,7 @@ RESONATOR_PINS = (SymbolPin("p", "left"), SymbolPin("n", "right"))
 
 
 def ltspice_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: str) -> str:
-    """Return an LTspice symbol of ``.subckt NAME``, its pins in the order of ``pins``.
-
-    Args:
-        name: name of the subcircuit.
-        pins: its pins.
-        library: file name of the library, which is in the folder of the schematic.
-        title: title of the symbol, one line.
-    """
+    """Return an LTspice symbol of ``.subckt NAME``, whose library is beside the schematic, its pins in their order."""
     rows = _rows(pins)
     bottom = 32 * max(rows) + 32
     usage = f"Use: put {library} beside the schematic, place X, and plot I(X1:{pins[0].name})"
@@ -67,14 +60,7 @@ def ltspice_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: st
 
 
 def kicad_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: str) -> str:
-    """Return a KiCad symbol library (format of KiCad 7, which later versions read) with its simulation fields.
-
-    Args:
-        name: name of the subcircuit.
-        pins: its pins.
-        library: file name of the SPICE library, which is in the folder of the schematic.
-        title: title of the symbol, one line.
-    """
+    """Return a KiCad symbol library (format of KiCad 7, which later versions read) with its simulation fields."""
     rows = _rows(pins)
     bottom = -2.54 * (max(rows) + 1)
     fields = [

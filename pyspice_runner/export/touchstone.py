@@ -10,13 +10,7 @@ REFERENCE_OHM = 50.0
 
 
 def touchstone(frequency_hz: NDArray[np.float64], matrix_s: NDArray[np.complex128], *, title: str = "") -> str:
-    """Return an admittance matrix as the text of a Touchstone file, to sixteen digits.
-
-    Args:
-        frequency_hz: frequencies in Hz, rising, shape (points,).
-        matrix_s: admittance in S, shape (points, ports, ports), of one or two ports.
-        title: description, one line.
-    """
+    """Return an admittance in S, shape (points, ports, ports), as the text of a Touchstone file, to sixteen digits."""
     ports = matrix_s.shape[-1]
     one = np.eye(ports)
     normalised = REFERENCE_OHM * matrix_s

@@ -31,11 +31,7 @@ _TESTED = (
 
 
 def check_dialect(dialect: str, path: str | Path | None) -> None:
-    """Check the dialect of an export.
-
-    Args:
-        dialect: the dialect.
-        path: the file; ``None`` for a library on the standard output.
+    """Check the dialect of an export to a file; ``None`` is the standard output.
 
     Raises:
         ParameterError: for an unknown dialect, or one for a file that is not a ``.lib``.
@@ -55,9 +51,6 @@ def in_dialect(text: str, dialect: str) -> str:
 
 def xyce_library(text: str) -> str:
     """Return a library in the dialect of Xyce.
-
-    Args:
-        text: the library that ngspice reads.
 
     Raises:
         ParameterError: for a function or an operator that Xyce does not have, as a user's own law may contain.

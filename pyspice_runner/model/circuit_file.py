@@ -22,12 +22,7 @@ _MAY_BE_ZERO = ("loss_tangent", *_MAY_BE_MISSING)
 
 
 def circuit_toml(circuit: EquivalentCircuit, *, title: str = "") -> str:
-    """Return an equivalent circuit as TOML, which :func:`load_circuit` reads back without loss.
-
-    Args:
-        circuit: the circuit.
-        title: description of the circuit, one line.
-    """
+    """Return an equivalent circuit as TOML, which :func:`load_circuit` reads back without loss."""
     lines = [
         f"# Equivalent circuit{', ' if title else ''}{_comment(title)}",
         "# USE: piezomotor export THIS.toml --output stator.lib",

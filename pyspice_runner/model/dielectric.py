@@ -52,13 +52,9 @@ def lossy_capacitance(
 ) -> tuple[Branch, ...]:
     """Return the branches, in parallel, of a capacitance with a constant loss tangent; the fastest first.
 
-    Args:
-        capacitance_f: capacitance in F at the centre of the band, the geometric mean of its ends.
-        loss_tangent: loss tangent, 0 to 0.5. A loss tangent of 0 gives one branch without resistance.
-        low_hz: lower end of the band in Hz.
-        high_hz: upper end of the band in Hz.
-        branches: number of branches, at least 2; by default the fewest that keep the loss tangent within 5 % over the
-            band: 6 for 1 kHz to 10 MHz.
+    The capacitance in F is that at the centre of the band, the geometric mean of its ends. A loss tangent of 0 gives
+    one branch without resistance. ``branches``, at least 2, are by default the fewest that keep the loss tangent within
+    5 % over the band: 6 for 1 kHz to 10 MHz.
 
     Raises:
         ParameterError: for a value out of range.

@@ -30,11 +30,7 @@ _LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{MOST_PARTS}}}"
 
 
 def read_document(path: Path, wanted: str) -> str:
-    """Return the text of a file.
-
-    Args:
-        path: the file.
-        wanted: kind of file to give instead, for messages.
+    """Return the text of a file; a message proposes the kind of file that is ``wanted``.
 
     Raises:
         ParameterError: if the file is not a regular file, is too large, is not text, or cannot be read.
@@ -43,12 +39,7 @@ def read_document(path: Path, wanted: str) -> str:
 
 
 def read_bytes(path: str, what: str, most: int) -> bytes:
-    """Return the bytes of a library.
-
-    Args:
-        path: the file.
-        what: kind of library for messages, such as ``"contact law"``.
-        most: greatest size in bytes.
+    """Return at most ``most`` bytes of a library; ``what`` is its kind for messages, such as ``"contact law"``.
 
     Raises:
         ParameterError: if the file is not a regular file, is too large, or cannot be read.
@@ -78,10 +69,6 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
 
     Memory and time of the parser grow with the square of the number of parts of a dotted key, and its recursion with
     the nesting of arrays; both are limited here.
-
-    Args:
-        text: the TOML.
-        name: name of the file, for messages.
 
     Raises:
         ParameterError: if the text is not valid TOML, or nests its values too deeply.

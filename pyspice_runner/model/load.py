@@ -130,10 +130,8 @@ def load_motor(source: str | Path) -> Motor:
 def changed_motor(source: str | Path, changes: Mapping[str, Any]) -> Motor:
     """Read a motor and change some of its values.
 
-    Args:
-        source: as in :func:`load_motor`.
-        changes: dotted path → value, SI. Paths are those of :meth:`Motor.updated`, and those of the structure and the
-            materials in the file: ``beam.length_m``, ``patches.0.end_m``, ``contact.materials.tip_poisson``.
+    Paths are those of :meth:`Motor.updated`, and those of the structure and the materials in the file:
+    ``beam.length_m``, ``patches.0.end_m``, ``contact.materials.tip_poisson``. Values are in SI units.
 
     Raises:
         ParameterError: as :func:`load_motor` and :meth:`Motor.updated`.

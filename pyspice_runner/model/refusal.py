@@ -69,12 +69,6 @@ class Stated(Parameters):
 def build(kind: type[_P], entry: Any, path: str, where: str) -> _P:
     """Return the parameters that a table states.
 
-    Args:
-        kind: class of parameters.
-        entry: the table, still untrusted.
-        path: dotted path of the table, for messages.
-        where: file or object it stands in, for messages.
-
     Raises:
         ParameterError: if it is not a table, or for an unknown or missing name or an invalid value.
     """

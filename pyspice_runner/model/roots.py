@@ -9,11 +9,7 @@ from collections.abc import Callable
 def root(function: Callable[[float], float], low: float, high: float, tolerance: float = 0.0) -> float:
     """Return where a continuous function changes its sign between two places, by bisection.
 
-    Args:
-        function: the function; its values at the two places differ in sign, or one of them is 0.
-        low: one place.
-        high: the other.
-        tolerance: largest error; 0 for neighbouring numbers.
+    The values at the two places differ in sign, or one of them is 0. A tolerance of 0 gives neighbouring numbers.
     """
     at_low = function(low)
     if at_low == 0.0 or function(high) == 0.0:

@@ -12,13 +12,7 @@ _SECTIONS = ("piezo", "contact", "rotor", "mount", "limits", "drive")
 
 
 def motor_toml(document: Mapping[str, Any], provenance: Mapping[str, Any], *, heading: str = "") -> str:
-    """Return a motor as TOML: every value as set, with its origin if known.
-
-    Args:
-        document: the motor's values by section.
-        provenance: dotted path → origin of the value, as kind and note.
-        heading: comment at the top.
-    """
+    """Return a motor as TOML: every value as set, with its origin if known."""
 
     def entries(path: str, table: Mapping[str, Any]) -> list[str]:
         return [

@@ -40,11 +40,9 @@ def _outer_strain(structure: Structure) -> tuple[Array, Array]:
 
 
 def peak_of_motion(motor: Motor, displacement_m: Array) -> dict[str, float]:
-    """Return the greatest strain and stress over a motion, NaN without a known beam.
+    """Return the greatest strain and stress over modal displacements in m, shape (modes, points).
 
-    Args:
-        motor: the motor.
-        displacement_m: modal displacements, shape (modes, points).
+    They are NaN without a known beam.
     """
     return _peak(motor, lambda shape: np.abs(shape @ displacement_m).max(axis=1))
 

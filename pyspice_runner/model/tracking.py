@@ -74,15 +74,9 @@ class LoopFilter:
 
 
 def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True) -> StatorLag:
-    """Return resonance and loaded quality factor of a mode under a force of a given amplitude.
+    """Return resonance and loaded quality factor of a mode, counted from 0, under a force of an amplitude in N.
 
     The tip slides at the preload on a rotor surface that is at rest or slow compared with the tip.
-
-    Args:
-        motor: the motor.
-        mode: index of the mode, from 0.
-        force_n: amplitude of the modal force of both groups.
-        contact: whether the tip is on the rotor.
 
     Raises:
         ParameterError: if the force does not drive the mode.

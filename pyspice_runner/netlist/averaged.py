@@ -129,12 +129,8 @@ def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS) -> Librar
     """Return ``piezomotor_averaged_contact``, which chains one ``piezomotor_averaged_phase`` per phase.
 
     The parameters are those of a phase. The displacement of the slider goes from phase to phase and, by a capacitor,
-    from period to period.
-
-    Args:
-        phases: number of phases.
-        harmonics: number of harmonics of the tip's motion. The forces have :data:`CHECKED_HARMONICS` more, which show
-            what the model leaves out.
+    from period to period. The forces have :data:`CHECKED_HARMONICS` harmonics more than the tip's motion, which show
+    what the model leaves out.
 
     Raises:
         ParameterError: for a number out of range.
@@ -188,12 +184,8 @@ def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS) -> Librar
 class AveragedSubCircuit(Assembly):
     """``.subckt piezomotor_averaged a_re a_im b_re b_im frequency shaft temperature heat`` of one motor.
 
-    Args:
-        motor: the motor.
-        phases: number of phases at which the contact is evaluated.
-        harmonics: number of harmonics of the tip's motion.
-        thermal: drift with the pin ``temperature``; by default the motor does not drift.
-        name: name of the subcircuit.
+    The contact is evaluated at a number of phases, for a number of harmonics of the tip's motion. Without ``thermal``
+    the motor does not drift.
     """
 
     def __init__(
@@ -300,10 +292,7 @@ def default_two_phase(motor: Motor) -> TwoPhaseDrive:
 def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = None) -> str:
     """Return a self-contained library of one averaged motor: header, parts and ``.subckt piezomotor_averaged``.
 
-    Args:
-        motor: the motor.
-        name: name of the subcircuit; by default ``piezomotor_averaged``. The names of its parts begin with it.
-        thermal: drift with the pin ``temperature``; by default the motor does not drift.
+    The names of the parts begin with that of the subcircuit. Without ``thermal`` the motor does not drift.
 
     Raises:
         ParameterError: for an invalid name.
@@ -379,16 +368,9 @@ def add_averaged_motor(
     harmonics: int = HARMONICS,
     thermal: Thermal | None = None,
 ) -> None:
-    """Put an averaged motor and its parts into a PySpice circuit.
+    """Put an averaged motor, the instance ``Xmotor``, and its parts into a PySpice circuit.
 
-    Args:
-        circuit: the circuit to add to.
-        motor: the motor.
-        nodes: the nodes for the pins :data:`PINS`.
-        instance: name of the instance (``X`` + this).
-        phases: as in :class:`AveragedSubCircuit`.
-        harmonics: as in :class:`AveragedSubCircuit`.
-        thermal: as in :class:`AveragedSubCircuit`.
+    ``nodes`` are those of :data:`PINS`, the options those of :class:`AveragedSubCircuit`.
     """
     require_averaged(motor)
     definition = AveragedSubCircuit(motor, phases=phases, harmonics=harmonics, thermal=thermal)
@@ -428,15 +410,9 @@ def averaged_bench(
 ) -> Bench:
     """Return a bench with ideal sources and an averaged motor whose shaft is free, loaded or held.
 
-    Args:
-        motor: the motor; instance ``Xmotor``. ``v(position)`` is the angle of the shaft in rad.
-        settings: :data:`SETTINGS` over time; the phase is that of group B ahead of group A. The sources
-            ``Va_re``, ``Va_im``, ``Vb_re``, ``Vb_im`` carry the currents into the pins.
-        load: on the shaft; its torque is that of ``settings``.
-        phases: as in :class:`AveragedSubCircuit`.
-        harmonics: as in :class:`AveragedSubCircuit`.
-        thermal: drift of the motor; its losses then heat it through ``Xcooling``.
-        title: title line of the deck.
+    ``settings`` has :data:`SETTINGS` over time; the phase is that of group B ahead of group A. ``v(position)`` is the
+    angle of the shaft in rad; ``Va_re``, ``Va_im``, ``Vb_re``, ``Vb_im`` carry the currents into the pins. With
+    ``thermal`` the losses heat the motor through ``Xcooling``.
     """
     circuit = Circuit(title or f"{motor.name}: averaged over the period of the drive")
     sources = {name: _course(course) for name, course in settings.items()}

@@ -61,16 +61,9 @@ def averaged_tracked_bench(
     """Return a bench with an averaged motor behind a tracker.
 
     Nodes: ``tuned`` (Hz, the frequency), ``phase`` (rad, of the motional current against the target), ``control`` (V),
-    ``shaft`` (rad/s), ``temperature`` (K).
-
-    Args:
-        motor: the motor; instance ``Xmotor``.
-        source: the tracker, a phase-locked loop or none.
-        disturbance: what happens to the motor. ``"warm-up"``: its losses heat it.
-        load: on the shaft, in addition to the disturbance.
-        frozen: control voltage and temperature at which the loop is open, for ``.ac`` from the oscillator's input.
-        thermal: drift with that temperature; by default as the disturbance has it.
-        title: title line of the deck.
+    ``shaft`` (rad/s), ``temperature`` (K). The load adds to the disturbance; a ``"warm-up"`` heats the motor by its
+    losses. ``frozen`` is the control voltage and the temperature at which the loop is open, for ``.ac`` from the
+    oscillator's input; ``thermal`` is the drift with that temperature, by default that of the disturbance.
     """
     tracker = source.tracker
     circuit = Circuit(title or f"{motor.name}: averaged over the period of the drive, tracked")

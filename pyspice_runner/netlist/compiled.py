@@ -149,13 +149,7 @@ def loading(module: Module) -> str:
 
 
 def module_signals(motor: Motor, discretisation: Discretisation | None, instance: str) -> dict[str, Signal]:
-    """Return the vectors of the B-source motor that differ in the module, as sums of the module's vectors.
-
-    Args:
-        motor: the motor.
-        discretisation: with which the module's values were written.
-        instance: name of the motor in the circuit, in lower case.
-    """
+    """Return the vectors of the B-source motor that differ in the module, as sums of those of an instance."""
     found: dict[str, Signal] = {}
     for state in motor_states(motor, PAPER_LAW, ("mode", "mount", "bearing")):
         factor = state.unit / state.scale(discretisation)

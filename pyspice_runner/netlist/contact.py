@@ -108,11 +108,7 @@ def law_of(contact: ContactLaw | None) -> Law | None:
 
 
 def touching_law(contact: ContactLaw | None, reason: str) -> Law:
-    """Return the law for the argument ``contact`` of an analysis that needs a contact.
-
-    Args:
-        contact: the argument.
-        reason: why it needs one, as a sentence.
+    """Return the law for the argument ``contact`` of an analysis that needs a contact; the message gives the reason.
 
     Raises:
         ParameterError: for an unknown law, or a free tip.
@@ -127,10 +123,6 @@ def contact_library(law: Law, contact: Contact | None = None) -> Library:
     """Return the library of a law; the brush is written for its number of sliders.
 
     The spring-slider has the factor of Stribeck's curve only for a contact whose friction falls with the velocity.
-
-    Args:
-        law: the law.
-        contact: constants of the contact.
 
     Raises:
         ParameterError: for a user's own law that is not valid.
@@ -167,14 +159,9 @@ def contact_values(
 ) -> dict[str, float]:
     """Return the parameters of an instance of a law's subcircuit, in the library's units.
 
-    Args:
-        law: the law.
-        contact: constants of the contact.
-        radius: of the rotor, m.
-        preload: static normal force, N.
-        deflection: static bending under the preload, m.
-        slider_time: time constant with which a slider is held at its limit, s; by default the library's.
-        span: penetration in m that the brush's sliders cover evenly; by default :data:`REACH` times the static one.
+    Lengths are in m, the preload in N. ``slider_time``, by default the library's, is the time constant in s with which
+    a slider is held at its limit. The brush's sliders cover the penetration ``span`` evenly, by default :data:`REACH`
+    times the static one.
     """
     values = {
         "normal_stiffness": contact.normal_stiffness_n_per_m15,

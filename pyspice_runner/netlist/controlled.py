@@ -77,15 +77,8 @@ def controlled_bench(
 ) -> Bench:
     """Put a motor on a bench whose commands a session can alter and whose samples it can read.
 
-    Args:
-        motor: the motor.
-        drive: the commands at the start.
-        sample_time: time in s between two samples; a clock makes ngspice take a time point at each.
-        step: uniform time step in s of the full motor; ``None`` for the averaged motor.
-        load: on the shaft.
-        law: law of the contact.
-        thermal: drift of the motor, which its losses then heat.
-        title: title line of the deck.
+    ``sample_time`` in s is the time between two samples; a clock makes ngspice take a time point at each. ``step`` is
+    the uniform step in s of the full motor, ``None`` the averaged motor. With ``thermal`` the losses heat the motor.
     """
     if step is None:
         bench = averaged_bench(motor, constant_settings(drive, load), load=load, thermal=thermal, title=title)

@@ -243,15 +243,10 @@ def copies_bench(
 ) -> Bench:
     """Return the bench of many copies, instances ``Xc0``, ``Xc1``, … with their shafts at ``xc0_shaft``, ….
 
-    Copies with the same drive in the same phase share their sources. The law is the same in all copies.
-
-    Args:
-        copies: the copies.
-        discretisation: adaptation to the uniform step.
-        texts: the subcircuits of each motor, by :attr:`Plant.motor_name`; by default they are written.
-        plates: whether the motors have their clamped capacitances. Without them the currents of the sources are those
-            of the modes alone, and the motion is the same.
-        compiled: whether the motors are compiled modules; these have their plates.
+    Copies with the same drive in the same phase share their sources. The law is the same in all copies. ``texts`` has
+    the subcircuits by :attr:`Plant.motor_name`; by default they are written. Without ``plates``, the clamped
+    capacitances, the currents of the sources are those of the modes alone, and the motion is the same. Compiled modules
+    have their plates.
     """
     first = copies[0].plant
     texts = texts or motor_texts(copies, discretisation, plates=plates, compiled=compiled)

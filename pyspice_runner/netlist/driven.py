@@ -220,11 +220,7 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
     """Return the bench of copies of motors behind their drivers: instances ``Xc0``, ``Xc1``, ….
 
     The period begins at :data:`LEAD` of it after the start of the run, where a pulse makes ngspice compute a point.
-
-    Args:
-        copies: the copies; their plants are :class:`DrivenPlant`.
-        discretisation: adaptation to the step.
-        meters: whether each shaft has a dynamometer, and the motor the meters of :func:`.dynamometer_bench`.
+    With ``meters`` each shaft has a dynamometer, and the motor the meters of :func:`.dynamometer_bench`.
     """
     lines, subcircuits, start = [], dict[str, str](), dict[str, float]()
     first = copies[0].plant

@@ -412,14 +412,10 @@ class Driver(Stated, Source):
 
 
 def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, source: bool = True) -> None:
-    """Add both channels of a driver to a circuit.
+    """Add both channels of a driver to a circuit, up to the pin of each group.
 
-    Args:
-        circuit: the circuit to add to.
-        driver: the driver.
-        pins: node of each group.
-        source: whether to add the control source. Without it, another source drives the nodes ``control_a`` and
-            ``control_b``: 1 V amplitude for a bridge, the voltage over the gain for a linear amplifier.
+    Without its source, another one drives the nodes ``control_a`` and ``control_b``: 1 V amplitude for a bridge, the
+    voltage over the gain for a linear amplifier.
     """
     libraries = driver.libraries()
     source = source and driver.controlled
@@ -439,14 +435,10 @@ def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, sou
 def add_channels(
     circuit: Netlist, driver: Driver, pins: Mapping[str, str], *, risen: bool = False, stage: bool = True
 ) -> None:
-    """Add both channels of a driver, without their subcircuits and the control source.
+    """Add both channels of a driver, without their subcircuits and the control source, up to the pin of each group.
 
-    Args:
-        circuit: the circuit to add to.
-        driver: the driver.
-        pins: node of each group.
-        risen: whether the supplies have risen before the start of the run.
-        stage: whether to add the power stages and their supplies.
+    If ``risen``, the supplies have risen before the start of the run. ``stage`` adds the power stages and their
+    supplies.
     """
     for group in GROUPS:
         _add_channel(circuit, driver, group, pins[group], risen=risen, stage=stage)

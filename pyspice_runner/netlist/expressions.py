@@ -37,12 +37,9 @@ HELPERS: dict[Language, str] = {
 
 
 def translated(text: str, language: Language, name: Callable[[str], str]) -> str:
-    """Return an expression of a library in another language, with the functions of :data:`HELPERS`.
+    """Return an expression in another language, with the functions of :data:`HELPERS`; braces are parentheses.
 
-    Args:
-        text: the expression; braces are parentheses.
-        language: the language.
-        name: function that returns the name of a node or parameter in that language.
+    ``name`` returns the name of a node or parameter in that language.
     """
     return _Parser(text, language, name).total()
 

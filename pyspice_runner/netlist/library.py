@@ -267,13 +267,7 @@ class Header:
 
 
 def definitions(*libraries: Library, prefix: str = PREFIX) -> str:
-    """Return the subcircuits of libraries and of those that they need, each once, for a netlist.
-
-    Args:
-        libraries: the libraries.
-        prefix: first part of the names of a motor's parts instead of ``piezomotor``: two motors in one netlist
-            then have no common name.
-    """
+    """Return the subcircuits of libraries and of those that they need, each once, for a netlist."""
     return "\n".join(definition_texts(*libraries, prefix=prefix).values())
 
 

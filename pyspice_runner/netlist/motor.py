@@ -112,19 +112,12 @@ class Assembly(SubCircuit):
 class MotorSubCircuit(Assembly):
     """``.subckt piezomotor a b com shaft`` of one motor; a thermal one also has the pins temperature and heat.
 
-    Args:
-        motor: the motor.
-        law: law of the contact; ``None`` for a free tip, without a force on the rotor.
-        discretisation: adaptation to a run's time step, if any.
-        startable: whether the X line has the parameters :attr:`.State.parameter`, with which a run with ``uic`` starts
-            from a motion; their defaults are preloaded rest. Without them it starts there.
-        thermal: drift with the pin ``temperature`` (1 V = 1 K), and a pin ``heat`` (1 V = 1 W). With open pins
-            nothing drifts.
-        approach: whether there is, as the last pin, ``approach`` (1 V = 1 um), by which the tip, or the far end of the
-            mount's springs, moves towards the rotor, which changes the preload.
-        plates: whether the groups have their clamped capacitances.
-        name: name of the subcircuit; by default ``piezomotor``, or ``piezomotor_thermal``.
-        prefix: first part of the names of its parts; by default its name. Motors with the same law may share parts.
+    A ``law`` of ``None`` is a free tip, without a force on the rotor. If ``startable``, the X line has the parameters
+    :attr:`.State.parameter`, with which a run with ``uic`` starts from a motion; their defaults are preloaded rest,
+    where a run starts otherwise. ``thermal`` is the drift with the pin ``temperature`` (1 V = 1 K), and adds a pin
+    ``heat`` (1 V = 1 W). With open pins nothing drifts. The last pin may be ``approach`` (1 V = 1 um), by which the
+    tip, or the far end of the mount's springs, moves towards the rotor. ``plates`` are the clamped capacitances. The
+    names of the parts begin with ``prefix``, by default the name; motors with the same law may share parts.
     """
 
     def __init__(
@@ -342,20 +335,10 @@ def add_motor(
 ) -> None:
     """Add a motor to a PySpice circuit. All copies of one motor share one definition.
 
-    Args:
-        circuit: the circuit to add to.
-        motor: the motor.
-        nodes: the four nodes for the pins a, b, com, shaft; those for temperature, heat and approach if it has
-            these pins.
-        instance: name of the instance (``X`` + this).
-        law: as in :class:`MotorSubCircuit`.
-        discretisation: as in :class:`MotorSubCircuit`.
-        start: motion with which a run with ``uic`` starts; by default preloaded rest. The initial voltages of the
-            plates and the cells of a brush are not set here.
-        thermal: as in :class:`MotorSubCircuit`.
-        approach: as in :class:`MotorSubCircuit`.
-        name: as in :class:`MotorSubCircuit`; a second, different motor in one circuit needs another name.
-        settings: parameters of the X line, such as ``{"preload": 8}``; a text such as ``"{preload}"`` is an expression.
+    ``nodes`` are those of the pins a, b, com, shaft, then temperature, heat and approach if the motor has them. A run
+    with ``uic`` begins with the motion ``start``, by default preloaded rest; the initial voltages of the plates and the
+    cells of a brush are not set here. ``settings`` are parameters of the X line, such as ``{"preload": 8}``; a text
+    such as ``"{preload}"`` is an expression. A second, different motor in one circuit needs another name.
 
     Raises:
         ParameterError: if the circuit already has a different motor of that name, or for a setting that the motor
@@ -391,12 +374,8 @@ def motor_library(
 ) -> str:
     """Return a self-contained library of one motor: header, parts and ``.subckt piezomotor a b com shaft``.
 
-    Args:
-        motor: the motor.
-        contact: law of the contact, as in ``simulate``.
-        name: name of the subcircuit; by default ``piezomotor``, or ``piezomotor_thermal`` with ``thermal``. The names
-            of its parts begin with it, so that two exports with different names can be used in one circuit.
-        thermal: drift with temperature; the subcircuit then has the pins ``temperature`` and ``heat``.
+    The names of the parts begin with that of the subcircuit, so that two exports with different names fit in one
+    circuit. With ``thermal`` it is ``piezomotor_thermal``, with the pins ``temperature`` and ``heat``.
 
     Raises:
         ParameterError: for an invalid law or name.
@@ -517,14 +496,9 @@ def instantiate(
     nodes: Sequence[str | int],
     **values: float | str,
 ) -> None:
-    """Add an instance of a library's subcircuit to a netlist and check its parameters against the header.
+    """Add an instance of a library, given by its name or itself, and check its parameters against the header.
 
-    Args:
-        parent: circuit or subcircuit to add to.
-        instance: name of the instance (``X`` + this).
-        part: the library, or its name.
-        nodes: one for each pin.
-        values: parameters of the subcircuit; a text such as ``"{preload}"`` is an expression.
+    A text such as ``"{preload}"`` is an expression.
 
     Raises:
         ParameterError: for a parameter that the library does not have or a value out of its range.

@@ -38,10 +38,7 @@ def is_reference(text: str) -> bool:
 
 
 def read_driver(text: str) -> Library:
-    """Read a driver: a subcircuit with the pins ``out`` and ``com``, and any of ``in``, ``vp`` and ``vn``.
-
-    Args:
-        text: ``FILE:NAME``.
+    """Read ``FILE:NAME``: a subcircuit with the pins ``out`` and ``com``, and any of ``in``, ``vp`` and ``vn``.
 
     Raises:
         ParameterError: for a file that cannot be read or used; the message names the line.
@@ -51,10 +48,7 @@ def read_driver(text: str) -> Library:
 
 
 def read_mosfet(text: str) -> Library:
-    """Read an n-channel MOSFET: a subcircuit with the pins drain, gate, source, or a model of type NMOS or VDMOS.
-
-    Args:
-        text: ``FILE:NAME``.
+    """Read ``FILE:NAME``: a subcircuit with the pins drain, gate, source, or an n-channel model of type NMOS or VDMOS.
 
     Raises:
         ParameterError: for a file that cannot be read or used; the message names the line.

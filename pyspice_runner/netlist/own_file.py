@@ -59,11 +59,6 @@ class Rules:
 class OwnFile:
     """The text of one file, checked statement by statement.
 
-    Args:
-        path: path of the file, for messages.
-        text: its text.
-        rules: accepted statements.
-
     Raises:
         ParameterError: for an invalid character; the message names the line.
     """
@@ -164,13 +159,9 @@ class OwnFile:
         return tuple(found)
 
     def _check(self, line: int, text: str, known: Collection[str], parts: Collection[str]) -> set[str]:
-        """Check one line of a subcircuit and return the parameters that it defines.
+        """Check one line of a subcircuit, with the parameters ``known`` to expressions and the ``parts`` for X lines.
 
-        Args:
-            line: its number in the file.
-            text: its text.
-            known: parameters for expressions.
-            parts: subcircuits for X lines.
+        Return the parameters that the line defines.
         """
         rules = self._rules
         self._check_text(line, text, known)

@@ -23,10 +23,7 @@ _RULES = Rules("law", forbidden={r"\bic\s*=": "remove ic=; a run starts with no 
 
 
 def read_own_law(path: str) -> Library:
-    """Read a contact law from a file.
-
-    Args:
-        path: the file, which ends in ``.lib`` and holds one ``.subckt`` with the pins :data:`PINS`.
+    """Read a contact law from a ``.lib`` file that holds one ``.subckt`` with the pins :data:`PINS`.
 
     Raises:
         ParameterError: for a file that cannot be read or used; the message names the line.

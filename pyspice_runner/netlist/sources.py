@@ -119,18 +119,10 @@ def motor_bench(
 ) -> Bench:
     """Return the bench of a motor with source and load; the motor is ``Xmotor`` on the nodes a, b, 0, shaft.
 
-    Args:
-        motor: the motor.
-        source: source at the pins.
-        load: on the shaft; a source ``Vshaft`` holds its speed, a source ``Iload`` draws the torque.
-        law: law of the contact; ``None`` for a free tip.
-        discretisation: adaptation to a uniform step, if any.
-        thermal: drift of the motor; its losses then heat it through ``Xcooling`` on the nodes heat and temperature.
-        disturbance: change of load, preload or temperature during the run.
-        start: initial motion; by default preloaded rest, with the plates at the first voltages of the source.
-        begun: time in s since the source was switched on.
-        title: title line of the deck.
-        compiled: whether the motor is a compiled module (:mod:`.compiled`), without drift or disturbance.
+    A source ``Vshaft`` holds the speed of the load, a source ``Iload`` draws its torque. A law of ``None`` is a free
+    tip. With ``thermal`` the losses heat the motor through ``Xcooling`` on the nodes heat and temperature. ``start`` is
+    by default preloaded rest, with the plates at the first voltages of the source, which has been on for ``begun``
+    seconds. A compiled module (:mod:`.compiled`) has no drift and no disturbance.
 
     Raises:
         ParameterError: for a source that does not suit the motor.
@@ -194,19 +186,9 @@ def dynamometer_bench(
     """Return the bench of a motor with dynamometer and, if asked for, meters of power, losses and states.
 
     The integrals are the nodes ``xbrake.v_*``, and with meters ``xcontactmeter.v_*``, ``xmeter_a.v_*``,
-    ``xmeter_b.v_*``, ``xheat_*.v_heat``.
-
-    Args:
-        motor: the motor; instance ``Xmotor``.
-        source: source at the pins.
-        speed: speed at which the brake holds the shaft, rad/s; ``None``: the brake draws only the load torque.
-        load_torque: torque in N·m that the brake draws in addition.
-        law: law of the contact.
-        meters: whether to add the meters, which take two fifths of the run time.
-        discretisation: adaptation to a uniform step, if any; the meters take their time constants from it.
-        start: initial motion; by default preloaded rest, with the plates at the first voltages of the source.
-        begun: time in s since the source was switched on.
-        title: title line of the deck.
+    ``xmeter_b.v_*``, ``xheat_*.v_heat``. The motor is ``Xmotor``. The brake holds a speed in rad/s, or with ``None``
+    draws only the load torque in N·m. The meters take two fifths of the run time, and their time constants from the
+    discretisation. ``start`` and ``begun`` are those of :func:`motor_bench`.
 
     Raises:
         ParameterError: for a source that does not suit the motor.
@@ -239,17 +221,9 @@ def contact_bench(
 ) -> Bench:
     """Return a bench of the contact alone, the instance ``Xcontact``.
 
-    Its pins ``x`` and ``shaft`` are grounded; each other pin is a node of the same name.
-
-    Args:
-        lines: elements that move the tip, at the nodes ``y``, ``vx`` and ``vy``.
-        law: law of the contact.
-        contact: constants of the contact.
-        radius: radius of the rotor, m.
-        span: greatest penetration, m.
-        creep: creep velocity of Coulomb's law, m/s.
-        step: time step of the run in s; the time constant of a slider is half of it.
-        title: title line of the deck.
+    Its pins ``x`` and ``shaft`` are grounded; each other pin is a node of the same name. ``lines`` are elements that
+    move the tip, at the nodes ``y``, ``vx`` and ``vy``. The radius of the rotor and the greatest penetration ``span``
+    are in m, the creep velocity of Coulomb's law in m/s. The time constant of a slider is half of the step in s.
     """
     circuit = Circuit(title)
     library = contact_library(law, contact)

@@ -151,13 +151,7 @@ class State:
 
 
 def motor_states(motor: Motor, law: Law | None, kinds: Sequence[Kind] | None = None) -> tuple[State, ...]:
-    """Return the states of a motor, of some kinds or of all.
-
-    Args:
-        motor: the motor.
-        law: law of the contact; ``None`` for a free tip, whose stator has no mount.
-        kinds: the parts of the motor whose states are returned.
-    """
+    """Return the states of a motor, of some kinds or of all; the stator of a free tip, without a law, has no mount."""
     modes = list(enumerate(motor.modes))
     preload = motor.contact.preload_n if law else 0.0
     states = [
@@ -211,15 +205,7 @@ def state_vectors(motor: Motor, law: Law | None, instance: str = "xmotor") -> li
 def motion(
     values: Mapping[str, float], motor: Motor, law: Law | None, discretisation: Discretisation, instance: str = "xmotor"
 ) -> Motion:
-    """Return the motion for values of :func:`state_vectors`.
-
-    Args:
-        values: value by vector, at one time.
-        motor: the motor.
-        law: law of the contact; ``None`` for a free tip.
-        discretisation: with which the motor was written.
-        instance: name of the motor in the circuit.
-    """
+    """Return the motion for values of :func:`state_vectors`."""
     states = motor_states(motor, law)
     return motion_of(states, [values[state.within(instance)] * state.scale(discretisation) for state in states])
 

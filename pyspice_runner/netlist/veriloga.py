@@ -38,11 +38,7 @@ def motor_module(
 ) -> str:
     """Return a motor as the Verilog-A ``module piezomotor(a, b, com, shaft, temperature)``.
 
-    Args:
-        motor: the motor.
-        contact: ``"spring-slider"``, ``"coulomb"`` or ``"brush"``.
-        name: name of the module; by default ``piezomotor``.
-        thermal: drift per kelvin at the pin ``temperature``; without it nothing drifts.
+    ``thermal`` is the drift per kelvin at the pin ``temperature``; without it nothing drifts.
 
     Raises:
         ParameterError: for a law that the module does not have, or an invalid name.
@@ -150,14 +146,7 @@ def module_values(
     thermal: Thermal | None = None,
     discretisation: Discretisation | None = None,
 ) -> Mapping[str, float | int]:
-    """Return the value of every parameter of the module but those that stay at their neutral defaults.
-
-    Args:
-        motor: the motor.
-        law: law of the contact.
-        thermal: drift per kelvin.
-        discretisation: adaptation to a run's time step, if any.
-    """
+    """Return the value of every parameter of the module but those that stay at their neutral defaults."""
     constants = contact_values(
         law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=0.0,
         slider_time=discretisation.slider_time if discretisation else None,

@@ -173,9 +173,7 @@ class Waveform(_Shaped):
 def read_waveform(path: str | Path, frequency: float) -> Waveform:
     """Return a waveform from a CSV file with the columns time_s, voltage_a_v and voltage_b_v; others are ignored.
 
-    Args:
-        path: the file; that of ``simulate --output`` is one.
-        frequency: as in :class:`Waveform`.
+    The file of ``simulate --output`` is one. ``frequency`` is that of :class:`Waveform`.
 
     Raises:
         ParameterError: for a file that cannot be read, lacks a column, or has a cell that is not a number.

@@ -69,11 +69,8 @@ def plain(text: str) -> str:
 def filled(pages: Sequence[Sheet], cautions: Sequence[str] = (), *, shown: bool = False) -> Figure:
     """Return a figure with a group of columns for each page, and the cautions below them.
 
-    Args:
-        pages: sheets with the same number of rows.
-        cautions: sentences to print below the panels.
-        shown: whether the figure is for the screen. Then pyplot makes it, so that a notebook or ``pyplot.show()`` shows
-            it; otherwise only the Agg backend is used.
+    A figure that is ``shown`` is made by pyplot, so that a notebook or ``pyplot.show()`` shows it; otherwise only the
+    Agg backend is used.
     """
     rows = max(-(-len(page.panels) // page.columns) for page in pages)
     width = sum(page.columns * page.size[0] for page in pages)
@@ -125,15 +122,9 @@ def draw_lines(
     title: str = "",
     **legend: Any,
 ) -> None:
-    """Draw lines over one axis, in the units of the labels, with a legend if they have labels.
+    """Draw lines in SI values with their Matplotlib properties over one axis, in the units of the labels.
 
-    Args:
-        ax: Axes to draw into.
-        x: label and SI values of the horizontal axis.
-        y: label of the vertical axis.
-        lines: SI values of each line, and its Matplotlib properties.
-        title: title of the panel.
-        legend: properties of the legend.
+    They get a legend if they have labels.
     """
     for values, look in lines:
         ax.plot(x[0].scale * x[1], y.scale * values, **look)

@@ -42,11 +42,7 @@ Rb b_in b 20
 
 
 def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
-    """Return the page as HTML.
-
-    Args:
-        motor: the motor that is selected first.
-        others: further motors to select; by default the bundled ones.
+    """Return the page as HTML, with a motor and further ones to select, by default the bundled ones.
 
     Raises:
         ParameterError: if Jinja2 is not installed.
