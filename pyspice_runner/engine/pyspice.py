@@ -18,7 +18,13 @@ from PySpice.Spice.Simulation import CircuitSimulator
 from pyspice_runner.engine.ngspice import Result, run_deck
 from pyspice_runner.errors import ParameterError
 
-_ANALYSES = ("operating_point", "dc", "ac", "transient")
+# method → PySpice's analysis, and the name of its axis
+_ANALYSES: dict[str, tuple[Any, str]] = {
+    "operating_point": (OperatingPoint, ""),
+    "dc": (DcAnalysis, "sweep"),
+    "ac": (AcAnalysis, "frequency"),
+    "transient": (TransientAnalysis, "time"),
+}
 
 
 class BatchSimulator(CircuitSimulator):
@@ -99,24 +105,14 @@ class BatchSimulator(CircuitSimulator):
         return self.result
 
     def _run(self, analysis_method: str, *args: Any, **kwargs: Any) -> Any:
-        return self._analysis(analysis_method, self.verified(analysis_method, *args, **kwargs))
-
-    def _analysis(self, method: str, result: Result) -> Any:
-        vectors = dict(result.raw.vectors)
-        axis = None
-        if method != "operating_point":
-            name = next(iter(vectors))
-            axis = _waveform({"transient": "time", "ac": "frequency"}.get(method, "sweep"), vectors.pop(name).real)
+        vectors = dict(self.verified(analysis_method, *args, **kwargs).raw.vectors)
+        analysis, axis = _ANALYSES[analysis_method]
         common: dict[str, Any] = {"simulation": self, "nodes": [], "branches": [], "internal_parameters": []}
+        if axis:
+            common[axis] = _waveform(axis, vectors.pop(next(iter(vectors))).real)
         for name, values in vectors.items():
-            common[_kind(name)].append(_waveform(_plain(name), values, axis))
-        if method == "transient":
-            return TransientAnalysis(time=axis, **common)
-        if method == "ac":
-            return AcAnalysis(frequency=axis, **common)
-        if method == "dc":
-            return DcAnalysis(sweep=axis, **common)
-        return OperatingPoint(**common)
+            common[_kind(name)].append(_waveform(_plain(name), values, common.get(axis)))
+        return analysis(**common)
 
 
 def _last_frequency(parameters: Any) -> float:

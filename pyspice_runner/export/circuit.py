@@ -79,10 +79,6 @@ def _touchstone(export: CircuitExport, _: Path) -> str:
     return touchstone(frequency, circuit.admittance(frequency)[:, None, None], title=title)
 
 
-def _parameters(export: CircuitExport, _: Path) -> str:
-    return circuit_toml(export.circuit, title=export.title)
-
-
 def _grid(circuit: EquivalentCircuit) -> NDArray[np.float64]:
     """Return frequencies that show every resonance."""
     centres = [arm.series_resonance_hz for arm in circuit.arms]
@@ -98,5 +94,5 @@ CIRCUIT_FORMATS: dict[str, Callable[[CircuitExport, Path], str]] = {
     ".asy": partial(_symbol, ltspice_symbol),
     ".kicad_sym": partial(_symbol, kicad_symbol),
     ".s1p": _touchstone,
-    ".toml": _parameters,
+    ".toml": lambda export, _: circuit_toml(export.circuit, title=export.title),
 }

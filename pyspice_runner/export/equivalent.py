@@ -7,6 +7,7 @@ from math import pi
 
 import numpy as np
 
+from pyspice_runner.export.symbols import ascii_line
 from pyspice_runner.model.equivalent import EquivalentCircuit
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.library import check_name
@@ -49,7 +50,7 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
         elements.append(f"Rshared{row} shared{row} n 1")
     lines = [
         f"* {name}: piezoelectric resonator, {len(circuit.arms)} motional arm{'s' if len(circuit.arms) > 1 else ''}",
-        *([f"* {_plain(title)}"] if title else []),
+        *([f"* {ascii_line(title)}"] if title else []),
         "*",
         "*   p o--- leads ---+-----------+---- ... ----.",
         "*                   |           |             |",
@@ -139,8 +140,3 @@ def _dielectric(circuit: EquivalentCircuit, node: str) -> list[str]:
         elements.append(f"Rdie{number} {node} d{number} {resistance!r}")
         elements.append(f"Cdie{number} d{number} n {capacitance!r}")
     return elements
-
-
-def _plain(text: str) -> str:
-    """Return a text as one ASCII line, which every SPICE accepts in a comment."""
-    return "".join(character if " " <= character <= "~" else "_" for character in text)[:150]

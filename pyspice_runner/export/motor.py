@@ -148,10 +148,6 @@ def _stator(export: MotorExport, _: Path) -> str:
     return touchstone(frequency, matrix, title=f"stator of {motor.name}, tip free, port 1 group A, port 2 group B")
 
 
-def _parameters(export: MotorExport, _: Path) -> str:
-    return export.motor.to_toml(heading=f"The motor {export.motor.name}, by its modes.")
-
-
 _CONTACT, _NETLIST = ("contact", "sliders"), ("contact", "sliders", "name", "thermal")
 FORMATS = {
     ".lib": Format(_library, averaged=True),
@@ -164,5 +160,9 @@ FORMATS = {
     ".asy": Format(_library, partial(_symbol, ltspice_symbol), idle=_CONTACT),
     ".kicad_sym": Format(_library, partial(_symbol, kicad_symbol), idle=_CONTACT),
     ".s2p": Format(_library, _stator, idle=_NETLIST),
-    ".toml": Format(_library, _parameters, idle=_NETLIST),
+    ".toml": Format(
+        _library,
+        lambda export, _: export.motor.to_toml(heading=f"The motor {export.motor.name}, by its modes."),
+        idle=_NETLIST,
+    ),
 }

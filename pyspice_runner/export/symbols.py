@@ -38,6 +38,7 @@ RESONATOR_PINS = (SymbolPin("p", "left"), SymbolPin("n", "right"))
 
 def ltspice_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: str) -> str:
     """Return an LTspice symbol of ``.subckt NAME``, whose library is beside the schematic, its pins in their order."""
+    title = ascii_line(title, '"\\').rstrip(". ")
     rows = _rows(pins)
     bottom = 32 * max(rows) + 32
     usage = f"Use: put {library} beside the schematic, place X, and plot I(X1:{pins[0].name})"
@@ -50,7 +51,7 @@ def ltspice_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: st
         f"SYMATTR Value {name}",
         "SYMATTR Prefix X",
         f"SYMATTR ModelFile {library}",
-        f"SYMATTR Description {_line(title)}. {usage}. {UNTESTED}.",
+        f"SYMATTR Description {title}. {usage}. {UNTESTED}.",
     ]
     for order, (pin, row) in enumerate(zip(pins, rows, strict=True), start=1):
         x = -64 if pin.side == "left" else 64
@@ -61,6 +62,7 @@ def ltspice_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: st
 
 def kicad_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: str) -> str:
     """Return a KiCad symbol library (format of KiCad 7, which later versions read) with its simulation fields."""
+    title = ascii_line(title, '"\\').rstrip(". ")
     rows = _rows(pins)
     bottom = -2.54 * (max(rows) + 1)
     fields = [
@@ -72,7 +74,7 @@ def kicad_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: str)
         ("Sim.Library", library, 0.0, True),
         ("Sim.Name", name, 0.0, True),
         ("Sim.Pins", " ".join(f"{number}={pin.name}" for number, pin in enumerate(pins, start=1)), 0.0, True),
-        ("ki_description", f"{_line(title)}. {TESTED}.", 0.0, True),
+        ("ki_description", f"{title}. {TESTED}.", 0.0, True),
         ("Usage", f"Put {library} beside the schematic; Inspect, Simulator runs it.", 0.0, True),
     ]
     font = "(effects (font (size 1.27 1.27))"
@@ -121,7 +123,6 @@ def library_name(file: Path) -> str:
     return f"{file.stem}.lib"
 
 
-def _line(text: str) -> str:
-    """Return a text that both formats accept: one line of ASCII without quotes and backslashes."""
-    kept = "".join(character if " " <= character <= "~" and character not in '"\\' else "_" for character in text)
-    return kept[:150].rstrip(". ")
+def ascii_line(text: str, without: str = "") -> str:
+    """Return a text as one line of ASCII, at most 150 characters, for a comment; some characters become ``_``."""
+    return "".join(sign if " " <= sign <= "~" and sign not in without else "_" for sign in text)[:150]

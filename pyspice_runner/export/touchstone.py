@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.export.symbols import ascii_line
+
 REFERENCE_OHM = 50.0
 
 
@@ -17,9 +19,8 @@ def touchstone(frequency_hz: NDArray[np.float64], matrix_s: NDArray[np.complex12
     scattering = np.linalg.solve(one + normalised, one - normalised)
     # a two-port's columns are S11 S21 S12 S22, by the standard
     cells = scattering.transpose(0, 2, 1).reshape(len(frequency_hz), -1)
-    plain = "".join(character if " " <= character <= "~" else "_" for character in title)[:150]
     lines = [
-        f"! {plain or 'piezoelectric resonator'}",
+        f"! {ascii_line(title) or 'piezoelectric resonator'}",
         f'! USE: import skrf; y = skrf.Network("THIS.s{ports}p").y, or `piezomotor fit THIS.s{ports}p`',
         f"# Hz S RI R {REFERENCE_OHM:g}",
     ]

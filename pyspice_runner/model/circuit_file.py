@@ -66,7 +66,12 @@ def load_circuit(path: str | Path) -> EquivalentCircuit:
     """
     path = Path(path)
     text = read_document(path, "the file of a fit")
-    document = _parse_json(text, path.name) if path.suffix == ".json" else parse_toml(text, path.name)
+    try:
+        document = json.loads(text) if path.suffix == ".json" else parse_toml(text, path.name)
+    except ParameterError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise ParameterError(f"{path.name} is not valid JSON: {error}. Save the fit again.") from error
     arms = document.get("arms") if isinstance(document, dict) else None
     if not isinstance(arms, list) or not arms or not all(isinstance(arm, dict) for arm in arms):
         raise ParameterError(f"{path.name} has no arms; give what `piezomotor fit --output` wrote as .json or .toml.")
@@ -108,13 +113,6 @@ def _rows(given: Any, arms: list[MotionalArm], order: list[int], where: str) -> 
                 f"resistance is {arm.resistance_ohm:g} Ω; it must be at least as large."
             )
     return rows
-
-
-def _parse_json(text: str, name: str) -> Any:
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ParameterError(f"{name} is not valid JSON: {error}. Save the fit again.") from error
 
 
 def _number(table: dict[str, Any], key: str, path: str, where: str) -> float:

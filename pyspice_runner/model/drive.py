@@ -79,7 +79,8 @@ class Drive(Stated):
         """Return U_A and U_B just after t = 0, in V."""
         if self.soft_start > 0.0:
             return 0.0, 0.0
-        return _at_zero(self.tones_a), _at_zero(self.tones_b)
+        a, b = (sum(tone.amplitude * sin(tone.phase) for tone in tones) for tones in (self.tones_a, self.tones_b))
+        return a, b
 
 
 class TwoPhaseDrive(Drive):
@@ -166,10 +167,6 @@ def default_drive(motor: Motor) -> TwoPhaseDrive | TwoToneDrive:
     return TwoPhaseDrive(voltage=_USUAL_VOLTAGE, frequency=motor.modes[-1].frequency_hz)
 
 
-def _at_zero(tones: tuple[Tone, ...]) -> float:
-    return sum(tone.amplitude * sin(tone.phase) for tone in tones)
-
-
 def free_tip(motor: Motor, drive: Drive) -> tuple[float, float]:
     """Return upper bounds of the velocity (m/s) and amplitude (m) of a free tip in steady state."""
     velocity = swing = 0.0
@@ -232,27 +229,21 @@ class Load:
         Raises:
             ParameterError: for a value out of range, or for speed and torque together.
         """
-        check_shaft(motor, self.speed, self.torque)
-
-
-def check_shaft(motor: Motor, speed: float | None, load_torque: float = 0.0) -> None:
-    """Check a held speed and a load torque of the shaft.
-
-    Raises:
-        ParameterError: for a value out of range, or both together.
-    """
-    if speed is not None:
-        if not abs(speed) <= FASTEST_SHAFT:
-            raise ParameterError(f"speed = {speed:g} rad/s is not valid: it must be a number from -1e6 to 1e6 rad/s.")
-        surface, radius = abs(speed) * motor.rotor.radius_m, motor.rotor.radius_m
-        if surface > FASTEST_SURFACE:
+        if self.speed is not None:
+            if not abs(self.speed) <= FASTEST_SHAFT:
+                raise ParameterError(
+                    f"speed = {self.speed:g} rad/s is not valid: it must be a number from -1e6 to 1e6 rad/s."
+                )
+            radius = motor.rotor.radius_m
+            surface, highest = abs(self.speed) * radius, FASTEST_SURFACE / radius
+            if surface > FASTEST_SURFACE:
+                raise ParameterError(
+                    f"speed = {self.speed:g} rad/s is not valid for rotor.radius_m = {radius:g} m: its rim would move "
+                    f"at {surface:.3g} m/s, where every rotor bursts. Give at most {highest:.3g} rad/s."
+                )
+        if not abs(self.torque) <= 1e6:
+            raise ParameterError(f"load_torque = {self.torque:g} N·m is not valid: it must be from -1e6 to 1e6 N·m.")
+        if self.speed is not None and self.torque:
             raise ParameterError(
-                f"speed = {speed:g} rad/s is not valid for rotor.radius_m = {radius:g} m: its rim would move at "
-                f"{surface:.3g} m/s, where every rotor bursts. Give at most {FASTEST_SURFACE / radius:.3g} rad/s."
+                "speed and load_torque exclude each other: a shaft held at a speed takes any torque. Give one."
             )
-    if not abs(load_torque) <= 1e6:
-        raise ParameterError(f"load_torque = {load_torque:g} N·m is not valid: it must be from -1e6 to 1e6 N·m.")
-    if speed is not None and load_torque:
-        raise ParameterError(
-            "speed and load_torque exclude each other: a shaft held at a speed takes any torque. Give one."
-        )

@@ -257,7 +257,7 @@ def assemble(
     """Build a motor from plain tables, its modes sorted by frequency; ``where`` names their origin in messages."""
     modes = tuple(build(Mode, mode, f"modes.{index}", where) for index, mode in enumerate(parts["modes"]))
     order = sorted(range(len(modes)), key=lambda index: modes[index].frequency_hz)
-    moved = {f"modes.{old}": f"modes.{new}" for new, old in enumerate(order)}
+    moved = {f"modes.{old}.": f"modes.{new}." for new, old in enumerate(order)}
     try:
         return Motor(
             name=parts["name"],
@@ -269,16 +269,13 @@ def assemble(
             limits=None if parts.get("limits") is None else build(Limits, parts["limits"], "limits", where),
             drive=parts.get("drive"),
             structure=structure,
-            provenance={_moved(path, moved): origin for path, origin in provenance.items()},
+            provenance={
+                re.sub(r"^modes\.\d+\.", lambda found: moved[found[0]], path): origin
+                for path, origin in provenance.items()
+            },
         )
     except ValidationError as error:
         raise refusal(error, Motor, "", where) from error
-
-
-def _moved(path: str, moved: Mapping[str, str]) -> str:
-    """Return the path of a value after sorting of the modes."""
-    head, _, key = path.rpartition(".")
-    return f"{moved.get(head, head)}.{key}" if head else path
 
 
 def with_constants(mode: Mapping[str, Any], path: str, where: str) -> dict[str, Any]:

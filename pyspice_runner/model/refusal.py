@@ -90,12 +90,12 @@ def refusal(error: ValidationError, kind: type[Parameters], path: str, where: st
         return ParameterError(f"{prefix}{first['ctx']['error']}.")
     field = kind.model_fields.get(name)
     if first["type"] == "missing":
-        unit = f", in{_unit(field)}" if _unit(field) else ""
+        unit = f", in{_unit(kind, name)}" if _unit(kind, name) else ""
         meaning = f" ({field.description}{unit})" if field else ""
         return ParameterError(f"{where}: {full} is missing{meaning}. State it.")
     kinds = {"float_type": "a number", "string_type": "a text"}  # of what stands within a field
     allowed = allowed_range(kind, name) if field else kinds.get(first["type"], first["msg"])
-    return _invalid(first["input"], full, where, allowed, _unit(field))
+    return _invalid(first["input"], full, where, allowed, _unit(kind, name))
 
 
 def limited(kind: type[Parameters], name: str, value: Any, path: str, where: str) -> float:
@@ -111,7 +111,7 @@ def limited(kind: type[Parameters], name: str, value: Any, path: str, where: str
         and schema.get("minimum", float("-inf")) <= value <= schema.get("maximum", float("inf"))
     )
     if not inside:
-        raise _invalid(value, path, where, allowed_range(kind, name), _unit(kind.model_fields[name]))
+        raise _invalid(value, path, where, allowed_range(kind, name), _unit(kind, name))
     return float(value)
 
 
@@ -127,18 +127,17 @@ def allowed_range(kind: type[Parameters], name: str) -> str:
     low = f"≥ {schema['minimum']:g}" if "minimum" in schema else f"> {schema.get('exclusiveMinimum', float('-inf')):g}"
     high = f"≤ {schema['maximum']:g}" if "maximum" in schema else f"< {schema.get('exclusiveMaximum', float('inf')):g}"
     noun = "a whole number" if schema.get("type") == "integer" else "a number"
-    return f"{noun} {low} and {high}{_unit(kind.model_fields[name])}"
+    return f"{noun} {low} and {high}{_unit(kind, name)}"
 
 
 def unit_of(kind: type[Parameters], name: str) -> str:
     """Return the unit that a field was declared with, or an empty text."""
-    extra = kind.model_fields[name].json_schema_extra
-    return str(extra["unit"]) if isinstance(extra, dict) and "unit" in extra else ""
+    extra = kind.model_fields[name].json_schema_extra if name in kind.model_fields else None
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
 
 
-def _unit(field: Any) -> str:
-    extra = field.json_schema_extra if field is not None else None
-    unit = extra.get("unit", "") if isinstance(extra, dict) else ""
+def _unit(kind: type[Parameters], name: str) -> str:
+    unit = unit_of(kind, name)
     return f" {unit}" if unit not in ("", "1") else ""
 
 
@@ -238,21 +237,14 @@ def _complaint(function: Callable[..., Any], error: ValidationError) -> str:
         return f"{where}: the argument {name} is missing."
     if first["type"] == "multiple_argument_values":
         return f"{where}: the argument {name} is given twice."
-    # a union has a fault for each of its types
-    wanted = dict.fromkeys(_wanted(fault) for fault in faults if fault["loc"][0] == place)
+    wanted: dict[str, None] = {}  # in words; a union has a fault for each of its types
+    for fault in faults:
+        said = str(fault["msg"]).removeprefix("Input should be ")
+        said = said.replace("a valid dictionary or instance of", "an instance of")
+        wanted |= {_MEANT.get(fault["type"], said): None} if fault["loc"][0] == place else {}
     value = first["input"]
     shown = repr(value) if isinstance(value, float) else quoted(value)
     return f"{where}: {name} = {shown} is not valid: it must be {' or '.join(wanted)}."
-
-
-def _wanted(fault: Any) -> str:
-    """Return what a value must be, in words."""
-    said = (
-        str(fault["msg"])
-        .removeprefix("Input should be ")
-        .replace("a valid dictionary or instance of", "an instance of")
-    )
-    return _MEANT.get(fault["type"], said)
 
 
 def _as_python(value: Any) -> Any:

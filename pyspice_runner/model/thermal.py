@@ -3,32 +3,13 @@
 
 from __future__ import annotations
 
-from pyspice_runner.model.motor import Motor, Provenance, Structure
+from pyspice_runner.model.motor import Motor, Structure
 from pyspice_runner.model.parameters import quantity
 from pyspice_runner.model.refusal import Stated
 
 # Specific heats, J/(kg·K): carbon steel, typical; PZT-5A from the data sheet of CTS 3195STD.
 STEEL_SPECIFIC_HEAT = 470.0
 CERAMIC_SPECIFIC_HEAT = 440.0
-
-PROVENANCE = {
-    "frequency_drift_per_k": Provenance(
-        "derived",
-        "half the drift of Young's modulus of carbon steel, 203.4 GPa at 21 °C to 198.6 GPa at 93 °C (Roark's Formulas "
-        "for Stress and Strain), and half its expansion of 12 ppm/K; the ceramic is taken to drift alike",
-    ),
-    "coupling_drift_per_k": Provenance(
-        "assumed", "d31 of PZT-5A rises with temperature (Hooker, NASA CR-1998-208708, shows how); rounded"
-    ),
-    "capacitance_drift_per_k": Provenance(
-        "assumed", "permittivity of PZT-5A rises with temperature (Hooker, NASA CR-1998-208708, shows how); rounded"
-    ),
-    "heat_capacity_j_per_k": Provenance(
-        "derived", "masses of beam, plates and tip of andersen2002, 470 J/(kg·K) for steel, 440 for the ceramic"
-    ),
-    "thermal_resistance_k_per_w": Provenance("assumed", "5 cm² of surface in still air and two supports"),
-    "ambient_k": Provenance("assumed", "the parameters hold in the surroundings"),
-}
 
 
 class Thermal(Stated):
@@ -38,23 +19,24 @@ class Thermal(Stated):
         ParameterError: by the constructor, for an invalid value.
     """
 
+    # derived: half the drift of Young's modulus of carbon steel, 203.4 GPa at 21 °C to 198.6 GPa at 93 °C (Roark's
+    # Formulas for Stress and Strain), and half its expansion of 12 ppm/K; the ceramic is taken to drift alike
     frequency_drift_per_k: float = quantity(
         "relative drift of all resonance frequencies", "1/K", default=-1.6e-4, ge=-0.01, le=0.01
     )
+    # assumed: d31 and permittivity of PZT-5A rise with temperature (Hooker, NASA CR-1998-208708, shows how); rounded
     coupling_drift_per_k: float = quantity("relative drift of all couplings", "1/K", default=1e-3, ge=-0.01, le=0.01)
     capacitance_drift_per_k: float = quantity(
         "relative drift of the clamped capacitances", "1/K", default=4e-3, ge=-0.02, le=0.02
     )
+    # derived: masses of beam, plates and tip of andersen2002 with the specific heats above
     heat_capacity_j_per_k: float = quantity("heat capacity of the stator", "J/K", default=2.1, ge=1e-9, le=1e6)
+    # assumed: 5 cm² of surface in still air and two supports
     thermal_resistance_k_per_w: float = quantity(
         "thermal resistance to the surroundings", "K/W", default=100.0, ge=1e-3, le=1e6
     )
     ambient_k: float = quantity(
-        "temperature of the surroundings above that of the motor's parameters",
-        "K",
-        default=0.0,
-        ge=-200.0,
-        le=500.0,
+        "temperature of the surroundings above that of the motor's parameters", "K", default=0.0, ge=-200.0, le=500.0
     )
 
     @classmethod

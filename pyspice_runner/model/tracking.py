@@ -16,7 +16,7 @@ derivative of the force, determines the loaded quality factor.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan, pi, sqrt, tan
+from math import pi, sqrt, tan
 from typing import Literal
 
 import numpy as np
@@ -164,8 +164,3 @@ def propose_filter(
         loop_gain(lag, unit, bandwidth_hz, gain_hz_per_v=gain_hz_per_v, current_a=current_a, target_deg=target_deg)
     )
     return LoopFilter(unit.resistance_ohm / whole, unit.capacitance_f * whole, unit.ripple_f * whole)
-
-
-def predicted_margin_deg(ripple_ratio: float) -> float:
-    """Return the phase margin of the proposed loop at resonance: 90° minus the lag of the ripple pole."""
-    return 90.0 - atan(1.0 / ripple_ratio) * 180.0 / pi

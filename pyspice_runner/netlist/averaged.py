@@ -363,7 +363,6 @@ def add_averaged_motor(
     motor: Motor,
     nodes: Sequence[str | int],
     *,
-    instance: str = "motor",
     phases: int = PHASES,
     harmonics: int = HARMONICS,
     thermal: Thermal | None = None,
@@ -376,7 +375,7 @@ def add_averaged_motor(
     definition = AveragedSubCircuit(motor, phases=phases, harmonics=harmonics, thermal=thermal)
     circuit.raw_spice += definition.parts + "\n"
     circuit.subcircuit(definition)
-    circuit.X(instance, SUBCIRCUIT, *nodes)
+    circuit.X("motor", SUBCIRCUIT, *nodes)
 
 
 # Gear damps what the averages leave out, such as the ringing of a mode far from the drive; the trapezoidal

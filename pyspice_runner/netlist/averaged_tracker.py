@@ -56,7 +56,6 @@ def averaged_tracked_bench(
     *,
     frozen: tuple[float, float] | None = None,
     thermal: Thermal | None = None,
-    title: str = "",
 ) -> Bench:
     """Return a bench with an averaged motor behind a tracker.
 
@@ -66,7 +65,7 @@ def averaged_tracked_bench(
     oscillator's input; ``thermal`` is the drift with that temperature, by default that of the disturbance.
     """
     tracker = source.tracker
-    circuit = Circuit(title or f"{motor.name}: averaged over the period of the drive, tracked")
+    circuit = Circuit(f"{motor.name}: averaged over the period of the drive, tracked")
     parts = ("tracker_averaged", "tracker_filter")
     circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
     start = {}

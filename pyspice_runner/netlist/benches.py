@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees, pi
 
@@ -146,38 +145,23 @@ def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circu
 def add_drive(circuit: Circuit, drive: Drive, pins: tuple[str, str], *, begun: float = 0.0) -> None:
     """Put ideal sources ``Va`` and ``Vb`` at the nodes of groups A and B; they have been on for ``begun`` seconds."""
     for group, node, tones in zip(("a", "b"), pins, (drive.tones_a, drive.tones_b), strict=True):
-        _drive_group(circuit, group, tones, drive.soft_start, begun, node=node)
+        active = [tone for tone in tones if tone.amplitude] or [tones[0]]
+        if drive.soft_start > 0.0:
+            shape = "+".join(
+                f"({tone.amplitude!r})*sin({2.0 * pi * tone.frequency!r}*time"
+                f"+({tone.phase + 2.0 * pi * ((tone.frequency * begun) % 1.0)!r}))"
+                for tone in active
+            )
+            since = f"(time+{begun!r})" if begun else "time"
+            circuit.raw_spice += f"Bdrive_{group} drive_{group} 0 V=min(1,{since}/{drive.soft_start!r})*({shape})\n"
+            circuit.V(group, node, f"drive_{group}", "DC 0")
+            continue
+        nodes = [node, *(f"drive_{group}{index}" for index in range(1, len(active))), circuit.gnd]  # in series
+        for index, tone in enumerate(active):
+            circuit.V(f"{group}{index or ''}", nodes[index], nodes[index + 1], sine(tone, begun))
 
 
 def sine(tone: Tone, begun: float = 0.0) -> str:
     """Return the value of a voltage source for a sine that has been on for ``begun`` seconds."""
     phase = degrees(tone.phase) + 360.0 * ((tone.frequency * begun) % 1.0)
     return f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {phase!r})"
-
-
-def _drive_group(
-    circuit: Circuit, group: str, tones: Sequence[Tone], soft_start: float, begun: float = 0.0, node: str = ""
-) -> None:
-    """Put the source ``Vgroup`` between the node of a group and ground; several sines are in series.
-
-    ``begun`` is the time in s since the drive was switched on.
-    """
-    active = [tone for tone in tones if tone.amplitude] or [tones[0]]
-    node = node or group
-    if soft_start > 0.0:
-        shape = "+".join(
-            f"({tone.amplitude!r})*sin({2.0 * pi * tone.frequency!r}*time"
-            f"+({tone.phase + 2.0 * pi * ((tone.frequency * begun) % 1.0)!r}))"
-            for tone in active
-        )
-        since = f"(time+{begun!r})" if begun else "time"
-        circuit.raw_spice += f"Bdrive_{group} drive_{group} 0 V=min(1,{since}/{soft_start!r})*({shape})\n"
-        circuit.V(group, node, f"drive_{group}", "DC 0")
-        return
-    nodes = [node, *(f"drive_{group}{index}" for index in range(1, len(active))), circuit.gnd]
-    for index, tone in enumerate(active):
-        name = group if index == 0 else f"{group}{index}"
-        circuit.V(
-            name, nodes[index], nodes[index + 1],
-            sine(tone, begun),
-        )  # fmt: skip

@@ -17,7 +17,6 @@ from pyspice_runner.model.drive import Load, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import averaged_bench, constant_settings
-from pyspice_runner.netlist.contact import PAPER_LAW, Law
 from pyspice_runner.netlist.source import Pins, UniformSource
 from pyspice_runner.netlist.sources import FREE, Bench, motor_bench
 from pyspice_runner.netlist.state import Discretisation
@@ -71,9 +70,7 @@ def controlled_bench(
     sample_time: float,
     step: float | None = None,
     load: Load = FREE,
-    law: Law = PAPER_LAW,
     thermal: Thermal | None = None,
-    title: str = "",
 ) -> Bench:
     """Put a motor on a bench whose commands a session can alter and whose samples it can read.
 
@@ -81,13 +78,12 @@ def controlled_bench(
     the uniform step in s of the full motor, ``None`` the averaged motor. With ``thermal`` the losses heat the motor.
     """
     if step is None:
-        bench = averaged_bench(motor, constant_settings(drive, load), load=load, thermal=thermal, title=title)
+        bench = averaged_bench(motor, constant_settings(drive, load), load=load, thermal=thermal)
         bench.circuit.raw_spice += "Fsum_re 0 sum_re Va_re 1\nFsum_im 0 sum_im Va_im 1\n"
     else:
         bench = motor_bench(
-            motor, CommandedSource(drive), load=load, law=law, discretisation=Discretisation(step), thermal=thermal,
-            title=title,
-        )  # fmt: skip
+            motor, CommandedSource(drive), load=load, discretisation=Discretisation(step), thermal=thermal
+        )
         bench.circuit.raw_spice += (
             "Gposition 0 position shaft 0 1\nCposition position 0 1 ic=0\nRposition position 0 1t\n"
         )

@@ -153,8 +153,13 @@ class Driver(Stated, Source):
             self._located(path)
         for group in GROUPS:
             self.parts(group)
-        if self._stage:
-            self._check_gain()
+        for group in GROUPS if self._stage else ():  # the control is the voltage over the gain
+            gain = self.parts(group)[0].values.get("gain", 1.0)
+            if gain <= 0.0:
+                raise ParameterError(
+                    f"Driver: driver.gain = {gain:g} is not valid: it must be > 0, since the control is the voltage "
+                    "over the gain."
+                )
         if self._transistor and not any(MOSFET in part.library.needs for part in self.parts("a")):
             raise ParameterError(
                 f"Driver: mosfet has no effect on a {self.name}. Leave it out, or choose a half-bridge or full-bridge."
@@ -173,16 +178,6 @@ class Driver(Stated, Source):
                 raise ParameterError(
                     f"Driver: bridge.dead_time = {dead_time:g} s is not valid at {self.frequency:g} Hz: it must be at "
                     f"most a fifth of a period, {longest:.3g} s."
-                )
-
-    def _check_gain(self) -> None:
-        """Check the gain of the user's own stage: the control is the voltage over the gain."""
-        for group in GROUPS:
-            gain = self.parts(group)[0].values.get("gain", 1.0)
-            if gain <= 0.0:
-                raise ParameterError(
-                    f"Driver: driver.gain = {gain:g} is not valid: it must be > 0, since the control is the voltage "
-                    "over the gain."
                 )
 
     @property

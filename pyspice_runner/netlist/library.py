@@ -266,9 +266,9 @@ class Header:
             raise ParameterError(f"{self.where}, parameter {key}: {error}") from None
 
 
-def definitions(*libraries: Library, prefix: str = PREFIX) -> str:
+def definitions(*libraries: Library) -> str:
     """Return the subcircuits of libraries and of those that they need, each once, for a netlist."""
-    return "\n".join(definition_texts(*libraries, prefix=prefix).values())
+    return "\n".join(definition_texts(*libraries).values())
 
 
 def definition_texts(*libraries: Library, prefix: str = PREFIX) -> dict[str, str]:

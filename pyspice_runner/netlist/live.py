@@ -192,8 +192,11 @@ def _averaged(motor: Motor, kind: str) -> str:
     start = [
         ".ic v(a_re)={voltage} v(b_re)={voltage*cos(radians)} v(b_im)={voltage*sin(radians)}",
     ]
+    measures: list[str] = []
     if kind == "run":
         extra = {"stop": ("0.05", "s, end of the run")}
+        means = {"speed_rad_s": "v(shaft)", "friction_n": "v(xmotor.friction)", "heat_w": "v(heat)"}
+        measures = [f".measure tran {name} FIND {vector} AT={{stop}}" for name, vector in means.items()]
     elif kind == "curve":
         extra = {"slowest": ("-5", "rad/s, first speed"), "fastest": ("50", "rad/s, last speed"),
                  "stop": ("0.1", "s, end of the ramp")}  # fmt: skip
@@ -201,9 +204,12 @@ def _averaged(motor: Motor, kind: str) -> str:
         analysis = ".tran {stop/1000} {stop} 0 {stop/60} uic"
         start[0] += " v(shaft)={slowest}"
     else:
-        low, high = _range(motor)
-        extra = {"lowest": (_number(low), "Hz, last frequency"), "highest": (_number(high), "Hz, first frequency"),
-                 "stop": ("0.3", "s, end of the ramp")}  # fmt: skip
+        frequency = default_drive(motor).frequencies[-1]
+        extra = {
+            "lowest": (_number(0.97 * frequency), "Hz, last frequency"),
+            "highest": (_number(1.04 * frequency), "Hz, first frequency"),
+            "stop": ("0.3", "s, end of the ramp"),
+        }
         drive = "PWL(0 {highest} {0.1*stop} {highest} {stop} {lowest})"
         analysis = ".tran {stop/1000} {stop} 0 {stop/120} uic"
     vectors = [
@@ -230,19 +236,9 @@ def _averaged(motor: Motor, kind: str) -> str:
             *sources, f"Vfrequency f 0 {drive}", load, _text(circuit),
             _instance(circuit, "a_re a_im b_re b_im f shaft 0 heat", passed),
             _options(AVERAGED_OPTIONS), *start, f".save {' '.join(vectors)}",
-            *(_averaged_measures() if kind == "run" else []), analysis,
+            *measures, analysis,
         ],
     )  # fmt: skip
-
-
-def _averaged_measures() -> list[str]:
-    found = {"speed_rad_s": "v(shaft)", "friction_n": "v(xmotor.friction)", "heat_w": "v(heat)"}
-    return [f".measure tran {name} FIND {vector} AT={{stop}}" for name, vector in found.items()]
-
-
-def _range(motor: Motor) -> tuple[float, float]:
-    frequency = default_drive(motor).frequencies[-1]
-    return 0.97 * frequency, 1.04 * frequency
 
 
 # --- full motor ---
@@ -259,12 +255,14 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
     discretisation = Discretisation(step, exact_resonance=not driver)
     circuit = _opened(MotorSubCircuit(motor, law=Law(law), discretisation=discretisation, startable=True), motor)
     starts, start_values = _starts(motor, Law(law), discretisation)
+    frequencies = default_drive(motor).frequencies
+    second = frequencies[-1] if len(frequencies) > 1 else 2.0 * frequencies[0]  # of the drive, or its octave
     values = _settings(motor) | {
         "voltage_2": ("0", "V, amplitude of a second tone, which drives the groups against each other"),
-        "frequency_2": (second_frequency(motor), "Hz, of the second tone"),
+        "frequency_2": (_number(second), "Hz, of the second tone"),
         "phase_2": ("0", "degrees, of the second tone"),
-        "stop": (_number(60.0 / default_drive(motor).frequencies[-1]), "s, end of the run"),
-        "window": (_number(20.0 / default_drive(motor).frequencies[-1]), "s, at the end of the run, for the means"),
+        "stop": (_number(60.0 / frequencies[-1]), "s, end of the run"),
+        "window": (_number(20.0 / frequencies[-1]), "s, at the end of the run, for the means"),
         "step": (_number(step), "s, time step; the modes are written for it" if not driver else "s, time step"),
     }
     values |= start_values
@@ -290,9 +288,13 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
     options = dict(transient_options(motor, Law(law)))
     if driver:
         options = {"method": "trap", "reltol": "1e-4", "abstol": "1e-9", "vntol": "1e-6"}
-    start = [] if driver else _plates(motor)
-    vectors = live_vectors(motor, driver=driver)
-    body += [_options(options), *start, f".save {' '.join(vectors)}", *_cycle_measures()]
+    means = {
+        "speed_rad_s": "AVG v(shaft)", "friction_n": "AVG v(xmotor.friction)", "normal_n": "AVG v(xmotor.normal)",
+        "current_a_rms_a": "RMS i(va)", "current_b_rms_a": "RMS i(vb)",
+    }  # fmt: skip
+    body += [_options(options), *([] if driver else _plates(motor))]
+    body += [f".save {' '.join(live_vectors(motor, driver=driver))}"]
+    body += [f".measure tran {name} {how} FROM={{stop-window}} TO={{stop}}" for name, how in means.items()]
     return _deck(
         f"{motor.name}: {law}, cycle by cycle",
         [
@@ -302,12 +304,6 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
         values,
         [*body, ".tran {step} {stop} 0 {step} uic"],
     )
-
-
-def second_frequency(motor: Motor) -> str:
-    """Return the frequency of a second tone as the deck states it: that of the drive's, or its octave."""
-    drive = default_drive(motor)
-    return _number(drive.frequencies[-1] if len(drive.frequencies) > 1 else 2.0 * drive.frequencies[0])
 
 
 def _meaning(name: str) -> str:
@@ -340,15 +336,6 @@ def live_vectors(motor: Motor, *, driver: bool) -> list[str]:
     names += [f"v(xmotor.{node})" for node in ("x", "y", "normal", "friction", "slider", "state")]
     names += [state.within("xmotor") for state in motor_states(motor, PAPER_LAW, ("mode", "mount", "bearing"))]
     return names
-
-
-def _cycle_measures() -> list[str]:
-    over = "FROM={stop-window} TO={stop}"
-    found = {
-        "speed_rad_s": "AVG v(shaft)", "friction_n": "AVG v(xmotor.friction)", "normal_n": "AVG v(xmotor.normal)",
-        "current_a_rms_a": "RMS i(va)", "current_b_rms_a": "RMS i(vb)",
-    }  # fmt: skip
-    return [f".measure tran {name} {how} {over}" for name, how in found.items()]
 
 
 # --- small signals ---

@@ -157,22 +157,17 @@ class _Devices(OwnFile):
             elif keyword.lower() == ".subckt":
                 if inside:
                     self._fail(line, f"{short(text)} is inside of .subckt {inside.name}; move it out of there")
-                inside = self._begun(line, text, words)
+                name = words[0] if words else ""
+                self._check_name(line, name, self._blocks)
+                pins = tuple(word.lower() for word in words[1:] if "=" not in word)
+                inside = _Block(line, text, name, pins, [word for word in words[1:] if "=" in word])
+                self._blocks[name.lower()] = inside
             elif inside:
                 inside.body.append((line, text))
             else:
                 self._outside(line, text, words)
         if inside:
             self._fail(inside.begin, f".subckt {inside.name} has no .ends")
-
-    def _begun(self, line: int, text: str, words: list[str]) -> _Block:
-        """Return the subcircuit that begins with a line."""
-        name = words[0] if words else ""
-        self._check_name(line, name, self._blocks)
-        pins = tuple(word.lower() for word in words[1:] if "=" not in word)
-        block = _Block(line, text, name, pins, [word for word in words[1:] if "=" in word])
-        self._blocks[name.lower()] = block
-        return block
 
     def _outside(self, line: int, text: str, words: list[str]) -> None:
         """Store a model outside of subcircuits."""
@@ -227,7 +222,9 @@ class _Devices(OwnFile):
                 part = self._part(text) if text[0] in "xX" else ""
                 if part in self._blocks:
                     inner, deeper = self._blocks[part], f"{name}_{part}"
-                    lines.append(_renamed(text, deeper))
+                    words = words_of(text)
+                    words[max(place for place, word in enumerate(words) if "=" not in word)] = deeper
+                    lines.append(" ".join(words))
                     if deeper not in written:
                         write(inner, deeper, " ".join([*inner.pins, *inner.parameters]), depth + 1)
                 else:
@@ -267,10 +264,3 @@ class _Devices(OwnFile):
                     raise ParameterError(
                         f"{self._path}: {kind.upper()} {short(name)} has no node {node} in the subcircuit."
                     )
-
-
-def _renamed(text: str, name: str) -> str:
-    """Return an X line that instantiates a subcircuit by another name."""
-    words = words_of(text)
-    place = max(index for index, word in enumerate(words) if "=" not in word)
-    return " ".join([*words[:place], name, *words[place + 1 :]])

@@ -137,7 +137,13 @@ def motor_bench(
         circuit.I("load", "shaft", circuit.gnd, f"DC {float(load.torque)!r}")
     if compiled:
         assert law is not None
-        return _compiled_bench(circuit, motor, source, law, discretisation, start)
+        module = module_of(motor, law)
+        text = module_subcircuit(motor, law, discretisation, SUBCIRCUIT)
+        circuit.raw_spice += f"{loading(module)}\n{text}\nXmotor a b 0 shaft {SUBCIRCUIT}\n"
+        first = _start(motor, source, law, start, discretisation, compiled=True)
+        first |= {} if start is None else {"shaft": start.speed_rad_s}
+        signals = module_signals(motor, discretisation, "xmotor")
+        return Bench(circuit, source.options(motor, law), first, (module,), signals)
     if thermal is not None:
         add_cooling(circuit, thermal)
         nodes = ("temperature", "heat", *nodes)
@@ -149,25 +155,6 @@ def motor_bench(
         thermal=thermal, approach=disturbance is not None and disturbance.kind == "preload",
     )  # fmt: skip
     return Bench(circuit, source.options(motor, law), _start(motor, source, law, start, discretisation))
-
-
-def _compiled_bench(
-    circuit: Circuit,
-    motor: Motor,
-    source: Source,
-    law: Law,
-    discretisation: Discretisation | None,
-    start: Motion | None,
-) -> Bench:
-    """Add the motor as a compiled module to a circuit, and return the bench."""
-    module = module_of(motor, law)
-    text = module_subcircuit(motor, law, discretisation, SUBCIRCUIT)
-    circuit.raw_spice += f"{loading(module)}\n{text}\nXmotor a b 0 shaft {SUBCIRCUIT}\n"
-    first = _start(motor, source, law, start, discretisation, compiled=True)
-    if start is not None:
-        first["shaft"] = start.speed_rad_s
-    signals = module_signals(motor, discretisation, "xmotor")
-    return Bench(circuit, source.options(motor, law), first, (module,), signals)
 
 
 def dynamometer_bench(

@@ -66,10 +66,11 @@ def mode_shapes(motor: Motor) -> go.Figure | None:
     parts = _parts(structure)
 
     def lines(mode: int, deflection: float) -> list[tuple[Array, Array]]:
+        """Return the parts moved by a deflection and, away from the neutral axis, by its slope."""
         swing = deflection * _SWING * structure.beam.length_m
         return [
-            _bent(swing, points, resonator.deflection(foot)[:, mode], resonator.slope(foot)[:, mode])
-            for points, foot, *_ in parts
+            (x - z * swing * resonator.slope(foot)[:, mode], z + swing * resonator.deflection(foot)[:, mode])
+            for (x, z), foot in ((points.T, foot) for points, foot, *_ in parts)
         ]
 
     for row in range(len(modes)):
@@ -86,11 +87,11 @@ def mode_shapes(motor: Motor) -> go.Figure | None:
         data = [{"x": _short(1e3 * x), "y": _short(1e3 * y)} for x, y in moved]
         frames.append({"name": str(step), "data": data, "traces": list(range(len(data)))})
     order = [*range(MODE_STEPS), *range(MODE_STEPS, -MODE_STEPS, -1), *range(-MODE_STEPS, 0)]
-    height = _height(structure)
-    figure.update_yaxes(range=[-1.1e3 * (height + _SWING * structure.beam.length_m),
-                               1.1e3 * (max(height, structure.tip.length_m) + _SWING * structure.beam.length_m)],
-                        title_text="mm")  # fmt: skip
-    figure.update_xaxes(range=[-60.0 * structure.beam.length_m, 1060.0 * structure.beam.length_m])
+    length = structure.beam.length_m
+    low = 0.5 * structure.beam.thickness_m + max(patch.thickness_m for patch in structure.patches)
+    reach = [-1.1e3 * (low + _SWING * length), 1.1e3 * (max(low, structure.tip.length_m) + _SWING * length)]
+    figure.update_yaxes(range=reach, title_text="mm")
+    figure.update_xaxes(range=[-60.0 * length, 1060.0 * length])
     figure.update_xaxes(title_text="position along the beam in mm", row=len(modes), col=1)
     figure.update_layout(
         height=110 + TOOL_BAR + 210 * len(modes), meta={"frames": frames, "order": [str(step) for step in order]}
@@ -126,20 +127,11 @@ def _box(start: float, end: float, low: float, high: float) -> tuple[Array, Arra
     return np.column_stack([outline, heights]), outline
 
 
-def _bent(swing: float, points: Array, deflection: Array, slope: Array) -> tuple[Array, Array]:
-    """Return points moved by a deflection and, away from the neutral axis, by its slope."""
-    return points[:, 0] - points[:, 1] * swing * slope, points[:, 1] + swing * deflection
-
-
-def _height(structure: Structure) -> float:
-    return 0.5 * structure.beam.thickness_m + max(patch.thickness_m for patch in structure.patches)
-
-
 def tip_path(run: Waveforms) -> go.Figure:
     """Return the last drive period: the tip's path coloured by contact state, and the forces, with a moving marker."""
-    time, columns = _last_period(run)
-    x, y, state = 1e6 * columns["tip_x_m"], 1e6 * columns["tip_y_m"], np.rint(columns["contact_state"])
-    normal, friction = columns["normal_force_n"], columns["friction_force_n"]
+    inside, time = _last_periods(run, 1)
+    x, y, state = 1e6 * run.tip_x_m[inside], 1e6 * run.tip_y_m[inside], np.rint(run.contact_state[inside])
+    normal, friction = run.normal_force_n[inside], run.friction_force_n[inside]
     figure = make_subplots(rows=2, cols=1, row_heights=[0.58, 0.42], vertical_spacing=0.14)
     for code, (name, colour, dash) in enumerate(STATES):
         inside = state == code
@@ -185,13 +177,11 @@ def tip_path(run: Waveforms) -> go.Figure:
         {"name": str(number), "data": moving(int(place)), "traces": [still, still + 1]}
         for number, place in enumerate(places)
     ]
-    for axis, values, reach in (("xaxis", x, 0.3), ("yaxis", y, 0.3)):
-        low, high_end = float(values.min()), float(values.max())
-        room = 0.08 * max(high_end - low, 1e-9)
-        span = reach * (high_end - low)
-        figure.update_layout(
-            {axis: {"range": [low - room - (span if axis == "xaxis" else 0.0), high_end + room + span]}}
-        )
+    for axis, values in (("xaxis", x), ("yaxis", y)):
+        low, span = float(values.min()), float(np.ptp(values))
+        room = 0.08 * max(span, 1e-9)
+        below = 0.3 * span if axis == "xaxis" else 0.0
+        figure.update_layout({axis: {"range": [low - room - below, low + 1.3 * span + room]}})
     figure.update_xaxes(title_text=str(LABELS["tip_x_m"]), row=1, col=1)
     figure.update_yaxes(title_text=str(LABELS["tip_y_m"]), row=1, col=1)
     figure.update_xaxes(title_text=str(LABELS["time_us"]), row=2, col=1)
@@ -200,12 +190,11 @@ def tip_path(run: Waveforms) -> go.Figure:
     return figure
 
 
-def _last_period(run: Waveforms) -> tuple[Array, dict[str, Array]]:
-    """Return the last drive period: time from its start, and the columns on it."""
-    begin = max(float(run.time_s[-1]) - run.drive_period_s, 0.0)
+def _last_periods(run: Waveforms, periods: int) -> tuple[Any, Array]:
+    """Return a mask of the points in the last drive periods, and their time from the start of these in s."""
+    begin = max(float(run.time_s[-1]) - periods * run.drive_period_s, 0.0)
     inside = run.time_s >= begin
-    names = ("tip_x_m", "tip_y_m", "contact_state", "normal_force_n", "friction_force_n")
-    return run.time_s[inside] - begin, {name: getattr(run, name)[inside] for name in names}
+    return inside, run.time_s[inside] - begin
 
 
 def admittance(report: Contents) -> tuple[go.Figure, go.Figure]:
@@ -293,7 +282,8 @@ def _efficiency_range(report: Contents) -> list[float]:
 
 def spin_up(run: Waveforms) -> go.Figure:
     """Return the rotor's speed from rest."""
-    kept = _thinned(len(run.time_s))
+    points = len(run.time_s)
+    kept = np.unique(np.linspace(0, points - 1, min(points, _MOST_POINTS)).astype(int))
     figure = go.Figure()
     figure.add_scatter(
         x=_short(1e3 * run.time_s[kept], precise=True), y=_short(run.rotor_speed_rad_s[kept]), mode="lines",
@@ -305,29 +295,23 @@ def spin_up(run: Waveforms) -> go.Figure:
     return figure
 
 
-def electrical(run: Waveforms, periods: int = 3) -> go.Figure:
-    """Return voltages and currents over the last drive periods."""
-    begin = max(float(run.time_s[-1]) - periods * run.drive_period_s, 0.0)
-    inside = run.time_s >= begin
-    time = 1e6 * (run.time_s[inside] - begin)
+def electrical(run: Waveforms) -> go.Figure:
+    """Return voltages and currents over the last three drive periods."""
+    inside, time = _last_periods(run, 3)
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.08)
     for row, (quantity, label) in enumerate(
         (("voltage_{}_v", LABELS["voltage_v"]), ("current_{}_a", LABELS["current_a"])), start=1
     ):
         for group, colour, dash in (("a", BLUE, "solid"), ("b", VERMILION, "dash")):
             figure.add_scatter(
-                x=_short(time), y=_short(label.scale * getattr(run, quantity.format(group))[inside]), row=row, col=1,
-                name=f"group {group.upper()}", legendgroup=group, showlegend=row == 1, mode="lines",
+                x=_short(1e6 * time), y=_short(label.scale * getattr(run, quantity.format(group))[inside]), row=row,
+                col=1, name=f"group {group.upper()}", legendgroup=group, showlegend=row == 1, mode="lines",
                 line={"color": colour, "dash": dash}, hovertemplate="%{x:.4g} µs: %{y:.4g}",
             )  # fmt: skip
         figure.update_yaxes(title_text=str(label), row=row, col=1)
     figure.update_xaxes(title_text=str(LABELS["time_us"]), row=2, col=1)
     figure.update_layout(height=460 + TOOL_BAR)
     return figure
-
-
-def _thinned(points: int) -> Array:
-    return np.unique(np.linspace(0, points - 1, min(points, _MOST_POINTS)).astype(int))
 
 
 def _short(values: Any, precise: bool = False) -> Any:

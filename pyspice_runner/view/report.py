@@ -92,7 +92,10 @@ def report(
     if not levels or not all(0.0 < level <= 1.0 for level in levels):
         raise ParameterError(f"levels = {list(levels)} is not valid: it must be numbers > 0 and ≤ 1.")
     speeds = None if speeds is None else axis("speeds", speeds)
-    scaled = {level: _scaled(drive, level) for level in sorted(levels)}
+    voltages = {name: value for name, value in drive.model_dump().items() if name.startswith("voltage")}
+    scaled = {
+        level: drive.updated({name: value * level for name, value in voltages.items()}) for level in sorted(levels)
+    }
     done, total = 0, _RUNS + len(scaled) * (SPEEDS if speeds is None else np.size(speeds)) + (speeds is None)
     tell = progress or (lambda *_: None)
 
@@ -139,12 +142,6 @@ def _keeping_finished() -> Iterator[dict[str, Callable[[Path], object]]]:
             finished["speed_torque_incomplete.nc"] = partial(write_netcdf, dataset=error.partial)
         error.partial = finished
         raise
-
-
-def _scaled(drive: Drive, share: float) -> Drive:
-    """Return the drive at a share of its voltages."""
-    voltages = {name: value * share for name, value in drive.model_dump().items() if name.startswith("voltage")}
-    return type(drive)(**(drive.model_dump() | voltages))
 
 
 def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:

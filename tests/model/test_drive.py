@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import (
     Drive,
+    Load,
     Tone,
     TwoPhaseDrive,
     TwoToneDrive,
-    check_shaft,
     check_together,
     default_drive,
     free_tip,
@@ -242,8 +242,8 @@ def test_a_drive_that_no_motor_of_this_kind_has_is_rejected(drive: Drive, senten
 
 
 def test_a_speed_at_which_the_rotor_bursts_is_rejected() -> None:
-    check_shaft(motor(), 7e4)
+    Load(speed=7e4).check(motor())
     with pytest.raises(ParameterError, match=r"its rim would move at 1\.04e\+03 m/s, .* at most 7\.69e\+04 rad/s\.$"):
-        check_shaft(motor(), -8e4)
+        Load(speed=-8e4).check(motor())
     with pytest.raises(ParameterError, match=r"speed = nan rad/s is not valid"):
-        check_shaft(motor(), float("nan"))
+        Load(speed=float("nan")).check(motor())

@@ -16,7 +16,7 @@ import pyspice_runner as pr
 from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.model.dielectric import lossy_capacitance
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.thermal import PROVENANCE, Thermal, heat_capacity
+from pyspice_runner.model.thermal import Thermal, heat_capacity
 from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import add_motor
@@ -168,11 +168,6 @@ def test_ranges_are_those_of_the_libraries() -> None:
     ):
         declared = next(item for item in read_library(library).parameters if item.name == parameter)
         assert (declared.least, declared.greatest) == (schema[field]["minimum"], schema[field]["maximum"])
-
-
-def test_every_coefficient_has_a_provenance() -> None:
-    assert PROVENANCE.keys() == Thermal.model_fields.keys()
-    assert {origin.kind for origin in PROVENANCE.values()} <= {"given", "derived", "assumed"}
 
 
 def test_derived_values_follow_from_what_they_are_derived_from() -> None:
