@@ -53,6 +53,7 @@ PROBE = 0.1  # of the drive's amplitude, and of the friction torque; within one 
 FINER = 2  # steps in one of the steady state
 HIGHEST = 0.45  # of the drive's frequency
 _SIGNALS = ("speed", "friction", "current_a", "current_b", "motional_a", "motional_b")
+_CURRENTS = slice(2, 4)  # of the signals
 
 
 @dataclass(frozen=True, repr=False)
@@ -178,10 +179,7 @@ def small_signals(
     if not drive.voltage:
         raise ParameterError("drive.voltage = 0 V is not valid here: there is no running motor. Give a voltage > 0 V.")
     law = touching_law(contact, "The two-port of a free tip does not depend on the drive: take admittance.")
-    state = steady_state(
-        motor, drive, speed=speed, load_torque=load_torque, contact=law, step=step,
-        timeout=timeout,
-    )  # fmt: skip
+    state = steady_state(motor, drive, speed=speed, load_torque=load_torque, contact=law, step=step, timeout=timeout)
     if not state.stable or state.solution is None:
         raise SimulationError("There is no stable steady state about which small signals would be defined.")
     usual = OperatingPoint.of(motor, drive, contact=law).step
@@ -277,26 +275,22 @@ class _Linear:
                     # phase = 2π ∫ frequency
                     found = (value - resting[output]) / (1j * at) if of == "frequency" else value
                     transfers.setdefault((output, of), []).append(found)
-            hot[frequency + at] = np.array([[up[into].at(f"current_{of}", 1) for into in "ab"] for of in "ab"])
-            below = np.array([[down[into].at(f"current_{of}", -1) for into in "ab"] for of in "ab"])
-            hot[frequency - at] = below.conj()
-            image[frequency + at] = np.array(
-                [[up[into].at(f"current_{of}", -1) for into in "ab"] for of in "ab"]
-            ).conj()
-            image[frequency - at] = np.array([[down[into].at(f"current_{of}", 1) for into in "ab"] for of in "ab"])
+            above, below = (np.stack([side[into][_CURRENTS] for into in "ab"], axis=1) for side in (up, down))
+            hot[frequency + at], image[frequency - at] = above[..., 1], below[..., 1]
+            hot[frequency - at], image[frequency + at] = below[..., -1].conj(), above[..., -1].conj()
         return {pair: np.array(values) for pair, values in transfers.items()}, hot, image
 
-    def _responses(self, probes: Sequence[tuple[str, float]], modulation: Array) -> list[_Response]:
-        """Return the response to e^{jωt} at each place, where ω may be negative, from copies with cosine and sine."""
+    def _responses(self, probes: Sequence[tuple[str, float]], modulation: Array) -> list[Complex]:
+        """Return the response to e^{jωt} at each place, where ω may be negative, from copies with cosine and sine.
+
+        A response has the components of each signal at the modulation plus 0, 1 and −1 times the drive's frequency.
+        """
         plant, point = self.point.plant, self.point
         assert isinstance(plant.drive, TwoPhaseDrive)
         contact, radius = plant.motor.contact, plant.motor.rotor.radius_m
         share = PROBE * self.fineness
-        sizes = {
-            "a": share * max(plant.drive.voltage, plant.drive.voltage_b),
-            "b": share * max(plant.drive.voltage, plant.drive.voltage_b),
-            "shaft": share * contact.friction * contact.preload_n * radius,
-        }
+        sizes = dict.fromkeys("ab", share * max(plant.drive.voltage, plant.drive.voltage_b))
+        sizes["shaft"] = share * contact.friction * contact.preload_n * radius
         copies = []
         for place, frequency in probes:
             for phase in (0.5 * pi, 0.0):
@@ -306,6 +300,7 @@ class _Linear:
                     copies.append(Copy(point.plant, point.state, point.begun, (probe,)))
         traces = _found(self.period_map.traces(copies))
         assert point.trace is not None
+        time = point.trace.time
         found = []
         for number, ((place, frequency), at) in enumerate(zip(probes, modulation.tolist(), strict=True)):
             cosine, minus_cosine, sine, minus_sine = traces[4 * number : 4 * number + 4]
@@ -322,11 +317,12 @@ class _Linear:
             signals = added + np.tensordot(deviation, self.slopes, axes=1)
             signals = np.asarray(signals / (2.0 * sizes[place]), dtype=complex)
             if place in "ab":  # the clamped capacitance takes its current from the source alone
-                wave = np.exp(2j * pi * frequency * point.trace.time)
+                wave = np.exp(2j * pi * frequency * time)
                 signals[_SIGNALS.index(f"current_{place}")] += (
                     dielectric_admittance(plant.motor, place, frequency) * wave
                 )
-            found.append(_Response(signals, point.trace.time, at, plant.drive.frequency))
+            waves = np.exp(-2j * pi * np.outer(time, at + plant.drive.frequency * np.array([0, 1, -1])))
+            found.append(np.asarray(signals[:, 1:] @ waves[1:] / len(waves[1:]), dtype=complex))
         return found
 
     def _carriers(self) -> dict[str, complex]:
@@ -342,67 +338,30 @@ class _Linear:
 
     @staticmethod
     def _modulated(
-        drive: TwoPhaseDrive, up: Mapping[str, _Response], down: Mapping[str, _Response],
-        shaft: _Response | None,
-    ) -> dict[str, _Response]:  # fmt: skip
+        drive: TwoPhaseDrive, up: Mapping[str, Complex], down: Mapping[str, Complex], shaft: Complex | None
+    ) -> dict[str, Complex]:
         """Return the responses to modulations e^{jωt}, made of side bands; ``frequency`` is that to the phase of both.
 
         With u = Im(U e^{jΩt}), modulating U by a factor 1 + m e^{jωt} adds m e^{jωt}(U e^{jΩt} − U* e^{−jΩt})/2j, and
         modulating its phase by ψ e^{jωt} adds ψ e^{jωt}(U e^{jΩt} + U* e^{−jΩt})/2.
         """
-        volts = {
-            "a": complex(drive.voltage),
-            "b": rect(drive.voltage_b, radians(drive.phase_deg)),
-        }
-
-        def turned(group: str) -> _Response:
-            return (up[group] * volts[group] + down[group] * volts[group].conjugate()) * 0.5
-
-        def grown(group: str) -> _Response:
-            return (up[group] * volts[group] - down[group] * volts[group].conjugate()) * (-0.5j / drive.voltage)
-
-        found = {
-            "amplitude": grown("a") + grown("b"),
-            "phase_rad": turned("b"),
-            "frequency": turned("a") + turned("b"),
-        }
-        return found if shaft is None else found | {"load_torque": shaft * -1.0}
+        volts = {"a": complex(drive.voltage), "b": rect(drive.voltage_b, radians(drive.phase_deg))}
+        above = {group: up[group] * volts[group] for group in "ab"}
+        below = {group: down[group] * volts[group].conjugate() for group in "ab"}
+        turned = {group: 0.5 * (above[group] + below[group]) for group in "ab"}
+        grown = (above["a"] - below["a"] + above["b"] - below["b"]) * (-0.5j / drive.voltage)
+        found = {"amplitude": grown, "phase_rad": turned["b"], "frequency": turned["a"] + turned["b"]}
+        return found if shaft is None else found | {"load_torque": -shaft}
 
 
-@dataclass(frozen=True)
-class _Response:
-    """Deviations of the signals for an input of size 1: shape (signals, points); they close but for a turn e^{jωT}."""
-
-    signals: Complex
-    time: Array
-    modulation: float
-    frequency: float
-
-    def at(self, name: str, harmonic: int) -> complex:
-        """Return the component of a signal at the modulation plus a multiple of the drive's frequency."""
-        turning = 2j * pi * (self.modulation + harmonic * self.frequency)
-        return complex(np.mean((self.signals[_SIGNALS.index(name)] * np.exp(-turning * self.time))[1:]))
-
-    def __mul__(self, factor: complex) -> _Response:
-        return _Response(np.asarray(factor * self.signals), self.time, self.modulation, self.frequency)
-
-    def __add__(self, other: _Response) -> _Response:
-        return _Response(self.signals + other.signals, self.time, self.modulation, self.frequency)
-
-    def __sub__(self, other: _Response) -> _Response:
-        return self + other * -1.0
-
-
-def _outputs(response: _Response, carriers: Mapping[str, complex], of: str, plant: Plant) -> dict[str, complex]:
+def _outputs(response: Complex, carriers: Mapping[str, complex], of: str, plant: Plant) -> dict[str, complex]:
     """Return the outputs of a response to an input; ``frequency`` stands for the phase of both groups."""
-    found = {
-        "speed": response.at("speed", 0),
-        "torque": plant.motor.rotor.radius_m * response.at("friction", 0),
-    }
+    at = dict(zip(_SIGNALS, response.tolist(), strict=True))
+    found = {"speed": at["speed"][0], "torque": plant.motor.rotor.radius_m * at["friction"][0]}
     for kind in ("current", "motional"):
         for group in "ab":
-            name, carrier = f"{kind}_{group}", carriers[f"{kind}_{group}"]
-            above, below = response.at(name, 1), response.at(name, -1)
+            carrier = carriers[f"{kind}_{group}"]
+            _, above, below = at[f"{kind}_{group}"]
             if kind == "current":
                 found[f"current_amplitude_{group}"] = (above * carrier.conjugate() + below * carrier) / abs(carrier)
             own = {"phase_rad": float(group == "b"), "frequency": 1.0}.get(of, 0.0)
@@ -416,14 +375,9 @@ def _signals(plant: Plant, trace: Trace) -> Array:
         group: np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in plant.motor.modes]) for group in "ab"
     }
     velocity = trace.states[plant.modes : 2 * plant.modes]
-    return np.array(
-        [
-            speed(plant, trace),
-            trace.friction,
-            *(current(plant, group, trace) for group in "ab"),
-            *(couplings[group] @ velocity for group in "ab"),
-        ]
-    )
+    currents = [current(plant, group, trace) for group in "ab"]
+    motional = [couplings[group] @ velocity for group in "ab"]
+    return np.array([speed(plant, trace), trace.friction, *currents, *motional])
 
 
 def _cold(plant: Plant, frequency: float) -> Complex:
