@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from math import ceil, sqrt
@@ -279,8 +279,6 @@ def _next(
 
 
 def _dataset(family: _Family, nodes: list[_Node], ended: str) -> xarray.Dataset:
-    from pyspice_runner.datasets import Dataset
-
     rows: list[Mapping[str, Any]] = []
     for node in nodes:
         trace, plant = node.point.trace, node.point.plant
@@ -292,30 +290,47 @@ def _dataset(family: _Family, nodes: list[_Node], ended: str) -> xarray.Dataset:
             "largest_multiplier": largest,
         })  # fmt: skip
     values = np.array([node.value for node in nodes])
-    base, unit = family.base, family.base.parameter(family.follow).unit
-    variables: dict[str, tuple[tuple[str, ...], Any, dict[str, str]]] = {
-        name: (("point",), np.array([row[name] for row in rows]), {"units": of, "long_name": meaning})
-        for name, (of, meaning) in OUTCOME.items()
+    coordinates = {
+        "point": ("point", np.arange(len(nodes)), {}),
+        family.follow: ("point", values, {"units": family.base.parameter(family.follow).unit}),
     }
+    dataset = dataset_of(
+        family.base, f"steady states over {family.follow}", OUTCOME, rows, coordinates, sorted(family.hashes),
+        follow=family.follow, folds=folds(values), ended=ended, run=family.setup(family.start).to_dict(),
+    )  # fmt: skip
+    meaning = "modal displacements, velocities and the other states at t = 0, SI"
     states = np.array([node.point.state for node in nodes])
-    variables["start_state"] = (
-        ("point", "state"), states, {"long_name": "modal displacements, velocities and the other states at t = 0, SI"}
-    )  # fmt: skip
-    return Dataset(
-        variables, {"point": np.arange(len(nodes)), family.follow: ("point", values, {"units": unit})},
-        {
-            "title": f"{base.motor.name}: steady states over {family.follow}",
-            "parameter_set": base.motor.name,
-            "follow": family.follow,
-            "folds": json.dumps(folds(values)),
-            "ended": ended,
-            "motor": json.dumps(base.motor.to_dict()),
-            "drive": json.dumps(base.source.to_dict()),
-            "run": json.dumps(family.setup(family.start).to_dict()),
-            "ngspice_version": ngspice_version(),
-            "deck_sha256": hashlib.sha256("".join(sorted(family.hashes)).encode()).hexdigest(),
-        },
-    )  # fmt: skip
+    dataset["start_state"] = (("point", "state"), states, {"long_name": meaning})
+    return dataset
+
+
+def dataset_of(
+    base: OperatingPoint,
+    title: str,
+    outcome: Mapping[str, tuple[str, str]],
+    rows: Sequence[Mapping[str, Any]],
+    coordinates: Mapping[str, tuple[str, Array, Mapping[str, str]]],
+    hashes: Iterable[str],
+    **attributes: Any,
+) -> xarray.Dataset:
+    """Return the quantities of all points over their axes, with units and provenance.
+
+    ``outcome`` has unit and meaning of each quantity, ``rows`` the values by point, the last axis fastest, ``hashes``
+    those of the decks. Attributes other than texts become JSON.
+    """
+    from pyspice_runner.datasets import Dataset
+
+    shape = {name: len(values) for name, (along, values, _) in coordinates.items() if along == name}
+    variables = {}
+    for name, (unit, meaning) in outcome.items():
+        if name not in shape:
+            values = np.array([row[name] for row in rows]).reshape(tuple(shape.values()))
+            variables[name] = (tuple(shape), values, {"units": unit, "long_name": meaning})
+    attributes |= {"motor": base.motor.to_dict(), "drive": base.source.to_dict()}
+    texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in attributes.items()}
+    texts |= {"ngspice_version": ngspice_version(), "deck_sha256": hashlib.sha256("".join(hashes).encode()).hexdigest()}
+    heading = {"title": f"{base.motor.name}: {title}", "parameter_set": base.motor.name}
+    return Dataset(variables, coordinates, heading | texts)
 
 
 def folds(values: Array) -> list[float]:

@@ -7,20 +7,18 @@ torque. Both are positive where they drive the rotor, or the load, in the positi
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
-from pyspice_runner.analysis.branch import followed_branch
+from pyspice_runner.analysis.branch import dataset_of, followed_branch
 from pyspice_runner.analysis.dynamometer import UNITS, Dynamometer, off_beat
 from pyspice_runner.analysis.settling import (
     PATIENCE,
@@ -32,7 +30,6 @@ from pyspice_runner.analysis.settling import (
     tasks_of,
 )
 from pyspice_runner.analysis.steady import steady_states
-from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
@@ -154,10 +151,23 @@ def speed_torque(
     found, fault = _measured(points, axes, mode, follow, Settling(tolerance, patience), executor, progress)
     if fault is not None and not found:
         raise fault
-    dataset = _dataset(base, axes, [found.get(place, _MISSING) for place in range(len(points))])
-    run = {"mode": mode, "follow": follow, **law.to_dict(), "step_s": step, "tolerance": tolerance}
-    engine = "compiled" if base.solver.compiled else "spice"
-    dataset.attrs["run"] = json.dumps({**run, "patience": patience, "engine": engine})
+    outcomes = [found.get(place, _MISSING) for place in range(len(points))]
+    findings = dict.fromkeys(finding for outcome in outcomes for finding in outcome["findings"])
+    stress, rise = (
+        max((outcome[name] for outcome in outcomes if outcome[name] == outcome[name]), default=float("nan"))
+        for name in ("ceramic_stress_pa", "temperature_rise_k")
+    )
+    label = [] if any(path.startswith("drive.") for path in axes) else [base.source.label]
+    dataset = dataset_of(
+        base, ", ".join(["speed and torque", *label]), OUTCOME, outcomes, coordinates(base, axes),
+        (outcome["deck_sha256"] for outcome in outcomes),
+        audit=Audit(tuple(findings)).to_dict(), cautions=list(exceeded(motor, stress, rise)),
+        method=[outcome["method"] for outcome in outcomes],
+        run={
+            "mode": mode, "follow": follow, **law.to_dict(), "step_s": step, "tolerance": tolerance,
+            "patience": patience, "engine": "compiled" if base.solver.compiled else "spice",
+        },
+    )  # fmt: skip
     if fault is None:
         return dataset
     dataset.attrs["incomplete"] = f"{len(found)} of {len(points)} points are finished."
@@ -217,8 +227,6 @@ def operating_point(
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
     mode = _way(mode, drive)  # type: ignore[assignment]
-    if mode not in ("steady", "settle"):
-        raise ParameterError(f"mode = {quoted(mode)} is not valid: it must be 'steady' or 'settle'.")
     bench = _held(
         motor, drive, mode=mode, speed=speed, contact=contact, step=step, timeout=timeout, audit=audit, engine=engine
     )
@@ -334,7 +342,7 @@ def _steady(points: Sequence[Dynamometer], executor: Executor | None) -> dict[in
     }  # fmt: skip
 
 
-# --- axes and dataset ---
+# --- axes ---
 
 
 def axis(name: str, values: Any) -> Array:
@@ -368,8 +376,6 @@ def _axes(speeds: Any, over: Mapping[str, Any]) -> dict[str, Array]:
 
 
 def _check(axes: Mapping[str, Array], drive: Drive | Driver, mode: str, follow: str | None) -> None:
-    if mode not in get_args(Method):
-        raise ParameterError(f"mode = {quoted(mode)} is not valid: it must be 'steady', 'settle' or 'ramp'.")
     if isinstance(drive, Driver) and (mode == "ramp" or follow):
         raise ParameterError(
             "A driver circuit does not go on from another point: mode must be 'steady' or 'settle', and follow must be "
@@ -401,32 +407,6 @@ def _dynamometer(point: OperatingPoint) -> Dynamometer:
     return Dynamometer(off_beat(point))
 
 
-def _dataset(base: OperatingPoint, axes: Mapping[str, Array], outcomes: list[dict[str, Any]]) -> xarray.Dataset:
-    from pyspice_runner.datasets import Dataset
-
-    shape = tuple(len(axis) for axis in axes.values())
-    variables = {}
-    for name, (unit, meaning) in OUTCOME.items():
-        values = np.array([outcome[name] for outcome in outcomes]).reshape(shape)
-        variables[name] = (tuple(axes), values, {"units": unit, "long_name": meaning})
-    coordinates = {path: (path, axis, {"units": base.parameter(path).unit}) for path, axis in axes.items()}
-    swept = any(path.startswith("drive.") for path in axes)
-    decks = "".join(outcome["deck_sha256"] for outcome in outcomes)
-    findings = dict.fromkeys(finding for outcome in outcomes for finding in outcome["findings"])
-    stress, rise = (
-        max((outcome[name] for outcome in outcomes if outcome[name] == outcome[name]), default=float("nan"))
-        for name in ("ceramic_stress_pa", "temperature_rise_k")
-    )
-    motor, label = base.motor, base.source.label
-    attributes = {
-        "audit": json.dumps(Audit(tuple(findings)).to_dict()),
-        "cautions": json.dumps(list(exceeded(motor, stress, rise))),
-        "title": f"{motor.name}: {', '.join(['speed and torque', *([] if swept else [label])])}",
-        "parameter_set": motor.name,
-        "motor": json.dumps(motor.to_dict()),
-        "drive": json.dumps(base.source.to_dict()),
-        "ngspice_version": ngspice_version(),
-        "method": json.dumps([outcome["method"] for outcome in outcomes]),
-        "deck_sha256": hashlib.sha256(decks.encode()).hexdigest(),
-    }
-    return Dataset(variables, coordinates, attributes)
+def coordinates(base: OperatingPoint, axes: Mapping[str, Array]) -> dict[str, tuple[str, Array, dict[str, str]]]:
+    """Return the coordinates of axes, with units."""
+    return {path: (path, values, {"units": base.parameter(path).unit}) for path, values in axes.items()}

@@ -7,21 +7,19 @@ points between them, from the mean of their solved neighbours.
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from math import prod
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import SkipValidation
 
+from pyspice_runner.analysis.branch import dataset_of
 from pyspice_runner.analysis.dynamometer import UNITS
 from pyspice_runner.analysis.shooting import Point, between
-from pyspice_runner.analysis.speed_torque import axis
+from pyspice_runner.analysis.speed_torque import axis, coordinates
 from pyspice_runner.analysis.steady import SteadyState, steady_states
-from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
@@ -106,10 +104,6 @@ def working_points(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails, or no rotor speed is found for the default of ``speed``.
     """
-    if objective not in get_args(Objective):
-        raise ParameterError(
-            f"objective = {quoted(objective)} is not valid: it must be one of {', '.join(get_args(Objective))}."
-        )
     bounds = _limits(limits or {}, motor)
     axes = {path: axis(path, values) for path, values in over.items()}
     count = prod(len(values) for values in axes.values())
@@ -127,7 +121,21 @@ def working_points(
         for index in product(*map(range, shape))
     }
     states = _solved(setups, accuracy, progress or (lambda *_: None))
-    return _dataset(base, accuracy, axes, states, objective, bounds)
+    rows = {index: _row(states[index], bounds) for index in setups}
+    goal = OBJECTIVES[objective]
+    allowed = [index for index, row in rows.items() if row["allowed"] and np.isfinite(row[goal])]
+    best: dict[str, Any] | None = None
+    if allowed:
+        index = max(allowed, key=lambda one: rows[one][goal])
+        at = {path: float(values[place]) for (path, values), place in zip(axes.items(), index, strict=True)}
+        best = at | {name: _plain(value) for name, value in rows[index].items() if name not in at}
+    held = "" if base.load.speed is None else f", shaft at {base.load.speed:.4g} rad/s"
+    return dataset_of(
+        base, f"{objective} over {' and '.join(axes)}{held}", OUTCOME, list(rows.values()), coordinates(base, axes),
+        (states[index].provenance["deck_sha256"] for index in setups),
+        objective=objective, best=best, limits=bounds, method=[states[index].method for index in setups],
+        run=law.to_dict() | {"speed": base.load.speed, "load_torque": base.load.torque, "accuracy": accuracy},
+    )  # fmt: skip
 
 
 def _limits(limits: Mapping[str, float], motor: Motor) -> dict[str, float]:
@@ -184,56 +192,6 @@ def _start(index: Index, stride: int, found: Mapping[Index, SteadyState]) -> Poi
     near = [found.get(tuple(at + step for at, step in zip(index, each, strict=True))) for each in product(*steps)]
     points = [other.solution for other in near if other is not None and other.stable and other.solution]
     return between(points) if points else None
-
-
-def _dataset(
-    base: OperatingPoint,
-    accuracy: float,
-    axes: Mapping[str, Array],
-    states: Mapping[Index, SteadyState],
-    objective: Objective,
-    limits: Mapping[str, float],
-) -> xarray.Dataset:
-    from pyspice_runner.datasets import Dataset
-
-    shape = tuple(len(values) for values in axes.values())
-    rows = {index: _row(state, limits) for index, state in states.items()}
-    variables = {}
-    for name, (unit, meaning) in OUTCOME.items():
-        if name in axes:
-            continue
-        values = np.empty(shape, dtype=bool if name in _FLAGS else float)
-        for index, row in rows.items():
-            values[index] = row[name]
-        variables[name] = (tuple(axes), values, {"units": unit, "long_name": meaning})
-    coordinates = {path: (path, values, {"units": base.parameter(path).unit}) for path, values in axes.items()}
-    allowed = {index: row[OBJECTIVES[objective]] for index, row in rows.items() if row["allowed"]}
-    allowed = {index: value for index, value in allowed.items() if np.isfinite(value)}
-    best: dict[str, Any] | None = None
-    if allowed:
-        index = max(allowed, key=lambda one: allowed[one])
-        at = {path: float(values[place]) for (path, values), place in zip(axes.items(), index, strict=True)}
-        best = {**at, **{name: _plain(value) for name, value in rows[index].items() if name not in at}}
-    hashes = "".join(states[index].provenance["deck_sha256"] for index in sorted(states))
-    held = "" if base.load.speed is None else f", shaft at {base.load.speed:.4g} rad/s"
-    law = base.law.to_dict() if base.law else {}
-    run = {**law, "speed": base.load.speed, "load_torque": base.load.torque, "accuracy": accuracy}
-    return Dataset(
-        variables, coordinates,
-        {
-            "title": f"{base.motor.name}: {objective} over {' and '.join(axes)}{held}",
-            "parameter_set": base.motor.name,
-            "objective": objective,
-            "best": json.dumps(best),
-            "limits": json.dumps(dict(limits)),
-            "motor": json.dumps(base.motor.to_dict()),
-            "drive": json.dumps(base.source.to_dict()),
-            "run": json.dumps(run),
-            "method": json.dumps([states[index].method for index in sorted(states)]),
-            "ngspice_version": ngspice_version(),
-            "deck_sha256": hashlib.sha256(hashes.encode()).hexdigest(),
-        },
-    )  # fmt: skip
 
 
 def _plain(value: Any) -> Any:

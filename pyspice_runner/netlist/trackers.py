@@ -14,7 +14,7 @@ from cmath import rect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi, radians, tan
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -135,9 +135,6 @@ class Disturbance:
     target_step_deg: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.kind not in get_args(DisturbanceKind):
-            allowed = ", ".join(get_args(DisturbanceKind))
-            raise ParameterError(f"disturb = {self.kind!r} is not valid: it must be one of {allowed}.")
         for name, value, low, high, unit in (
             ("load_torque", self.load_torque_n_m, -1e3, 1e3, " N·m"),
             ("preload_change", self.preload_change, -0.9, 10.0, ""),
