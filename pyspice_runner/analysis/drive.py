@@ -324,7 +324,7 @@ def drive_report(
         solver_seconds=outcome.seconds,
         ngspice_version=outcome.ngspice_version,
         deck=outcome.deck,
-        ceramic=ceramic(motor, setup.discretisation, samples, power, window),
+        ceramic=ceramic(motor, setup.discretisation, samples, driver, window),
     )
     audited = Audit(_audited(motor, report, samples))
     if audit:

@@ -3,12 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from math import isfinite, sqrt
 from typing import Any
-
-import numpy as np
 
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive
@@ -28,7 +25,7 @@ from pyspice_runner.run.engines import Engine, on_engine
 from pyspice_runner.run.kernel import Outcome, progress_callback
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.steps import MOST_POINTS
-from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, EnergyBalance, Waveforms
+from pyspice_runner.run.waveforms import COLUMNS, HEATED, EnergyBalance, Waveforms
 from pyspice_runner.run.window import Window
 
 _USUAL_ERROR = 5e-4  # of the tip's motion, at the default step; more than at nearly all reference points of the tests
@@ -109,12 +106,11 @@ def simulate(
         setup = setup.with_step(setup.shortest_period / points_per_period(accuracy))
     _check_duration(setup, duration)
     _check_recording(signals, record_from, record_every, duration, setup.step)
-    recorded = _Recorded(None if signals is None else tuple(signals), record_from, record_every)
     estimate = (step is None or accuracy is not None) and (signals is None or {*TIP} <= {*signals})
     if accuracy is not None and not estimate:
         raise ParameterError("accuracy is the error of the tip: signals must have tip_x_m and tip_y_m.")
     for _ in range(_MOST_TRIALS):
-        run = _run(setup, duration, recorded, estimate=estimate, progress=progress)
+        run = _run(setup, duration, signals, record_from, record_every, estimate=estimate, progress=progress)
         if accuracy is None:
             return run
         if run.error_estimate is None:
@@ -137,30 +133,26 @@ def simulate(
     )
 
 
-@dataclass(frozen=True)
-class _Recorded:
-    """Recorded part of a run: the signals, the start in s, and every n-th step."""
-
-    signals: tuple[str, ...] | None
-    start: float
-    every: int
-
-
 def _run(
     setup: OperatingPoint,
     duration: float,
-    recorded: _Recorded,
+    signals: Sequence[str] | None,
+    start: float,
+    every: int,
     *,
     estimate: bool,
     progress: Callable[[float, float], object] | None,
 ) -> Waveforms:
-    """Run an operating point and return its waveforms, audited, with an estimate of their errors if requested."""
-    motor, signals = setup.motor, recorded.signals
-    recording = setup.recording(started=recorded.start == 0.0)
-    balanced = signals is None and recorded.every == 1
+    """Run an operating point and return its waveforms, audited, with an estimate of their errors if requested.
+
+    The signals are recorded from the start in s on, at every n-th step.
+    """
+    motor = setup.motor
+    recording = setup.recording(started=start == 0.0)
+    balanced = signals is None and every == 1
 
     def waveforms(outcome: Outcome, *, complete: bool) -> Waveforms:
-        samples = outcome.vectors(recorded.every)
+        samples = outcome.vectors(every)
         waves = recording.columns(samples, recording.all_columns if signals is None else signals)
         energy: EnergyBalance | None = None
         findings: tuple[str, ...] = ()
@@ -173,9 +165,13 @@ def _run(
         interrupted = False
         if estimate and complete:
             try:
-                errors = estimate_errors(setup, waves, duration, record_from=recorded.start, progress=after)
+                errors = estimate_errors(setup, waves, duration, record_from=start, progress=after)
             except KeyboardInterrupt:
                 interrupted = True
+        window = Window(samples["time"], setup.source.measured_period(samples))
+        stressed: dict[str, Any] = {"cautions": []}
+        if signals is None:
+            stressed = ceramic(motor, setup.discretisation, samples, setup.source, window)
         provenance: dict[str, Any] = {
             "motor": motor.to_dict(),
             "drive": setup.source.to_dict(),
@@ -183,18 +179,18 @@ def _run(
                 "duration_s": duration,
                 **setup.to_dict(),
                 "accuracy": setup.solver.accuracy,
-                "record_from_s": recorded.start,
-                "record_every": recorded.every,
+                "record_from_s": start,
+                "record_every": every,
             },
             "deck_sha256": outcome.deck_sha256,
             "audit": {"passed": not findings if balanced else None, "findings": list(findings)},
-            **_ceramic(setup, samples, recorded),
+            **stressed,
         }
         arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED)}
         found = Waveforms(
             **arrays,
             energy=energy,  # type: ignore[arg-type]
-            drive_period_s=setup.source.measured_period(samples),
+            drive_period_s=window.period,
             rotor_radius_m=motor.rotor.radius_m,
             solver_seconds=outcome.seconds + (errors.seconds if errors else 0.0),
             ngspice_version=outcome.ngspice_version,
@@ -214,7 +210,7 @@ def _run(
     tell = progress_callback(progress, duration * (1.0 + COST if estimate else 1.0)) if progress else None
     after = (lambda reached: tell(duration + reached)) if tell else None
     try:
-        outcome = setup.run(duration, vectors, record_from=recorded.start, progress=tell, keep_partial=True)
+        outcome = setup.run(duration, vectors, record_from=start, progress=tell, keep_partial=True)
     except Interrupted as interrupt:
         if interrupt.partial.result.raw.points < _FEWEST_KEPT:
             raise KeyboardInterrupt from None
@@ -222,18 +218,6 @@ def _run(
         reached = f"The run was interrupted at {partial.time_s[-1]:.4g} of {duration:g} s."
         raise Interrupted(reached, partial) from None
     return waveforms(outcome, complete=True)
-
-
-def _ceramic(setup: OperatingPoint, samples: Mapping[str, Array], recorded: _Recorded) -> dict[str, Any]:
-    """Return what is known of the ceramic from the end of a run; nothing without the modes."""
-    if recorded.signals is not None:
-        return {"cautions": []}
-    power = sum(
-        factor * samples[name] * samples[f"v({group})"]
-        for group, (name, factor) in ((group, setup.source.current(group)) for group in "ab")
-    )
-    window = Window(samples["time"], setup.source.measured_period(samples))
-    return ceramic(setup.motor, setup.discretisation, samples, np.asarray(power), window)
 
 
 def points_per_period(accuracy: float) -> float:

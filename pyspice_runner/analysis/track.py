@@ -225,9 +225,8 @@ def _track_full(run: TrackedRun) -> Tracking:
             f"duration = {duration:g} s does not show the disturbance, which lasts from {disturbance.begin_s:.4g} to "
             f"{disturbance.end_s:.4g} s. Give at least {seen:.4g} s, or an earlier begin."
         )
-    currents = {group: source.current(group) for group in GROUPS}
     forces = ["v(xmotor.normal)", "v(xmotor.friction)"] if setup.law else []
-    electrical = ["v(a)", "v(b)", *(name for name, _ in currents.values()), *modal_vectors(motor)]
+    electrical = ["v(a)", "v(b)", *(source.current(group)[0] for group in GROUPS), *modal_vectors(motor)]
     outcome = setup.run(duration, list(dict.fromkeys(_vectors(mode, *forces, *electrical))))
     vectors = outcome.vectors()
     audit = Audit(audit_contact(motor.contact.friction, *(vectors[name] for name in forces)) if forces else ())
@@ -236,11 +235,8 @@ def _track_full(run: TrackedRun) -> Tracking:
     pll = source.tracker.kind == "pll"
     loop = loop_design(source.tracker, run.lag, source.loop_filter) if pll else None
     found = judged(run, _periods(vectors, mode), outcome, loop)
-    power = np.asarray(
-        sum(factor * vectors[name] * vectors[f"v({group})"] for group, (name, factor) in currents.items())
-    )
     window = Window(vectors["time"], 1.0 / found.end_frequency_hz)
-    return replace(found, audit=audit, ceramic=ceramic(motor, setup.discretisation, vectors, power, window))
+    return replace(found, audit=audit, ceramic=ceramic(motor, setup.discretisation, vectors, source, window))
 
 
 def _track_averaged(run: TrackedRun) -> Tracking:

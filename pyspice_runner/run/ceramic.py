@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.strength import exceeded, peak_of_motion, temperature_rise
+from pyspice_runner.netlist.source import GROUPS, Source
 from pyspice_runner.netlist.state import Discretisation, motor_states
 from pyspice_runner.run.window import Window
 
@@ -23,22 +24,20 @@ def modal_vectors(motor: Motor) -> list[str]:
 
 
 def ceramic(
-    motor: Motor, discretisation: Discretisation, samples: Mapping[str, Array], power_w: Array, window: Window
+    motor: Motor, discretisation: Discretisation, samples: Mapping[str, Array], source: Source, window: Window
 ) -> dict[str, Any]:
     """Return strain, stress and temperature rise over the last periods of a run, and ``cautions``; None if not known.
 
-    Args:
-        motor: the motor.
-        discretisation: with which it was written.
-        samples: the vectors of the run, with those of :func:`modal_vectors` and the voltages of the pins.
-        power_w: electrical power into the motor, W, at the points of the vectors.
-        window: the last periods of the run.
+    The vectors of the run include those of :func:`modal_vectors`, and the voltages and currents of the pins.
     """
     states = motor_states(motor, None, ("mode",))
     courses = [samples[state.within("xmotor")] * state.scale(discretisation) for state in states]
     moved, velocities = courses[: len(motor.modes)], courses[len(motor.modes) :]
     displacement = np.array([course[window.points] for course in moved])
-    heat = window.mean(power_w)
+    heat = 0.0
+    for group in GROUPS:
+        name, sign = source.current(group)
+        heat += window.mean(sign * samples[name] * samples[f"v({group})"])
     for mode, velocity in zip(motor.modes, velocities, strict=True):
         force = mode.coupling_a_n_per_v * samples["v(a)"] + mode.coupling_b_n_per_v * samples["v(b)"]
         heat += window.mean((mode.damping_n_s_per_m * velocity - force) * velocity)
