@@ -178,7 +178,10 @@ def simulate_controlled(
     load = Load(None, load_torque)
     load.check(motor)
     CommandedSource(drive).check(motor)
-    uniform = None if averaged else _uniform_step(motor, drive, sample_time, step)
+    uniform = None
+    if not averaged:  # the largest step that divides the sample time and is not above the usual one
+        coarsest = OperatingPoint(motor, CommandedSource(drive), solver=Solver(step)).step
+        uniform = sample_time / ceil(sample_time / coarsest * (1.0 - 1e-12))
     bench = controlled_bench(motor, drive, sample_time=sample_time, step=uniform, load=load, thermal=thermal)
     vectors = [*SAMPLED, *(["v(temperature)"] if thermal else [])]
     ready = simulator(bench, vectors)
@@ -218,12 +221,6 @@ def simulate_controlled(
         },
         deck=deck,
     )  # fmt: skip
-
-
-def _uniform_step(motor: Motor, drive: TwoPhaseDrive, sample_time: float, step: float | None) -> float:
-    """Return the largest step that divides the sample time and is not above the usual one."""
-    coarsest = OperatingPoint(motor, CommandedSource(drive), solver=Solver(step)).step
-    return sample_time / ceil(sample_time / coarsest * (1.0 - 1e-12))
 
 
 def _sample(now: Mapping[str, float], last: Mapping[str, float]) -> Sample:

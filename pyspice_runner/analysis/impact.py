@@ -30,7 +30,7 @@ from pyspice_runner.netlist.contact import ContactLaw, Law, touching_law
 from pyspice_runner.netlist.sources import Bench, contact_bench
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_contact, audit_impact
-from pyspice_runner.run.kernel import Outcome, transient
+from pyspice_runner.run.kernel import transient
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.units import engineering
 
@@ -222,13 +222,8 @@ def impact_bench(throw: Throw, law: Law, step: float, title: str = "sphere throw
     """Return the bench of a sphere that hits a half-space at t = 0. Run it with ``uic``.
 
     The sphere is the tip: its masses are capacitors (mobility analogy, 1 V = 1 m/s or 1 rad/s, 1 A = 1 N or 1 N.m) on
-    the nodes ``vy`` (approach), ``centre`` and ``spin``; ``vx`` is the velocity of its contact patch.
-
-    Args:
-        throw: sphere, half-space and velocities.
-        law: law of the contact; instance ``Xcontact``.
-        step: time step of the run in s.
-        title: title line of the deck.
+    the nodes ``vy`` (approach), ``centre`` and ``spin``; ``vx`` is the velocity of its contact patch. The contact is
+    ``Xcontact``; ``step`` is the time step of the run in s.
     """
     constants = throw.contact
     seat = contact_law.static_penetration(constants)
@@ -288,24 +283,12 @@ def impact(
     start = {"time": 0.0, "v(vy)": throw.velocity_m_s, "v(vx)": throw.patch_velocity_m_s,
              "v(centre)": throw.centre_velocity_m_s, "v(spin)": throw.spin_rad_s}  # fmt: skip
     samples = {name: np.concatenate(([start.get(name, 0.0)], values)) for name, values in outcome.vectors().items()}
-    findings = _audited(throw, samples)
-    if audit:
-        Audit(findings).withhold("impact")
-    return _read(throw, samples, outcome, {**law.to_dict(), "audit": Audit(findings).to_dict()})
-
-
-def _audited(throw: Throw, samples: dict[str, Array]) -> tuple[str, ...]:
-    """Return the physical violations in the forces and the energy of an impact, one sentence each."""
-    before, after = (
-        0.5 * throw.mass_kg * (samples["v(vy)"][at] ** 2 + samples["v(centre)"][at] ** 2)
-        + 0.5 * throw.inertia_kg_m2 * samples["v(spin)"][at] ** 2
-        for at in (0, -1)
-    )
+    energy = 0.5 * throw.mass_kg * (samples["v(vy)"] ** 2 + samples["v(centre)"] ** 2)
+    energy += 0.5 * throw.inertia_kg_m2 * samples["v(spin)"] ** 2
     forces = audit_contact(throw.friction, samples["v(normal)"], samples["v(friction)"])
-    return forces + audit_impact(float(before), float(after))
-
-
-def _read(throw: Throw, samples: dict[str, Array], outcome: Outcome, settings: dict[str, Any]) -> Impact:
+    audited = Audit(forces + audit_impact(float(energy[0]), float(energy[-1])))
+    if audit:
+        audited.withhold("impact")
     delta = 1e-6 * samples["v(xcontact.delta)"]
     open_again = np.flatnonzero(delta[1:] <= 0.0) + 1
     if not open_again.size:
@@ -340,7 +323,8 @@ def _read(throw: Throw, samples: dict[str, Array], outcome: Outcome, settings: d
         solver_seconds=outcome.seconds,
         provenance={
             "throw": throw.model_dump(),
-            **settings,
+            **law.to_dict(),
+            "audit": audited.to_dict(),
             "deck_sha256": outcome.deck_sha256,
             "ngspice_version": outcome.ngspice_version,
         },

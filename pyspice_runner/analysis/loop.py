@@ -72,39 +72,37 @@ def loop_design(
     if signals is not None:
         frequency = signals.modulation_hz
         stator = -signals.transfer("motional_phase_a_rad", "frequency") / (2.0 * pi)
-        impedance = np.array([loop_filter.impedance(2j * pi * at) for at in frequency.tolist()])
-        return _crossing(tracker, loop_filter, frequency,
-                         tracker.pump_current_a * tracker.gain_hz_per_v * impedance * stator)  # fmt: skip
+        impedance = np.vectorize(loop_filter.impedance)(2j * pi * frequency)
+        gain = tracker.pump_current_a * tracker.gain_hz_per_v * impedance * stator
+        return _crossing(tracker, loop_filter, frequency, gain)
     bench = Bench(averaged_bench(tracker, lag, loop_filter, closed=False), AC_OPTIONS)
-    vectors = ac(
-        bench, ["v(control)"], variation="dec", number_of_points=POINTS_PER_DECADE,
-        start_frequency=tracker.bandwidth_hz / 10**_DECADES, stop_frequency=tracker.bandwidth_hz * 10**_DECADES,
-    ).phasors()  # fmt: skip
-    return _crossing(tracker, loop_filter, vectors["frequency"].real, -vectors["v(control)"])
+    frequency, returned = _swept(tracker, bench, "v(control)")
+    return _crossing(tracker, loop_filter, frequency, -returned)
 
 
-def averaged_loop(
-    tracker: Tracker, loop_filter: LoopFilter, bench: Bench, guess: Mapping[str, float]
-) -> LoopDesign:  # fmt: skip
-    """Return the loop gain with an averaged motor, from ``.ac`` about its operating point.
+def averaged_loop(tracker: Tracker, loop_filter: LoopFilter, bench: Bench, guess: Mapping[str, float]) -> LoopDesign:
+    """Return the loop gain with an averaged motor, from ``.ac`` of a bench with the loop open.
 
-    Args:
-        tracker: the tracker.
-        loop_filter: the filter.
-        bench: of the averaged motor with the loop open.
-        guess: voltages of nodes near the operating point.
+    ``guess`` has voltages of nodes near the operating point.
 
     Raises:
         SimulationError: as of :func:`loop_design`.
     """
+    pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
+    frequency, phase = _swept(tracker, bench, "v(phase)", guess)
+    impedance = np.vectorize(loop_filter.impedance)(2j * pi * frequency)
+    return _crossing(tracker, loop_filter, frequency, -pump * impedance * phase)
+
+
+def _swept(
+    tracker: Tracker, bench: Bench, vector: str, guess: Mapping[str, float] | None = None
+) -> tuple[Array, NDArray[np.complex128]]:
+    """Return frequencies in Hz about the bandwidth, and the response of a bench there."""
     vectors = ac(
-        bench, ["v(phase)"], guess=guess, variation="dec", number_of_points=POINTS_PER_DECADE,
+        bench, [vector], guess=guess, variation="dec", number_of_points=POINTS_PER_DECADE,
         start_frequency=tracker.bandwidth_hz / 10**_DECADES, stop_frequency=tracker.bandwidth_hz * 10**_DECADES,
     ).phasors()  # fmt: skip
-    frequency = vectors["frequency"].real
-    impedance = np.array([loop_filter.impedance(2j * pi * at) for at in frequency.tolist()])
-    pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
-    return _crossing(tracker, loop_filter, frequency, -pump * impedance * vectors["v(phase)"])
+    return vectors["frequency"].real, vectors[vector]
 
 
 def _crossing(tracker: Tracker, loop_filter: LoopFilter, frequency: Array, gain: NDArray[np.complex128]) -> LoopDesign:

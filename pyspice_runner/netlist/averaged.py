@@ -367,10 +367,7 @@ def add_averaged_motor(
     harmonics: int = HARMONICS,
     thermal: Thermal | None = None,
 ) -> None:
-    """Put an averaged motor, the instance ``Xmotor``, and its parts into a PySpice circuit.
-
-    ``nodes`` are those of :data:`PINS`, the options those of :class:`AveragedSubCircuit`.
-    """
+    """Put an averaged motor ``Xmotor`` with the pins :data:`PINS`, and its parts, into a PySpice circuit."""
     require_averaged(motor)
     definition = AveragedSubCircuit(motor, phases=phases, harmonics=harmonics, thermal=thermal)
     circuit.raw_spice += definition.parts + "\n"
@@ -405,15 +402,14 @@ def averaged_bench(
     phases: int = PHASES,
     harmonics: int = HARMONICS,
     thermal: Thermal | None = None,
-    title: str = "",
 ) -> Bench:
-    """Return a bench with ideal sources and an averaged motor whose shaft is free, loaded or held.
+    """Return a bench with ideal sources and an averaged motor ``Xmotor`` whose shaft is free, loaded or held.
 
     ``settings`` has :data:`SETTINGS` over time; the phase is that of group B ahead of group A. ``v(position)`` is the
     angle of the shaft in rad; ``Va_re``, ``Va_im``, ``Vb_re``, ``Vb_im`` carry the currents into the pins. With
     ``thermal`` the losses heat the motor through ``Xcooling``.
     """
-    circuit = Circuit(title or f"{motor.name}: averaged over the period of the drive")
+    circuit = Circuit(f"{motor.name}: averaged over the period of the drive")
     sources = {name: _course(course) for name, course in settings.items()}
     nodes = {"frequency": "set_frequency", "voltage_a": "set_a", "voltage_b": "set_b", "phase_deg": "set_phase"}
     for name, node in nodes.items():
