@@ -237,10 +237,14 @@ def simulate_averaged(
         progress=progress and progress_callback(progress, duration),
     )  # fmt: skip
     columns, residual = _columns(motor, outcome, harmonics)
+    missing = (
+        f"The energy balance misses {100.0 * residual:.3g} % of the energy put in; the time steps explain up to "
+        f"{100.0 * BALANCE_BOUND:g} %."
+    )
     return AveragedRun(
         curves=columns,
         energy_residual=residual,
-        audit=_audit(residual),
+        audit=Audit(() if residual <= BALANCE_BOUND else (missing,)),
         solver_seconds=outcome.seconds,
         ngspice_version=outcome.ngspice_version,
         provenance={
@@ -271,16 +275,6 @@ def averaged_ceramic(motor: Motor, samples: Mapping[str, Array], harmonics: int)
         amplitudes.append(abs(mode.tip_y) * normal / mode.stiffness_n_per_m + 1e-6 * float(sum(moves)))
     rise = temperature_rise(motor, float(samples["v(heat)"][-1]))
     return stated(motor, {**peak_of_amplitudes(motor, amplitudes), "temperature_rise_k": rise})
-
-
-def _audit(residual: float) -> Audit:
-    if residual <= BALANCE_BOUND:
-        return Audit()
-    found = (
-        f"The energy balance misses {100.0 * residual:.3g} % of the energy put in; the time steps explain up to "
-        f"{100.0 * BALANCE_BOUND:g} %."
-    )
-    return Audit((found,))
 
 
 def _settings(drive: TwoPhaseDrive, load: Load, courses: Mapping[str, ArrayLike]) -> dict[str, Course]:

@@ -326,7 +326,11 @@ def drive_report(
         deck=outcome.deck,
         ceramic=ceramic(motor, setup.discretisation, samples, driver, window),
     )
-    audited = Audit(_audited(motor, report, samples))
+    reactive = sum(port.apparent_power_va for port in report.groups.values())
+    findings = audit_power(report.power_in_w, report.power_found_w, reactive)
+    if setup.law:
+        findings += audit_contact(motor.contact.friction, samples["v(xmotor.normal)"], samples["v(xmotor.friction)"])
+    audited = Audit(findings)
     if audit:
         audited.withhold("report")
     return replace(report, audit=audited)
@@ -346,15 +350,6 @@ def _to_come(setup: OperatingPoint, samples: dict[str, Array], signals: dict[str
         scale = abs(window.mean(values)) + least[name]
         found[name] = change / scale if isfinite(change) and scale > 0.0 else None
     return found
-
-
-def _audited(motor: Motor, report: DriveReport, samples: dict[str, Array]) -> tuple[str, ...]:
-    """Return the findings of the audit of powers and contact."""
-    reactive = sum(port.apparent_power_va for port in report.groups.values())
-    findings = audit_power(report.power_in_w, report.power_found_w, reactive)
-    if "v(xmotor.normal)" in samples:
-        findings += audit_contact(motor.contact.friction, samples["v(xmotor.normal)"], samples["v(xmotor.friction)"])
-    return findings
 
 
 @dataclass(frozen=True)

@@ -171,7 +171,9 @@ def motor_from(
     task = _Task(fit, foundation, drive, measured, errors, shift, calibration)
     values, relative = _fitted(task, progress)
     motor, standard_errors = _annotated(task.motor(values), fit, relative, task.targets)
-    motor = _with_tips_noted(motor, borrowed, foundation.name)
+    origin = Provenance("assumed", f"those of {foundation.name}; state your own by tips")
+    places = {f"modes.{index}.{key}": origin for index in range(len(borrowed or ())) for key in ("tip_x", "tip_y")}
+    motor = motor.model_copy(update={"provenance": {**motor.provenance, **places}})
     if drive is not None:
         table = {"kind": "two-phase", "voltage": voltage, "frequency": frequency, "phase_deg": phase_deg}
         motor = motor.model_copy(update={"drive": {**(foundation.drive or {}), **table}})
@@ -204,13 +206,6 @@ def _tips(fit: TwoPortFit, base: Motor) -> list[tuple[float, float]] | None:
         return None
     scales = [sqrt(base.modes[0].mass_kg / mode.mass_kg) for mode in base.modes]
     return [(scale * mode.tip_x, scale * mode.tip_y) for scale, mode in zip(scales, base.modes, strict=True)]
-
-
-def _with_tips_noted(motor: Motor, borrowed: list[tuple[float, float]] | None, name: str) -> Motor:
-    """Return the motor with the provenance of tips borrowed from another one, if any."""
-    origin = Provenance("assumed", f"those of {name}; state your own by tips")
-    places = {f"modes.{index}.{key}": origin for index in range(len(borrowed or ())) for key in ("tip_x", "tip_y")}
-    return motor.model_copy(update={"provenance": {**motor.provenance, **places}})
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -16,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pyspice_runner.analysis.dynamometer import UNITS, Block, Dynamometer, quantities
+from pyspice_runner.analysis.period_map import cores
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.netlist.benches import SpeedRamp
 from pyspice_runner.netlist.state import Motion
@@ -204,18 +204,14 @@ def tasks_of(
     settling: Settling,
 ) -> list[Task]:
     """Return the tasks of the points: ramps in both directions, chains along an axis, or single points."""
-    shape = tuple(len(axis) for axis in axes.values())
-    places = np.arange(len(points)).reshape(shape)
+    ways: tuple[Literal["up", "down"] | None, ...] = (None,)
     if mode == "ramp":
-        rows = places.reshape(-1, shape[-1]).tolist()
-        return [
-            Task(tuple(row), tuple(points[place] for place in row), settling, ramp)
-            for row in rows
-            for ramp in ("up", "down")
-        ]
+        *_, follow = axes
+        ways = ("up", "down")
+    places = np.arange(len(points)).reshape([len(axis) for axis in axes.values()])
     chains = np.moveaxis(places, list(axes).index(follow), -1) if follow else places[..., np.newaxis]
     rows = chains.reshape(-1, chains.shape[-1]).tolist()
-    return [Task(tuple(row), tuple(points[place] for place in row), settling) for row in rows]
+    return [Task(tuple(row), tuple(points[place] for place in row), settling, way) for row in rows for way in ways]
 
 
 def run_tasks(
@@ -233,10 +229,9 @@ def run_tasks(
         progress(total, total)
         return
     stop = threading.Event()
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     futures: list[Future[list[dict[str, Any]]]] = []
     try:
-        with nullcontext(executor) if executor else ThreadPoolExecutor(min(cores, len(tasks))) as pool:
+        with nullcontext(executor) if executor else ThreadPoolExecutor(min(cores(), len(tasks))) as pool:
             assert pool is not None
             arguments = () if executor else (stop.is_set,)  # an event does not reach another process
             try:

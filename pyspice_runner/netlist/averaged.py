@@ -197,7 +197,7 @@ class AveragedSubCircuit(Assembly):
         thermal: Thermal | None = None,
         name: str = SUBCIRCUIT,
     ) -> None:
-        require_linear(motor, "The averaged motor")
+        require_averaged(motor)
         contact = motor.contact
         values = {
             "preload": contact.preload_n, "friction": contact.friction,
@@ -297,7 +297,6 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
     Raises:
         ParameterError: for an invalid name.
     """
-    require_averaged(motor)
     circuit = AveragedSubCircuit(motor, thermal=thermal, name=check_name(name) if name else SUBCIRCUIT)
     drive = default_two_phase(motor)
     b = rect(drive.voltage, radians(drive.phase_deg))
@@ -368,7 +367,6 @@ def add_averaged_motor(
     thermal: Thermal | None = None,
 ) -> None:
     """Put an averaged motor ``Xmotor`` with the pins :data:`PINS`, and its parts, into a PySpice circuit."""
-    require_averaged(motor)
     definition = AveragedSubCircuit(motor, phases=phases, harmonics=harmonics, thermal=thermal)
     circuit.raw_spice += definition.parts + "\n"
     circuit.subcircuit(definition)
