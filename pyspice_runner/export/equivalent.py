@@ -42,7 +42,6 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
             node = f"lead{kind.lower()}"
     elements += _branch(circuit, 0, node, [])
     for index, (arm, own) in enumerate(zip(circuit.arms, circuit.own_resistance_ohm, strict=True), start=1):
-        series = [("L", arm.inductance_h), ("R", own), ("C", arm.capacitance_f)]
         least = _LEAST * arm.resistance_ohm
         series = [("L", arm.inductance_h), *([("R", own)] if own > least else []), ("C", arm.capacitance_f)]
         elements += _branch(circuit, index, node, series)

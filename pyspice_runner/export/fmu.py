@@ -82,8 +82,7 @@ def _declared() -> Mapping[str, tuple[tuple[str, str, str, str, str], ...]]:
     for group in _GROUPS:
         block = re.search(rf"#define {group}\(ENTRY\)(.*?[^\\])\n", text, re.S)
         assert block is not None, group
-        lines = re.findall(r'ENTRY\((\w+), "(\S+)", (?:(\S+), (\S+), )?"([^"]+)"\)', block[1])
-        found[group] = tuple((name, unit, least, greatest, meaning) for name, unit, least, greatest, meaning in lines)
+        found[group] = tuple(re.findall(r'ENTRY\((\w+), "(\S+)", (?:(\S+), (\S+), )?"([^"]+)"\)', block[1]))
     return found
 
 

@@ -84,7 +84,6 @@ _ZERO = 1e-9  # of its natural scale: a coupling that symmetry forbids
 class Resonator:
     """The lowest bending modes of the structure, undamped; the arrays' last index counts the modes."""
 
-    beam: Beam
     tip: Tip
     coefficients: Array
     """(shapes, modes): w(x) = Σ_j coefficients[j−1] sin(jπx/L), the largest |w| is 1."""
@@ -92,6 +91,8 @@ class Resonator:
     stiffnesses_n_per_m: Array
     couplings_n_per_v: Array
     """(2, modes): groups A and B."""
+    wavenumbers: Array
+    """jπ/L in 1/m, of the shape functions."""
 
     @property
     def frequencies_hz(self) -> Array:
@@ -100,27 +101,23 @@ class Resonator:
 
     def deflection(self, x_m: ArrayLike) -> Array:
         """Mode shapes w at the positions ``x_m``: (len(x), modes)."""
-        return np.asarray(np.sin(np.multiply.outer(x_m, self._wavenumbers)) @ self.coefficients)
+        return np.asarray(np.sin(np.multiply.outer(x_m, self.wavenumbers)) @ self.coefficients)
 
     def slope(self, x_m: ArrayLike) -> Array:
         """Their slopes w′ (1/m) at the positions ``x_m``: (len(x), modes)."""
-        k = self._wavenumbers
+        k = self.wavenumbers
         return np.asarray(np.cos(np.multiply.outer(x_m, k)) @ (k[:, None] * self.coefficients))
 
     @property
     def tip_x(self) -> Array:
         """Tangential displacement of the contact point per modal coordinate."""
-        scale = self.tip.length_m * self._wavenumbers @ np.abs(self.coefficients)
+        scale = self.tip.length_m * self.wavenumbers @ np.abs(self.coefficients)
         return _without_round_off(-self.tip.length_m * self.slope(self.tip.position_m), scale)
 
     @property
     def tip_y(self) -> Array:
         """Displacement of the contact point towards the rotor per modal coordinate."""
         return _without_round_off(self.deflection(self.tip.position_m), 1.0)
-
-    @property
-    def _wavenumbers(self) -> Array:
-        return _wavenumbers(self.beam, len(self.coefficients))
 
 
 def solve_resonator(
@@ -142,8 +139,8 @@ def solve_resonator(
             "place the tip on the beam."
         )
     sections = _sections(beam, patches)
-    j = np.arange(1, shapes + 1)
-    k = _wavenumbers(beam, shapes)
+    j = np.arange(1, shapes + 1, dtype=np.float64)
+    k = j * (np.pi / beam.length_m)
     scale = 1.0 / j**2
 
     stiffness = np.zeros((shapes, shapes))
@@ -174,12 +171,12 @@ def solve_resonator(
     coefficients = coefficients / amplitudes
     stiffnesses = 1.0 / amplitudes**2  # eigh makes φᵀKφ = 1
     return Resonator(
-        beam=beam,
         tip=tip,
         coefficients=coefficients,
         masses_kg=stiffnesses * inverse_squares,
         stiffnesses_n_per_m=stiffnesses,
         couplings_n_per_v=_without_round_off(coupling @ coefficients, coupling_scale @ np.abs(coefficients)),
+        wavenumbers=k,
     )
 
 
@@ -291,10 +288,6 @@ def _section(beam: Beam, patches: Sequence[Patch], start: float, end: float) -> 
         moment_per_volt=moment - force * (mixed / axial),
         capacitance_per_length=capacitance + force**2 / axial,
     )
-
-
-def _wavenumbers(beam: Beam, shapes: int) -> Array:
-    return np.arange(1, shapes + 1, dtype=np.float64) * (np.pi / beam.length_m)
 
 
 def _sine_products(shapes: int, start: float, end: float, length: float) -> Array:

@@ -166,21 +166,15 @@ def _put(document: dict[str, Any], path: str, value: Any, where: str) -> None:
 
 def _read(source: str | Path) -> tuple[dict[str, Any], str]:
     """Return the document of a motor and the name of its file."""
-    path = _find(source)
-    text = read_document(path, "a readable TOML file")
-    return parse_toml(text, path.name), path.name
-
-
-def _find(source: str | Path) -> Path:
     path = Path(source)
     if isinstance(source, str) and path.suffix != ".toml" and len(path.parts) == 1:
-        if source in available_motors():
-            return SETS / f"{source}.toml"
-        close = difflib.get_close_matches(source, available_motors(), n=1)
-        hint = f"Did you mean {close[0]!r}?" if close else "Give one of these or the path of a TOML file."
-        raise ParameterError(
-            f"There is no parameter set {quoted(source)}; there are {', '.join(available_motors())}. {hint}"
-        )
+        path = SETS / f"{source}.toml"
+        if source not in available_motors():
+            close = difflib.get_close_matches(source, available_motors(), n=1)
+            hint = f"Did you mean {close[0]!r}?" if close else "Give one of these or the path of a TOML file."
+            raise ParameterError(
+                f"There is no parameter set {quoted(source)}; there are {', '.join(available_motors())}. {hint}"
+            )
     try:
         found = path.is_file()
     except OSError:  # such as a name that is too long
@@ -189,7 +183,7 @@ def _find(source: str | Path) -> Path:
         raise ParameterError(
             f"There is no file {quoted(str(source))}. Give the path of a TOML file or the name of a set."
         )
-    return path
+    return parse_toml(read_document(path, "a readable TOML file"), path.name), path.name
 
 
 _SECTIONS = (

@@ -15,11 +15,13 @@ def motor_toml(document: Mapping[str, Any], provenance: Mapping[str, Any], *, he
     """Return a motor as TOML: every value as set, with its origin if known."""
 
     def entries(path: str, table: Mapping[str, Any]) -> list[str]:
-        return [
-            f"{key} = {_with_origin(value, provenance.get(f'{path}.{key}'))}"
-            for key, value in table.items()
-            if value is not None
-        ]
+        found = []
+        for key, value in table.items():
+            text, origin = _written(value), provenance.get(f"{path}.{key}")
+            if origin is not None and origin.kind in _KINDS:
+                text = f"{{ value = {text}, {origin.kind} = {_written(origin.note)} }}"
+            found += [] if value is None else [f"{key} = {text}"]
+        return found
 
     lines = [*(f"# {line}".rstrip() for line in heading.splitlines()), "# USE: piezomotor simulate THIS.toml"]
     lines += ["", f"name = {_written(document['name'])}"]
@@ -29,13 +31,6 @@ def motor_toml(document: Mapping[str, Any], provenance: Mapping[str, Any], *, he
         if document.get(section) is not None:
             lines += ["", f"[{section}]", *entries(section, document[section])]
     return "\n".join(lines) + "\n"
-
-
-def _with_origin(value: object, origin: Any) -> str:
-    text = _written(value)
-    if origin is None or origin.kind not in _KINDS:
-        return text
-    return f"{{ value = {text}, {origin.kind} = {_written(origin.note)} }}"
 
 
 def _written(value: object) -> str:

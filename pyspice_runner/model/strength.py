@@ -27,13 +27,12 @@ _POINTS = 41  # along each patch
 def _outer_strain(structure: Structure) -> tuple[Array, Array]:
     """Return the strain of the outer fibres per modal displacement in 1/m, (points, modes), and their moduli in Pa."""
     resonator = solve_resonator(structure.beam, structure.patches, structure.tip)
-    shapes = len(resonator.coefficients)
-    wavenumbers = np.pi * np.arange(1, shapes + 1) / structure.beam.length_m
+    shapes, k = len(resonator.coefficients), resonator.wavenumbers
     smooth = np.sinc(np.arange(1, shapes + 1) / (shapes + 1))
     strains, moduli = [], []
     for patch in structure.patches:
         x = np.linspace(patch.start_m, patch.end_m, _POINTS)
-        curvature = np.sin(np.outer(x, wavenumbers)) @ ((smooth * wavenumbers**2)[:, None] * resonator.coefficients)
+        curvature = np.sin(np.outer(x, k)) @ ((smooth * k**2)[:, None] * resonator.coefficients)
         strains.append((0.5 * structure.beam.thickness_m + patch.thickness_m) * curvature)
         moduli.append(np.full(_POINTS, patch.youngs_modulus_pa))
     return np.concatenate(strains), np.concatenate(moduli)

@@ -426,15 +426,10 @@ def averaged_bench(
         add_cooling(circuit, thermal)
     pins = ("a_re", "a_im", "b_re", "b_im", "set_frequency", "shaft", "temperature", "heat")
     add_averaged_motor(circuit, motor, pins, phases=phases, harmonics=harmonics, thermal=thermal)
-    start = {"a_re": _at_start(settings, "voltage_a", 0.0), "b_re": _at_start(settings, "voltage_b", 0.0)}
-    start["b_im"] = _at_start(settings, "voltage_b", -90.0)
+    # of the clamped capacitances: a voltage step would draw an infinite current
+    a, b, phase = (settings[name][0][1] for name in ("voltage_a", "voltage_b", "phase_deg"))
+    start = {"a_re": a, "b_re": b * cos(radians(phase)), "b_im": b * cos(radians(phase - 90.0))}
     return Bench(circuit, OPTIONS, start)
-
-
-def _at_start(settings: Mapping[str, Course], name: str, shift_deg: float) -> float:
-    """Return the initial voltage of a clamped capacitance; a voltage step would draw an infinite current."""
-    voltage = settings[name][0][1]
-    return voltage if name == "voltage_a" else voltage * cos(radians(settings["phase_deg"][0][1] + shift_deg))
 
 
 def _course(points: Course) -> str:

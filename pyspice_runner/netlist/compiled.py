@@ -88,29 +88,25 @@ def module_of(motor: Motor, law: Law) -> Module:
 def _module(modes: int, law: Law, mounted: bool, dry: bool) -> Module:
     text = module_source(modes, law)
     unused = [_HEAT, *(() if mounted else (_CARRIER,)), *(() if dry else (_BEARING,))]
-    for comment, nodes in unused:
-        text = _without(text, comment, nodes)
+    for comment, nodes in unused:  # their voltages are 0, and their equations are left out
+        text, count = re.subn(rf"(?ms)^ *// {comment}.*?^ *// end of the [^\n]*\n", "", text)
+        assert count == 1, comment
+        for node in nodes:
+            text = text.replace(f"= V({node});", "= 0.0;")
+            assert f"V({node})" not in text, node
+    left_out = {node for _, nodes in unused for node in nodes}
+
+    def kept(line: re.Match[str]) -> str:
+        names = [name for name in line[1].split(", ") if name not in left_out]
+        return f"    electrical {', '.join(names)};" if names else ""
+
+    text = _ELECTRICAL.sub(kept, text)
     ports = tuple(port for line in _ELECTRICAL.findall(text) for port in line.split(", "))
     listed = ", ".join(ports)
     kind = {"spring-slider": (), "coulomb": ("coulomb",), "brush": (f"{law.sliders}_sliders",)}[law.name]
     parts = (f"{modes}_modes", *kind)
     name = "_".join(("piezomotor", *parts, *(("mount",) if mounted else ()), *(("dry",) if dry else ())))
     return Module(name, _HEAD.sub(f"module {name}({listed});\n    inout {listed};\n", text, count=1), ports)
-
-
-def _without(text: str, comment: str, nodes: tuple[str, ...]) -> str:
-    """Return the text of a module without some nodes: their voltages are 0, and their equations are left out."""
-    text, count = re.subn(rf"(?ms)^ *// {comment}.*?^ *// end of the [^\n]*\n", "", text)
-    assert count == 1, comment
-    for node in nodes:
-        text = text.replace(f"= V({node});", "= 0.0;")
-        assert f"V({node})" not in text, node
-
-    def kept(line: re.Match[str]) -> str:
-        names = [name for name in line[1].split(", ") if name not in nodes]
-        return f"    electrical {', '.join(names)};" if names else ""
-
-    return _ELECTRICAL.sub(kept, text)
 
 
 def module_subcircuit(motor: Motor, law: Law, discretisation: Discretisation | None, name: str) -> str:

@@ -29,7 +29,7 @@ from pyspice_runner.netlist.benches import (
     transient_options,
 )
 from pyspice_runner.netlist.copies import Copy, Plant, content_name, copy_name
-from pyspice_runner.netlist.drivers import Driver, Part, add_channels, control_amplitude
+from pyspice_runner.netlist.drivers import Driver, add_channels, control_amplitude
 from pyspice_runner.netlist.library import definition_texts
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import Bench
@@ -132,16 +132,12 @@ class DrivenPlant(Plant):
                 nodes = channels[f"X{part.instance}"].node_names
                 pins = {"0": "0"} | dict(zip(part.library.pin_names, nodes, strict=True))
                 for device, first, second, value, start in _STORE.findall(part.library.subcircuit):
-                    if start == _DELAY or self._bridged(part, value):
+                    # a capacitance of 1 F stands for a short circuit
+                    if start == _DELAY or (value == "{capacitance}" and part.values.get("capacitance") == 1.0):
                         continue
                     ends = [str(pins.get(node, f"x{instance}.{node}")) for node in (first, second)]
                     found.append(Store(instance, device.lower(), start, (ends[0], ends[1])))
         return found
-
-    @staticmethod
-    def _bridged(part: Part, value: str) -> bool:
-        """Whether a capacitance, given as an expression, is 1 F, the value for a short circuit."""
-        return part.values.get(value.strip("{}")) == 1.0 and value == "{capacitance}"
 
     @cached_property
     def begins(self) -> float:

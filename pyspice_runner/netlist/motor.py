@@ -66,7 +66,6 @@ _OF_CONTACT = {
     "compliance": "compliance",
     "radius": "radius",
 }
-_OF_ROTOR = ("inertia", "bearing")
 _DERIVED = ("deflection", "damping", "span", "start")  # parameters of a contact that the motor sets
 # for a loss tangent of 0: SPICE has no resistor of 0 ohm, and a tiny one costs precision
 SMALLEST_LOSS = 1e-5
@@ -146,7 +145,10 @@ class MotorSubCircuit(Assembly):
         turning = {"inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s}
         rotor = read_library("piezomotor_rotor")
         #: parameters of the X line, with their defaults and ranges
-        self.settable = (*_settable(library, touching), *_settable_rotor(rotor, turning))
+        self.settable = (
+            *_settable(library, touching),
+            *(replace(item, default=rounded(turning[item.name])) for item in rotor.parameters if item.name in turning),
+        )
         states = motor_states(motor, law) if startable else ()
         self._starts = [state for state in states if state.part]
 
@@ -170,7 +172,7 @@ class MotorSubCircuit(Assembly):
         else:
             self.R("free_fx", "fx", self.gnd, 1)
             self.R("free_fy", "fy", self.gnd, 1)
-        self._put("rotor", rotor, ("shaft",), turning, _OF_ROTOR)
+        self._put("rotor", rotor, ("shaft",), turning, tuple(turning))
         self._add_dry_bearing()
 
     def _put(
@@ -270,10 +272,6 @@ def _settable(law: Library | None, values: Mapping[str, float]) -> list[LibraryP
         replace(declared[inner], name=outer, default=rounded(values.get(inner, declared[inner].default)))
         for outer, inner in names.items()
     ]
-
-
-def _settable_rotor(rotor: Library, values: Mapping[str, float]) -> list[LibraryParameter]:
-    return [replace(item, default=rounded(values[item.name])) for item in rotor.parameters if item.name in _OF_ROTOR]
 
 
 def spring_values(part: Mode | Mount, discretisation: Discretisation | None = None) -> dict[str, float]:

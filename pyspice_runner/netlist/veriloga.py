@@ -15,7 +15,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import LIBRARIES, ContactLaw, Law, contact_library, contact_values, touching_law
 from pyspice_runner.netlist.expressions import HELPERS, equations, translated
-from pyspice_runner.netlist.library import LibraryParameter, check_name, data_path, read_library
+from pyspice_runner.netlist.library import check_name, data_path, read_library
 from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, coarsest_step, mode_values, rounded, spring_values
 from pyspice_runner.netlist.state import Discretisation
 
@@ -109,9 +109,15 @@ def _contact(law: Law) -> dict[str, list[str]]:
         lines.append(f"I({port}) <+ V({port}) / {written(found.resistances[node])};")
     for node, port in {**states, "shaft": "shaft"}.items():
         lines.append(f"I({port}) <+ -({written('+'.join(found.currents[node]))});")
+    declared = []
+    for item in library.parameters:
+        unit = "" if item.unit == "1" else f', units="{item.unit}"'
+        value = f"{parameters[item.name]} = {item.default!r} from [{item.least:g}:{item.greatest:g}]"
+        if item.name not in _OF_RUN:
+            declared.append(f'    (* desc="{item.meaning}"{unit} *) parameter real {value};')
     return {
         "parameters of the contact": [
-            *(_declared(item, parameters[item.name]) for item in library.parameters if item.name not in _OF_RUN),
+            *declared,
             *HELPERS["verilog-a"].splitlines(),
         ],
         "states of the contact": [
@@ -120,12 +126,6 @@ def _contact(law: Law) -> dict[str, list[str]]:
         ],
         "contact": [f"        {line}" for line in lines],
     }
-
-
-def _declared(item: LibraryParameter, name: str) -> str:
-    unit = "" if item.unit == "1" else f', units="{item.unit}"'
-    bounds = f"[{item.least:g}:{item.greatest:g}]"
-    return f'    (* desc="{item.meaning}"{unit} *) parameter real {name} = {item.default!r} from {bounds};'
 
 
 def _repeated(text: str, block: str, count: int) -> str:

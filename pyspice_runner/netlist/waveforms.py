@@ -7,7 +7,6 @@ The voltages are functions of time in behavioural sources, which set no breakpoi
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -188,21 +187,19 @@ def read_waveform(path: str | Path, frequency: float) -> Waveform:
     if missing:
         raise ParameterError(f"{path} has no column {missing[0]}: its first line must name {', '.join(COLUMNS)}.")
     places = [header.index(name) for name in COLUMNS]
-    found = [_row(path, number, row, places) for number, row in enumerate(rows[1:], start=2) if any(row)]
+    found = []
+    for number, row in enumerate(rows[1:], start=2):
+        try:
+            found += [[float(row[place]) for place in places]] if any(row) else []
+        except (ValueError, IndexError):
+            raise ParameterError(
+                f"{path}, line {number}: {','.join(row)[:60]!r} must have a number for each column."
+            ) from None
     try:
         time, voltage_a, voltage_b = np.array(found, dtype=float).reshape(-1, len(COLUMNS)).T
         return Waveform(time, voltage_a, voltage_b, frequency)
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from None
-
-
-def _row(path: str | Path, number: int, row: Sequence[str], places: Sequence[int]) -> list[float]:
-    try:
-        return [float(row[place]) for place in places]
-    except (ValueError, IndexError):
-        raise ParameterError(
-            f"{path}, line {number}: {','.join(row)[:60]!r} must have a number for each column."
-        ) from None
 
 
 def _numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:

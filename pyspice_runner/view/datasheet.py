@@ -12,7 +12,7 @@ import io
 import json
 import platform
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,7 +22,6 @@ import numpy as np
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.export.motor import export_motor
 from pyspice_runner.model.motor import Motor, Provenance
-from pyspice_runner.model.parameters import Parameters
 from pyspice_runner.model.refusal import unit_of
 from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.spectra.spectrum import COUPLING
@@ -97,7 +96,12 @@ def datasheet(report: Contents) -> str:
         figure_json={chart.name: _embedded(chart.figure.to_json()) for chart in drawn if chart.figure is not None},
         themes={name: _embedded(charts.theme(INK[name], GRID[name]).to_plotly_json()) for name in INK},
         connections=list(COUPLING),
-        resonances=list(_resonances(report)),
+        resonances=[
+            {"state": state, "connection": connection, "item": item}
+            for state, result in report.spectra.items()
+            for connection, items in result.resonances.items()
+            for item in items
+        ],
         parameters=list(parameter_rows(report.motor)),
         downloads=downloads(report),
         error=report.discretisation_error,
@@ -136,11 +140,8 @@ def downloads(report: Contents) -> dict[str, str]:
             files[file.name] = file.read_text(encoding="utf-8")
     order = {".lib": 0, ".cir": 1, ".toml": 2, ".asy": 3, ".kicad_sym": 4, ".csv": 5}
     names = sorted(files, key=lambda name: (order.get(Path(name).suffix, 9), name))
-    return {name: _address(files[name]) for name in names}
-
-
-def _address(text: str) -> str:
-    return "data:text/plain;charset=utf-8;base64," + base64.b64encode(text.encode()).decode("ascii")
+    encoded = {name: base64.b64encode(files[name].encode()).decode("ascii") for name in names}
+    return {name: f"data:text/plain;charset=utf-8;base64,{text}" for name, text in encoded.items()}
 
 
 def _last_periods(run: Waveforms) -> str:
@@ -162,33 +163,14 @@ def parameter_rows(motor: Motor) -> Iterator[Row]:
     for section, table in tables.items():
         many = isinstance(table, tuple)
         for number, entry in enumerate(table if many else (table,)):
-            yield from _rows(motor, f"{section}.{number}" if many else section, entry)
-
-
-def _rows(motor: Motor, path: str, entry: Parameters) -> Iterator[Row]:
-    for name, field in type(entry).model_fields.items():
-        value, unit = getattr(entry, name), unit_of(type(entry), name)
-        origin = _origin(motor.provenance, path, name)
-        shown = f"{value:.6g}" if isinstance(value, float) else str(value)
-        yield Row(
-            f"{path}.{name}", shown, "" if unit == "1" else unit, field.description or "", origin.kind, origin.note
-        )
-
-
-def _origin(provenance: Mapping[str, Provenance], path: str, name: str) -> Provenance:
-    """Return the origin of a value; values that all patches share are recorded under ``ceramic``."""
-    for place in (f"{path}.{name}", f"ceramic.{name}" if path.startswith("patches.") else ""):
-        if place in provenance:
-            return provenance[place]
-    return Provenance("derived", "")
-
-
-def _resonances(report: Contents) -> Iterator[dict[str, Any]]:
-    """Yield the rows of the table of equivalent circuits."""
-    for state, result in report.spectra.items():
-        for connection, items in result.resonances.items():
-            for item in items:
-                yield {"state": state, "connection": connection, "item": item}
+            for name, field in type(entry).model_fields.items():
+                path = f"{section}.{number}.{name}" if many else f"{section}.{name}"
+                shared = f"ceramic.{name}" if section == "patches" else ""  # by all patches
+                origin = motor.provenance.get(path) or motor.provenance.get(shared) or Provenance("derived", "")
+                value, unit = getattr(entry, name), unit_of(type(entry), name)
+                shown = f"{value:.6g}" if isinstance(value, float) else str(value)
+                unit = "" if unit == "1" else unit
+                yield Row(path, shown, unit, field.description or "", origin.kind, origin.note)
 
 
 def _embedded(document: Any) -> str:

@@ -78,14 +78,8 @@ def _over_speed(curves: Curves, quantities: list[Any], label: Label, title: str,
         ax.plot([], [], **ring, label="not settled")
     if others or rings:
         ax.legend(fontsize="small")
-    if label is LABELS["efficiency"]:
-        _limit_efficiency(ax)
-
-
-def _limit_efficiency(ax: Axes) -> None:
-    """Show −100 to 100 % at most: the quotient has no limit where hardly any power is drawn."""
     low, high = ax.get_ylim()
-    if low < -100.0 or high > 100.0:
+    if label is LABELS["efficiency"] and (low < -100.0 or high > 100.0):  # it has no limit where hardly any power flows
         ax.set_ylim(max(low, -100.0), min(high, 100.0))
         note = "values beyond ±100 % not shown"
         ax.text(0.99, 0.02, note, transform=ax.transAxes, ha="right", fontsize="small")

@@ -92,7 +92,7 @@ def moment_per_volt(p: Patch, distance: float) -> float:
 
 
 def second_derivative(resonator: Resonator, x: np.ndarray) -> np.ndarray:
-    k = np.arange(1, len(resonator.coefficients) + 1) * np.pi / resonator.beam.length_m
+    k = resonator.wavenumbers
     return -np.sin(np.outer(x, k)) @ (k[:, None] ** 2 * resonator.coefficients)
 
 
