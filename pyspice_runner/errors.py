@@ -78,11 +78,6 @@ def did_you_mean(name: str, known: Iterable[str], otherwise: str = "Known are") 
     """Return a sentence with the known name nearest to an unknown one; without a near one, with all that are known.
 
     A name that contains the unknown one as a word is near: ``rotor_speed_rad_s`` to ``speed``.
-
-    Args:
-        name: the unknown name.
-        known: the names that exist.
-        otherwise: beginning of the sentence that lists all.
     """
     known = list(known)
     words = sorted((other for other in known if name in other.split("_")), key=len)

@@ -30,9 +30,7 @@ def save_by_ending(path: str | Path, writers: Mapping[str, Callable[[Path], obje
     The complete file replaces an older one in one step. If it cannot be written, or the writer is interrupted, the
     older file stays unchanged.
 
-    Args:
-        path: the file to write.
-        writers: ending with its dot → function that writes a path.
+    ``writers`` has for each ending, with its dot, the function that writes a path.
 
     Raises:
         ParameterError: for another ending, or a place that cannot be written.

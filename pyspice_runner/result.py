@@ -44,10 +44,7 @@ class Audit:
         return {"passed": self.passed, "findings": list(self.findings)}
 
     def withhold(self, what: str) -> None:
-        """Raise what was found.
-
-        Args:
-            what: kind of the result, for the message.
+        """Raise what was found; the message names the kind of the result.
 
         Raises:
             SimulationError: if anything was found.

@@ -127,11 +127,8 @@ class Dynamometer:
     def run(self, start: Motion, speed: float | SpeedRamp, begun: float, *, meters: bool = True) -> Block:
         """Run one block.
 
-        Args:
-            start: motion at the start.
-            speed: speed at which the shaft is held, rad/s.
-            begun: time in s since the source was switched on.
-            meters: whether powers, losses and states are measured, or only forces and torque.
+        The shaft is held at ``speed`` (rad/s); the source was switched on ``begun`` seconds ago. Without ``meters``
+        only forces and torque are measured.
         """
         outcome = self._run(start, speed, self.duration, begun, meters=meters, end_only=True)
         last = outcome.last()
@@ -284,15 +281,7 @@ def off_beat(setup: OperatingPoint) -> OperatingPoint:
 def stored_energy(
     motor: Motor, displacements_m: Iterable[float], velocities_m_s: Iterable[float], lift_m: float, rise_m_s: float
 ) -> float:
-    """Return the energy in J in the modes and the mount.
-
-    Args:
-        motor: the motor.
-        displacements_m: displacement of each mode.
-        velocities_m_s: velocity of each mode.
-        lift_m: displacement of the carrier.
-        rise_m_s: velocity of the carrier.
-    """
+    """Return the energy in J in the modes and the mount, whose carrier has the displacement ``lift_m``."""
     energy = 0.0
     for mode, r, v in zip(motor.modes, displacements_m, velocities_m_s, strict=True):
         energy += 0.5 * (
@@ -334,13 +323,11 @@ def quantities(blocks: list[Block]) -> dict[str, float]:
 def quantities_of(motor: Motor, mean: Mapping[str, float]) -> dict[str, float]:
     """Return the quantities of :data:`UNITS`.
 
-    Args:
-        motor: the motor.
-        mean: means over whole periods, in SI units: ``friction``, ``friction_square`` and ``normal`` of the forces;
-            ``touching`` and ``slip``, shares of time; ``work`` and ``press``, powers of the tip along the rotor and
-            towards it; ``given``, power on the rotor; ``load_torque``, ``dielectric_loss``, ``damping_loss``,
-            ``stored``; of each group ``power_a``, ``voltage_square_a``, ``current_square_a`` and the greatest current
-            ``peak_a``; ``ceramic_strain`` and ``ceramic_stress_pa``.
+    The means are over whole periods, in SI units: ``friction``, ``friction_square`` and ``normal`` of the forces;
+    ``touching`` and ``slip``, shares of time; ``work`` and ``press``, powers of the tip along the rotor and towards it;
+    ``given``, power on the rotor; ``load_torque``, ``dielectric_loss``, ``damping_loss``, ``stored``; of each group
+    ``power_a``, ``voltage_square_a``, ``current_square_a`` and the greatest current ``peak_a``; ``ceramic_strain`` and
+    ``ceramic_stress_pa``.
     """
     radius, friction, shaft = motor.rotor.radius_m, mean["friction"], mean["given"]
     electrical = mean["power_a"] + mean["power_b"]

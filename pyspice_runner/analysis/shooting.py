@@ -312,12 +312,7 @@ def start_point(plant: Plant) -> Point:
 
 
 class Shooting:
-    """Newton's method for many operating points together, on one map.
-
-    Args:
-        points: the points; they are changed in place.
-        period_map: the map over the period that all of them share.
-    """
+    """Newton's method for many operating points together, on one map. The points are changed in place."""
 
     def __init__(self, points: Sequence[Point], period_map: PeriodMap) -> None:
         self.points = list(points)

@@ -221,11 +221,7 @@ def steady_states(
 
     Points whose drives have the same period share runs of ngspice.
 
-    Args:
-        setups: motor, drive, load, law and solver of each point.
-        accuracy: as in :func:`steady_state`.
-        waveforms: whether each result has the waveforms of one period.
-        starts: guesses to start from; ``None`` for the response of the free stator.
+    ``starts`` are guesses to start from; ``None`` stands for the response of the free stator.
 
     Raises:
         ParameterError: for a drive that has no steady state to be found.
@@ -382,10 +378,7 @@ def _rough(points: Sequence[Point], period_map: PeriodMap, accuracy: float) -> A
 def _between(points: Sequence[Point], period_map: PeriodMap, *, own: bool) -> list[list[Point]]:
     """Return copies of solved points on a map, their steps between each other's; of unsolved ones none.
 
-    Args:
-        points: the points.
-        period_map: the map.
-        own: whether it is the map on which the points were solved; each is then its own first copy.
+    With ``own`` it is the map on which the points were solved; each is then its own first copy.
     """
     first: list[Point | None] = list(points)
     if not own:
@@ -474,17 +467,7 @@ def _result(
 ) -> SteadyState:
     """Return the steady state of a point with its audit and provenance.
 
-    Args:
-        setup: the operating point.
-        drive: the voltages of both groups, or the driver.
-        point: the point at the coarse step.
-        maps: the maps that were used.
-        points: number of points that share them.
-        found: the quantities; empty without a solution.
-        speed_rad_s: mean speed of the rotor; by default that at which the shaft is held.
-        error: of the torque, N·m.
-        step: finest time step, s; by default that of the operating point.
-        last: the point at the finest step; by default ``point``.
+    ``error`` is that of the torque in N·m, ``step`` the finest time step in s, ``last`` the point at that step.
     """
     solved, last, step = bool(found), last or point, step or setup.step
     speed_rad_s = setup.load.speed if speed_rad_s is None else speed_rad_s

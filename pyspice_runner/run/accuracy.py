@@ -54,12 +54,7 @@ def estimate_errors(
 ) -> Errors | None:
     """Estimate the errors of a run from two more runs with coarser steps; ``None`` if those runs fail.
 
-    Args:
-        setup: setup of the run.
-        waves: recorded columns, including the tip.
-        duration: simulated time in s.
-        record_from: start of the recording in s.
-        progress: called with the simulated time in s of the two runs, up to 0.75 times the duration in total.
+    ``progress`` is called with the simulated time in s of the two runs, up to 0.75 times the duration in total.
     """
     names = [name for name in JUDGED if name in waves]
     coarser: list[Mapping[str, Array]] = []

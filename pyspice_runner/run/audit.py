@@ -34,15 +34,7 @@ _PASSIVE = 1e-9  # of the greatest |Y|: rounding
 def audit_run(
     motor: Motor, waves: Mapping[str, Array], energy: EnergyBalance, *, step: float, contact: bool
 ) -> tuple[str, ...]:
-    """Return the physical violations in a run, one sentence each.
-
-    Args:
-        motor: the motor.
-        waves: the columns of :class:`~pyspice_runner.run.waveforms.Waveforms`.
-        energy: its energy balance.
-        step: time step in s.
-        contact: whether the tip is in contact with a rotor.
-    """
+    """Return the physical violations in a run, one sentence each."""
     findings = []
     greatest = float(np.abs(waves["normal_force_n"]).max()) if contact else 0.0
     if energy.residual > ENERGY_BOUND:
@@ -58,13 +50,7 @@ def audit_run(
 
 
 def audit_contact(friction: float, normal_n: Array, friction_n: Array) -> tuple[str, ...]:
-    """Return the physical violations in the forces of a contact, one sentence each.
-
-    Args:
-        friction: coefficient of friction.
-        normal_n: normal force over time.
-        friction_n: friction force over time.
-    """
+    """Return the physical violations in the forces of a contact, one sentence each."""
     findings = []
     greatest = float(np.abs(normal_n).max())
     if normal_n.min() < -_SLACK * greatest:
@@ -82,13 +68,7 @@ def audit_contact(friction: float, normal_n: Array, friction_n: Array) -> tuple[
 
 
 def audit_point(motor: Motor, point: Mapping[str, float], step: float) -> tuple[str, ...]:
-    """Return the physical violations in the means of a point on the dynamometer, one sentence each.
-
-    Args:
-        motor: the motor.
-        point: the quantities of ``speed_torque``.
-        step: time step in s.
-    """
+    """Return the physical violations in the means of a point on the dynamometer, one sentence each."""
     findings = []
     electrical, shaft = point["power_a_w"] + point["power_b_w"], point["shaft_power_w"]
     losses = {name: point[name] for name in ("dielectric_loss_w", "damping_loss_w", "friction_loss_w", "normal_loss_w")}
@@ -123,10 +103,7 @@ def audit_point(motor: Motor, point: Mapping[str, float], step: float) -> tuple[
 def audit_power(put_in_w: float, found_w: float, reactive_va: float) -> tuple[str, ...]:
     """Return the physical violations in the powers of a driver and its motor, one sentence each.
 
-    Args:
-        put_in_w: power of supplies and gate drivers.
-        found_w: losses, stored power and power of the motor.
-        reactive_va: apparent power at the motor's pins.
+    ``found_w`` is the sum of losses, stored power and power of the motor.
     """
     missing = abs(put_in_w - found_w)
     if missing <= DRIVER_BOUND * abs(put_in_w) + _WATTMETER * reactive_va:
@@ -171,12 +148,7 @@ def _step_finding(motor: Motor, force: float, which: str, step: float) -> tuple[
 
 
 def audit_two_port(frequency_hz: Array, y: NDArray[np.complex128]) -> tuple[str, ...]:
-    """Return the physical violations in the admittance of a two-port, one sentence each.
-
-    Args:
-        frequency_hz: frequencies, shape (points,).
-        y: admittance matrices in S, shape (points, 2, 2).
-    """
+    """Return the physical violations in admittance matrices in S, shape (points, 2, 2), one sentence each."""
     dissipative = 0.5 * (y + np.conj(np.swapaxes(y, 1, 2)))
     least = np.linalg.eigvalsh(dissipative)[:, 0]
     worst = int(np.argmin(least))

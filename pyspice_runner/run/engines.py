@@ -97,11 +97,7 @@ class Verdict:
 def is_compiled(engine: Engine, motor: Motor, law: Law | None, reason: str = "") -> bool:
     """Return whether a motor is to be run as a compiled module.
 
-    Args:
-        engine: ``"spice"``, ``"compiled"``, or ``"auto"``: compiled if that is possible and was verified here.
-        motor: the motor.
-        law: law of the contact; ``None`` for a free tip.
-        reason: why the settings of the analysis have no compiled form, as a sentence; empty if they have.
+    ``reason`` says why the settings of the analysis have no compiled form; it is empty if they have one.
 
     Raises:
         ParameterError: for ``"compiled"`` and something that has no compiled form.

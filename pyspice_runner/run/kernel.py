@@ -122,16 +122,9 @@ def transient(
 ) -> Outcome:
     """Run a bench from its initial state.
 
-    Args:
-        bench: the bench.
-        vectors: vectors to record, as in ngspice's ``.save``.
-        step: time step in s.
-        longest: longest time step in s where ngspice chooses them; by default ``step``, which makes them uniform.
-        duration: time in s that is simulated.
-        record_from: time in s from which on points are recorded.
-        timeout: wall time in s after which ngspice is ended.
-        progress: called some times a second with the time in s that the run has reached.
-        keep_partial: whether an interrupted run returns its points, as ``partial`` of :class:`Interrupted`.
+    Steps are uniform unless ``longest`` (s) lets ngspice choose them. Points are recorded from ``record_from`` (s) on.
+    ``progress`` is called some times a second with the time in s that the run has reached. With ``keep_partial`` an
+    interrupted run returns its points, as ``partial`` of :class:`Interrupted`.
 
     Raises:
         SimulationError: if ngspice fails or its result cannot be trusted.
@@ -154,12 +147,7 @@ def ac(
 ) -> Outcome:
     """Run a small-signal analysis of a bench; ``sweep`` is what PySpice's ``.ac()`` takes.
 
-    Args:
-        bench: the bench.
-        vectors: vectors to record.
-        guess: voltages of nodes with which the iteration to the operating point begins.
-        timeout: wall time in s after which ngspice is ended.
-        sweep: frequencies, as the arguments of PySpice's ``.ac()``.
+    ``guess`` are the voltages of nodes with which the iteration to the operating point begins.
 
     Raises:
         SimulationError: if ngspice fails or its result cannot be trusted.
@@ -168,12 +156,7 @@ def ac(
 
 
 def progress_callback(progress: Callable[[float, float], object], duration: float) -> Callable[[float], None]:
-    """Return a callback for :func:`transient` that reports the fraction done and the seconds left.
-
-    Args:
-        progress: called with both.
-        duration: simulated time in s of the whole run.
-    """
+    """Return a callback for :func:`transient` that reports the fraction of ``duration`` done and the seconds left."""
     began = monotonic()
 
     def report(reached: float) -> None:

@@ -68,14 +68,7 @@ class OperatingPoint:
     ) -> OperatingPoint:
         """Return the operating point for the arguments of an analysis.
 
-        Args:
-            motor: the motor.
-            drive: a drive, a driver, a tracker, or a source.
-            speed: speed in rad/s at which the shaft is held; ``None`` leaves it free.
-            load_torque: torque in N·m that a load draws from the free shaft.
-            contact: law of the contact; ``None`` for a free tip.
-            thermal: drift of the motor.
-            **solver: settings of :class:`~pyspice_runner.run.settings.Solver`.
+        ``solver`` are settings of :class:`~pyspice_runner.run.settings.Solver`.
 
         Raises:
             ParameterError: for an invalid value.

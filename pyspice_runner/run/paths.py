@@ -64,13 +64,7 @@ def canonical(path: str) -> str:
 
 
 def parameter(path: str, motor: Motor, drive: Excitation, run: Mapping[str, Any]) -> Parameter:
-    """Return the parameter that a path names.
-
-    Args:
-        path: the path.
-        motor: the motor.
-        drive: the drive or driver.
-        run: the settings of the analysis, the load among them.
+    """Return the parameter that a path names; ``run`` has the settings of the analysis, the load among them.
 
     Raises:
         ParameterError: for an unknown path, with the nearest one, or a parameter that is not a number.
@@ -104,13 +98,7 @@ def parameter(path: str, motor: Motor, drive: Excitation, run: Mapping[str, Any]
 def changed(
     motor: Motor, drive: Excitation, run: Mapping[str, Any], changes: Mapping[str, Any]
 ) -> tuple[Motor, Excitation, dict[str, Any]]:
-    """Return motor, drive and settings with changed values.
-
-    Args:
-        motor: the motor.
-        drive: the drive or driver.
-        run: the settings of the analysis, the load among them.
-        changes: path → value.
+    """Return motor, drive and settings (``run``, with the load) with changed values: path → value.
 
     Raises:
         ParameterError: for an unknown path or an invalid value.

@@ -156,14 +156,9 @@ class Recording:
 
 
 def plate_voltage(time_s: Array, voltage_v: Array, lag_s: float) -> Array:
-    """Return the voltage of a capacitance behind a resistance, which starts charged.
+    """Return the voltage of a capacitance behind a resistance, which starts charged; ``lag_s`` is their time constant.
 
     Exact for a voltage that is linear within each step.
-
-    Args:
-        time_s: times, rising.
-        voltage_v: voltage of both in series.
-        lag_s: their time constant.
     """
     if not lag_s > 0.0:
         return voltage_v

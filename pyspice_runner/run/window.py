@@ -98,11 +98,6 @@ def change_to_come(time: Array, values: Array, period: float) -> float:
 
     The means at the middle, at three quarters and at the end of the run are extrapolated exponentially (Aitken);
     where they do not converge, the last change is multiplied by a hundred.
-
-    Args:
-        time: time in s of the points.
-        values: the signal.
-        period: period in s.
     """
     quarter = int(0.25 * (time[-1] - time[0]) / period)  # in whole periods
     if quarter < 1:

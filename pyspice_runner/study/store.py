@@ -47,11 +47,7 @@ class Store:
             raise self._refusal("permission denied")
 
     def get(self, content: Mapping[str, Any]) -> dict[str, Any] | None:
-        """Return the result for a content; ``None`` if it is missing, damaged, or belongs to another content.
-
-        Args:
-            content: everything that the result follows from, as a JSON object.
-        """
+        """Return the result for a content; ``None`` if it is missing, damaged, or belongs to another content."""
         try:
             entry = json.loads(self._path(content).read_bytes())
             result: dict[str, Any] = entry["result"]
