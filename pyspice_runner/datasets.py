@@ -274,8 +274,9 @@ class Sweep(DatasetResult):
             f"{count} of {total} points {'is' if count == 1 else 'are'} {words}; see '{names[words]}'."
             for words, count in counts.items()
         ]
-        failed = len(self.failures)
-        return (*found, *([f"{failed} of {total} points failed; see 'failure'."] if failed else []))
+        if self.failures:
+            found.append(f"{len(self.failures)} of {total} points failed; the first: {self.failures[0]['reason']}")
+        return tuple(found)
 
     def to_dict(self) -> dict[str, Any]:
         """Return axes, quantities, failures and provenance, JSON-ready; ``None`` where a point failed."""

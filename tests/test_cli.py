@@ -18,7 +18,7 @@ import typer
 
 import pyspice_runner as pr
 from pyspice_runner.cli import FIRST_STEPS, app, run
-from pyspice_runner.commands.common import engineering
+from pyspice_runner.units import engineering
 
 COMMANDS = typer.main.get_command(app).commands
 SHORT = ["simulate", "andersen2002", "--duration", "2e-4"]

@@ -226,8 +226,8 @@ class DriveReport(Result):
         return self.waveforms
 
     def summary(self) -> dict[str, str]:
-        """Return driver, powers, efficiency, speed and torque."""
-        return {
+        """Return driver, powers, losses, efficiency, speed, torque and the proposals of series matching."""
+        found = {
             "motor": str(self.motor["name"]),
             "driver": str(self.driver["label"]),
             "power put in": engineering(self.power_in_w, "W"),
@@ -237,7 +237,22 @@ class DriveReport(Result):
             "mean rotor speed": engineering(self.mean_rotor_speed_rad_s, "rad/s"),
             "mean torque": engineering(self.mean_torque_n_m, "N·m"),
             "settling": f"{100.0 * self.settling:.2g} % change of the power over the window",
+            "losses": ", ".join(f"{name} {engineering(power, 'W')}" for name, power in self.losses_w.items()),
         }
+        for group, port in self.groups.items():
+            found[f"group {group}"] = (
+                f"{engineering(port.voltage_rms_v, 'V')}, {engineering(port.current_rms_a, 'A')} RMS, distortion "
+                f"{100.0 * port.voltage_thd:.3g} % and {100.0 * port.current_thd:.3g} %"
+            )
+        for state, matching in self.matching.items():
+            for group in GROUPS:
+                match = matching.group(group)
+                element = engineering(match.inductance_h or match.capacitance_f, "H" if match.inductance_h else "F")
+                found[f"series match of {group}, {state}"] = (
+                    f"{element}; power factor {match.power_factor:.3f} without; source "
+                    f"{match.source_voltage_v:.4g} V at {match.source_phase_deg:.4g}°"
+                )
+        return found
 
 
 @checked

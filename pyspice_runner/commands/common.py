@@ -40,7 +40,6 @@ from pyspice_runner.files import save_by_ending
 from pyspice_runner.model.load import changed_motor
 from pyspice_runner.result import Result as _Result
 from pyspice_runner.run.engines import Engine
-from pyspice_runner.units import engineering as engineering
 
 Writing = tuple[Path | None, Callable[[Path], object]]  # a file that may be asked for, and what writes it
 
@@ -149,6 +148,11 @@ def grid(option: str, text: str) -> list[float]:
         raise pr.ParameterError(
             f"{option}: {text!r} is not valid. Write values as 2,5,9, or as 20:80:7 for seven from 20 to 80."
         ) from None
+
+
+def grid_or_none(option: str, text: str | None) -> list[float] | None:
+    """Read the values of an axis as :func:`grid`; ``None`` for an option that was not given."""
+    return None if text is None else grid(option, text)
 
 
 def axes_of(texts: list[str] | None, option: str = "--over") -> dict[str, list[float]]:
@@ -327,6 +331,14 @@ def keep(homeless: Sequence[Writing]) -> Path | None:
         shutil.rmtree(folder, ignore_errors=True)
         return None
     return folder
+
+
+def summary_table(summary: Mapping[str, str], title: str) -> Table:
+    """Return the summary of a result as a table."""
+    table = Table("quantity", "value", title=title)
+    for name, value in summary.items():
+        table.add_row(name, value)
+    return table
 
 
 def say(what: Table | str) -> None:

@@ -5,29 +5,14 @@ from __future__ import annotations
 
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands.common import SetOption, busy, complain, engineering, grid, load_changed, refuse_idle
-from pyspice_runner.commands.measured import (
-    ColumnsOption,
-    FitOptions,
-    LeadOptions,
-    Reader,
-    ThroughOption,
-    note,
-    reader,
-)
+from pyspice_runner.commands import common, measured
 from pyspice_runner.commands.options import Targets, with_options
 from pyspice_runner.spectra.spectrum import Connection, State
-
-if TYPE_CHECKING:
-    from pyspice_runner.spectra.compare import Trend
-
-_UNITS = {"frequency": "Hz", "quality_factor": "", "coupling_factor": "", "resistance": "Ω"}
 
 
 @with_options
@@ -37,8 +22,8 @@ def compare(
         list[str],
         typer.Argument(metavar="FILE... REFERENCE", help="Spectra, and last a motor or another spectrum."),
     ],
-    fitting: FitOptions,
-    leads: LeadOptions,
+    fitting: measured.FitOptions,
+    leads: measured.LeadOptions,
     targets: Targets,
     reference: Annotated[
         str | None, typer.Option(help="The reference, if it is not the last: a motor or a spectrum.")
@@ -53,13 +38,13 @@ def compare(
     ] = None,
     connection: Annotated[Connection, typer.Option(help="Connection of the groups, for a motor and two-ports.")] = "A",
     state: Annotated[State, typer.Option(help="Tip of a motor: free, or pressed on the rotor.")] = "free",
-    columns: ColumnsOption = None,
-    through: ThroughOption = None,
+    columns: measured.ColumnsOption = None,
+    through: measured.ThroughOption = None,
     at: Annotated[
         str | None, typer.Option(help="Condition of each spectrum, such as its temperature: 20,40,60.")
     ] = None,
     label: Annotated[str, typer.Option(help='Name and unit of --at: "temperature in °C".')] = "",
-    changes: SetOption = None,
+    changes: common.SetOption = None,
 ) -> None:
     """Compare spectra with a motor or another spectrum, mode by mode. Writes .json or .csv.
 
@@ -74,35 +59,34 @@ def compare(
         *files, reference = files
     if not files:
         raise pr.ParameterError(f"There is nothing to compare with {reference}; give a spectrum, then the reference.")
-    with busy("reading"):
-        read = reader(columns, through)
+    with common.busy("reading"):
+        read = measured.reader(columns, through)
         spectra = [read(file) for file in files]
         against = _reference(reference, changes, read)
     _refuse_idle(context, spectra, against, at)
-    with busy("fitting", "spectrum {} of {}") as progress:
+    with common.busy("fitting", "spectrum {} of {}") as progress:
         trend = pr.compare(
             spectra, against, connection=connection, state=state, leads=leads.known, label=label, progress=progress,
-            at=grid("--at", at) if at is not None else None, **fitting.settings,
+            at=common.grid("--at", at) if at is not None else None, **fitting.settings,
         )  # fmt: skip
     outside = [item.outside(tolerances) if tolerances else () for item in trend.comparisons]
     document = trend.to_dict()
     for entry, faults in zip(document["comparisons"], outside, strict=True):
         entry["outside_tolerance"] = list(faults)
     document |= {"tolerances": tolerances, "within_tolerance": not any(outside) if tolerances else None}
-    targets.deliver(trend, _table(trend), document)
-    if not targets.as_json:
-        note(trend.cautions)
+    targets.deliver(trend, f"against {trend.comparisons[0].reference.source}", document)
+    measured.note(trend.cautions, targets)
     for item, faults in zip(trend.comparisons, outside, strict=True):
         for text in faults:
-            complain(f"{item.measured.source}: {text}", style=None)
+            common.complain(f"{item.measured.source}: {text}", style=None)
     if any(outside):
         raise typer.Exit(1)
 
 
-def _reference(name: str, changes: list[str] | None, read: Reader) -> pr.Motor | pr.Spectrum:
+def _reference(name: str, changes: list[str] | None, read: measured.Reader) -> pr.Motor | pr.Spectrum:
     """Return the motor of a parameter set or a TOML file, or else a spectrum."""
     if name in pr.available_motors() or Path(name).suffix == ".toml":
-        return load_changed(name, changes)
+        return common.load_changed(name, changes)
     if changes:
         raise pr.ParameterError("--set changes a motor, but the reference is a spectrum; leave it out.")
     return read(name)
@@ -113,31 +97,11 @@ def _refuse_idle(
 ) -> None:
     """Reject options of a motor or of two-ports without one, and a label without --at."""
     if at is None:
-        refuse_idle(context, "without --at", "label")
+        common.refuse_idle(context, "without --at", "label")
     if isinstance(against, pr.Spectrum):
-        refuse_idle(context, "on a spectrum as the reference", "state")
+        common.refuse_idle(context, "on a spectrum as the reference", "state")
         if all(spectrum.ports == 1 for spectrum in (*spectra, against)):
-            refuse_idle(context, "on spectra of one port", "connection")
-
-
-def _table(trend: Trend) -> Table:
-    table = Table("spectrum", "mode", "f", "Q", "k_eff", "R", "C0", box=None, padding=(0, 1, 0, 0))
-    table.title = f"against {trend.comparisons[0].reference.source}"
-    for item in trend.comparisons:
-        capacitance = _cell(item.measured.circuit.clamped_capacitance_f, "F", item.clamped_capacitance_deviation)
-        for mode in item.modes:
-            cells = ["missing"] + [""] * (len(_UNITS) - 1)
-            if mode.measured is not None:
-                cells = [_cell(mode.measured[name], unit, mode.deviations[name]) for name, unit in _UNITS.items()]
-            table.add_row(item.measured.source, str(mode.mode), *cells, capacitance)
-        for frequency in item.extra_hz:
-            table.add_row(item.measured.source, "extra", engineering(frequency, "Hz"))
-    return table
-
-
-def _cell(value: float, unit: str, deviation: float) -> str:
-    shown = engineering(value, unit) if unit else f"{value:.4g}"
-    return f"{shown} {100.0 * deviation:+.2g}%" if abs(deviation) > 1e-6 else f"{shown} ±0%"
+            common.refuse_idle(context, "on spectra of one port", "connection")
 
 
 def _tolerances(given: list[str] | None) -> dict[str, float]:

@@ -6,26 +6,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
-from rich.table import Column, Table
+from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands.common import (
-    AuditOption,
-    MotorArgument,
-    SetOption,
-    TimeoutOption,
-    busy,
-    caution,
-    deliver,
-    engineering,
-    load_changed,
-    refuse_idle,
-    view,
-    write_table,
-)
-from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, law_named
+from pyspice_runner.commands import common, options
 from pyspice_runner.commands.driving import recommended_phases
-from pyspice_runner.commands.options import LoadOption, SpeedOption, Targets, with_options
 from pyspice_runner.model.drive import MatchState, two_phases
 
 if TYPE_CHECKING:
@@ -59,10 +44,10 @@ PhaseOption = Annotated[
 ]
 
 
-@with_options
+@options.with_options
 def drive(
     context: typer.Context,
-    motor: MotorArgument,
+    motor: common.MotorArgument,
     *,
     driver: Annotated[str, typer.Option(help=DRIVERS)] = "linear",
     against: Annotated[str | None, typer.Option(help="A second driver for comparison.")] = None,
@@ -73,13 +58,13 @@ def drive(
     part: PartOption = None,
     mosfet: MosfetOption = None,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 3e-3,
-    contact: ContactOption = DEFAULT_LAW,
-    speed: SpeedOption = None,
-    load_torque: LoadOption = 0.0,
-    timeout: TimeoutOption = None,
-    audit: AuditOption = True,
-    changes: SetOption = None,
-    targets: Targets,
+    contact: options.ContactOption = options.DEFAULT_LAW,
+    speed: options.SpeedOption = None,
+    load_torque: options.LoadOption = 0.0,
+    timeout: common.TimeoutOption = None,
+    audit: common.AuditOption = True,
+    changes: common.SetOption = None,
+    targets: options.Targets,
 ) -> None:
     """Run a motor with its drive electronics: currents, powers, harmonics, losses, efficiency, matching inductors.
 
@@ -90,36 +75,32 @@ def drive(
     refuse_idle_match(context, driver, against or "")
     targets.check(".json", ".csv", *([".cir"] if against is None else []))
     of_motor, of_parts = changes_of(changes, part)
-    loaded = load_changed(motor, of_motor)
+    loaded = common.load_changed(motor, of_motor)
     tone = recommended_phases(loaded, voltage, frequency, phase)
     reports: list[DriveReport] = []
     fault: pr.SimulationError | None = None
     for number, words in enumerate([driver] if against is None else [driver, against]):
         chosen = driver_of(words, tone, of_parts, mosfet, strict=number == 0)
         try:
-            with busy(f"ngspice runs the {chosen.name}"):
+            with common.busy(f"ngspice runs the {chosen.name}"):
                 reports.append(
                     pr.drive_report(
-                        loaded, chosen, duration=duration, contact=law_named(contact), speed=speed,
+                        loaded, chosen, duration=duration, contact=options.law_named(contact), speed=speed,
                         load_torque=load_torque,
                         match=None if chosen.network == "none" or match == "none" else match,
                         proposals=number == 0, timeout=timeout, audit=audit,
                     )
                 )  # fmt: skip
-            caution(reports[-1])
+            common.caution(reports[-1])
         except pr.SimulationError as error:
             if not reports:
                 raise
             fault = pr.SimulationError(f"Only the {driver} is finished; the {words} failed. {error}")
-    rows = _rows(reports)
     document: dict[str, Any] = (
         reports[0].to_dict() if against is None else {"drivers": [report.to_dict() for report in reports]}
     )
-    save = reports[0].save if against is None else lambda path: write_table(path, document, rows)
-    deliver(
-        document, _table(loaded, reports, rows), targets.as_json,
-        (targets.output, save), (targets.plot, lambda path: view().draw_beside(reports, path)),
-    )  # fmt: skip
+    save = reports[0].save if against is None else lambda path: common.write_table(path, document, _rows(reports))
+    targets.write(document, _table(loaded, reports), save, lambda path: common.view().draw_beside(reports, path))
     if fault is not None:
         raise fault
 
@@ -127,7 +108,7 @@ def drive(
 def refuse_idle_match(context: typer.Context, *drivers: str) -> None:
     """Refuse ``--match`` if no driver has a matching network."""
     if all("+" not in words for words in drivers):
-        refuse_idle(context, "without a matching network, such as --driver half-bridge+llcc", "match")
+        common.refuse_idle(context, "without a matching network, such as --driver half-bridge+llcc", "match")
 
 
 def driver_of(
@@ -197,50 +178,19 @@ def _parts(changes: list[str] | None) -> dict[str, float]:
 
 
 def _rows(reports: list[DriveReport]) -> list[list[str]]:
-    """Return the table: one line per quantity, one column per driver."""
-    cells: list[tuple[str, list[str]]] = [("driver", [report.driver["label"].replace(",", ";") for report in reports])]
-
-    def add(name: str, unit: str, values: list[float]) -> None:
-        cells.append((name, [engineering(value, unit) if unit else f"{value:.4g}" for value in values]))
-
-    for group in ("a", "b"):
-        for what, unit in (
-            ("voltage_peak_v", "V"), ("voltage_rms_v", "V"), ("current_peak_a", "A"), ("current_rms_a", "A"),
-            ("real_power_w", "W"), ("reactive_power_var", "var"), ("apparent_power_va", "VA"), ("power_factor", ""),
-            ("voltage_thd", ""), ("current_thd", ""),
-        ):  # fmt: skip
-            add(f"group_{group}.{what}", unit, [getattr(report.groups[group], what) for report in reports])
-        for what, unit in (("power_factor", ""), ("displacement_factor", ""), ("slew_rate_v_per_s", "V/s")):
-            add(f"output_{group}.{what}", unit, [getattr(report.outputs[group], what) for report in reports])
-    for what, unit in (
-        ("power_factor", ""), ("supply_power_w", "W"), ("gate_power_w", "W"), ("motor_power_w", "W"),
-        ("shaft_power_w", "W"), ("driver_efficiency", ""), ("efficiency", ""), ("balance_residual", ""),
-        ("mean_rotor_speed_rad_s", "rad/s"),
-    ):  # fmt: skip
-        add(what, unit, [getattr(report, what) for report in reports])
-    cells.append(("settled", ["yes" if report.settled else "no" for report in reports]))
-    for table, unit in (("supply_current_mean_a", "A"), ("supply_current_peak_a", "A"), ("losses_w", "W")):
-        for key in dict.fromkeys(key for report in reports for key in getattr(report, table)):
-            shown = [getattr(report, table).get(key) for report in reports]
-            cells.append((f"{table}.{key}", ["–" if value is None else engineering(value, unit) for value in shown]))
-    return [[name, *values] for name, values in cells]
+    """Return one row for each number of the reports, by its path in ``--json``, with one column for each driver."""
+    rows = [["driver", *(report.driver["label"].replace(",", ";") for report in reports)]]
+    documents = [dict(common.leaves(report.to_dict())) for report in reports]
+    for path in dict.fromkeys(path for document in documents for path in document):
+        values = [document.get(path) for document in documents]
+        if not path.startswith(("motor.", "driver.", "run.")) and not any(isinstance(value, str) for value in values):
+            rows.append([path, *("" if value is None else f"{value:.6g}" for value in values)])
+    return rows
 
 
-def _table(motor: pr.Motor, reports: list[DriveReport], rows: list[list[str]]) -> Table:
-    names = (report.driver["kind"].rpartition(":")[2] for report in reports)
-    table = Table(Column("quantity", overflow="fold"), *names, title=motor.name)
-    for row in rows:
-        table.add_row(*row)
-    for state, matching in reports[0].matching.items():
-        for group in ("a", "b"):
-            match = matching.group(group)
-            element = (
-                engineering(match.inductance_h, "H")
-                if match.inductance_h
-                else f"{engineering(match.capacitance_f, 'F')} (the group is inductive)"
-            )
-            source = f"{match.source_voltage_v:.4g} V at {match.source_phase_deg:.4g}°"
-            factor = f"power factor {match.power_factor:.3f} without"
-            filler = [""] * (len(reports) - 1)
-            table.add_row(f"series match of {group}, {state}", f"{element}; {factor}; source {source}", *filler)
+def _table(motor: pr.Motor, reports: list[DriveReport]) -> Table:
+    table = Table("quantity", *(report.driver["kind"].rpartition(":")[2] for report in reports), title=motor.name)
+    summaries = [report.summary() for report in reports]
+    for name in summaries[0]:
+        table.add_row(name, *(summary.get(name, "") for summary in summaries))
     return table

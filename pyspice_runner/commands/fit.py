@@ -5,18 +5,16 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 import pyspice_runner as pr
-from pyspice_runner.commands.common import refuse_idle
-from pyspice_runner.commands.fit_one_port import fit_one_port
-from pyspice_runner.commands.fit_together import fit_together
-from pyspice_runner.commands.fit_two_port import fit_two_port
+from pyspice_runner.commands import common, measured
 from pyspice_runner.commands.measured import FitOptions, GroupOptions, InputOptions, OnePortOptions, SeriesOptions
 from pyspice_runner.commands.options import Targets, with_options
 
+_ARMS_TRIED = "{} of at most {} arms"
 _OF_ONE_PORT = tuple(field.name for field in fields(OnePortOptions))
 _OF_SERIES = tuple(field.name for field in fields(SeriesOptions))
 
@@ -44,18 +42,108 @@ def fit(
     Example: piezomotor fit measured.csv --modes 2 --output stator.lib --plot fit.png
     """
     if groups.two_port or any(path is not None for path in (groups.other, groups.both, groups.difference)):
-        refuse_idle(context, "where both groups are fitted", *_OF_ONE_PORT, *_OF_SERIES)
+        common.refuse_idle(context, "where both groups are fitted", *_OF_ONE_PORT, *_OF_SERIES)
         if targets.plot is not None:
             raise pr.ParameterError("--plot draws one connection; leave out --two-port and choose a --connection.")
-        fit_two_port(context, file, source, groups, fitting, targets)
+        _fit_two_port(context, file, source, groups, fitting, targets)
         return
     if groups.mass or groups.velocity or groups.tips:
         raise pr.ParameterError("--mass-kg, --velocity-per-current and --tip belong to --two-port or --b; add one.")
-    refuse_idle(context, "without --two-port or --b", "base")
+    common.refuse_idle(context, "without --two-port or --b", "base")
     if series.series or series.voltages is not None or series.temperatures is not None:
         if targets.plot is not None:
             raise pr.ParameterError("--plot draws one spectrum; leave out --with.")
-        refuse_idle(context, "on spectra that are fitted together", *_OF_ONE_PORT, "noise", "timeout")
-        fit_together(context, file, source, series, fitting.modes, targets)
+        common.refuse_idle(context, "on spectra that are fitted together", *_OF_ONE_PORT, "noise", "timeout")
+        _fit_together(context, file, source, series, fitting.modes, targets)
         return
-    fit_one_port(context, file, source, one_port, fitting, targets)
+    _fit_one_port(context, file, source, one_port, fitting, targets)
+
+
+def _fit_one_port(
+    context: typer.Context, file: Path, source: InputOptions, options: OnePortOptions, fit: FitOptions, targets: Targets
+) -> None:
+    """Fit one spectrum, without its fixture, and deliver the circuit."""
+    from pyspice_runner.export.circuit import CIRCUIT_FORMATS
+
+    parts = {"opened": options.opened, "short": options.short, "load": options.load}
+    targets.check(*CIRCUIT_FORMATS, ".json", ".csv", inputs=[file, *parts.values()])
+    if options.load is None:
+        common.refuse_idle(context, "without --load", "load_ohm")
+    settings = {"leads": options.known, **fit.settings}
+    with common.busy("reading"):
+        spectrum = source.one_port(context, file)
+        read = measured.reader(source.columns, source.through)
+        fixture = {name: read(path) for name, path in parts.items() if path is not None}
+        if fixture:
+            from pyspice_runner.spectra.fixture import without_fixture
+
+            spectrum = without_fixture(spectrum, **fixture, load_ohm=options.load_ohm)
+    with common.busy("fitting", _ARMS_TRIED) as progress:
+        result = pr.fit_spectrum(spectrum, **settings, progress=progress)
+    count = len(result.arms)
+    targets.deliver(result, f"{result.source}: {count} arm{'s' if count > 1 else ''}; ± one standard error")
+    measured.note(result.warnings, targets)
+
+
+def _fit_together(
+    context: typer.Context, file: Path, source: InputOptions, series: SeriesOptions, modes: int | None, targets: Targets
+) -> None:
+    """Fit several spectra together and deliver the circuit."""
+    files = [file, *(series.series or ())]
+    targets.check(".json", inputs=files)
+    with common.busy("fitting"):
+        result = pr.fit_together(
+            [source.one_port(context, path) for path in files],
+            modes=modes,
+            voltages=common.grid_or_none("--voltages", series.voltages),
+            temperatures=common.grid_or_none("--temperatures", series.temperatures),
+        )
+    targets.deliver(result, f"{len(files)} spectra together")
+    measured.note(result.warnings, targets)
+
+
+def _fit_two_port(
+    context: typer.Context, file: Path, source: InputOptions, options: GroupOptions, fit: FitOptions, targets: Targets
+) -> None:
+    """Fit both groups together and deliver the couplings, or with a calibration the motor."""
+    if options.velocity is None:
+        common.refuse_idle(context, "where both groups are fitted, without --velocity-per-current", "connection")
+    calibration = _calibration(context, source, options)
+    files = {"A": file, "B": options.other, "A+B": options.both, "A-B": options.difference}
+    endings = (".json", ".toml") if calibration else (".json",)
+    targets.check(*endings, inputs=[*files.values(), calibration.get("base")])
+    with common.busy("reading"):
+        spectra = {name: source.read(path) for name, path in files.items() if path is not None}
+    if options.two_port and len(spectra) > 1:
+        raise pr.ParameterError(
+            "--two-port takes one file with both ports; leave it out to give --b, --sum, --difference."
+        )
+    given: Any = spectra["A"] if options.two_port else spectra
+    with common.busy("fitting", _ARMS_TRIED) as progress:
+        result = pr.fit_two_port(given, **fit.settings, progress=progress)
+    motor = result.to_motor(**calibration) if calibration else None
+    title = f"{result.source}: {len(result.modes)} modes; couplings in N/V per root kg; ± one standard error"
+    table = common.summary_table(result.summary(), title)
+    document = {**result.to_dict(), "motor": motor.to_dict() if motor else None}
+    targets.write(document, table, lambda path: result.save(path, **calibration))
+    measured.note(result.warnings, targets)
+
+
+def _calibration(context: typer.Context, source: InputOptions, options: GroupOptions) -> dict[str, Any]:
+    """Return the arguments that make a motor of the fit; empty without a calibration."""
+    found: dict[str, Any] = {}
+    for option, key, text in (
+        ("--mass-kg", "mass_kg", options.mass),
+        ("--velocity-per-current", "velocity_per_current", options.velocity),
+    ):
+        if text is not None:
+            values = common.grid(option, text)
+            found[key] = values[0] if len(values) == 1 else values
+    if not found:
+        common.refuse_idle(context, "without --mass-kg or --velocity-per-current", "base")
+        if options.tips:
+            raise pr.ParameterError("--tip belongs to a motor; add --mass-kg or --velocity-per-current.")
+        return found
+    if options.tips:
+        found["tips"] = measured.tips_of(options.tips)
+    return {**found, "connection": source.connection, "base": options.base}

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pyspice_runner.commands.common import AuditOption, TimeoutOption, busy, warn_of
+from pyspice_runner.commands import common
 from pyspice_runner.commands.options import LawOptions, Targets, with_options
 
 
@@ -24,8 +24,8 @@ def impact(
     radius: Annotated[float, typer.Option(help="Radius of the sphere, m.")] = 5e-3,
     density: Annotated[float, typer.Option(help="Density of the sphere, kg/m3.")] = 7850.0,
     youngs_modulus: Annotated[float, typer.Option(help="Young's modulus of sphere and half-space, Pa.")] = 206e9,
-    timeout: TimeoutOption = None,
-    audit: AuditOption = True,
+    timeout: common.TimeoutOption = None,
+    audit: common.AuditOption = True,
     targets: Targets,
 ) -> None:
     """Simulate the impact of an elastic sphere on a half-space. Writes .csv (over time), .json or .cir (the deck).
@@ -41,7 +41,7 @@ def impact(
         psi=psi, velocity_m_s=velocity, spin_rad_s=spin, friction=friction, restitution=restitution,
         radius_m=radius, density_kg_m3=density, youngs_modulus_pa=youngs_modulus, poisson=poisson,
     )  # fmt: skip
-    with busy("simulating the impact"):
+    with common.busy("simulating the impact"):
         result = rebound(throw, contact, timeout=timeout, audit=audit)
-    warn_of(result.audit.findings)
+    common.warn_of(result.audit.findings)
     targets.deliver(result, f"{law.contact}, Poisson's ratio {poisson:g}")

@@ -7,27 +7,17 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands.common import (
-    JsonOption,
-    MotorArgument,
-    PlotOption,
-    SetOption,
-    busy,
-    check_targets,
-    deliver,
-    load_changed,
-)
+from pyspice_runner.commands import common
 
 
 def live(
-    motor: MotorArgument,
-    changes: SetOption = None,
-    as_json: JsonOption = False,
+    motor: common.MotorArgument,
+    changes: common.SetOption = None,
+    as_json: common.JsonOption = False,
     output: Annotated[Path | None, typer.Option("--output", help="The page, .html; by default MOTOR.html.")] = None,
-    plot: PlotOption = None,
+    plot: common.PlotOption = None,
 ) -> None:
     """Write a page in which ngspice runs the motor in the browser: one file, without installation or network.
 
@@ -37,15 +27,16 @@ def live(
 
     if plot is not None:
         raise pr.ParameterError("The page draws its own charts: leave --plot out.")
-    loaded = load_changed(motor, changes)
+    loaded = common.load_changed(motor, changes)
     target = Path(f"{loaded.name}.html") if output is None else output
-    check_targets(target, (".html",), None)
-    with busy("writing the page"):
+    common.check_targets(target, (".html",), None)
+    with common.busy("writing the page"):
         save_live_page(loaded, target)
     facts = engine_facts()
     document = {"page": str(target), "motor": loaded.name, "bytes": target.stat().st_size, "engine": facts}
-    table = Table("quantity", "value", title=f"{loaded.name}: live page")
-    table.add_row("page", str(target))
-    table.add_row("size", f"{target.stat().st_size / 1e6:.1f} MB")
-    table.add_row("engine", f"ngspice {facts['ngspice']}, {facts['package']}")
-    deliver(document, table, as_json, (None, lambda _: None), (None, lambda _: None))
+    shown = {
+        "page": str(target),
+        "size": f"{target.stat().st_size / 1e6:.1f} MB",
+        "engine": f"ngspice {facts['ngspice']}, {facts['package']}",
+    }
+    common.deliver(document, common.summary_table(shown, f"{loaded.name}: live page"), as_json)

@@ -9,14 +9,14 @@ import typer
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.working_points import ACCURACY, Objective
-from pyspice_runner.commands.common import MotorArgument, SetOption, axes_of, caution, load_changed, points_progress
+from pyspice_runner.commands import common
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import LoadOption, PeriodOptions, Targets, with_options
 
 
 @with_options
 def map_points(
-    motor: MotorArgument,
+    motor: common.MotorArgument,
     drive: DriveOptions,
     *,
     over: Annotated[
@@ -36,7 +36,7 @@ def map_points(
     load: LoadOption = 0.0,
     period: PeriodOptions,
     accuracy: Annotated[float, typer.Option(help="Error allowed of the torque, relative to mu F0 R.")] = ACCURACY,
-    changes: SetOption = None,
+    changes: common.SetOption = None,
     targets: Targets,
 ) -> int:
     """Map steady states over parameters and find the best point. Writes .nc, .csv or .json.
@@ -45,15 +45,15 @@ def map_points(
     --over drive.voltage=60,100 --limit current_a=0.06 --plot map.png
     """
     targets.check(".nc", ".csv", ".json")
-    loaded = load_changed(motor, changes)
+    loaded = common.load_changed(motor, changes)
     limits = dict(_limit(text) for text in limit or ())
-    with points_progress() as progress:
+    with common.points_progress() as progress:
         dataset = pr.working_points(
-            loaded, drive.stated(loaded), over=axes_of(over), objective=objective, limits=limits,
+            loaded, drive.stated(loaded), over=common.axes_of(over), objective=objective, limits=limits,
             speed=speed, load_torque=load, accuracy=accuracy, progress=progress, **period.settings,
         )  # fmt: skip
     result = dataset.piezomotor
-    caution(result)
+    common.caution(result)
     targets.deliver(result, dataset.attrs["title"])
     return 0
 

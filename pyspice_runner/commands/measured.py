@@ -14,8 +14,8 @@ from typing import Annotated, Any, Literal
 import typer
 
 import pyspice_runner as pr
-from pyspice_runner.commands.common import complain, grid, refuse_idle
-from pyspice_runner.commands.options import Options
+from pyspice_runner.commands import common
+from pyspice_runner.commands.options import Options, Targets
 from pyspice_runner.spectra.spectrum import Connection
 
 Reader = Callable[[str | Path], pr.Spectrum]
@@ -72,7 +72,7 @@ class InputOptions(Options):
         spectrum = self.read(path)
         if spectrum.ports == 2:
             return spectrum.driven(self.connection)
-        refuse_idle(context, f"on {spectrum.source or 'a spectrum'}, which has one port", "connection")
+        common.refuse_idle(context, f"on {spectrum.source or 'a spectrum'}, which has one port", "connection")
         return spectrum
 
 
@@ -204,13 +204,13 @@ def tips_of(tips: list[str] | None) -> list[tuple[float, float]] | None:
     """Read the pairs of --tip."""
     if not tips:
         return None
-    pairs = [grid("--tip", tip) for tip in tips]
+    pairs = [common.grid("--tip", tip) for tip in tips]
     if any(len(pair) != 2 for pair in pairs):
         raise pr.ParameterError(f"--tip {tips[0]!r} is not valid; write X,Y as 0,1, once for each mode.")
     return [(pair[0], pair[1]) for pair in pairs]
 
 
-def note(warnings: Iterable[str]) -> None:
-    """Print the warnings of a fit to standard error."""
-    for warning in warnings:
-        complain(f"note: {warning}", style=None)
+def note(warnings: Iterable[str], targets: Targets) -> None:
+    """Print the warnings of a fit to standard error, except with ``--json``."""
+    for warning in () if targets.as_json else warnings:
+        common.complain(f"note: {warning}", style=None)

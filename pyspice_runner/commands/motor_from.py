@@ -7,31 +7,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands.common import (
-    JsonOption,
-    OutputOption,
-    busy,
-    check_targets,
-    complain,
-    deliver,
-    grid,
-    refuse_idle,
-)
-from pyspice_runner.commands.measured import (
-    BaseOption,
-    ColumnsOption,
-    DifferenceOption,
-    MassOption,
-    ModesOption,
-    OtherOption,
-    SumOption,
-    TipOption,
-    reader,
-    tips_of,
-)
+from pyspice_runner.commands import common, measured
 from pyspice_runner.spectra.spectrum import Connection
 
 _SHEET = "Data sheet"
@@ -40,9 +18,9 @@ _SHEET = "Data sheet"
 def motor_from(
     context: typer.Context,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Spectrum of the free stator: a two-port, or group A.")],
-    other: OtherOption = None,
-    both: SumOption = None,
-    difference: DifferenceOption = None,
+    other: measured.OtherOption = None,
+    both: measured.SumOption = None,
+    difference: measured.DifferenceOption = None,
     preloaded: Annotated[Path | None, typer.Option(help="Spectrum of the stator pressed on its rotor.")] = None,
     connection: Annotated[Connection, typer.Option(help="Connection of the groups in a preloaded two-port.")] = "A",
     no_load_speed: Annotated[float | None, typer.Option(help="rad/s.", rich_help_panel=_SHEET)] = None,
@@ -52,14 +30,14 @@ def motor_from(
     phase: Annotated[float, typer.Option(help="Of group B, degrees.", rich_help_panel=_SHEET)] = 90.0,
     speed_error: Annotated[float, typer.Option(help="Relative, of the speed.", rich_help_panel=_SHEET)] = 0.02,
     torque_error: Annotated[float, typer.Option(help="Relative, of the torque.", rich_help_panel=_SHEET)] = 0.02,
-    mass: MassOption = None,
-    tips: TipOption = None,
-    modes: ModesOption = None,
-    base: BaseOption = "andersen2002",
-    columns: ColumnsOption = None,
+    mass: measured.MassOption = None,
+    tips: measured.TipOption = None,
+    modes: measured.ModesOption = None,
+    base: measured.BaseOption = "andersen2002",
+    columns: measured.ColumnsOption = None,
     page: Annotated[Path | None, typer.Option(help="A page, .html, with the data and the motor together.")] = None,
-    as_json: JsonOption = False,
-    output: OutputOption = None,
+    as_json: common.JsonOption = False,
+    output: common.OutputOption = None,
 ) -> None:
     """Make a motor from spectra and numbers of its data sheet. Writes .toml or .json.
 
@@ -68,41 +46,39 @@ def motor_from(
 
     Example: piezomotor motor-from free.csv --no-load-speed 18.4 --stall-torque 0.9e-3 --voltage 300 --frequency 54e3
     """
-    check_targets(output, (".toml", ".json"), None, [file, other, both, difference, preloaded, base])
-    check_targets(page, (".html",), None, [file, other, both, difference, preloaded, base])
+    common.check_targets(output, (".toml", ".json"), None, [file, other, both, difference, preloaded, base])
+    common.check_targets(page, (".html",), None, [file, other, both, difference, preloaded, base])
     if no_load_speed is None and stall_torque is None:
-        refuse_idle(context, "without --no-load-speed or --stall-torque", "voltage", "frequency", "phase")
+        common.refuse_idle(context, "without --no-load-speed or --stall-torque", "voltage", "frequency", "phase")
     if no_load_speed is None or mass is not None:  # with the mass, the speed is computed to compare it
-        refuse_idle(context, "without --no-load-speed, or with --mass-kg", "speed_error")
+        common.refuse_idle(context, "without --no-load-speed, or with --mass-kg", "speed_error")
     if stall_torque is None:
-        refuse_idle(context, "without --stall-torque", "torque_error")
-    masses = grid("--mass-kg", mass) if mass is not None else None
-    pairs = tips_of(tips)
-    read = reader(columns, None)
-    with busy("reading"):
+        common.refuse_idle(context, "without --stall-torque", "torque_error")
+    masses = common.grid("--mass-kg", mass) if mass is not None else None
+    pairs = measured.tips_of(tips)
+    read = measured.reader(columns, None)
+    with common.busy("reading"):
         files = {"A": file, "B": other, "A+B": both, "A-B": difference}
         spectra = {name: read(path) for name, path in files.items() if path is not None}
         pressed = read(preloaded) if preloaded is not None else None
     if pressed is None or pressed.ports == 1:
-        refuse_idle(context, "without a --preloaded two-port", "connection")
+        common.refuse_idle(context, "without a --preloaded two-port", "connection")
     given: Any = spectra["A"] if len(spectra) == 1 else spectra
-    with busy("fitting", "step {} of at most {}") as progress:
+    with common.busy("fitting", "step {} of at most {}") as progress:
         result = pr.motor_from(
             given, preloaded=pressed, no_load_speed=no_load_speed, stall_torque=stall_torque, voltage=voltage,
             frequency=frequency, phase_deg=phase, mass_kg=masses[0] if masses and len(masses) == 1 else masses,
             speed_error=speed_error, torque_error=torque_error, modes=modes, connection=connection, tips=pairs,
             base=base, progress=progress,
         )  # fmt: skip
-    table = Table("", "", box=None, padding=(0, 1, 0, 0), show_header=False)
-    for name, text in result.summary().items():
-        table.add_row(name, text)
     writings = [(output, result.save)]
     if page is not None:
-        with busy("page"):
+        with common.busy("page"):
             drive = pr.default_drive(result.motor)
             shown = pr.report(result.motor, drive, levels=(1.0,), measured=spectra["A"])
         writings.append((page, shown.save))
-    deliver(result.to_dict(), table, as_json, *writings)
+    table = common.summary_table(result.summary(), result.motor.name)
+    common.deliver(result.to_dict(), table, as_json, *writings)
     if not as_json:
         for text in result.cautions:
-            complain(f"note: {text}", style=None)
+            common.complain(f"note: {text}", style=None)

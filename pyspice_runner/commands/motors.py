@@ -10,73 +10,45 @@ import typer
 from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands.common import (
-    JsonOption,
-    MotorArgument,
-    OutputOption,
-    PlotOption,
-    SetOption,
-    busy,
-    check_targets,
-    complain,
-    complete_motor,
-    deliver,
-    leaves,
-    load_changed,
-    refuse_idle,
-    view,
-    write_table,
-)
-from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
+from pyspice_runner.commands import common, options
+from pyspice_runner.commands.options import Targets, with_options
 
 
-def motors(as_json: JsonOption = False, output: OutputOption = None, plot: PlotOption = None) -> None:
+@with_options
+def motors(targets: Targets) -> None:
     """List the parameter sets of the package."""
-    check_targets(output, (".json", ".csv"), plot)
+    targets.check(".json", ".csv")
     found = [pr.load_motor(name) for name in pr.available_motors()]
-    document = {
-        "motors": [
-            {"name": motor.name, "frequencies_hz": [mode.frequency_hz for mode in motor.modes]} for motor in found
-        ]
-    }
-    table = Table("set", "modes", title="Parameter sets")
-    for motor in found:
-        table.add_row(motor.name, ", ".join(f"{mode.frequency_hz / 1e3:.4g} kHz" for mode in motor.modes))
+    modes = {motor.name: [mode.frequency_hz for mode in motor.modes] for motor in found}
+    document = {"motors": [{"name": name, "frequencies_hz": frequencies} for name, frequencies in modes.items()]}
+    table = common.summary_table({motor.name: motor.summary()["modes"] for motor in found}, "Parameter sets")
     rows = [["motor", "mode", "frequency_hz"]]
     rows += [[motor.name, mode.name, f"{mode.frequency_hz:.9g}"] for motor in found for mode in motor.modes]
-    deliver(
-        document, table, as_json,
-        (output, lambda path: write_table(path, document, rows)), (plot, lambda path: view().draw_motors(found, path)),
+    targets.write(
+        document, table, lambda path: common.write_table(path, document, rows),
+        lambda path: common.view().draw_motors(found, path),
     )  # fmt: skip
 
 
-def show(
-    motor: MotorArgument,
-    changes: SetOption = None,
-    as_json: JsonOption = False,
-    output: OutputOption = None,
-    plot: PlotOption = None,
-) -> None:
+@with_options
+def show(motor: common.MotorArgument, changes: common.SetOption = None, *, targets: Targets) -> None:
     """Show a motor: its modes, groups, contact and rotor, in SI units.
 
     Example: piezomotor show bimodal40 --plot modes.png
     """
-    check_targets(output, (".json", ".csv"), plot)
-    loaded = load_changed(motor, changes)
+    targets.check(".json", ".csv")
+    loaded = common.load_changed(motor, changes)
     document = loaded.to_dict()
-    rows = [["parameter", "value"], *([path, f"{value}"] for path, value in leaves(document))]
+    rows = [["parameter", "value"], *([path, f"{value}"] for path, value in common.leaves(document))]
     table = Table("parameter", "value", "from", title=loaded.name)
-    for path, value in leaves(document):
+    for path, value in common.leaves(document):
         origin = loaded.provenance.get(path)
         shown = f"{value:.6g}" if isinstance(value, float) else str(value)
         table.add_row(path, shown, origin.kind if origin else "derived")
-    deliver(
-        document, table, as_json,
-        (output, lambda path: write_table(path, document, rows)),
-        (plot, lambda path: view().draw(loaded, path)),
-    )  # fmt: skip
+    targets.write(document, table, lambda path: common.write_table(path, document, rows), loaded.plot)
 
 
+@with_options
 def export(
     context: typer.Context,
     source: Annotated[
@@ -84,11 +56,11 @@ def export(
         typer.Argument(
             metavar="MOTOR|FIT",
             help="A parameter set, a motor's TOML, or a fit's .json or .toml.",
-            autocompletion=complete_motor,
+            autocompletion=common.complete_motor,
         ),
     ],
-    contact: ContactOption = DEFAULT_LAW,
-    sliders: SlidersOption = None,
+    contact: options.ContactOption = options.DEFAULT_LAW,
+    sliders: options.SlidersOption = None,
     name: Annotated[
         str, typer.Option(help="Name of the subcircuit; different names may be used in one deck.", show_default=False)
     ] = "",
@@ -97,10 +69,9 @@ def export(
         bool, typer.Option("--averaged", help="Write the motor averaged over the drive's period (.lib, .fmu).")
     ] = False,
     dialect: Annotated[str, typer.Option(help="Dialect of the .lib: spice (ngspice, LTspice) or xyce.")] = "spice",
-    changes: SetOption = None,
-    as_json: JsonOption = False,
-    output: OutputOption = None,
-    plot: PlotOption = None,
+    changes: common.SetOption = None,
+    *,
+    targets: Targets,
 ) -> None:
     """Write a motor, or the circuit of a fit, for other programs.
 
@@ -115,52 +86,49 @@ def export(
     from pyspice_runner.model.circuit_file import is_circuit_file
     from pyspice_runner.model.thermal import Thermal
 
+    output = targets.output
     if is_circuit_file(source):
-        refuse_idle(context, "on the circuit of a fit", "contact", "sliders", "thermal", "averaged", "dialect")
+        common.refuse_idle(context, "on the circuit of a fit", "contact", "sliders", "thermal", "averaged", "dialect")
         if output is not None and output.suffix in (".s1p", ".toml"):
-            refuse_idle(context, f"on a {output.suffix}, which names no subcircuit", "name")
-        _export_circuit(source, changes, as_json, output, plot, name or "resonator")
+            common.refuse_idle(context, f"on a {output.suffix}, which names no subcircuit", "name")
+        _export_circuit(source, changes, targets, name or "resonator")
         return
-    law = law_named(contact, sliders)
-    check_targets(output, endings(averaged), plot, [source])
+    law = options.law_named(contact, sliders)
+    targets.check(*endings(averaged), inputs=[source])
     check_dialect(dialect, output)
     ending = output.suffix if output is not None else ".lib"
-    refuse_idle(context, f"on a {ending}", *FORMATS[ending].idle)
-    loaded = load_changed(source, changes)
+    common.refuse_idle(context, f"on a {ending}", *FORMATS[ending].idle)
+    loaded = common.load_changed(source, changes)
     drift = Thermal.of(loaded) if thermal else None
     exported = MotorExport(loaded, law, name, drift, averaged, cast(Dialect, dialect))
 
     def save(path: Path) -> None:
-        with busy("writing"):
+        with common.busy("writing"):
             exported.save(path)
 
     text = exported.text(ending)
-    deliver(
-        {"motor": loaded.name, "library": text}, "" if output else text, as_json,
-        (output, save), (plot, lambda path: view().draw(loaded, path)),
-    )  # fmt: skip
-    _name_library(as_json, output)
+    targets.write({"motor": loaded.name, "library": text}, "" if output else text, save, loaded.plot)
+    _name_library(targets)
 
 
-def _export_circuit(
-    source: str, changes: list[str] | None, as_json: bool, output: Path | None, plot: Path | None, name: str
-) -> None:
-    if changes or plot is not None:
+def _export_circuit(source: str, changes: list[str] | None, targets: Targets, name: str) -> None:
+    if changes or targets.plot is not None:
         raise pr.ParameterError("--set and --plot are for motors; a fit is drawn by `piezomotor fit FILE --plot`.")
     from pyspice_runner.export.circuit import CIRCUIT_FORMATS, CircuitExport
     from pyspice_runner.model.circuit_file import load_circuit
 
-    check_targets(output, tuple(CIRCUIT_FORMATS), None, [source])
+    targets.check(*CIRCUIT_FORMATS, inputs=[source])
     file = Path(source).name
     exported = CircuitExport(load_circuit(source), f"from {file}", name)
     text = exported.text()
-    deliver({"circuit": file, "library": text}, "" if output else text, as_json, (output, exported.save))
-    _name_library(as_json, output)
+    targets.write({"circuit": file, "library": text}, "" if targets.output else text, exported.save)
+    _name_library(targets)
 
 
-def _name_library(as_json: bool, output: Path | None) -> None:
+def _name_library(targets: Targets) -> None:
     """Say that a symbol needs the library that it names, where that is missing."""
-    if not as_json and output is not None and output.suffix in (".asy", ".kicad_sym"):
+    output = targets.output
+    if not targets.as_json and output is not None and output.suffix in (".asy", ".kicad_sym"):
         library = output.with_suffix(".lib")
         if not library.exists():
-            complain(f"note: {output.name} names {library.name}; export that too, beside it.", style=None)
+            common.complain(f"note: {output.name} names {library.name}; export that too, beside it.", style=None)

@@ -8,7 +8,7 @@ type of a group by the options of the group.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -18,23 +18,45 @@ import typer
 from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands.common import (
-    AuditOption,
-    EngineOption,
-    JsonOption,
-    OutputOption,
-    PlotOption,
-    TimeoutOption,
-    check_targets,
-    deliver,
-)
-from pyspice_runner.commands.contacting import DEFAULT_LAW, ContactOption, SlidersOption, law_named
+from pyspice_runner.commands import common
 
 Returned = TypeVar("Returned")
+_Write = Callable[[Path], object]
 
 SpeedOption = Annotated[float | None, typer.Option(help="Speed at which the shaft is held, rad/s; default: free.")]
 LoadOption = Annotated[float, typer.Option(help="Torque that a load draws from the free shaft, N.m.")]
 StepOption = Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")]
+
+DEFAULT_LAW = "spring-slider"
+NONE = "none"
+_LAWS = (DEFAULT_LAW, "brush", "coulomb")
+
+
+def _complete_law(incomplete: str) -> list[str]:
+    return [name for name in (*_LAWS, NONE) if name.startswith(incomplete)]
+
+
+ContactOption = Annotated[
+    str,
+    typer.Option(
+        "--contact",
+        metavar="LAW",
+        help="Contact law: spring-slider, brush, coulomb, the path of a .lib file, or none for a free tip.",
+        autocompletion=_complete_law,
+    ),
+]
+SlidersOption = Annotated[int | None, typer.Option(help="Number of sliders of the brush; default: 8.")]
+
+
+def law_named(contact: str, sliders: int | None = None) -> pr.Law | None:
+    """Return the law of ``--contact`` and ``--sliders``; ``None`` for a free tip.
+
+    Raises:
+        ParameterError: for an unknown law, or sliders without a brush.
+    """
+    if sliders is not None and contact != "brush":
+        raise pr.ParameterError("--sliders has no effect without --contact brush. Leave it out.")
+    return None if contact == NONE else pr.Law(contact, sliders)
 
 
 class Options:
@@ -94,7 +116,7 @@ class PeriodOptions(LawOptions):
     """How periods of a steady state are run."""
 
     step: StepOption = None
-    timeout: TimeoutOption = None
+    timeout: common.TimeoutOption = None
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -106,8 +128,8 @@ class PeriodOptions(LawOptions):
 class EngineOptions(Options):
     """The engine, and the audit of its result."""
 
-    audit: AuditOption = True
-    engine: EngineOption = "spice"
+    audit: common.AuditOption = True
+    engine: common.EngineOption = "spice"
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -129,9 +151,9 @@ class _Deliverable(Protocol):
 class Targets(Options):
     """Where the result goes."""
 
-    as_json: JsonOption = False
-    output: OutputOption = None
-    plot: PlotOption = None
+    as_json: common.JsonOption = False
+    output: common.OutputOption = None
+    plot: common.PlotOption = None
 
     def check(self, *endings: str, inputs: Iterable[str | Path | None] = ()) -> None:
         """Check the files to write before any work is done; see :func:`.common.check_targets`.
@@ -139,25 +161,15 @@ class Targets(Options):
         Raises:
             ParameterError: for a file that cannot be written.
         """
-        check_targets(self.output, endings, self.plot, inputs)
+        common.check_targets(self.output, endings, self.plot, inputs)
 
-    def deliver(self, result: _Deliverable, table: Table | str, document: dict[str, Any] | None = None) -> None:
-        """Write a result to its files and print it.
-
-        Args:
-            result: the result.
-            table: what is printed without ``--json``; as a text, the title of the result's summary.
-            document: the JSON object; by default that of the result.
-        """
-        if isinstance(table, str):
-            table = summary_table(result.summary(), table)
+    def deliver(self, result: _Deliverable, title: str, document: dict[str, Any] | None = None) -> None:
+        """Write a result to its files and print its summary under a title, or with ``--json`` a document."""
         document = result.to_dict() if document is None else document
-        deliver(document, table, self.as_json, (self.output, result.save), (self.plot, result.plot))
+        self.write(document, common.summary_table(result.summary(), title), result.save, result.plot)
 
-
-def summary_table(summary: dict[str, str], title: str) -> Table:
-    """Return the summary of a result as a table."""
-    table = Table("quantity", "value", title=title)
-    for name, value in summary.items():
-        table.add_row(name, value)
-    return table
+    def write(
+        self, document: Mapping[str, Any], table: Table | str, save: _Write, draw: _Write = lambda _: None
+    ) -> None:
+        """Write the files by two functions and print a table, or with ``--json`` a document."""
+        common.deliver(document, table, self.as_json, (self.output, save), (self.plot, draw))

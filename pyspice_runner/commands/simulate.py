@@ -3,25 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands.common import (
-    INTERRUPTED,
-    MotorArgument,
-    SetOption,
-    TimeoutOption,
-    caution,
-    load_changed,
-    refuse_idle,
-    run_progress,
-    warn_of,
-)
+from pyspice_runner.commands import common
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import EngineOptions, LawOptions, Targets, with_options
 from pyspice_runner.errors import Interrupted
@@ -45,7 +33,7 @@ _OF_CYCLES = (
 @with_options
 def simulate(
     context: typer.Context,
-    motor: MotorArgument,
+    motor: common.MotorArgument,
     drive: DriveOptions,
     *,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 5e-3,
@@ -74,9 +62,9 @@ def simulate(
         bool,
         typer.Option("--averaged", help="Average over the drive's period, for runs over seconds."),
     ] = False,
-    timeout: TimeoutOption = None,
+    timeout: common.TimeoutOption = None,
     engine: EngineOptions,
-    changes: SetOption = None,
+    changes: common.SetOption = None,
     targets: Targets,
 ) -> None:
     """Run a motor from rest under preload. Writes .csv or .nc (waveforms), .json (summary) or .cir (the deck).
@@ -85,23 +73,23 @@ def simulate(
     """
     contact = law.law
     targets.check(".csv", ".nc", ".json", ".cir")
-    loaded = load_changed(motor, changes)
+    loaded = common.load_changed(motor, changes)
     excitation = drive.stated(loaded)
     shaped = _shaped(context, excitation, waveform, burst)
     if averaged:
-        refuse_idle(context, "with --averaged", *_OF_CYCLES)
-        with run_progress("ngspice runs the averaged motor") as progress:
+        common.refuse_idle(context, "with --averaged", *_OF_CYCLES)
+        with common.run_progress("ngspice runs the averaged motor") as progress:
             mean = pr.simulate_averaged(
                 loaded, excitation, duration, contact=contact, speed=speed, load_torque=load_torque,
                 progress=progress, timeout=timeout,
             )  # fmt: skip
-        warn_of(mean.cautions)
+        common.warn_of(mean.cautions)
         targets.deliver(mean, f"{loaded.name}, averaged, {excitation.label}, {duration:.6g} s")
         return
     if targets.plot is not None and signals is not None:
         raise pr.ParameterError("--plot draws all signals; leave --signals out.")
     status = 0
-    with run_progress("ngspice runs the motor") as progress:
+    with common.run_progress("ngspice runs the motor") as progress:
         try:
             run = pr.simulate(
                 loaded,
@@ -120,25 +108,11 @@ def simulate(
                 **engine.settings,
             )
         except Interrupted as interrupt:
-            run, status = interrupt.partial, INTERRUPTED
-            warn_of([str(interrupt)])
-    caution(run)
-    summary = run.to_dict()
+            run, status = interrupt.partial, common.INTERRUPTED
+            common.warn_of([str(interrupt)])
+    common.caution(run)
     partial = "" if run.complete else ", partial"
-    table = Table("quantity", "value", title=f"{loaded.name}, {shaped.label}, {run.time_s[-1]:.6g} s{partial}")
-    rows: list[tuple[str, str, Callable[[Any], str]]] = [
-        ("mean_rotor_speed_rad_s", "mean rotor speed", lambda value: f"{value:.4g} rad/s"),
-        ("mean_torque_n_m", "mean torque", lambda value: f"{value:.4g} N·m"),
-        ("state_fractions", "separated / stick / slip", _percentages),
-        ("energy_residual", "energy residual", lambda value: f"{value:.1e}"),
-        ("error_estimate", "estimated error of the tip", lambda value: f"{100 * value:.2g} %"),
-    ]
-    for key, name, written in rows:
-        if summary[key] is not None:
-            table.add_row(name, written(summary[key]) + run.remark(key))
-    made = ", compiled motor" if run.provenance["run"]["engine"] == "compiled" else ""
-    table.add_row("points", f"{run.points} in {run.solver_seconds:.2f} s, ngspice {run.ngspice_version}{made}")
-    targets.deliver(run, table, summary)
+    targets.deliver(run, f"{loaded.name}, {shaped.label}, {run.time_s[-1]:.6g} s{partial}")
     raise typer.Exit(status)
 
 
@@ -153,9 +127,5 @@ def _shaped(
     if waveform is None:
         assert burst is not None
         return Burst(drive, burst)
-    refuse_idle(context, "with --waveform", "voltage", "phase", "ratio_b", "soft_start", "burst")
+    common.refuse_idle(context, "with --waveform", "voltage", "phase", "ratio_b", "soft_start", "burst")
     return read_waveform(waveform, drive.frequency)
-
-
-def _percentages(states: dict[str, float]) -> str:
-    return " / ".join(f"{100 * share:.1f} %" for share in states.values())

@@ -8,14 +8,14 @@ from typing import Annotated
 import typer
 
 import pyspice_runner as pr
-from pyspice_runner.commands.common import MotorArgument, SetOption, busy, caution, grid, load_changed
+from pyspice_runner.commands import common
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import LoadOption, PeriodOptions, SpeedOption, Targets, with_options
 
 
 @with_options
 def small_signals(
-    motor: MotorArgument,
+    motor: common.MotorArgument,
     drive: DriveOptions,
     *,
     frequencies: Annotated[
@@ -24,7 +24,7 @@ def small_signals(
     speed: SpeedOption = None,
     load: LoadOption = 0.0,
     period: PeriodOptions,
-    changes: SetOption = None,
+    changes: common.SetOption = None,
     targets: Targets,
 ) -> int:
     """Find transfer functions and hot admittance of a running motor. Writes .json, .csv or .nc.
@@ -32,12 +32,12 @@ def small_signals(
     Example: piezomotor small-signals andersen2002-unintended-mode --frequency 46e3 --load 5e-3 --frequencies 100,1000
     """
     targets.check(".json", ".csv", ".nc")
-    loaded = load_changed(motor, changes)
-    with busy("ngspice runs periods of the drive"):
+    loaded = common.load_changed(motor, changes)
+    with common.busy("ngspice runs periods of the drive"):
         result = pr.small_signals(
-            loaded, drive.stated(loaded), frequencies=grid("--frequencies", frequencies), speed=speed,
+            loaded, drive.stated(loaded), frequencies=common.grid("--frequencies", frequencies), speed=speed,
             load_torque=load, **period.settings,
         )  # fmt: skip
-    caution(result)
+    common.caution(result)
     targets.deliver(result, f"{loaded.name}: {result.state.drive.label}")
     return 0

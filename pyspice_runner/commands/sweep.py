@@ -7,35 +7,17 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
-from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands.common import (
-    INTERRUPTED,
-    EngineOption,
-    MotorArgument,
-    SetOption,
-    TimeoutOption,
-    axes_of,
-    complain,
-    load_changed,
-    pairs_of,
-    points_progress,
-    refuse_idle,
-)
-from pyspice_runner.commands.contacting import DEFAULT_LAW
+from pyspice_runner.commands import common
 from pyspice_runner.commands.drive import DRIVERS, MosfetOption, PartOption, changes_of, driver_of, two_phase
 from pyspice_runner.commands.driving import DriveOptions
-from pyspice_runner.commands.options import LawOptions, Targets, with_options
+from pyspice_runner.commands.options import DEFAULT_LAW, LawOptions, Targets, with_options
 from pyspice_runner.study.plan import Distribution, Sampling
-
-if TYPE_CHECKING:
-    import xarray
-
 
 QUANTITIES = ["mean_rotor_speed_rad_s", "mean_torque_n_m"]
 OPERATING_QUANTITIES = ["torque_n_m", "efficiency", "settled"]
@@ -45,7 +27,7 @@ DRIVER_QUANTITIES = ["motor_power_w", "driver_efficiency", "mean_rotor_speed_rad
 @with_options
 def sweep(
     context: typer.Context,
-    motor: MotorArgument,
+    motor: common.MotorArgument,
     drive: DriveOptions,
     *,
     over: Annotated[
@@ -88,9 +70,9 @@ def sweep(
     law: LawOptions,
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
     load_torque: Annotated[float | None, typer.Option(help="Simulate: torque of a load, N.m.")] = None,
-    timeout: TimeoutOption = None,
-    engine: EngineOption = "spice",
-    changes: SetOption = None,
+    timeout: common.TimeoutOption = None,
+    engine: common.EngineOption = "spice",
+    changes: common.SetOption = None,
     targets: Targets,
 ) -> int:
     """Run a motor at many values of its parameters, the drive's (drive.voltage) and the run's (run.load_torque).
@@ -101,21 +83,21 @@ def sweep(
     """
     contact = law.law
     if analysis == "operating-point":
-        refuse_idle(context, "on --analysis operating-point", "duration", "load_torque")
+        common.refuse_idle(context, "on --analysis operating-point", "duration", "load_torque")
     if analysis == "drive":
-        refuse_idle(context, "on --analysis drive", "engine")
+        common.refuse_idle(context, "on --analysis drive", "engine")
     else:
-        refuse_idle(context, "without --analysis drive", "driver", "part", "mosfet")
+        common.refuse_idle(context, "without --analysis drive", "driver", "part", "mosfet")
     if not tolerance:
-        refuse_idle(context, "without --tolerance", "distribution", "samples", "sampling", "seed")
+        common.refuse_idle(context, "without --tolerance", "distribution", "samples", "sampling", "seed")
     targets.check(".nc", ".csv", ".json")
     driven = analysis == "drive"
     of_motor, of_parts = changes_of(changes, part) if driven else (changes, part)
-    loaded = load_changed(motor, of_motor)
+    loaded = common.load_changed(motor, of_motor)
     stated = drive.stated(loaded)
     excitation = driver_of(driver or "linear", two_phase(stated), of_parts, mosfet) if driven else stated
-    axes: dict[str, Any] = {**axes_of(over)}
-    for path, text in pairs_of("--tolerance", tolerance):
+    axes: dict[str, Any] = {**common.axes_of(over)}
+    for path, text in common.pairs_of("--tolerance", tolerance):
         if path in axes:
             raise pr.ParameterError(f"{path} is given to --over and to --tolerance. Give it to one of them.")
         axes[path] = pr.Tolerance(_percent(path, text), distribution)
@@ -125,7 +107,7 @@ def sweep(
     if law.contact != DEFAULT_LAW:  # which is the default of the run
         run["contact"] = contact
     how = _question(analysis, excitation, quantity) | run
-    with _cluster(scheduler, workers) as executor, points_progress() as progress:
+    with _cluster(scheduler, workers) as executor, common.points_progress() as progress:
         try:
             dataset = pr.sweep(
                 loaded,
@@ -141,25 +123,17 @@ def sweep(
                 progress=progress,
             )
         except KeyboardInterrupt as interrupt:
-            complain(f"piezomotor: interrupted; {str(interrupt) or 'start the same sweep again to continue it'}.")
-            return INTERRUPTED
+            common.complain(
+                f"piezomotor: interrupted; {str(interrupt) or 'start the same sweep again to continue it'}."
+            )
+            return common.INTERRUPTED
     result = dataset.piezomotor
-    document = result.to_dict()
-    status = _told(dataset, document)
-    targets.deliver(result, _summary(dataset, document, excitation.label), document)
-    return status
-
-
-def _told(dataset: xarray.Dataset, document: dict[str, Any]) -> int:
-    """Say on stderr which points are not settled or failed, and return the exit status."""
-    for sentence in dataset.piezomotor.cautions:
-        if not sentence.endswith("see 'failure'."):  # told below, with the first reason
-            complain(f"piezomotor: {sentence}", style="yellow")
-    if document["failures"]:
-        first = document["failures"][0]["reason"]
-        complain(f"piezomotor: {len(document['failures'])} of {document['points']} points failed; the first: {first}")
-        return 3
-    return 0
+    common.caution(result)
+    values = dataset[result.quantities].to_dataframe().astype(float).where(np.isfinite)
+    marks = values.quantile([0.0, 0.05, 0.5, 0.95, 1.0]).T.to_string(float_format="{:.4g}".format)
+    title = f"{dataset.attrs['parameter_set']}, {excitation.label}, quantiles of {len(values)} points"
+    targets.write(result.to_dict(), f"{title}\n{marks}\n", result.save, result.plot)
+    return 3 if result.failures else 0
 
 
 def _question(
@@ -209,15 +183,3 @@ def _cluster(address: str | None, workers: int | None) -> Iterator[Executor | No
         ) from error
     with client:
         yield client.get_executor()
-
-
-def _summary(dataset: xarray.Dataset, document: dict[str, Any], drive: str) -> Table:
-    marked = ("lowest", "5 %", "median", "95 %", "highest")
-    table = Table("quantity", "unit", *marked, box=None, padding=(0, 2, 0, 0))
-    table.title = f"{dataset.attrs['parameter_set']}, {drive}, {document['points']} points"
-    for name in document["quantities"]:
-        values = dataset[name].values
-        values = values[np.isfinite(values)]
-        marks = np.quantile(values, [0.0, 0.05, 0.5, 0.95, 1.0]) if values.size else []
-        table.add_row(name, dataset[name].attrs["units"], *(f"{mark:.4g}" for mark in marks))
-    return table

@@ -8,43 +8,21 @@ from typing import Annotated, get_args
 import typer
 
 import pyspice_runner as pr
-from pyspice_runner.commands.common import (
-    AuditOption,
-    MotorArgument,
-    SetOption,
-    TimeoutOption,
-    busy,
-    caution,
-    load_changed,
-    refuse_idle,
-)
-from pyspice_runner.commands.contacting import DEFAULT_LAW, NONE, ContactOption, law_named
-from pyspice_runner.commands.drive import (
-    DRIVERS,
-    MatchOption,
-    MosfetOption,
-    PartOption,
-    PhaseOption,
-    VoltageOption,
-    changes_of,
-    driver_of,
-    refuse_idle_match,
-)
+from pyspice_runner.commands import common, drive, options
 from pyspice_runner.commands.driving import recommended_phases
-from pyspice_runner.commands.options import Targets, with_options
 from pyspice_runner.model.tracking import DisturbanceKind, TrackerKind
 
 
-@with_options
+@options.with_options
 def track(
     context: typer.Context,
-    motor: MotorArgument,
+    motor: common.MotorArgument,
     *,
     tracker: Annotated[TrackerKind, typer.Option(help="Tracker that sets the frequency.")] = "pll",
     disturb: Annotated[DisturbanceKind, typer.Option(help="Disturbance of the motor.")] = "start",
-    voltage: VoltageOption = None,
+    voltage: drive.VoltageOption = None,
     ratio_b: Annotated[float, typer.Option(help="Amplitude of group B over that of group A.")] = 1.0,
-    phase: PhaseOption = None,
+    phase: drive.PhaseOption = None,
     frequency: Annotated[
         float | None,
         typer.Option(help="Centre of the oscillator's range, Hz; default: the resonance of the running motor."),
@@ -67,21 +45,21 @@ def track(
         bool, typer.Option("--all-drift", help="Couplings and capacitances drift too, by their default coefficients.")
     ] = False,
     driver: Annotated[
-        str | None, typer.Option(help=f"Driver between tracker and motor: {DRIVERS}; default: none.")
+        str | None, typer.Option(help=f"Driver between tracker and motor: {drive.DRIVERS}; default: none.")
     ] = None,
-    match: MatchOption = "running",
-    part: PartOption = None,
-    mosfet: MosfetOption = None,
-    contact: ContactOption = DEFAULT_LAW,
+    match: drive.MatchOption = "running",
+    part: drive.PartOption = None,
+    mosfet: drive.MosfetOption = None,
+    contact: options.ContactOption = options.DEFAULT_LAW,
     begin: Annotated[float | None, typer.Option(help="Start of the disturbance, s.")] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated time, s.")] = None,
     averaged: Annotated[
         bool, typer.Option("--averaged", help="Track the averaged motor: minutes of motor time in seconds.")
     ] = False,
-    timeout: TimeoutOption = None,
-    audit: AuditOption = True,
-    changes: SetOption = None,
-    targets: Targets,
+    timeout: common.TimeoutOption = None,
+    audit: common.AuditOption = True,
+    changes: common.SetOption = None,
+    targets: options.Targets,
 ) -> None:
     """Track the last mode of a motor under a disturbance. The exit status is 0 whether or not the tracker locked.
 
@@ -91,8 +69,8 @@ def track(
     """
     _refuse_idle(context, tracker, disturb, driver)
     targets.check(".json", ".csv", ".cir")
-    of_motor, of_parts = changes_of(changes, part) if driver else (changes, part)
-    loaded = load_changed(motor, of_motor)
+    of_motor, of_parts = drive.changes_of(changes, part) if driver else (changes, part)
+    loaded = common.load_changed(motor, of_motor)
     tone = recommended_phases(loaded, voltage, frequency, phase) | {"ratio_b": ratio_b}
     values = {
         "kind": tracker, **tone, "span": span,
@@ -103,22 +81,22 @@ def track(
     if frequency is None:
         from pyspice_runner.analysis.track import running_resonance
 
-        resonance = running_resonance(loaded, chosen, contact=contact != NONE)
+        resonance = running_resonance(loaded, chosen, contact=contact != options.NONE)
         chosen = pr.Tracker(**(values | {"frequency": resonance.resonance_hz}))
-    through = driver and driver_of(driver, tone | {"frequency": chosen.frequency}, of_parts, mosfet)
-    with busy(f"ngspice runs the tracker {tracker}"):
+    through = driver and drive.driver_of(driver, tone | {"frequency": chosen.frequency}, of_parts, mosfet)
+    with common.busy(f"ngspice runs the tracker {tracker}"):
         if through and through.network != "none" and match != "none":
             from pyspice_runner.analysis.matching import propose_matching
 
-            law = law_named(contact)
+            law = options.law_named(contact)
             through = propose_matching(loaded, through, state=match, contact=law, timeout=timeout).applied(through)
         found = pr.track(
-            loaded, chosen, driver=through or None, disturb=disturb, contact=law_named(contact), begin=begin,
+            loaded, chosen, driver=through or None, disturb=disturb, contact=options.law_named(contact), begin=begin,
             duration=duration, load_torque=load_torque, preload_change=preload_change, drift=drift,
             drift_time=drift_time, target_step=target_step, thermal=pr.Thermal.of(loaded) if all_drift else None,
             averaged=averaged, timeout=timeout, audit=audit,
         )  # fmt: skip
-    caution(found)
+    common.caution(found)
     targets.deliver(found, loaded.name)
 
 
@@ -139,10 +117,10 @@ _OF_DISTURBANCES: dict[tuple[str, ...], set[str]] = {
 def _refuse_idle(context: typer.Context, tracker: TrackerKind, disturb: DisturbanceKind, driver: str | None) -> None:
     """Refuse options of another tracker, of another disturbance, or of a driver without ``--driver``."""
     if driver is None:
-        refuse_idle(context, "without --driver", "match", "part", "mosfet")
+        common.refuse_idle(context, "without --driver", "match", "part", "mosfet")
     else:
-        refuse_idle_match(context, driver)
+        drive.refuse_idle_match(context, driver)
     for option, kind, table in (("tracker", tracker, _OF_TRACKERS), ("disturb", disturb, _OF_DISTURBANCES)):
         for names, kinds in table.items():
             if kind not in kinds:
-                refuse_idle(context, f"on --{option} {kind}", *names)
+                common.refuse_idle(context, f"on --{option} {kind}", *names)

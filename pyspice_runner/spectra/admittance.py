@@ -122,13 +122,15 @@ class Admittance(Result):
         return columns_of(self.frequency_hz, self.matrix_s)
 
     def summary(self) -> dict[str, str]:
-        """Return motor, state, band, and series resonance, coupling factor and Qm of each mode driven as A."""
+        """Return motor, state, band, and the equivalent circuit of each mode for each connection."""
         low, high = (engineering(float(self.frequency_hz[place]), "Hz") for place in (0, -1))
         found = {"motor": str(self.motor["name"]), "state": self.state, "band": f"{low} to {high}"}
-        for item in self.resonances["A"]:
-            found[item.mode] = (
-                f"{engineering(item.fs, 'Hz')}, k_eff {item.coupling_factor:.3g}, Qm {item.quality_factor:.4g}"
-            )
+        for connection, resonances in self.resonances.items():
+            for item in resonances:
+                arm = ((item.resistance_ohm, "Ω"), (item.inductance_h, "H"), (item.capacitance_f, "F"))
+                values = [engineering(*value) for value in ((item.fs, "Hz"), (item.fp, "Hz"), *arm)]
+                factors = f"k_eff {item.coupling_factor:.3g}, Qm {item.quality_factor:.4g}"
+                found[f"{item.mode}, driven as {connection}"] = f"fs, fp, R, L, C {', '.join(values)}, {factors}"
         return found
 
 

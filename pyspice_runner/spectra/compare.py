@@ -26,6 +26,7 @@ from pyspice_runner.spectra.admittance import admittance
 from pyspice_runner.spectra.fit import FittedArm, SpectrumFit, fit_spectrum
 from pyspice_runner.spectra.identify.descent import rms
 from pyspice_runner.spectra.spectrum import Connection, Spectrum, State
+from pyspice_runner.units import engineering
 
 if TYPE_CHECKING:
     import pandas
@@ -157,7 +158,10 @@ class Comparison(_Tabulated):
         }
         for item in self.modes:
             shown = (f"{name.replace('_', ' ')} {100.0 * value:+.3g} %" for name, value in item.deviations.items())
-            found[f"mode {item.mode}"] = ", ".join(shown) or "missing"
+            frequency = engineering((item.measured or {}).get("frequency"), "Hz")
+            found[f"mode {item.mode}"] = ", ".join((frequency, *shown)) if item.measured else "missing"
+        if self.extra_hz:
+            found["further modes"] = ", ".join(engineering(frequency, "Hz") for frequency in self.extra_hz)
         return found
 
 
@@ -239,10 +243,12 @@ class Trend(_Tabulated):
         return tuple(dict.fromkeys(warning for item in self.comparisons for warning in item.warnings))
 
     def summary(self) -> dict[str, str]:
-        """Return the reference, the number of spectra and the RMS deviation of each."""
+        """Return the reference, the number of spectra and the deviations of each."""
         found = {"reference": self.comparisons[0].reference.source, "spectra": str(len(self.comparisons))}
         for item, at in zip(self.comparisons, self.at, strict=True):
-            found[f"{self.label} {at:g}"] = f"{item.measured.source}: {100.0 * item.rms_deviation:.3g} % RMS"
+            entries = item.summary()
+            found[f"{self.label} {at:g}"] = entries.pop("measured")
+            found |= {f"{name} at {at:g}": text for name, text in entries.items() if name != "reference"}
         return found
 
 

@@ -39,7 +39,7 @@ from pyspice_runner.spectra.identify.starts import missing
 from pyspice_runner.spectra.noise import noise_of, same_shape
 from pyspice_runner.spectra.spectrum import Spectrum
 from pyspice_runner.spectra.threads import one_thread
-from pyspice_runner.units import engineering
+from pyspice_runner.units import engineering, unit_in
 
 MOST_MODES = 20  # that may be stated
 _ANALYSER = 1e-3  # twice the accuracy of the best impedance analysers
@@ -72,6 +72,11 @@ class FittedArm:
     standard_errors: dict[str, float | None]
     in_band: bool
     characteristics: Characteristics
+
+
+_LABELS = {
+    "series_resonance_hz": "f", "quality_factor": "Q", "resistance_ohm": "R", "inductance_h": "L", "capacitance_f": "C",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -187,19 +192,45 @@ class SpectrumFit(Result):
         return {**super().writers(), **CircuitExport(self.circuit, title, frequency_hz=self.frequency_hz).writers()}
 
     def summary(self) -> dict[str, str]:
-        """Return source, error, clamped capacitance, and frequency, Qm and R of each arm."""
-        arms = {
-            f"arm {number}": f"{engineering(arm.series_resonance_hz, 'Hz')}, Qm {arm.quality_factor:.4g}, "
-            f"R {engineering(arm.resistance_ohm, 'Ω')}"
-            for number, arm in enumerate(self.arms, start=1)
-        }
-        return {
+        """Return source, errors, the circuit's values ± one standard error, and the numbers of arms tried."""
+        circuit, loss = self.circuit, self.standard_errors["loss_tangent"]
+        leads = (engineering(value, unit_in(name)) for name, value in (self.leads or {}).items())
+        found = {
             "source": self.source or "spectrum",
             "arms": str(len(self.arms)),
             "RMS error": f"{100.0 * self.rms_relative_error:.3g} %",
-            "clamped capacitance": engineering(self.circuit.clamped_capacitance_f, "F"),
-            **arms,
+            "clamped capacitance": _shown(circuit, "clamped_capacitance_f", self.standard_errors),
+            "loss tangent": f"{circuit.loss_tangent:.3g} ±{'?' if loss is None else f'{loss:.2g}'} at "
+            f"{engineering(circuit.loss_reference_hz, 'Hz')}",
+            "leads": " and ".join(leads) or "none",
+            "error model": ", ".join(f"{kind} {sigma:.2g}" for kind, sigma in self.noise.items()),
         }
+        if circuit.shared_losses:
+            found["shared resistances"] = str(len(circuit.shared_losses))
+        for number, arm in enumerate(self.arms, start=1):
+            values = ", ".join(f"{label} {_shown(arm, name, arm.standard_errors)}" for name, label in _LABELS.items())
+            factor, merit = arm.characteristics.coupling_factor, arm.characteristics.figure_of_merit
+            found[f"arm {number}"] = f"{values}, k_eff {factor:.3f}, M {merit:.3g}"
+        for definition, main in circuit.definitions()[self.arms.index(self.main_arm)].items():
+            if main is not None:
+                found[f"main arm by {definition}"] = ", ".join(
+                    f"{label} {engineering(main[name], unit_in(name).strip('1'))}"
+                    for name, label in _LABELS.items()
+                    if name in main
+                )
+        tried = (
+            f"{item.arms}{' coupled' if item.rank else ''}{' with leads' if item.leads else ''} "
+            f"({item.criterion:.0f}, {100.0 * item.rms_relative_error:.2g} %{', ' if item.note else ''}{item.note})"
+            for item in self.candidates
+        )
+        return found | {"arms tried (information criterion, RMS error)": ", ".join(tried)}
+
+
+def _shown(item: object, name: str, errors: Mapping[str, float | None]) -> str:
+    """Return an attribute with its unit, ± its standard error in percent."""
+    value, error = getattr(item, name), errors[name]
+    share = "?" if error is None else f"{100.0 * error / value:.2g}%"
+    return f"{engineering(value, unit_in(name).strip('1'))} ±{share}"
 
 
 @checked

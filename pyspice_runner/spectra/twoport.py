@@ -187,9 +187,13 @@ class TwoPortFit(Result):
             "clamped capacitance of B": engineering(self.capacitance_b_f, "F"),
         }
         for number, mode in enumerate(self.modes, start=1):
+            couplings = (
+                f"{getattr(mode, name):.4g} ±{mode.standard_errors[name]:.2g}"
+                for name in ("coupling_a_n_per_v_kg05", "coupling_b_n_per_v_kg05")
+            )
             found[f"mode {number}"] = (
                 f"{engineering(mode.series_resonance_hz, 'Hz')}, Qm {mode.quality_factor:.4g}, "
-                f"couplings {mode.coupling_a_n_per_v_kg05:.4g}, {mode.coupling_b_n_per_v_kg05:.4g} N/(V·√kg)"
+                f"couplings {', '.join(couplings)} N/(V·√kg)"
             )
         return found
 

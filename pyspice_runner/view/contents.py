@@ -137,16 +137,19 @@ class Contents(Result):
         return tuple(dict.fromkeys((*self.run.cautions, *curves)))
 
     def summary(self) -> dict[str, str]:
-        """Return motor, drive and key figures."""
+        """Return motor, drive, key figures and errors."""
         figures = self.key_figures
         best = figures["best_efficiency"]
         return {
             "motor": self.motor.name,
+            "modes": self.motor.summary()["modes"],
             "drive": self.drive.label,
             "stall torque": engineering(figures["stall_torque_n_m"], "N·m"),
             "no-load speed": engineering(figures["no_load_speed_rad_s"], "rad/s"),
             "best efficiency": "–" if best is None else f"{100.0 * best:.3g} %",
             "electrical power": engineering((figures["power_a_w"] or 0.0) + (figures["power_b_w"] or 0.0), "W"),
+            "error by the step": f"{self.discretisation_error['tip_path']:.1e} of the tip's path",
+            "energy residual": f"{self.run.energy_residual:.1e}",
         }
 
 
