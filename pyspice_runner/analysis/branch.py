@@ -18,7 +18,6 @@ from math import ceil, sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pyspice_runner.analysis.dynamometer import UNITS
 from pyspice_runner.analysis.period_map import PeriodMap, Trace, cores
@@ -33,11 +32,11 @@ from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.copies import Copy, Plant
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.window import Array
 
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
 
 MOST_POINTS = 400
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.2, 1e-4  # of the arc; 1 is the size of the motion, or SPAN

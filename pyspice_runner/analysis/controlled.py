@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pyspice_runner.engine.session import Session
 from pyspice_runner.errors import ParameterError
@@ -33,8 +32,8 @@ from pyspice_runner.result import Result
 from pyspice_runner.run.kernel import simulator
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.settings import Solver
+from pyspice_runner.run.window import Array
 
-Array = NDArray[np.float64]
 MOST_SAMPLES = 100_000
 MOST_VOLTAGE = 1e4  # V, as of a drive
 SAMPLES: dict[str, tuple[str, str]] = {

@@ -19,7 +19,6 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.model.drive import Tone
@@ -27,8 +26,8 @@ from pyspice_runner.netlist.copies import Copy, Plant, copies_bench, copy_name, 
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.state import Discretisation
 from pyspice_runner.run.kernel import run_bench, simulator
+from pyspice_runner.run.window import Array
 
-Array = NDArray[np.float64]
 COPIES_PER_DECK = 30  # measured: beyond, the parse trees of the B-sources no longer fit the cache of a core
 # steps; the first uniform step begins after less than two and lets a slider that slips forget its start, and ngspice 46
 # shortens the last two

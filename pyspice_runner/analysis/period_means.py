@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pyspice_runner.analysis.dynamometer import quantities_of, stored_energy
 from pyspice_runner.analysis.period_map import Trace
@@ -17,8 +16,7 @@ from pyspice_runner.model import strength
 from pyspice_runner.netlist.copies import Plant, drive_voltage, phasor_at
 from pyspice_runner.netlist.motor import dielectric_admittance
 from pyspice_runner.netlist.state import Discretisation, static_sway
-
-Array = NDArray[np.float64]
+from pyspice_runner.run.window import Array
 
 
 def modal(plant: Plant, trace: Trace) -> tuple[Array, Array]:

@@ -40,10 +40,8 @@ from pyspice_runner.run.audit import audit_point
 from pyspice_runner.run.engines import BEHIND_DRIVER, Engine, on_engine
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.recording import Recording
-from pyspice_runner.run.waveforms import COLUMNS, HEATED, Waveforms
+from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, Waveforms
 from pyspice_runner.units import engineering
-
-Array = NDArray[np.float64]
 
 OFFSETS = 2  # copies of each point, whose steps lie between each other's
 MOST_REFINEMENTS = 2  # halvings of the step beyond the default

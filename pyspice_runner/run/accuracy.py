@@ -14,13 +14,11 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.run.operating_point import OperatingPoint
-from pyspice_runner.run.window import Window
+from pyspice_runner.run.window import Array, Window
 
-Array = NDArray[np.float64]
 TIP = ("tip_x_m", "tip_y_m")
 JUDGED = (*TIP, "rotor_speed_rad_s", "friction_force_n")
 COST = 0.75  # of the run whose error is estimated: half of its steps and a quarter

@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 from pyspice_runner.model.contact import linearised_resonances, static_deflection
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD
-from pyspice_runner.run.waveforms import ENERGY_BOUND, EnergyBalance
-
-Array = NDArray[np.float64]
+from pyspice_runner.run.waveforms import ENERGY_BOUND, Array, EnergyBalance
 
 # The wattmeters integrate over the simulator's own steps: settled points balance to 1e-4. The change of the energy
 # stored in the contact from block to block is not metered.

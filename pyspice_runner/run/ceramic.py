@@ -7,15 +7,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.strength import exceeded, peak_of_motion, temperature_rise
 from pyspice_runner.netlist.source import GROUPS, Source
 from pyspice_runner.netlist.state import Discretisation, motor_states
-from pyspice_runner.run.window import Window
-
-Array = NDArray[np.float64]
+from pyspice_runner.run.window import Array, Window
 
 
 def modal_vectors(motor: Motor) -> list[str]:
