@@ -283,8 +283,7 @@ def drive_report(
         proposals: whether to propose a matching for every state, which takes one more run.
         step: uniform time step in s, or with a bridge the largest; by default from the fastest motion.
         timeout: wall time in s after which a run is ended.
-        audit: whether a report that fails the physical audit is an error. If not, ``audit`` of the report has the
-            findings.
+        audit: whether findings of the physical audit are an error; if not, ``audit`` of the report has them.
 
     Raises:
         ParameterError: for an invalid value.

@@ -264,8 +264,7 @@ def impact(
         contact: law of the contact, as in ``simulate``.
         steps: number of time steps of an impact without loss.
         timeout: wall time in s after which ngspice is ended.
-        audit: whether an impact that fails the physical audit raises an error; if not, ``provenance["audit"]`` has
-            the findings.
+        audit: whether findings of the physical audit are an error; if not, ``provenance["audit"]`` has them.
 
     Raises:
         ParameterError: for an invalid value.

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from cmath import phase, rect
 from dataclasses import dataclass, replace
-from math import degrees, isfinite, pi, radians, sqrt
+from math import degrees, pi, radians, sqrt
 from typing import Any, Literal
 
 import numpy as np
@@ -156,20 +156,12 @@ def propose_matching(
 
 
 def check_duration(setup: OperatingPoint, duration: float) -> None:
-    """Check that a run with a driver lasts ten periods at least, and that its points fit in memory.
-
-    Raises:
-        ParameterError: otherwise.
-    """
-    least = 10.0 * setup.source.period
-    if not (isfinite(duration) and duration >= least):
+    """Raise a ParameterError unless a run lasts ten periods of its driver, and its points fit in memory."""
+    least, most = 10.0 * setup.source.period, MOST_POINTS * setup.step
+    if not least <= duration <= most:
         raise ParameterError(
-            f"duration = {duration:g} s is not valid; give at least ten periods of the driver, {least:.3g} s."
-        )
-    if duration / setup.step > MOST_POINTS:
-        raise ParameterError(
-            f"duration = {duration:g} s takes {duration / setup.step:.3g} steps of {setup.step:.3g} s; at most "
-            f"{MOST_POINTS:.0e} fit in memory, so shorten it."
+            f"duration = {duration:g} s is not valid: it must be from {least:.3g} s, ten periods of the driver, to "
+            f"{most:.3g} s, so that the points fit in memory."
         )
 
 

@@ -68,10 +68,8 @@ def simulate(
         contact: law of the contact: ``"spring-slider"``, the paper's; ``"brush"``, which slips from the edge inwards;
             ``"coulomb"``, without a spring along the tangent; ``None`` for a free tip, which starts from r = 0.
         speed: if given, the shaft is held at this speed, rad/s.
-        load_torque: torque in N·m that a load draws from the free shaft at any speed; against the positive
-            direction when positive.
-        step: uniform time step in s; by default the shortest period present over 128, or what the accuracy
-            asks for.
+        load_torque: torque in N·m that a load draws from the free shaft, positive against the positive direction.
+        step: uniform time step in s; by default from the accuracy, or the shortest period present over 128.
         accuracy: error allowed of the tip's trajectory, RMS relative to its motion, such as 0.005. The step is chosen
             so that :attr:`Waveforms.error_estimate` stays below it; a given step that is too coarse is an error. By
             default the error is estimated too, by two more runs with coarser steps that take 0.75 times as long;
@@ -84,8 +82,7 @@ def simulate(
         record_every: number of steps from one recorded point to the next.
         progress: called several times a second with the fraction that is done, 0 to 1, and the remaining seconds.
         timeout: wall time in s after which the run is ended.
-        audit: whether a run that fails the physical audit (:mod:`.audit`) is an error. If not, ``provenance["audit"]``
-            has what was found.
+        audit: whether findings of the physical audit (:mod:`.audit`) are an error; if not, ``audit`` has them.
         engine: ``"spice"``, in which ngspice interprets the B-sources of the motor; ``"compiled"``, a compiled
             Verilog-A module, which takes a compiler and ngspice 46 (:mod:`~pyspice_runner.run.engines`); ``"auto"``,
             the compiled one if it was seen on this machine to move as the other does.

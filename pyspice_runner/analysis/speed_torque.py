@@ -120,8 +120,8 @@ def speed_torque(
         executor: executor that runs the points; by default one thread per core, each with its own ngspice process.
         progress: called with the number of finished points and of all points.
         timeout: wall time in s after which ngspice is stopped, per block.
-        audit: whether a point that fails the physical audit (:mod:`.audit`) is an error. If not, ``audit_passed`` is
-            false there, and the attribute ``audit`` has what was found.
+        audit: whether findings of the physical audit (:mod:`.audit`) are an error; if not, ``audit_passed`` is false
+            at such a point, and the attribute ``audit`` has them.
         engine: of the steady states, as in ``simulate``. A point that settles, and one behind a driver, runs with the
             B-sources; the attribute ``method`` has which points settled.
 

@@ -85,13 +85,11 @@ def track(
         target_step: step of the target phase of a phase-locked loop, degrees.
         speed: if given, the shaft is held at this speed, rad/s.
         step: largest time step, s; by default 1/200 of the period of the fastest motion.
-        driver: driver circuit between tracker and motor. It sets voltages and phase, the tracker its frequency; the
-            tracker senses at the motor's pins.
+        driver: circuit between tracker and the motor's pins, where the tracker senses; it sets voltages and phase.
         averaged: whether to track the averaged motor. ``loop`` is then that of its ``.ac`` at the end of the run;
             ``None`` if the tracker is not locked.
         timeout: wall time in s after which a run is ended.
-        audit: whether a run whose contact fails the physical audit is an error. If not, ``audit`` of the
-            result has the findings.
+        audit: whether findings of the physical audit are an error; if not, ``audit`` of the result has them.
 
     Raises:
         ParameterError: for an invalid value.

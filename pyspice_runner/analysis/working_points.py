@@ -23,7 +23,7 @@ from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.refusal import as_number, checked, quoted
+from pyspice_runner.model.refusal import checked, quoted
 from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import FREE
@@ -152,8 +152,7 @@ def _limits(limits: Mapping[str, float], motor: Motor) -> dict[str, float]:
             raise ParameterError(
                 f"limits: {name} is not known of {motor.name}: the {missing[name]}. Leave the limit out."
             )
-        number = as_number(value)
-        if number is None or not number > 0.0:
+        if not value > 0.0:
             raise ParameterError(f"limits: {name} = {quoted(value)} is not valid: it must be a number > 0.")
     return {name: float(value) for name, value in limits.items()}
 

@@ -234,7 +234,7 @@ def test_every_state_has_a_proposal() -> None:
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        ({"duration": 1e-5}, "duration = 1e-05 s is not valid; give at least ten periods"),
+        ({"duration": 1e-5}, "duration = 1e-05 s is not valid: it must be from 0.000"),
         ({"match": "moving"}, "match = 'moving' is not valid: it must be 'free', 'preloaded', 'running' or 'hot'."),
         ({"speed": 1.0, "load_torque": 1e-3}, "speed and load_torque exclude each other"),
         ({"contact": "glue"}, "contact = 'glue' is not valid"),
