@@ -143,7 +143,7 @@ def run_deck(
             _link(modules, folder, deck)
             fault = silent_fault(deck)
             if fault:
-                raise _Unsound(fault, "")
+                raise SimulationError(fault)
             started = time.perf_counter()
             try:
                 status, log, seconds = _execute(executable, folder, deck_path, timeout, progress, listening)
@@ -154,7 +154,7 @@ def run_deck(
             raw = _verified(folder / "out.raw", status, log, vectors)
             _check_end(raw, "time", stop_time, "s", log)
             _check_end(raw, "frequency", stop_frequency, "Hz", log)
-        except _Unsound as error:
+        except SimulationError as error:
             keep = True
             full = "" if shutil.disk_usage(folder).free > _FULL else f" The disk of {folder} is full. {FREE_SPACE}"
             for scrap in ("out.raw", "log"):
@@ -183,14 +183,6 @@ def _link(modules: Sequence[Path], folder: Path, deck: str) -> None:
         (folder / "spinit").touch()
 
 
-class _Unsound(Exception):
-    """A run is not valid; with the log of ngspice."""
-
-    def __init__(self, message: str, log: str) -> None:
-        super().__init__(message)
-        self.log = log
-
-
 def _execute(
     executable: str,
     folder: Path,
@@ -208,12 +200,14 @@ def _execute(
                 stdin=subprocess.DEVNULL, stdout=log_file, stderr=subprocess.STDOUT,
             )  # fmt: skip
         except OSError as error:
-            raise _Unsound(f"{executable} does not run: {error.strerror}.", "") from None
+            raise SimulationError(f"{executable} does not run: {error.strerror}.") from None
         try:
             with listening():
                 status = _wait(process, timeout, progress, log_file)
         except subprocess.TimeoutExpired:
-            raise _Unsound(f"ngspice did not finish within {timeout:g} s and was stopped.", _read(log_file)) from None
+            raise SimulationError(
+                f"ngspice did not finish within {timeout:g} s and was stopped.", log=_read(log_file)
+            ) from None
         finally:
             end(process)
         return status, _read(log_file), time.perf_counter() - started
@@ -258,7 +252,7 @@ def _read(log_file: IO[bytes]) -> str:
     log_file.seek(0)
     text = log_file.read(_LONGEST_LOG + 1)
     if len(text) > _LONGEST_LOG:
-        raise _Unsound(f"ngspice wrote a log of more than {_LONGEST_LOG >> 20} MiB, too long to be checked.", "")
+        raise SimulationError(f"ngspice wrote a log of more than {_LONGEST_LOG >> 20} MiB, too long to be checked.")
     return text.decode("utf-8", errors="replace")
 
 
@@ -268,20 +262,20 @@ def _verified(path: Path, status: int, log: str, vectors: Sequence[str]) -> RawF
         if status < 0:
             how = f"was killed by signal {-status} ({signal.strsignal(-status)})"
             how += ", as the system does when memory runs out" if -status == signal.SIGKILL else ""
-        raise _Unsound(f"ngspice {how}{_quoted(_spoken(log))}.", log)
+        raise SimulationError(f"ngspice {how}{_quoted(_spoken(log))}.", log=log)
     complaint = _complaint(log)
     if complaint:
-        raise _Unsound(f"ngspice finished but complained{_quoted(complaint)}.", log)
+        raise SimulationError(f"ngspice finished but complained{_quoted(complaint)}.", log=log)
     try:
         raw = read_rawfile(path)
     except RawFileError as error:
-        raise _Unsound(f"ngspice gave no usable result: {error}.", log) from None
+        raise SimulationError(f"ngspice gave no usable result: {error}.", log=log) from None
     for name in vectors:
         if raw.find(name) is None:
-            raise _Unsound(f"ngspice left out the vector {name}; check that the netlist has it.", log)
+            raise SimulationError(f"ngspice left out the vector {name}; check that the netlist has it.", log=log)
     spoiled = raw.beyond(LARGEST, vectors)
     if spoiled:
-        raise _Unsound(f"ngspice gave values of {spoiled} that are not finite or exceed {LARGEST:g}.", log)
+        raise SimulationError(f"ngspice gave values of {spoiled} that are not finite or exceed {LARGEST:g}.", log=log)
     return raw
 
 
@@ -290,7 +284,7 @@ def _check_end(raw: RawFile, abscissa: str, stop: float | None, unit: str, log: 
     if stop is None:
         return
     if abscissa not in raw.vectors:
-        raise _Unsound(f"ngspice gave no {abscissa}; its result is {raw.plot!r}.", log)
+        raise SimulationError(f"ngspice gave no {abscissa}; its result is {raw.plot!r}.", log=log)
     axis = raw.vectors[abscissa].real
     reached = float(axis[-1])
     if abscissa == "frequency" and len(axis) > 1 and axis[-1] - axis[-2] < 1e-9 * len(axis) * stop:
@@ -298,7 +292,7 @@ def _check_end(raw: RawFile, abscissa: str, stop: float | None, unit: str, log: 
         # of a step, and the last step may be dropped
         stop -= 1.01 * float(axis[-1] - axis[-2])
     if not reached >= stop * (1.0 - 1e-9):
-        raise _Unsound(f"ngspice stopped at {reached:g} {unit}, before the end at {stop:g} {unit}.", log)
+        raise SimulationError(f"ngspice stopped at {reached:g} {unit}, before the end at {stop:g} {unit}.", log=log)
 
 
 def _spoken(log: str) -> list[str]:

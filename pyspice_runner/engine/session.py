@@ -16,7 +16,6 @@ import subprocess
 import time
 from collections.abc import Sequence
 from math import isfinite
-from types import TracebackType
 from typing import Self
 
 from pyspice_runner.engine.ngspice import find_ngspice, ngspice_version
@@ -81,9 +80,7 @@ class Session:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def advance(self, until: float) -> dict[str, float]:

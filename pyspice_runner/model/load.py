@@ -262,7 +262,15 @@ def _resolve_modes(
     modes = []
     for index, entry in enumerate(entries):
         if way == "arms":
-            modes.append(_mode_of_arm(build(Arm, entry, f"arms.{index}", where), f"arms.{index}", where))
+            arm = build(Arm, entry, f"arms.{index}", where)
+            try:
+                modes.append(arm.to_mode().model_dump())
+            except ValidationError as error:
+                name, value = str(error.errors()[0]["loc"][-1]), quoted(error.errors()[0]["input"])
+                raise ParameterError(
+                    f"{where}: the values of arms.{index} and its mass_kg = {arm.mass_kg:g} kg give a mode with "
+                    f"{name} = {value} {unit_of(Mode, name)}; it must be {allowed_range(Mode, name)}."
+                ) from error
         else:
             modes.append(_complete_mode(as_table(entry, f"modes.{index}", where), damping, f"modes.{index}", where))
     return None, modes, None
@@ -289,17 +297,6 @@ def _from_beam(plain: dict[str, Any], where: str) -> tuple[Structure, list[dict[
     except ParameterError as error:
         raise ParameterError(f"{where}: {error}") from error
     return structure, [mode.model_dump() for mode in modes]
-
-
-def _mode_of_arm(arm: Arm, path: str, where: str) -> dict[str, Any]:
-    try:
-        return arm.to_mode().model_dump()
-    except ValidationError as error:
-        name, value = str(error.errors()[0]["loc"][-1]), quoted(error.errors()[0]["input"])
-        raise ParameterError(
-            f"{where}: the values of {path} and its mass_kg = {arm.mass_kg:g} kg give a mode with "
-            f"{name} = {value} {unit_of(Mode, name)}; it must be {allowed_range(Mode, name)}."
-        ) from error
 
 
 def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, where: str) -> dict[str, Any]:

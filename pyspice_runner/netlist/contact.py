@@ -74,11 +74,6 @@ class Law:
             )
 
     @property
-    def library(self) -> Library:
-        """The library with the law's subcircuit."""
-        return contact_library(self)
-
-    @property
     def states(self) -> tuple[str, ...]:
         """The nodes inside a motor whose capacitors hold the state of the contact, for ``.ic``.
 
@@ -86,7 +81,7 @@ class Law:
         """
         if self.name == "spring-slider":
             return ()
-        nodes = re.findall(r"^C\w+ (\w+) 0 ", self.library.subcircuit, re.M | re.I)
+        nodes = re.findall(r"^C\w+ (\w+) 0 ", contact_library(self).subcircuit, re.M | re.I)
         return tuple(node if node in PINS else f"xcontact.{node}" for node in map(str.lower, nodes))
 
     def to_dict(self) -> dict[str, object]:

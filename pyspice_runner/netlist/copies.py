@@ -288,17 +288,9 @@ def copies_bench(
         start |= {f"{instance}.{node}": value for node, value in inside.items()}
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name}")
     circuit.raw_spice += "\n".join(lines) + "\n"
-    return Bench(circuit, _options(copies), start, tuple(modules), signals)
-
-
-def _options(copies: Sequence[Copy]) -> dict[str, str]:
-    """Return options with the smallest tolerances of all copies."""
-    first = copies[0].plant
-    options = dict(transient_options(first.motor, first.law))
-    for copy in copies:
-        own = transient_options(copy.plant.motor, first.law)
-        options |= {name: own[name] for name in ("vntol", "abstol") if float(own[name]) < float(options[name])}
-    return options
+    tolerances = [transient_options(copy.plant.motor, first.law) for copy in copies]
+    options = tolerances[0] | {name: min((own[name] for own in tolerances), key=float) for name in ("vntol", "abstol")}
+    return Bench(circuit, options, start, tuple(modules), signals)
 
 
 def _drive_lines(plant: Plant, probes: Sequence[Probe], begun: float, number: int) -> list[str]:

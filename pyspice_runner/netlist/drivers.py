@@ -25,7 +25,7 @@ from pyspice_runner.model.parameters import quantity
 from pyspice_runner.model.refusal import Stated, quoted
 from pyspice_runner.netlist.benches import UNIFORM_POINTS, transient_options
 from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.library import Library, definitions, read_library
+from pyspice_runner.netlist.library import Library, check_parameters, definitions, read_library
 from pyspice_runner.netlist.motor import instantiate
 from pyspice_runner.netlist.own_device import DRIVEN, MOSFET, is_reference, read_driver, read_mosfet
 from pyspice_runner.netlist.source import GROUPS, Pins, Source
@@ -327,12 +327,12 @@ class Driver(Stated, Source):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the driver and every parameter of its parts, JSON-ready."""
-        document = self.model_dump(exclude={"settings"})
-        document["label"] = self.label
-        document["supplied"] = self.supplied
-        document["rails_v"] = {group: list(self.rails(group)) for group in GROUPS}
-        document["parts"] = {group: {part.label: part.values for part in self.parts(group)} for group in GROUPS}
-        return document
+        return self.model_dump(exclude={"settings"}) | {
+            "label": self.label,
+            "supplied": self.supplied,
+            "rails_v": {group: list(self.rails(group)) for group in GROUPS},
+            "parts": {group: {part.label: part.values for part in self.parts(group)} for group in GROUPS},
+        }
 
     def libraries(self) -> list[Library]:
         """Return the libraries of all parts; the user's own MOSFET comes first."""
@@ -350,7 +350,7 @@ class Driver(Stated, Source):
             driven = dict(zip(DRIVEN, (self.amplitude(group), self.frequency, phase_deg), strict=True))
             values |= {name: value for name, value in driven.items() if name in values}
         try:
-            library.check(**values)
+            check_parameters(library.name, library.parameters, values)
         except ParameterError as error:
             raise ParameterError(f"Driver: {label} of group {group.upper()}: {error}") from None
         return Part(instance, label, group, library, values)

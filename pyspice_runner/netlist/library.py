@@ -77,20 +77,11 @@ class Library:
         """Names of the pins, in their order."""
         return tuple(pin.name for pin in self.pins)
 
-    def check(self, **values: float) -> dict[str, float]:
-        """Return the values if each is a known parameter within its range.
-
-        ngspice ignores an unknown parameter of a subcircuit without a message; here it is an error.
-
-        Raises:
-            ParameterError: otherwise.
-        """
-        check_parameters(self.name, self.parameters, values)
-        return values
-
 
 def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: Mapping[str, float | str]) -> None:
     """Check names and values of the parameters of an instance. A text is an expression; its value is not checked.
+
+    ngspice ignores an unknown parameter of a subcircuit without a message; here it is an error.
 
     Raises:
         ParameterError: for an unknown parameter or a number out of range.

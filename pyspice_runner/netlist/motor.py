@@ -166,7 +166,7 @@ class MotorSubCircuit(Assembly):
             moved = self._add_sway(static_sway(motor, law, discretisation) / preload)
             moved |= self._add_mount(approach=approach)
             moved |= self._add_stem(motor.contact.series_compliance_m_per_n, moved.get("y", "y"))
-            library.check(**touching)
+            check_parameters(library.name, library.parameters, touching)
             expressions = _expressions(library, touching, flexibility)
             self._put("contact", library, [moved.get(pin, pin) for pin in PINS], {**touching, **expressions})
         else:

@@ -21,7 +21,7 @@ from pyspice_runner.engine.ngspice import ngspice_version
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import quoted
-from pyspice_runner.netlist.contact import Law, is_own
+from pyspice_runner.netlist.contact import Law, contact_library, is_own
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.library import data_path
 from pyspice_runner.netlist.sources import Excitation
@@ -121,7 +121,7 @@ def plain(run: Mapping[str, Any]) -> dict[str, Any]:
 def _law(run: Mapping[str, Any]) -> dict[str, str]:
     """Return the hash of a contact law of the user's own, whose file may change while its name stays."""
     contact = plain(run).get("contact")
-    return {"contact_sha256": _sha256(Law(str(contact)).library.subcircuit)} if is_own(contact) else {}
+    return {"contact_sha256": _sha256(contact_library(Law(str(contact))).subcircuit)} if is_own(contact) else {}
 
 
 def _tools(run: Mapping[str, Any]) -> dict[str, str]:

@@ -14,7 +14,7 @@ from pyspice_runner.datasets import Curves
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.result import Audit, Result
-from pyspice_runner.run.waveforms import Array, Waveforms
+from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.spectra.admittance import Admittance
 from pyspice_runner.spectra.spectrum import Connection, Spectrum, State
 from pyspice_runner.units import engineering
@@ -83,10 +83,15 @@ class Contents(Result):
         speed, torque = curve["speed_rad_s"].values, curve["torque_n_m"].values
         forward = np.where(curve["shaft_power_w"].values > 0.0, curve["efficiency"].values, -np.inf)
         best = int(np.argmax(forward))
+        crossings = np.flatnonzero(torque[:-1] * torque[1:] < 0.0)
+        no_load = None
+        if len(crossings):  # by a straight line between the points around the first zero
+            x, y = (values[crossings[0] : crossings[0] + 2] for values in (speed, torque))
+            no_load = float(x[0] - y[0] * (x[1] - x[0]) / (y[1] - y[0]))
         run = self.run
         return {
             "stall_torque_n_m": float(torque[speed == 0.0][0]) if (speed == 0.0).any() else None,
-            "no_load_speed_rad_s": _zero(speed, torque),
+            "no_load_speed_rad_s": no_load,
             "best_efficiency": float(forward[best]) if np.isfinite(forward[best]) else None,
             "best_efficiency_speed_rad_s": float(speed[best]) if np.isfinite(forward[best]) else None,
             "run_speed_rad_s": run.mean_rotor_speed_rad_s,
@@ -151,12 +156,3 @@ class Contents(Result):
             "error by the step": f"{self.discretisation_error['tip_path']:.1e} of the tip's path",
             "energy residual": f"{self.run.energy_residual:.1e}",
         }
-
-
-def _zero(x: Array, y: Array) -> float | None:
-    """Return where a curve first crosses zero, by a straight line between its points; ``None`` if it does not."""
-    crossings = np.flatnonzero(y[:-1] * y[1:] < 0.0)
-    if not len(crossings):
-        return None
-    place = crossings[0]
-    return float(x[place] - y[place] * (x[place + 1] - x[place]) / (y[place + 1] - y[place]))

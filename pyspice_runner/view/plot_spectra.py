@@ -50,13 +50,8 @@ def _spectrum_panels(traces: list[_Trace]) -> dict[str, Panel]:
         ax.legend(fontsize="small")
 
     def draw_phase(ax: Axes) -> None:
-        draw_traces(
-            ax,
-            frequency,
-            LABELS["phase_deg"],
-            "Phase",
-            lambda trace: (trace[0], np.angle(trace.admittance_s, deg=True)),
-        )
+        phase = LABELS["phase_deg"]
+        draw_traces(ax, frequency, phase, "Phase", lambda trace: (trace[0], np.angle(trace.admittance_s, deg=True)))
 
     def draw_circle(ax: Axes) -> None:
         draw_traces(ax, real, imaginary, "G–B circle", lambda trace: (trace.admittance_s.real, trace.admittance_s.imag))

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -107,7 +106,8 @@ def report(
     advance(0)
     spectra: dict[State, Admittance] = {}
     curves: dict[float, xarray.Dataset] = {}
-    with _keeping_finished() as finished:
+    finished: dict[str, Callable[[Path], object]] = {}
+    try:
         for state in get_args(State):
             spectra[state] = _spectrum(motor, state, timeout)
             finished[f"admittance_{state}.csv"] = spectra[state].save
@@ -128,20 +128,12 @@ def report(
             )
             finished[f"speed_torque_{100.0 * level:g}.nc"] = partial(write_netcdf, dataset=curves[level])
             advance(np.size(speeds))
-    return Report(motor, drive, spectra, run, coarse, curves, measured, connection)
-
-
-@contextmanager
-def _keeping_finished() -> Iterator[dict[str, Callable[[Path], object]]]:
-    """Attach the finished parts, file name → function that writes it, to the error that ends the rest."""
-    finished: dict[str, Callable[[Path], object]] = {}
-    try:
-        yield finished
     except SimulationError as error:
         if error.partial is not None:  # of a curve
             finished["speed_torque_incomplete.nc"] = partial(write_netcdf, dataset=error.partial)
         error.partial = finished
         raise
+    return Report(motor, drive, spectra, run, coarse, curves, measured, connection)
 
 
 def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:

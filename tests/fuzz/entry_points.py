@@ -38,7 +38,7 @@ from pyspice_runner.export.equivalent import circuit_library
 from pyspice_runner.model.beam import resonator_modes
 from pyspice_runner.model.circuit_file import is_circuit_file, load_circuit
 from pyspice_runner.model.load import SETS
-from pyspice_runner.netlist.library import data_path, library_names, parse_library
+from pyspice_runner.netlist.library import check_parameters, data_path, library_names, parse_library
 from pyspice_runner.netlist.motor import motor_library
 from pyspice_runner.netlist.sources import DriveSource, motor_bench
 from pyspice_runner.study.store import Store
@@ -339,7 +339,7 @@ def _draw_library(rng: random.Random) -> tuple[str, str]:
 
 def _take_library(drawn: tuple[str, str], _: Path) -> None:
     library = parse_library(*drawn)
-    library.check(**{parameter.name: parameter.default for parameter in library.parameters})
+    check_parameters(library.name, library.parameters, {item.name: item.default for item in library.parameters})
 
 
 def _draw_netlist(rng: random.Random) -> str:
