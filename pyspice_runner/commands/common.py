@@ -97,12 +97,7 @@ AuditOption = Annotated[
 
 
 def refuse_idle(context: typer.Context, reason: str, *names: str) -> None:
-    """Refuse options on the command line that would have no effect.
-
-    Args:
-        context: of the command.
-        reason: end of the sentence, such as ``without --contact brush``.
-        names: parameters of the command.
+    """Refuse options on the command line that have no effect, for a reason such as ``without --contact brush``.
 
     Raises:
         ParameterError: naming the first of them that was given.
@@ -180,13 +175,7 @@ def pairs_of(option: str, texts: list[str] | None) -> Iterator[tuple[str, str]]:
 def check_targets(
     output: Path | None, endings: tuple[str, ...], plot: Path | None, inputs: Iterable[str | Path | None] = ()
 ) -> None:
-    """Check the files to write before any work is done.
-
-    Args:
-        output: the file of ``--output``, if any.
-        endings: the endings that it may have.
-        plot: the file of ``--plot``, if any.
-        inputs: the names of the input files; a name that is not that of a file is ignored.
+    """Check the files to write before any work is done; input names that are not those of files are ignored.
 
     Raises:
         ParameterError: for a file of another ending, a place that cannot be written, or a file that is an input too.
@@ -387,7 +376,7 @@ def leaves(document: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
     items = document.items() if isinstance(document, dict) else enumerate(document)
     for key, value in items:
         path = f"{prefix}.{key}" if prefix else str(key)
-        if isinstance(value, dict | list):
+        if isinstance(value, dict | list | tuple):
             yield from leaves(value, path)
         else:
             yield path, value
@@ -416,12 +405,7 @@ def caution(result: _Result) -> None:
 
 @contextmanager
 def busy(what: str, part: str = "") -> Iterator[Callable[[int, int], None]]:
-    """Show on a terminal that a task runs, and for how long.
-
-    Args:
-        what: the task.
-        part: its state, as "part {} of {}"; the function that is yielded fills in the two numbers and shows it.
-    """
+    """Show on a terminal that a task runs, and for how long; the yielded function fills ``part``, as "{} of {}"."""
     console = Console(stderr=True)
     columns = (SpinnerColumn(), TextColumn("{task.description} …"), TimeElapsedColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:

@@ -114,14 +114,9 @@ def refuse_idle_match(context: typer.Context, *drivers: str) -> None:
 def driver_of(
     words: str, values: Mapping[str, Any], part: list[str] | None, mosfet: str | None, *, strict: bool = True
 ) -> pr.Driver:
-    """Return the driver that the options of a command ask for.
+    """Return the driver of a kind of stage, and behind a + its network; ``values`` are fields of the driver.
 
-    Args:
-        words: kind of the stage, and behind a + its network.
-        values: voltage, frequency and phase, as :class:`pyspice_runner.Driver` names them.
-        part: changes of parts.
-        mosfet: MOSFET of a bridge.
-        strict: whether changes and MOSFET that do not suit the driver are errors; otherwise they are left out.
+    Unless ``strict``, changes and a MOSFET that do not suit the driver are left out.
 
     Raises:
         ParameterError: for a value that is not valid.

@@ -19,10 +19,6 @@ from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import DEFAULT_LAW, LawOptions, Targets, with_options
 from pyspice_runner.study.plan import Distribution, Sampling
 
-QUANTITIES = ["mean_rotor_speed_rad_s", "mean_torque_n_m"]
-OPERATING_QUANTITIES = ["torque_n_m", "efficiency", "settled"]
-DRIVER_QUANTITIES = ["motor_power_w", "driver_efficiency", "mean_rotor_speed_rad_s"]
-
 
 @with_options
 def sweep(
@@ -143,12 +139,13 @@ def _question(
     if analysis == "operating-point":
         from pyspice_runner.analysis.speed_torque import operating_point
 
-        return {"analysis": operating_point, "quantities": quantity or OPERATING_QUANTITIES}
+        return {"analysis": operating_point, "quantities": quantity or ["torque_n_m", "efficiency", "settled"]}
     if isinstance(excitation, pr.Driver):
         matched = {} if excitation.network == "none" else {"match": "running"}
         settings = {"analysis": pr.drive_report, "proposals": False, "duration": 3e-3, **matched}
-        return {"quantities": quantity or DRIVER_QUANTITIES, **settings}
-    return {"quantities": quantity or QUANTITIES, "duration": 5e-3}
+        kept = ["motor_power_w", "driver_efficiency", "mean_rotor_speed_rad_s"]
+        return {"quantities": quantity or kept, **settings}
+    return {"quantities": quantity or ["mean_rotor_speed_rad_s", "mean_torque_n_m"], "duration": 5e-3}
 
 
 def _percent(path: str, text: str) -> float:
