@@ -32,8 +32,8 @@ from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_two_port
 from pyspice_runner.run.kernel import Outcome, run_bench
 from pyspice_runner.run.two_port import Swept, sweep_two_port, two_port, two_port_bench
+from pyspice_runner.spectra.identify.descent import one_thread
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, State, columns_of, connect
-from pyspice_runner.spectra.threads import one_thread
 from pyspice_runner.units import engineering
 
 _ZOOM_POINTS = 1201  # over the zoom below: 100 points a bandwidth, so that a parabola finds an extremum to 1e-6

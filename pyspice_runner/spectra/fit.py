@@ -22,7 +22,7 @@ from pyspice_runner.model.equivalent import Characteristics, EquivalentCircuit
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
 from pyspice_runner.spectra.identify.arms import GLOBALS
-from pyspice_runner.spectra.identify.descent import Vector, rms
+from pyspice_runner.spectra.identify.descent import Vector, one_thread, rms
 from pyspice_runner.spectra.identify.errors import (
     ARM_NAMES,
     GLOBAL_NAMES,
@@ -34,11 +34,9 @@ from pyspice_runner.spectra.identify.errors import (
     resonances,
 )
 from pyspice_runner.spectra.identify.problem import Problem
-from pyspice_runner.spectra.identify.selection import Candidate, fit_arms, select
-from pyspice_runner.spectra.identify.starts import missing
+from pyspice_runner.spectra.identify.selection import Candidate, fit_arms, missing, select
 from pyspice_runner.spectra.noise import noise_of, same_shape
 from pyspice_runner.spectra.spectrum import Spectrum
-from pyspice_runner.spectra.threads import one_thread
 from pyspice_runner.units import engineering, unit_in
 
 MOST_MODES = 20  # that may be stated

@@ -31,10 +31,17 @@ from pyspice_runner.model.equivalent import MotionalArm
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
 from pyspice_runner.spectra.fit import SpectrumFit, fit_spectrum, misfit
-from pyspice_runner.spectra.identify.descent import FINEST, Complexes, Vector, independent_points, rms, variance
+from pyspice_runner.spectra.identify.descent import (
+    FINEST,
+    Complexes,
+    Vector,
+    independent_points,
+    one_thread,
+    rms,
+    variance,
+)
 from pyspice_runner.spectra.noise import estimate
 from pyspice_runner.spectra.spectrum import Spectrum
-from pyspice_runner.spectra.threads import one_thread
 
 _ARM = 5  # parameters of an arm: ln f, ln X, ln Q, and softening and growth at the greatest charge
 _DRIFTS = ("frequency_drift_per_k", "coupling_drift_per_k", "capacitance_drift_per_k", "quality_drift_per_k")

@@ -30,11 +30,10 @@ from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
 from pyspice_runner.spectra.fit import FittedArm, fit_spectrum
 from pyspice_runner.spectra.identify import descent
-from pyspice_runner.spectra.identify.descent import FINEST, Complexes, NormalEquations, Vector, independent_points, rms
+from pyspice_runner.spectra.identify.descent import FINEST, Complexes, Vector, independent_points, one_thread, rms
 from pyspice_runner.spectra.identify.errors import RESONANT_QUALITY, UNDETERMINED
 from pyspice_runner.spectra.noise import noise_of
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum
-from pyspice_runner.spectra.threads import one_thread
 from pyspice_runner.units import engineering
 
 _TRANSFER = "AB"  # current into A per volt on B
@@ -441,7 +440,7 @@ class _Problem:
         y, jacobian = self.model(parameters, connection, spectrum.frequency_hz)
         return np.asarray((y - spectrum.admittance_s / self.unit_s) / deviation), jacobian / deviation
 
-    def normal_equations(self, parameters: Vector) -> NormalEquations:
+    def normal_equations(self, parameters: Vector) -> descent.NormalEquations:
         """Return the normal equations of all connections together."""
         parts = [descent.squares(*self.linearised(parameters, connection)) for connection in self.ports]
         return sum(part[0] for part in parts), np.sum([p[1] for p in parts], 0), np.sum([p[2] for p in parts], 0)

@@ -12,10 +12,9 @@ import re
 
 import numpy as np
 
-from pyspice_runner.spectra.readers.combine import pair_of, with_named_phase
+from pyspice_runner.spectra.readers.quantities import pair_of, with_named_phase
 from pyspice_runner.spectra.readers.reading import MEMORY_NOTE, Reading, wants_memory
-from pyspice_runner.spectra.readers.table import Floats, Table, read_table
-from pyspice_runner.spectra.readers.text import Text, describe, quote
+from pyspice_runner.spectra.readers.text import Floats, Table, Text, describe, quote, read_table
 
 FORMAT = "4294A ASCII"
 Traces = tuple[dict[str, Floats], Floats, Table]  # quantity → values, frequencies, and a table with their lines

@@ -11,8 +11,7 @@ import numpy as np
 
 from pyspice_runner.errors import SpectrumError
 from pyspice_runner.spectra.readers.reading import Reading
-from pyspice_runner.spectra.readers.table import Floats, number, separator, split
-from pyspice_runner.spectra.readers.text import Text, clean, quote
+from pyspice_runner.spectra.readers.text import Floats, Text, clean, number, quote, separator, split
 
 FORMAT = "Zurich Instruments MFIA CSV"
 _FIELDS = {"realz": "r", "imagz": "x", "absz": "abs_z", "phasez": "phase_z"}

@@ -14,11 +14,19 @@ import numpy as np
 
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.model.refusal import check_keys
-from pyspice_runner.spectra.readers.combine import pair_of, with_named_phase
-from pyspice_runner.spectra.readers.quantities import DIMENSION, Heading, heading
+from pyspice_runner.spectra.readers.quantities import DIMENSION, Heading, heading, pair_of, with_named_phase
 from pyspice_runner.spectra.readers.reading import A_PAIR, Reading, cut_warning, from_header, from_headings
-from pyspice_runner.spectra.readers.table import SEPARATORS, Table, number, read_table, separator, split
-from pyspice_runner.spectra.readers.text import Text, described, quote
+from pyspice_runner.spectra.readers.text import (
+    SEPARATORS,
+    Table,
+    Text,
+    described,
+    number,
+    quote,
+    read_table,
+    separator,
+    split,
+)
 
 FORMAT = "plain CSV"
 TWO_PORT_FORMAT = "two-port CSV"

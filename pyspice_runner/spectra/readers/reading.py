@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.errors import SpectrumError
-from pyspice_runner.spectra.readers.combine import pair_of, with_named_phase
-from pyspice_runner.spectra.readers.quantities import DIMENSION, Heading, heading
-from pyspice_runner.spectra.readers.table import Floats, Table, read_table, separator
-from pyspice_runner.spectra.readers.text import Text, described, quote
+from pyspice_runner.spectra.readers.quantities import DIMENSION, Heading, heading, pair_of, with_named_phase
+from pyspice_runner.spectra.readers.text import Floats, Table, Text, described, quote, read_table, separator
 
 STATED = "the columns stated by --columns frequency_hz,magnitude_ohm,phase_deg (columns= in Python)"  # ends a message
 A_PAIR = "two that make an admittance, such as R (Ohm) and X (Ohm), G (S) and B (S), |Z| (Ohm) and Phase (deg)"

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.errors import SpectrumError
-from pyspice_runner.spectra.readers.combine import (
+from pyspice_runner.spectra.readers.quantities import (
+    DIMENSION,
     Complexes,
     admittance,
     contradiction,
@@ -19,13 +20,12 @@ from pyspice_runner.spectra.readers.combine import (
     pair_of,
     with_named_phase,
 )
-from pyspice_runner.spectra.readers.quantities import DIMENSION
 from pyspice_runner.spectra.readers.reading import Reading, steady
-from pyspice_runner.spectra.readers.sense import foster, passive, reciprocal, turns_backwards
-from pyspice_runner.spectra.readers.table import Floats
+from pyspice_runner.spectra.readers.text import Floats
 from pyspice_runner.spectra.spectrum import COUPLING, Spectrum, connect
 
 _HIGHEST = 1e12  # Hz
+_LOOP = 0.55  # enclosed share of the bounding box: a circle has 0.79, a locus that does not turn back at most 0.5
 _SAME = 1e-6  # relative difference within which a repeated point is the same point
 
 
@@ -158,7 +158,7 @@ def _right_way_round(reading: Reading, y: Complexes, polar: bool) -> Complexes:
             )
         return y
     reactive = np.mean(np.abs(y.imag) > np.abs(y.real)) > 0.5
-    if reactive and foster(y) > 0.0:
+    if reactive and _foster(y) > 0.0:
         reading.warnings.append(
             "The real part is negative throughout, but small, and the reactance is as it should be: "
             "the compensation is not complete; nothing was changed."
@@ -240,15 +240,15 @@ def _reject_nonsense(reading: Reading, matrix: Complexes) -> None:
     """Raise an error for an admittance that no passive part has."""
     fault = ""
     if matrix.shape[-1] == 1:
-        if turns_backwards(matrix[:, 0, 0]):
+        if _turns_backwards(matrix[:, 0, 0]):
             fault = (
                 "the circles of Y run against the clock, which none of a passive part do; real and imaginary "
                 "part may be swapped, or the sign of the phase or the imaginary part reversed"
             )
-    elif not reciprocal(matrix):
+    elif not _reciprocal(matrix):
         fault = "from A to B and from B to A the admittances differ, which those of no passive part do; "
         fault += "columns may be swapped"
-    elif not passive(matrix) or any(turns_backwards(connect(matrix, connection)) for connection in COUPLING):
+    elif not _passive(matrix) or any(_turns_backwards(connect(matrix, connection)) for connection in COUPLING):
         fault = "the admittances are not those of a passive part; columns may be swapped, or a sign reversed"
     if fault:
         of_device = matrix.shape[-1] == 2 and reading.format == "Touchstone"
@@ -266,3 +266,57 @@ def _reject_swapped(reading: Reading) -> None:
                 f"{reading.text.name}: the frequencies jump about while {_word(kind)} runs steadily; "
                 "the columns may be swapped."
             )
+
+
+# --- properties of every passive part, which reveal swapped columns and reversed signs ---
+
+# Foster: reactance rises with frequency; |Z| falls where Z is capacitive and rises where it is inductive. Causality:
+# with rising frequency the circles of resonances in the planes of Y and of Z run clockwise; swapping real and imaginary
+# part, or reversing the sign of one, mirrors them. Reciprocity: the matrix of a two-port is symmetric.
+
+
+def _foster(y: Complexes) -> float:
+    """Return a positive number if the reactance rises on the whole, a negative one if that of −Y does."""
+    inductive = np.sign(-y.imag[:-1] - y.imag[1:])
+    size = np.maximum(np.abs(y), np.finfo(float).tiny)
+    return float(np.sum(inductive * -np.diff(np.log(size))))
+
+
+def _turns_backwards(y: Complexes) -> bool:
+    """Whether the locus clearly has circles that run counterclockwise."""
+    with np.errstate(all="ignore"):
+        z = 1.0 / y
+    if not np.isfinite(z).all():
+        return False
+    (area_y, swept_y), (area_z, swept_z) = _enclosed(y), _enclosed(z)
+    return max(area_y, area_z) > _LOOP and min(swept_y, swept_z) > 0.5
+
+
+def _reciprocal(matrix: Complexes) -> bool:
+    """Whether a two-port's transfer admittances agree at most points, within 20 % or 1 % of its largest admittance."""
+    there, back = matrix[:, 0, 1], matrix[:, 1, 0]
+    bound = np.maximum(0.1 * (np.abs(there) + np.abs(back)), 0.01 * np.abs(matrix).max(axis=(1, 2)))
+    return bool(np.mean(np.abs(there - back) > bound) < 0.5)
+
+
+def _passive(matrix: Complexes) -> bool:
+    """Whether the part delivers no power at most points, within 2 % of its largest admittance."""
+    loss = np.linalg.eigvalsh(0.5 * (matrix + matrix.conj().transpose(0, 2, 1)))[:, 0]
+    return bool(np.mean(loss < -0.02 * np.abs(matrix).max(axis=(1, 2))) < 0.5)
+
+
+def _enclosed(locus: Complexes) -> tuple[float, float]:
+    """Return the enclosed area, positive counterclockwise, over that of the bounding box and over the swept area.
+
+    The second ratio is small for noise, which sweeps area in both directions.
+    """
+    largest = float(np.abs(locus).max())
+    if not largest > 0.0:
+        return 0.0, 0.0
+    locus = locus / largest  # products of very large or very small values leave the range of numbers
+    arms = locus - locus.mean()
+    sectors = 0.5 * (arms.conj() * np.roll(arms, -1)).imag
+    box = np.ptp(locus.real) * np.ptp(locus.imag)
+    swept = np.abs(sectors).sum()
+    area = float(sectors.sum())
+    return (area / float(box), area / float(swept)) if box > 0.0 and swept > 0.0 else (0.0, 0.0)

@@ -26,8 +26,7 @@ import numpy as np
 
 from pyspice_runner.spectra.readers.quantities import Heading, heading
 from pyspice_runner.spectra.readers.reading import MEMORY_NOTE, Reading, cut_warning, from_header, swept, wants_memory
-from pyspice_runner.spectra.readers.table import number, read_table, separator, split
-from pyspice_runner.spectra.readers.text import Text
+from pyspice_runner.spectra.readers.text import Text, number, read_table, separator, split
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pyspice_runner.errors import SpectrumError
-from pyspice_runner.spectra.readers.combine import Complexes
+from pyspice_runner.spectra.readers.quantities import Complexes
 from pyspice_runner.spectra.readers.reading import Reading, cut_note
-from pyspice_runner.spectra.readers.table import number
-from pyspice_runner.spectra.readers.text import Text, described, quote
+from pyspice_runner.spectra.readers.text import Text, described, number, quote
 
 FORMAT = "Touchstone"
 _OPTION = re.compile(r"#[ \t]*(?:(?:[kmg]?hz|[syzgh]|ri|ma|db|r[ \t]+[0-9.eE+-]+)[ \t]+)+(?:!.*)?", re.IGNORECASE)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.spectra.readers.combine import Complexes
+from pyspice_runner.spectra.readers.quantities import Complexes
 from tests.data.spectra import make
 
 ASSUMED = {
