@@ -313,7 +313,11 @@ def compare(
         raise ParameterError(f"at has {len(at)} values for {len(spectra)} spectra; give one for each.")
     ports = [spectrum.driven(connection) if spectrum.ports == 2 else spectrum for spectrum in spectra]
     if isinstance(reference, Motor):
-        against = _model(reference, ports, connection, state)
+        start = min(float(port.frequency_hz[0]) for port in ports)
+        stop = max(float(port.frequency_hz[-1]) for port in ports)
+        result = admittance(reference, start=start, stop=stop, points=_MODEL_POINTS, state=state)
+        name = f"{reference.name} ({state}, {connection})"
+        against = Spectrum.from_admittance(result.frequency_hz, result.driven(connection), source=name, format="model")
     else:
         against = reference.driven(connection) if reference.ports == 2 else reference
     for port in ports:
@@ -331,14 +335,6 @@ def compare(
     found = tuple(_compare(fit, fits[0]) for fit in fits[1:])
     places = tuple(range(1, len(spectra) + 1)) if at is None else tuple(float(value) for value in at)
     return Trend(found, places, label or ("number of the spectrum" if at is None else "at"))
-
-
-def _model(motor: Motor, ports: Sequence[Spectrum], connection: Connection, state: State) -> Spectrum:
-    start = min(float(port.frequency_hz[0]) for port in ports)
-    stop = max(float(port.frequency_hz[-1]) for port in ports)
-    result = admittance(motor, start=start, stop=stop, points=_MODEL_POINTS, state=state)
-    name = f"{motor.name} ({state}, {connection})"
-    return Spectrum.from_admittance(result.frequency_hz, result.driven(connection), source=name, format="model")
 
 
 def _compare(measured: SpectrumFit, reference: SpectrumFit) -> Comparison:

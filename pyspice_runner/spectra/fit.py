@@ -138,10 +138,8 @@ class SpectrumFit(Result):
     @property
     def leads(self) -> dict[str, float] | None:
         """Resistance and inductance of the leads; ``None`` without leads."""
-        found = {
-            "resistance_ohm": self.circuit.lead_resistance_ohm,
-            "inductance_h": self.circuit.lead_inductance_h,
-        }
+        names = ("resistance_ohm", "inductance_h")
+        found = {name: getattr(self.circuit, f"lead_{name}") for name in names}
         return found if any(found.values()) else None
 
     def to_dict(self) -> dict[str, Any]:
@@ -175,14 +173,11 @@ class SpectrumFit(Result):
 
     def columns(self) -> dict[str, Vector]:
         """Return measured and fitted conductance and susceptance over frequency."""
-        fitted = self.admittance(self.frequency_hz)
-        return {
-            "frequency_hz": self.frequency_hz,
-            "conductance_s": self.measured_s.real,
-            "susceptance_s": self.measured_s.imag,
-            "fitted_conductance_s": fitted.real,
-            "fitted_susceptance_s": fitted.imag,
-        }
+        curves = {"": self.measured_s, "fitted_": self.admittance(self.frequency_hz)}
+        found = {"frequency_hz": self.frequency_hz}
+        for name, y in curves.items():
+            found |= {f"{name}conductance_s": y.real, f"{name}susceptance_s": y.imag}
+        return found
 
     def writers(self) -> dict[str, Callable[[Path], object]]:
         """Return the writers by ending: also ``.lib``, ``.asy``, ``.kicad_sym``, ``.s1p``, ``.toml``."""
@@ -259,8 +254,10 @@ def fit_spectrum(
     """
     if modes is not None and not 1 <= modes <= MOST_MODES:
         raise ParameterError(f"modes = {modes!r} is not valid: it must be a whole number from 1 to {MOST_MODES}.")
+    if timeout is not None and not timeout > 0.0:
+        raise ParameterError(f"timeout = {timeout!r} is not valid: it must be a number of seconds > 0.")
+    deadline = inf if timeout is None else time.monotonic() + timeout
     stated = (0.0, 0.0) if isinstance(leads, bool) else _leads(leads)
-    deadline = _deadline(timeout)
     name = spectrum.source or "The spectrum"
     _check(spectrum, name, modes or 1)
     model = noise_of(noise, spectrum.admittance_s)
@@ -361,15 +358,6 @@ def _check(spectrum: Spectrum, name: str, modes: int) -> None:
         raise SpectrumError(
             f"{name} is not capacitive at any frequency: it has no clamped capacitance and no piezoelectric resonance."
         )
-
-
-def _deadline(timeout: float | None) -> float:
-    """Return the time of ``time.monotonic()`` at which a fit must end."""
-    if timeout is None:
-        return inf
-    if not timeout > 0.0:
-        raise ParameterError(f"timeout = {timeout!r} is not valid: it must be a number of seconds > 0.")
-    return time.monotonic() + timeout
 
 
 def _warnings(

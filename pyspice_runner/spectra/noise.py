@@ -99,11 +99,9 @@ def difference(domain: str, model: Complexes, measured: Complexes) -> tuple[Comp
 
 
 def estimate(y: Complexes, error: Complexes | None = None) -> Noise:
-    """Return the error model of a spectrum.
+    """Return the error model of an admittance in S, with the errors measured less fitted in S.
 
-    Args:
-        y: admittance in S: measured, or fitted if its errors are given.
-        error: measured less fitted, S; by default third differences of neighbouring points, which contain little else.
+    They are by default third differences of neighbouring points, which contain little else.
     """
     robust = error is None
     if error is None:

@@ -68,7 +68,8 @@ class Spectrum(Result):
         matrix = np.array(self.matrix_s, dtype=np.complex128)
         points = frequency.size
         if frequency.ndim != 1 or points < 2:
-            raise SpectrumError(f"A spectrum needs at least 2 frequencies; there {_are(points)}.")
+            are = "is" if points == 1 else "are"
+            raise SpectrumError(f"A spectrum needs at least 2 frequencies; there {are} {points}.")
         if matrix.shape not in ((points, 1, 1), (points, 2, 2)):
             raise SpectrumError(
                 f"A spectrum of {points} frequencies needs an admittance matrix of shape ({points}, 1, 1) "
@@ -103,17 +104,10 @@ class Spectrum(Result):
         return cls(np.asarray(frequency_hz, float), matrix, source, format, warnings, dict(metadata or {}))
 
     @classmethod
-    def from_impedance(
-        cls,
-        frequency_hz: ArrayLike,
-        impedance_ohm: ArrayLike,
-        *,
-        source: str = "",
-        format: str = "",  # noqa: A002 - the name of the attribute
-        warnings: tuple[str, ...] = (),
-        metadata: Mapping[str, str] | None = None,
-    ) -> Spectrum:
+    def from_impedance(cls, frequency_hz: ArrayLike, impedance_ohm: ArrayLike, **description: Any) -> Spectrum:
         """Make a spectrum of an impedance in Ω: shape (points,) for one port, (points, 2, 2) for two.
+
+        ``source``, ``format``, ``warnings`` and ``metadata`` are those of :meth:`from_admittance`.
 
         Raises:
             SpectrumError: for values that are no spectrum, such as an impedance of zero.
@@ -123,9 +117,7 @@ class Spectrum(Result):
             matrix = np.linalg.inv(impedance[:, None, None] if impedance.ndim == 1 else impedance)
         except np.linalg.LinAlgError:
             raise SpectrumError("An impedance is zero or singular, so that there is no admittance.") from None
-        return cls.from_admittance(
-            frequency_hz, matrix, source=source, format=format, warnings=warnings, metadata=metadata
-        )
+        return cls.from_admittance(frequency_hz, matrix, **description)
 
     def __len__(self) -> int:
         """Return the number of frequencies."""
@@ -232,7 +224,3 @@ def columns_of(frequency_hz: NDArray[np.float64], matrix_s: NDArray[np.complex12
             columns[f"y_{into}{driven}_real_s"] = entry.real
             columns[f"y_{into}{driven}_imag_s"] = entry.imag
     return columns
-
-
-def _are(count: int) -> str:
-    return "is 1" if count == 1 else f"are {count}"

@@ -31,15 +31,8 @@ from pyspice_runner.model.equivalent import MotionalArm
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
 from pyspice_runner.spectra.fit import SpectrumFit, fit_spectrum, misfit
-from pyspice_runner.spectra.identify.descent import (
-    FINEST,
-    Complexes,
-    Vector,
-    independent_points,
-    one_thread,
-    rms,
-    variance,
-)
+from pyspice_runner.spectra.identify import descent
+from pyspice_runner.spectra.identify.descent import FINEST, Complexes, Vector, one_thread, rms
 from pyspice_runner.spectra.noise import estimate
 from pyspice_runner.spectra.spectrum import Spectrum
 
@@ -72,10 +65,7 @@ class SoftArm:
     def of_mode(self, coupling_n_per_v: float) -> dict[str, float]:
         """Return ``softening_per_m2`` and ``damping_growth_per_m2`` of a mode with a coupling θ in N/V."""
         square = coupling_n_per_v**2
-        return {
-            "softening_per_m2": self.softening_per_c2 * square,
-            "damping_growth_per_m2": self.damping_growth_per_c2 * square,
-        }
+        return {name.replace("_c2", "_m2"): getattr(self, name) * square for name in _CHANGES}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -146,14 +136,12 @@ def fit_together(
         raise ParameterError("Give at least two spectra, with voltages or temperatures that differ.")
     level = np.ones(len(spectra)) if voltages is None else np.array(voltages, dtype=float)
     kelvin = np.zeros(len(spectra)) if temperatures is None else np.array(temperatures, dtype=float)
-    lowest = int(np.argmin(level))
-    start = fit_spectrum(spectra[lowest], modes, leads=False)
+    start = fit_spectrum(spectra[int(np.argmin(level))], modes, leads=False)
     if start.circuit.shared_losses:
         raise SpectrumError(
             f"{start.source or 'The spectrum'} has arms that share losses; fit a part of the band with one resonance."
         )
-    problem = _Problem(spectra, level, kelvin, start, lowest, (voltages is not None, temperatures is not None))
-    return problem.solved()
+    return _Problem(spectra, level, kelvin, start, (voltages is not None, temperatures is not None)).solved()
 
 
 class _Problem:
@@ -165,11 +153,10 @@ class _Problem:
         level: Vector,
         kelvin: Vector,
         start: SpectrumFit,
-        lowest: int,
         changing: tuple[bool, bool],
     ) -> None:
         self.spectra, self.level, self.kelvin, self.start = spectra, level, kelvin - kelvin[0], start
-        self.reference = self.kelvin[lowest]
+        self.reference = self.kelvin[np.argmin(level)]
         self.frequency = np.array([arm.series_resonance_hz for arm in start.arms])
         self.reactance = np.array([np.sqrt(arm.inductance_h / arm.capacitance_f) for arm in start.arms])
         self.quality = np.array([arm.quality_factor for arm in start.arms])
@@ -210,11 +197,6 @@ class _Problem:
             y = y + ratio / (reactance * impedance)
         return np.asarray(np.log(y / spectrum.admittance_s))
 
-    def residual(self, parameters: Vector) -> Vector:
-        """Return the weighted residuals of all spectra, real and imaginary parts side by side."""
-        parts = [self.weights[number] * self.relative(parameters, number) for number in range(len(self.spectra))]
-        return np.concatenate(parts).view(float)
-
     def solved(self) -> TogetherFit:
         """Return the fit."""
         from scipy.optimize import least_squares  # takes long to load
@@ -230,7 +212,8 @@ class _Problem:
         def residual(part: Vector) -> Vector:
             parameters = point.copy()
             parameters[free] = part
-            return self.residual(parameters)
+            parts = [weight * self.relative(parameters, number) for number, weight in enumerate(self.weights)]
+            return np.concatenate(parts).view(float)  # real and imaginary parts side by side
 
         found = least_squares(
             residual, point[free], bounds=(-greatest[free], greatest[free]), x_scale=scale[free], max_nfev=100
@@ -239,9 +222,9 @@ class _Problem:
         parameters[free] = found.x
         residuals = [self.relative(parameters, number) for number in range(len(self.spectra))]
         count = sum(map(len, residuals))
-        independent = sum(map(independent_points, residuals))
+        independent = sum(map(descent.independent_points, residuals))
         covariance = np.zeros((len(point), len(point)))
-        scatter = variance(2.0 * found.cost, count, int(free.sum()), independent)
+        scatter = descent.variance(2.0 * found.cost, count, int(free.sum()), independent)
         covariance[np.ix_(free, free)] = scatter * np.linalg.pinv(found.jac.T @ found.jac)
         return self._report(parameters, covariance, residuals, independent < 0.5 * count)
 

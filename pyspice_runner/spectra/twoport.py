@@ -160,9 +160,14 @@ class TwoPortFit(Result):
         parts = {"name": name, "modes": modes, "piezo": piezo, **rest}
         return assemble(parts, None, provenance, where=self.source)
 
-    def writers(self) -> dict[str, Callable[[Path], object]]:
+    def writers(self, **calibration: Any) -> dict[str, Callable[[Path], object]]:
         """Return the writers by ending, see :meth:`save`."""
-        return {**super().writers(), ".toml": lambda file: self._write_motor(file)}
+        heading = f"A motor by the two-port spectra {self.source}."
+
+        def write_motor(file: Path) -> None:
+            file.write_text(self.to_motor(**calibration).to_toml(heading=heading), encoding="utf-8")
+
+        return {**super().writers(), ".toml": write_motor}
 
     def save(self, path: str | Path, **calibration: Any) -> Path:
         """Write the fit as ``.json``, or as a motor ``.toml`` with the arguments of :meth:`to_motor`.
@@ -170,11 +175,7 @@ class TwoPortFit(Result):
         Raises:
             ParameterError: for another ending, a place that cannot be written, or as by :meth:`to_motor`.
         """
-        return save_by_ending(path, {**self.writers(), ".toml": lambda file: self._write_motor(file, **calibration)})
-
-    def _write_motor(self, file: Path, **calibration: Any) -> None:
-        heading = f"A motor by the two-port spectra {self.source}."
-        file.write_text(self.to_motor(**calibration).to_toml(heading=heading), encoding="utf-8")
+        return save_by_ending(path, self.writers(**calibration))
 
     def summary(self) -> dict[str, str]:
         """Return source, errors, clamped capacitances, and frequency, Qm and couplings of each mode."""
@@ -467,10 +468,8 @@ def _report(
     capacitances = np.exp(parameters[:2]) * problem.unit_s / (2.0 * pi * problem.reference_hz)
     worst = max(errors.values())
     if worst > FINEST and problem.independent(parameters) < 0.5 * problem.count:
-        warnings = [
-            *warnings,
-            f"The modes do not follow the spectra to the noise: residuals of up to {100.0 * worst:.2g} % remain.",
-        ]
+        said = f"The modes do not follow the spectra to the noise: residuals of up to {100.0 * worst:.2g} % remain."
+        warnings = [*warnings, said]
     return TwoPortFit(
         source=source,
         modes=tuple(sorted(modes, key=lambda mode: mode.series_resonance_hz)),

@@ -149,12 +149,9 @@ class ArmModel:
         return Values(clamped, first, inner, behind, frequency, own, theta, coupling, velocity, shared, device, y)
 
     def jacobian(self, m: Values, parameters: Vector, outer: Complexes) -> Complexes:
-        """Return the derivatives of a function of Y, shape (parameters, points); the next call overwrites them.
+        """Return the derivatives of a function of Y, with the derivative ``outer`` by Y, from the values ``m``.
 
-        Args:
-            m: the values at the parameters.
-            parameters: the parameters.
-            outer: derivative of the function by Y.
+        They have the shape (parameters, points), and the next call overwrites them.
         """
         chain = outer * (m.y / m.device) ** 2
         if len(parameters) != len(self._jacobian):

@@ -40,13 +40,7 @@ def descend(
 ) -> tuple[Vector, float]:
     """Run Levenberg–Marquardt within bounds; return the parameters and their sum of squares.
 
-    Args:
-        equations: the normal equations, see :func:`squares`, as a function of the parameters.
-        start: start values, clipped to the bounds.
-        bounds: least and greatest values.
-        reach: largest step of each parameter, as a function of the parameters.
-        steps: maximum number of steps.
-        tolerance: relative decrease of the sum of squares that ends the descent.
+    ``reach`` is the largest step at the parameters, ``tolerance`` the last relative decrease of the sum of squares.
     """
     least, greatest = bounds
     parameters = np.clip(start, least, greatest)
@@ -108,14 +102,9 @@ def independent_points(residual: Complexes) -> float:
 
 
 def variance(cost: float, points: int, free: int, independent: float, stated: bool = False) -> float:
-    """Return the variance of a weighted residual that the errors of the parameters are in proportion to.
+    """Return the variance of a weighted residual, of ``free`` parameters and ``points`` complex residuals.
 
-    Args:
-        cost: sum of the squared weighted residuals.
-        points: number of complex residuals.
-        free: number of independent parameters.
-        independent: number of independent residuals, see :func:`independent_points`.
-        stated: whether the weights are the known errors; white residuals then do not change them.
+    If the weights are the stated errors, white residuals do not change them.
     """
     if stated and independent == points:
         return 0.5

@@ -12,18 +12,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 from pyspice_runner.model.dielectric import LARGEST_LOSS_TANGENT
+from pyspice_runner.spectra.identify import errors
 from pyspice_runner.spectra.identify.arms import COST, GLOBALS, LEADS, LOSSES, Solution
 from pyspice_runner.spectra.identify.descent import FINEST, Complexes, Vector, inverse, squares
-from pyspice_runner.spectra.identify.errors import (
-    SIGNIFICANT,
-    covariance,
-    criterion,
-    doubts,
-    independent,
-    is_exact,
-    log_values,
-    resonances,
-)
 from pyspice_runner.spectra.identify.problem import MARGIN, PLAUSIBLE_LEADS, Problem, ridge_of
 
 SEARCHED_ARMS = 8  # tried when their number is not given
@@ -80,16 +71,18 @@ class Outcome:
 
     def finds_resonance(self) -> bool:
         """Whether the criterion asks for the selected arms, and one of them resonates in the band."""
-        needed = criterion(self.problem, self.best, self.points) < criterion(self.problem, self.bare, self.points)
-        return (needed or self.best.cost < 0.5 * self.bare.cost) and bool(resonances(self.problem, self.best))
+        best, bare = (errors.criterion(self.problem, each, self.points) for each in (self.best, self.bare))
+        return (best < bare or self.best.cost < 0.5 * self.bare.cost) and bool(
+            errors.resonances(self.problem, self.best)
+        )
 
 
 def select(problem: Problem, modes: int | None, leads: bool, progress: Progress | None) -> Outcome:
     """Try numbers of arms, leads and ranks of the coupling, and select the best by the criterion."""
     bare = fit_bare(problem)
     solutions = _search(problem, bare, leads, progress, modes)
-    points = independent(problem, min(solutions, key=COST))
-    best = min(solutions, key=lambda solution: criterion(problem, solution, points))
+    points = errors.independent(problem, min(solutions, key=COST))
+    best = min(solutions, key=lambda solution: errors.criterion(problem, solution, points))
     if best.rank and not settled(problem, best):
         if modes is None:
             solutions += wider(problem, best)
@@ -99,15 +92,15 @@ def select(problem: Problem, modes: int | None, leads: bool, progress: Progress 
     candidates: list[Candidate] = []
     for solution in solutions:
         error = problem.rms_relative_error(solution)
-        note = doubts(problem, solution) if modes is None else ""
+        note = errors.doubts(problem, solution) if modes is None else ""
         fewer = [item.rms_relative_error for item in candidates if item.arms < solution.arms]
-        idle = modes is None and len(resonances(problem, solution)) < solution.arms
+        idle = modes is None and len(errors.resonances(problem, solution)) < solution.arms
         if not note and idle and fewer and min(fewer) ** 2 - error**2 < _DISPERSION**2:
             note = "an arm follows the background"
-        value = criterion(problem, solution, points)
+        value = errors.criterion(problem, solution, points)
         candidates.append(Candidate(solution.arms, solution.rank, solution.has_leads, value, error, note))
     among = [k for k in range(len(solutions)) if not candidates[k].note] or [
-        k for k in range(len(solutions)) if resonances(problem, solutions[k])
+        k for k in range(len(solutions)) if errors.resonances(problem, solutions[k])
     ]
     chosen = min(among or range(len(solutions)), key=lambda k: candidates[k].criterion)
     # a stated number that cannot follow the spectrum takes the lowest residual
@@ -144,14 +137,14 @@ def _search(
             elif arms > 1 and plain.cost > misfit:
                 shared = grown(problem, plain, shared or coupled(problem, fit_arms(problem, 2, bare, quick=True)))
                 solutions.append(shared)
-        if is_exact(problem, solutions[-1]) or done:
+        if errors.is_exact(problem, solutions[-1]) or done:
             break
         costs.append(min(solutions, key=COST).cost)
         if len(costs) >= 3 and (
-            costs[-1] > 0.8 * costs[-3] or not any(resonances(problem, solution) for solution in solutions)
+            costs[-1] > 0.8 * costs[-3] or not any(errors.resonances(problem, solution) for solution in solutions)
         ):
             break  # more arms gain nothing, or none of them rings
-        if len(costs) >= 2 and costs[-2] < misfit and len(resonances(problem, plain)) < arms:
+        if len(costs) >= 2 and costs[-2] < misfit and len(errors.resonances(problem, plain)) < arms:
             break  # the residual is below the accuracy of analysers, and an arm that follows it rings nowhere
     first = solutions[0]
     if first.arms == 1 and first.cost > misfit and not any(settled(problem, item) for item in solutions):
@@ -166,10 +159,10 @@ def _shifts(ranked: Ranked) -> Vector:
     14, 1999, doi:10.1214/ss/1009212519).
     """
     odds = np.exp(-0.5 * (np.array([score for score, _ in ranked]) - ranked[0][0]))
-    best = log_values(ranked[0][1].parameters, ranked[0][1].arms)
+    best = errors.log_values(ranked[0][1].parameters, ranked[0][1].arms)
     rivals = zip((odds / odds.sum()).tolist(), ranked, strict=True)
     return np.array([
-        np.sqrt(share) * (log_values(item.parameters, item.arms) - best)
+        np.sqrt(share) * (errors.log_values(item.parameters, item.arms) - best)
         for share, (_, item) in rivals if share > 1e-9
     ])  # fmt: skip
 
@@ -178,8 +171,8 @@ def settled(problem: Problem, solution: Solution) -> bool:
     """Tell whether the residuals hide no further arm: none is significant, and they resemble noise."""
     if solution.cost < _EXHAUSTED**2 * len(problem.w):
         return True
-    noise = independent(problem, solution) > 0.5 * len(problem.w)
-    return noise and missing(problem, solution)[0][0] < SIGNIFICANT
+    noise = errors.independent(problem, solution) > 0.5 * len(problem.w)
+    return noise and missing(problem, solution)[0][0] < errors.SIGNIFICANT
 
 
 def fit_bare(problem: Problem) -> Solution:
@@ -212,7 +205,7 @@ def fit_arms(problem: Problem, arms: int, before: Solution | None = None, quick:
 def fit_exactly(problem: Problem, arms: int, bare: Solution) -> Solution:
     """Fit a stated number of arms: at once, or if they leave the band, one after the other."""
     best = fit_arms(problem, arms, bare if arms == 1 else None)
-    if arms > 1 and not resonances(problem, best):
+    if arms > 1 and not errors.resonances(problem, best):
         chained = bare
         for count in range(1, arms + 1):
             chained = fit_arms(problem, count, chained)
@@ -299,7 +292,7 @@ def simplified(problem: Problem, solution: Solution, points: float, leads: bool)
 
     def score(rival: Solution) -> float:
         several = len(set(LOSSES) - set(rival.held)) > 1
-        return criterion(problem, rival, points) + _TIE * (rival.has_leads + (rival.has_leads and several))
+        return errors.criterion(problem, rival, points) + _TIE * (rival.has_leads + (rival.has_leads and several))
 
     def variants(kept: tuple[int, ...]) -> list[Solution]:
         found = []
@@ -417,7 +410,7 @@ def larger(problem: Problem, solution: Solution) -> list[Solution]:
 
 def smaller(problem: Problem, solution: Solution) -> list[Solution]:
     """Return starts with one arm less: without either of the two with the least certain reactances."""
-    variance = np.diag(covariance(problem, solution))
+    variance = np.diag(errors.covariance(problem, solution))
     doubtful = GLOBALS + 3 * np.argsort(variance[GLOBALS + 1 : solution.last : 3])[-2:]
     return [
         replace(solution, parameters=np.delete(solution.parameters, np.s_[at : at + 3]), arms=solution.arms - 1)

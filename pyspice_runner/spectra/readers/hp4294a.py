@@ -171,10 +171,8 @@ def _displayed(text: Text, tables: dict[str, Table], pair: tuple[str, str], want
         if kind == "complex":  # Z in trace A; Y in trace B repeats it
             return {"r": value, "x": rest}, frequency, table
         if rest.any():
-            place, found = (
-                table.indices[int(np.argmax(rest != 0.0))],
-                f"{quote(table.names[imag])} of a scalar is not 0",
-            )
+            place = table.indices[int(np.argmax(rest != 0.0))]
+            found = f"{quote(table.names[imag])} of a scalar is not 0"
             raise text.refusal(place, found, "0, or the parameters COMPLEX Z-Y")
         columns[kind] = value
     if not np.array_equal(frequencies[0], frequencies[1]):

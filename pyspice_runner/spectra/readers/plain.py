@@ -59,11 +59,6 @@ def read(text: Text) -> Reading | None:
 def read_stated(text: Text, columns: Sequence[str], headings: Sequence[Heading]) -> Reading:
     """Read a table with stated columns, from the first row of numbers on; lines above are ignored.
 
-    Args:
-        text: the file.
-        columns: names of the columns, ``-`` for one to ignore.
-        headings: their meanings, see :func:`stated`.
-
     Raises:
         SpectrumError: if no row has a number for each name.
     """
@@ -164,5 +159,5 @@ def _two_port(table: Table, metadata: dict[str, str]) -> Reading:
     entries = [real + 1j * imag for real, imag in zip(parts[::2], parts[1::2], strict=True)]
     return Reading(
         table.text, TWO_PORT_FORMAT, frequency, np.array(table.indices), dict(zip(_TWO_PORT, parts, strict=True)),
-        matrix_s=np.stack(entries, axis=-1).reshape(-1, 2, 2), metadata=metadata, warnings=cut_warning(table),
+        matrix_s=np.stack(entries, axis=-1).reshape(-1, 2, 2), metadata=metadata, warnings=cut_warning(table.cut),
     )  # fmt: skip

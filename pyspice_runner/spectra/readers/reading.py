@@ -45,14 +45,11 @@ class Reading:
     warnings: list[str] = field(default_factory=list)
 
 
-def cut_note(index: int) -> str:
-    """Return the warning for an omitted last line, counted from 0."""
-    return f"Line {index + 1}, the last, has no line end and may be cut short, so it was left out."
-
-
-def cut_warning(table: Table) -> list[str]:
-    """Return the warning for the omitted last row of a table, if there is one."""
-    return [] if table.cut is None else [cut_note(table.cut)]
+def cut_warning(index: int | None) -> list[str]:
+    """Return the warning for an omitted last line, counted from 0, if there is one."""
+    if index is None:
+        return []
+    return [f"Line {index + 1}, the last, has no line end and may be cut short, so it was left out."]
 
 
 def steady(values: Floats) -> bool:
@@ -122,7 +119,7 @@ def from_headings(
     values = table.numbers([frequency, *usable, *unitless])
     scale = headings[frequency].scale or 1.0
     reading = Reading(table.text, format_name, values[0] * scale, np.array(table.indices), metadata=metadata)
-    reading.warnings += cut_warning(table)
+    reading.warnings += cut_warning(table.cut)
     reading.angle_unit = None if unitless else "deg"
     places: dict[str, int] = {}
     for column, raw in zip([*usable, *unitless], values[1:], strict=True):

@@ -103,10 +103,8 @@ def _angle_factor(reading: Reading, angle: Floats, columns: dict[str, Floats]) -
         note = f"The phase is given {named} but reaches {largest:.4g}, so it was taken as degrees."
         factor = degrees
     elif unit != "rad" and largest < 1.01 * np.pi and _magnitude_varies(reading.frequency_hz, columns):
-        note = (
-            f"The phase is given {named} but stays within ±{largest:.4g} while the magnitude varies, so it was taken "
-        )
-        note += "as radians."
+        note = f"The phase is given {named} but stays within ±{largest:.4g} while the magnitude varies, "
+        note += "so it was taken as radians."
         factor = float(180.0 / np.pi) if unit == "deg" else 1.0
     elif unit is not None:
         return 1.0
@@ -241,10 +239,8 @@ def _reject_nonsense(reading: Reading, matrix: Complexes) -> None:
     fault = ""
     if matrix.shape[-1] == 1:
         if _turns_backwards(matrix[:, 0, 0]):
-            fault = (
-                "the circles of Y run against the clock, which none of a passive part do; real and imaginary "
-                "part may be swapped, or the sign of the phase or the imaginary part reversed"
-            )
+            fault = "the circles of Y run against the clock, which none of a passive part do; real and imaginary "
+            fault += "part may be swapped, or the sign of the phase or the imaginary part reversed"
     elif not _reciprocal(matrix):
         fault = "from A to B and from B to A the admittances differ, which those of no passive part do; "
         fault += "columns may be swapped"

@@ -159,7 +159,7 @@ def read_aim(text: Text) -> Reading | None:
     frequency, r, x, size, angle = table.numbers([0, 2, 3, 4, 5])
     columns = {"r": r, "x": x, "abs_z": size, "phase_z": np.deg2rad(angle)}
     indices = np.array(table.indices)
-    return swept(Reading(text, "AIM CSV", frequency * 1e6, indices, columns, warnings=cut_warning(table)))
+    return swept(Reading(text, "AIM CSV", frequency * 1e6, indices, columns, warnings=cut_warning(table.cut)))
 
 
 def _is_aim_point(line: str) -> bool:

@@ -180,18 +180,15 @@ class Table:
                     raise self.text.refusal(
                         index, f"{quote(point)} has a decimal point where others have a comma", "one decimal sign"
                     )
-        return [self._column(column, comma) for column, comma in zip(columns, commas, strict=True)]
-
-    def _column(self, column: int, comma: bool) -> Floats:
-        values = np.empty(len(self.rows))
-        for place, row in enumerate(self.rows):
-            cell = row[column].replace(",", ".") if comma else row[column]
-            value = number(cell)
-            if value is None:
-                name = f" in column {quote(self.names[column])}" if self.names[column] else ""
-                raise self.text.refusal(self.indices[place], f"{quote(row[column])}{name} is no number", "a number")
-            values[place] = value
-        return values
+        values = np.empty((len(columns), len(self.rows)))
+        for at, (column, comma) in enumerate(zip(columns, commas, strict=True)):
+            name = f" in column {quote(self.names[column])}" if self.names[column] else ""
+            for place, row in enumerate(self.rows):
+                value = number(row[column].replace(",", ".") if comma else row[column])
+                if value is None:
+                    raise self.text.refusal(self.indices[place], f"{quote(row[column])}{name} is no number", "a number")
+                values[at, place] = value
+        return list(values)
 
 
 def number(cell: str) -> float | None:

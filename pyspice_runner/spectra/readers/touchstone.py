@@ -16,7 +16,7 @@ import numpy as np
 
 from pyspice_runner.errors import SpectrumError
 from pyspice_runner.spectra.readers.quantities import Complexes
-from pyspice_runner.spectra.readers.reading import Reading, cut_note
+from pyspice_runner.spectra.readers.reading import Reading, cut_warning
 from pyspice_runner.spectra.readers.text import Text, described, number, quote
 
 FORMAT = "Touchstone"
@@ -100,7 +100,7 @@ def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int], list[st
         indices.append(index)
     if len(rows) < 2:
         raise text.refusal(start - 1, f"only {len(rows)} complete points follow", "at least 2")
-    return rows, indices, [] if text.ended else [cut_note(last)]
+    return rows, indices, cut_warning(None if text.ended else last)
 
 
 def _option(text: Text, index: int, line: str) -> _Option:
