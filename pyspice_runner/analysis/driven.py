@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import ceil, pi
 
 import numpy as np
@@ -203,22 +203,22 @@ class DrivenPoint(Point):
 
 
 @dataclass(frozen=True)
-class DrivenAnswer:
-    """Steady state of one operating point behind a driver.
+class Answer:
+    """The answer to one operating point.
 
     Attributes:
-        point: the point at the last step; ``done`` tells whether it is solved.
+        point: the point at the finest step.
+        map: the map at that step; ``None`` if only the coarse step has been tried.
         found: the quantities of :data:`.dynamometer.UNITS`; empty without a solution.
-        error: difference of the torque between the last two steps, N·m.
-        step: the last step in s.
-        maps: the maps that were used.
+        error: estimated error of the torque, N·m.
+        speed: mean speed of the rotor, rad/s; ``None`` for a held shaft.
     """
 
     point: Point
-    found: dict[str, float]
-    error: float
-    step: float
-    maps: tuple[DrivenMap, ...]
+    map: PeriodMap | None = None
+    found: Mapping[str, float] = field(default_factory=dict)
+    error: float = float("nan")
+    speed: float | None = None
 
 
 def check_driven(setup: OperatingPoint) -> None:
@@ -242,8 +242,8 @@ def check_driven(setup: OperatingPoint) -> None:
     require_linear(setup.motor, "A steady state behind a driver")
 
 
-def driven_answers(setups: Sequence[OperatingPoint]) -> list[DrivenAnswer]:
-    """Solve operating points of motors behind drivers of the same frequency.
+def driven_answers(setups: Sequence[OperatingPoint]) -> tuple[list[Answer], tuple[DrivenMap, ...]]:
+    """Solve operating points of motors behind drivers of the same frequency; return the answers and the maps.
 
     The first point of each curve starts from a short transient, the others from that point's solution.
     """
@@ -268,12 +268,16 @@ def driven_answers(setups: Sequence[OperatingPoint]) -> list[DrivenAnswer]:
     shooting.solve([point for point in points if point.done])
     shooting.measure([point for point in points if point.done])
     fine = _metered(setups, points, maps[1])
-    return [
-        DrivenAnswer(point, one, abs(one["torque_n_m"] - other["torque_n_m"]), maps[1].step, maps)
-        if one and other
-        else DrivenAnswer(point, {}, float("nan"), maps[1].step, maps)
-        for point, one, other in zip(points, fine, coarse, strict=True)
-    ]
+    answers = []
+    for point, one, other in zip(points, fine, coarse, strict=True):
+        answer = Answer(point, maps[1])
+        if one and other:
+            assert isinstance(point.plant, DrivenPlant)
+            assert point.trace is not None
+            speed = float(point.trace.states[point.plant.inner - 1].mean()) if point.plant.turns else None
+            answer = Answer(point, maps[1], one, abs(one["torque_n_m"] - other["torque_n_m"]), speed)
+        answers.append(answer)
+    return answers, maps
 
 
 def _scale(plant: DrivenPlant) -> Array:

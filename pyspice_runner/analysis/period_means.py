@@ -6,7 +6,7 @@ The instruments of the dynamometer integrate inside the circuit; here the same m
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -31,11 +31,6 @@ def speed(plant: Plant, trace: Trace) -> Array:
     return np.asarray(trace.states[-1])
 
 
-def dry_bearing(plant: Plant) -> float:
-    """Return the torque in N·m that dry friction in the bearing of a held shaft takes: all of it once it has turned."""
-    return float(np.sign(plant.load.speed or 0.0)) * plant.motor.rotor.bearing_friction_n_m
-
-
 def tip(plant: Plant, trace: Trace) -> tuple[Array, Array, Array, Array]:
     """Return the displacements x, y (m) of the tip and its velocities (m/s)."""
     along = np.array([mode.tip_x for mode in plant.motor.modes])
@@ -44,28 +39,13 @@ def tip(plant: Plant, trace: Trace) -> tuple[Array, Array, Array, Array]:
     return along @ displacement, towards @ displacement, along @ velocity, towards @ velocity
 
 
-def plate_current(plant: Plant, group: str, time: Array) -> Array:
-    """Return the current in A that charges the clamped capacitance of a group."""
-    current = np.zeros(len(time))
-    for tone in getattr(plant.drive, f"tones_{group}"):
-        current = current + phasor_at(tone, dielectric_admittance(plant.motor, group, tone.frequency), time)[0]
-    return current
-
-
-def dielectric_loss(plant: Plant, group: str) -> float:
-    """Return the heat in W in the dielectric of a group, a linear admittance at each tone."""
-    return float(
-        sum(
-            0.5 * tone.amplitude**2 * dielectric_admittance(plant.motor, group, tone.frequency).real
-            for tone in getattr(plant.drive, f"tones_{group}")
-        )
-    )
-
-
 def current(plant: Plant, group: str, trace: Trace) -> Array:
     """Return the current in A into a group."""
     couplings = np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in plant.motor.modes])
-    return plate_current(plant, group, trace.time) + couplings @ modal(plant, trace)[1]
+    amperes = couplings @ modal(plant, trace)[1]
+    for tone in getattr(plant.drive, f"tones_{group}"):  # of the clamped capacitance
+        amperes += phasor_at(tone, dielectric_admittance(plant.motor, group, tone.frequency), trace.time)[0]
+    return np.asarray(amperes)
 
 
 def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[str, float]:
@@ -97,7 +77,11 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         "given": radius * float((friction * turning).mean()),
         "speed": float(turning.mean()),
         "damping_loss": float((dampings @ heating).mean()) + mount_loss,
-        "dielectric_loss": dielectric_loss(plant, "a") + dielectric_loss(plant, "b"),
+        "dielectric_loss": sum(  # a linear admittance at each tone
+            0.5 * tone.amplitude**2 * dielectric_admittance(motor, group, tone.frequency).real
+            for group in "ab"
+            for tone in getattr(plant.drive, f"tones_{group}")
+        ),
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
     }
     for group in "ab":
@@ -119,11 +103,6 @@ def _stored(plant: Plant, trace: Trace, at: int) -> float:
     return stored_energy(plant.motor, displacement, velocity, lift, rise)
 
 
-def average(several: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Return the mean of means."""
-    return {name: sum(one[name] for one in several) / len(several) for name in several[0]}
-
-
 def extrapolated(fine: Mapping[str, float], coarse: Mapping[str, float], ratio: float) -> dict[str, float]:
     """Extrapolate the means at two time steps to a vanishing step; their error is of second order.
 
@@ -141,6 +120,8 @@ def extrapolated(fine: Mapping[str, float], coarse: Mapping[str, float], ratio: 
 def quantities(plant: Plant, found: Mapping[str, float]) -> dict[str, float]:
     """Return the quantities of :data:`.dynamometer.UNITS` from means."""
     motor = plant.motor
-    bearing = motor.rotor.bearing_damping_n_m_s * found["speed"] + dry_bearing(plant)
+    # of a held shaft that has turned, dry friction in the bearing takes all its torque
+    dry = float(np.sign(plant.load.speed or 0.0)) * motor.rotor.bearing_friction_n_m
+    bearing = motor.rotor.bearing_damping_n_m_s * found["speed"] + dry
     load_torque = motor.rotor.radius_m * found["friction"] - bearing
     return quantities_of(motor, {**found, "load_torque": load_torque})

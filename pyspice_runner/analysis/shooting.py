@@ -381,10 +381,6 @@ class Shooting:
 
         The derivatives of the solved points are then measured again where they were measured too far away.
         """
-        self._search()
-        self._renew([point for point in self.points if point.done and point.far])
-
-    def _search(self) -> None:
         seeds = _seeds(self.points)
         self.solve(seeds)
         others = [point for point in self.points if point not in seeds]
@@ -395,7 +391,8 @@ class Shooting:
         if others:
             self.solve(others)
         for point in self.points:
-            point.method = ("neighbour" if point.guessed else _newton(point)) if point.done else ""
+            way = "damped" if point.damped else "newton"
+            point.method = ("neighbour" if point.guessed else way) if point.done else ""
         lost = [point for point in self.points if point.failed and point.guessed]
         for point in lost:
             point.restart(start_point(point.plant).state)
@@ -409,6 +406,7 @@ class Shooting:
             lost = [point for point in self.points if point.failed]
             self._settle(lost, decays)
             self._retry(lost, "settled")
+        self._renew([point for point in self.points if point.done and point.far])
 
     def _retry(self, points: Sequence[Point], method: str) -> None:
         if points:
@@ -456,10 +454,6 @@ def _nearest(point: Point, points: Sequence[Point]) -> list[Point]:
         if other.done and other.plant.load.speed is not None and other.plant.curve == point.plant.curve
     ]
     return [other for _, other in sorted(others, key=lambda one: one[0])]
-
-
-def _newton(point: Point) -> str:
-    return "damped" if point.damped else "newton"
 
 
 def _rest(plant: Plant) -> Array:

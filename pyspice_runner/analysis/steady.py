@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.driven import DrivenAnswer, check_driven, driven_answers
+from pyspice_runner.analysis.driven import Answer, check_driven, driven_answers
 from pyspice_runner.analysis.dynamometer import Quantities
 from pyspice_runner.analysis.period_map import PeriodMap, cores
-from pyspice_runner.analysis.period_means import average, current, extrapolated, means, quantities, speed, tip
+from pyspice_runner.analysis.period_means import current, extrapolated, means, quantities, speed, tip
 from pyspice_runner.analysis.shooting import Point, Shooting, start_point
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Drive
@@ -31,7 +31,6 @@ from pyspice_runner.model.strength import exceeded
 from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD
 from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.copies import Copy, Plant, drive_voltage
-from pyspice_runner.netlist.driven import DrivenPlant
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.netlist.state import motor_states
@@ -249,8 +248,9 @@ def steady_states(
         for places, states in zip(groups.values(), pool.map(solved, groups.values()), strict=True):
             found |= zip(places, states, strict=True)
     for places in behind.values():
-        answers = driven_answers([setups[place] for place in places])
-        found |= {place: _driven(setups[place], answer) for place, answer in zip(places, answers, strict=True)}
+        answers, maps = driven_answers([setups[place] for place in places])
+        for place, answer in zip(places, answers, strict=True):
+            found[place] = _result(setups[place], answer.point, answer, maps)
     return [found[place] for place in range(len(setups))]
 
 
@@ -301,13 +301,16 @@ def _solve(
             point.guess(start)
     Shooting(points, maps[0]).search()
     answers = _answers(points, maps, steps, accuracy)
-    return [
-        _state(setup, point, answers.get(place) if point.done else None, maps, len(points), waveforms)
-        for place, (setup, point) in enumerate(zip(setups, points, strict=True))
-    ]
-
-
-Answer = tuple[dict[str, float], float, Point, PeriodMap]  # means, error of the torque in N·m, last point and map
+    found = []
+    for place, (setup, point) in enumerate(zip(setups, points, strict=True)):
+        answer = answers[place] if place in answers and point.done else Answer(point)
+        state = _result(setup, point, answer, maps, len(points))
+        if state.converged:
+            state = replace(state, solution=point)
+        if state.converged and waveforms:
+            state = replace(state, waveforms=_waveforms(setup, answer, state.provenance))
+        found.append(state)
+    return found
 
 
 def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accuracy: float) -> dict[int, Answer]:
@@ -342,7 +345,7 @@ def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accurac
             ratio = maps[-1].steps / maps[-2].steps
             limit = extrapolated(fine, rough, ratio) if ratio > 1.0 else fine
             error = abs(limit["friction"] - fine["friction"]) + 0.5 * spread
-            answers[place] = _answer(limit, error, level[place][0], maps[-1])
+            answers[place] = _answer(level[place][0], maps[-1], limit, error)
             if error > accuracy * _friction(points[place]) and points[place].plant.law:
                 still.append(place)
         pending = still
@@ -358,8 +361,10 @@ def _friction(point: Point) -> float:
     return point.plant.motor.contact.friction * point.plant.motor.contact.preload_n
 
 
-def _answer(found: dict[str, float], error: float, point: Point, period_map: PeriodMap) -> Answer:
-    return found, point.plant.motor.rotor.radius_m * error, point, period_map
+def _answer(point: Point, period_map: PeriodMap, found: Mapping[str, float], error: float) -> Answer:
+    """Return the answer for means and the error of the friction force in N."""
+    torque_error = point.plant.motor.rotor.radius_m * error
+    return Answer(point, period_map, quantities(point.plant, found), torque_error, found["speed"])
 
 
 def _rough(points: Sequence[Point], period_map: PeriodMap, accuracy: float) -> Answer | None:
@@ -370,7 +375,7 @@ def _rough(points: Sequence[Point], period_map: PeriodMap, accuracy: float) -> A
     error = FROM_SPREAD * spread
     if found["touching"] < 1.0 or error > accuracy * _friction(points[0]):
         return None
-    return _answer(found, error, points[0], period_map)
+    return _answer(points[0], period_map, found, error)
 
 
 def _between(points: Sequence[Point], period_map: PeriodMap, *, own: bool) -> list[list[Point]]:
@@ -409,66 +414,20 @@ def _averaged(points: Sequence[Point], period_map: PeriodMap) -> tuple[dict[str,
     for point in points:
         assert point.trace is not None
         several.append(means(point.plant, point.trace, period_map.discretisation))
-    found = average(several)
+    found = {name: sum(one[name] for one in several) / len(several) for name in several[0]}
     for group in "ab":
         found[f"peak_{group}"] = max(one[f"peak_{group}"] for one in several)
     forces = [one["friction"] for one in several]
     return found, max(forces) - min(forces)
 
 
-def _state(
-    setup: OperatingPoint,
-    point: Point,
-    answer: Answer | None,
-    maps: Sequence[PeriodMap],
-    points: int,
-    waveforms: bool,
-) -> SteadyState:
-    drive = _drive(setup)
-    if answer is None:
-        return _result(setup, drive, point, maps, points)
-    found, error, last, period_map = answer
-    state = _result(
-        setup, drive, point, maps, points, found=quantities(point.plant, found), speed_rad_s=found["speed"],
-        error=error, step=period_map.step, last=last,
-    )  # fmt: skip
-    waves = _waveforms(setup, last, period_map, state.provenance) if waveforms else None
-    return replace(state, waveforms=waves, solution=point)
-
-
-def _driven(setup: OperatingPoint, answer: DrivenAnswer) -> SteadyState:
-    """Return the steady state of a motor behind a driver."""
-    point, driver = answer.point, setup.source
-    assert isinstance(driver, Driver)
-    turning = setup.load.speed
-    if turning is None and answer.found and point.trace is not None:
-        assert isinstance(point.plant, DrivenPlant)
-        turning = float(point.trace.states[point.plant.inner - 1].mean())
-    return _result(
-        setup, driver, point, answer.maps, 1, found=answer.found, speed_rad_s=turning, error=answer.error,
-        step=answer.step,
-    )  # fmt: skip
-
-
 def _result(
-    setup: OperatingPoint,
-    drive: Drive | Driver,
-    point: Point,
-    maps: Sequence[PeriodMap],
-    points: int,
-    *,
-    found: Mapping[str, float] | None = None,
-    speed_rad_s: float | None = None,
-    error: float = float("nan"),
-    step: float | None = None,
-    last: Point | None = None,
+    setup: OperatingPoint, point: Point, answer: Answer, maps: Sequence[PeriodMap], points: int = 1
 ) -> SteadyState:
-    """Return the steady state of a point with its audit and provenance.
-
-    ``error`` is that of the torque in N·m, ``step`` the finest time step in s, ``last`` the point at that step.
-    """
-    solved, last, step = bool(found), last or point, step or setup.step
-    speed_rad_s = setup.load.speed if speed_rad_s is None else speed_rad_s
+    """Return the steady state of a point at the coarse step, with audit and provenance; ``points`` share the maps."""
+    found, last = answer.found, answer.point
+    step = answer.map.step if answer.map else setup.step
+    speed_rad_s = setup.load.speed if answer.speed is None else answer.speed
     audit = Audit(done=False)
     if found and setup.law:
         audit = Audit(audit_point(setup.motor, found, step))
@@ -486,18 +445,20 @@ def _result(
         "audit": audit.to_dict(),
     }
     return SteadyState(
-        **(found or {}), motor=setup.motor, drive=drive,
-        speed_rad_s=float("nan") if speed_rad_s is None else speed_rad_s, torque_error_n_m=error,
-        floquet_multipliers=last.multipliers if solved else np.zeros(0, complex), converged=solved,
-        residual=last.residual, iterations=point.iterations, method=point.method if solved else "", step_s=step,
+        **found, motor=setup.motor, drive=setup.source if isinstance(setup.source, Driver) else _drive(setup),
+        speed_rad_s=float("nan") if speed_rad_s is None else speed_rad_s, torque_error_n_m=answer.error,
+        floquet_multipliers=last.multipliers if found else np.zeros(0, complex), converged=bool(found),
+        residual=last.residual, iterations=point.iterations, method=point.method if found else "", step_s=step,
         audit=audit, waveforms=None, provenance=provenance, solution=None,
     )  # fmt: skip
 
 
-def _waveforms(setup: OperatingPoint, point: Point, period_map: PeriodMap, provenance: dict[str, Any]) -> Waveforms:
+def _waveforms(setup: OperatingPoint, answer: Answer, provenance: dict[str, Any]) -> Waveforms:
     """Return one period of a solved point as a recording of ``simulate`` is."""
+    point, period_map = answer.point, answer.map
     plant, trace = point.plant, point.trace
     assert trace is not None
+    assert period_map is not None
     x, y, _, _ = tip(plant, trace)
     samples = {
         "time": trace.time,
