@@ -20,7 +20,7 @@ from work_precision import CASES, DURATION, Case
 import pyspice_runner as pr
 from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.run.steps import shortest_period
+from pyspice_runner.run.operating_point import shortest_period
 
 TARGET = Path(__file__).with_suffix(".json")
 ROUNDS = 7

@@ -27,7 +27,7 @@ import pyspice_runner as pr
 from pyspice_runner.engine.ngspice import run_deck
 from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.run.steps import shortest_period
+from pyspice_runner.run.operating_point import shortest_period
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,7 @@ class SimulationError(RuntimeError):
 
     def __reduce__(self) -> tuple[object, ...]:
         """Keep deck and log when the error crosses a process boundary."""
-        return _rebuild, (str(self), self.deck, self.log)
+        return partial(type(self), deck=self.deck, log=self.log), (str(self),)
 
 
 def _readable(message: str) -> str:
@@ -56,10 +57,6 @@ def _readable(message: str) -> str:
     if message.isprintable():
         return message
     return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in message)
-
-
-def _rebuild(message: str, deck: Path | None, log: str) -> SimulationError:
-    return SimulationError(message, deck=deck, log=log)
 
 
 class Interrupted(KeyboardInterrupt):

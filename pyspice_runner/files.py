@@ -37,7 +37,9 @@ def save_by_ending(path: str | Path, writers: Mapping[str, Callable[[Path], obje
     """
     path = Path(path)
     if path.suffix not in writers:
-        raise ParameterError(f"Cannot tell a format from {path.name!r}; let it end in {_either(list(writers))}.")
+        *others, last = writers
+        endings = f"{', '.join(others)} or {last}" if others else last
+        raise ParameterError(f"Cannot tell a format from {path.name!r}; let it end in {endings}.")
     try:
         _write_whole(path, writers[path.suffix])
     except OSError as error:
@@ -99,7 +101,3 @@ def cache_folder() -> Path | None:
         return Path(stated) if stated else Path.home() / ".cache"
     except RuntimeError:  # neither HOME nor an entry of this user in the passwd file
         return None
-
-
-def _either(endings: list[str]) -> str:
-    return " or ".join([", ".join(endings[:-1]), endings[-1]]) if len(endings) > 1 else endings[0]

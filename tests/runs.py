@@ -9,7 +9,7 @@ import pyspice_runner as pr
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.netlist.contact import law_of
 from pyspice_runner.netlist.sources import source_of
-from pyspice_runner.run.steps import time_step
+from pyspice_runner.run.operating_point import time_step
 from pyspice_runner.run.waveforms import Waveforms
 
 

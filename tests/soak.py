@@ -44,8 +44,7 @@ from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.drivers import DriverKind, NetworkKind
 from pyspice_runner.netlist.source import Source
 from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.run.operating_point import OperatingPoint
-from pyspice_runner.run.steps import shortest_period
+from pyspice_runner.run.operating_point import OperatingPoint, shortest_period
 
 RESULT = Path(__file__).with_suffix(".json")
 COUNT, SEED = 2000, 7

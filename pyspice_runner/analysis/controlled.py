@@ -30,8 +30,7 @@ from pyspice_runner.netlist.controlled import COMMANDS, SAMPLED, CommandedSource
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.result import Result
 from pyspice_runner.run.kernel import simulator
-from pyspice_runner.run.operating_point import OperatingPoint
-from pyspice_runner.run.settings import Solver
+from pyspice_runner.run.operating_point import OperatingPoint, Solver
 from pyspice_runner.run.window import Array
 
 MOST_SAMPLES = 100_000

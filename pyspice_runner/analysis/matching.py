@@ -19,8 +19,7 @@ from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.source import GROUPS
-from pyspice_runner.run.operating_point import OperatingPoint
-from pyspice_runner.run.steps import MOST_POINTS
+from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
 from pyspice_runner.run.window import Window
 from pyspice_runner.spectra.admittance import admittance
 

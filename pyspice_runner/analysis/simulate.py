@@ -23,8 +23,7 @@ from pyspice_runner.run.audit import audit_run
 from pyspice_runner.run.ceramic import ceramic
 from pyspice_runner.run.engines import Engine, on_engine
 from pyspice_runner.run.kernel import Outcome, progress_callback
-from pyspice_runner.run.operating_point import OperatingPoint
-from pyspice_runner.run.steps import MOST_POINTS
+from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, EnergyBalance, Waveforms
 from pyspice_runner.run.window import Window
 

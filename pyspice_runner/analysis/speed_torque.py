@@ -39,9 +39,8 @@ from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.result import Audit
 from pyspice_runner.run.engines import BEHIND_DRIVER, Engine, on_engine
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
 from pyspice_runner.run.paths import canonical
-from pyspice_runner.run.steps import MOST_POINTS
 from pyspice_runner.run.waveforms import Array
 
 if TYPE_CHECKING:

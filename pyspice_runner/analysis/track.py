@@ -28,9 +28,7 @@ from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import audit_contact
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
 from pyspice_runner.run.kernel import Outcome, transient
-from pyspice_runner.run.operating_point import OperatingPoint
-from pyspice_runner.run.settings import Solver
-from pyspice_runner.run.steps import MOST_POINTS
+from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint, Solver
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.run.window import Window
 

@@ -10,10 +10,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import platform
 import shutil
-import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -27,6 +25,7 @@ import numpy as np
 from pyspice_runner.engine.ngspice import version_of
 from pyspice_runner.engine.openvaf import compiler_version, find_compiler, find_osdi_ngspice
 from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.files import save_by_ending
 from pyspice_runner.model.drive import Load, TwoPhaseDrive
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
@@ -34,8 +33,7 @@ from pyspice_runner.netlist.compiled import missing_form, module_of
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.kernel import modules_folder
-from pyspice_runner.run.operating_point import OperatingPoint
-from pyspice_runner.run.settings import Solver
+from pyspice_runner.run.operating_point import OperatingPoint, Solver
 
 Engine = Literal["spice", "compiled", "auto"]
 
@@ -159,12 +157,9 @@ def _verdict(shape: tuple[int, bool, bool], law: Law, used: str, folder: Path) -
         known = json.loads(path.read_text(encoding="utf-8"))
         return Verdict({name: float(known[name]) for name in COMPARED})
     found = _compared(*setups)
-    with suppress(OSError):  # a verdict that cannot be stored is measured again
+    with suppress(OSError, ParameterError):  # a verdict that cannot be stored is measured again
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, begun = tempfile.mkstemp(dir=path.parent, prefix=".")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump(found.differences, file)
-        Path(begun).replace(path)
+        save_by_ending(path, {".json": lambda file: file.write_text(json.dumps(found.differences), encoding="utf-8")})
     return found
 
 

@@ -6,9 +6,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import isfinite
 from typing import Any
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Load
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
@@ -21,8 +23,71 @@ from pyspice_runner.netlist.trackers import Disturbance
 from pyspice_runner.run.kernel import Outcome, transient
 from pyspice_runner.run.paths import Parameter, canonical, changed, parameter, unknown
 from pyspice_runner.run.recording import Recording
-from pyspice_runner.run.settings import DEFAULT, Solver
-from pyspice_runner.run.steps import shortest_period, time_step
+
+MOST_POINTS = 20_000_000  # recorded points: 4 GB of vectors, 160 MB per signal
+LEAST_ACCURACY, MOST_ACCURACY = 1e-4, 0.05  # finer, Newton's iteration counts; coarser, the order is lost
+
+
+@dataclass(frozen=True)
+class Solver:
+    """How a run is solved.
+
+    Attributes:
+        step: time step in s; the largest where steps are not uniform. By default from the fastest motion.
+        accuracy: error allowed of the tip's trajectory, RMS relative to its motion; it chooses the step.
+        exact_resonance: whether modes are written so that the trapezoidal rule resonates where they do
+            (:class:`~pyspice_runner.netlist.motor.Discretisation`); only with uniform steps.
+        timeout: wall time in s after which ngspice is ended.
+        audit: whether a result that fails the physical audit (:mod:`.audit`) is an error.
+        compiled: whether the motor is a compiled module instead of B-sources (:mod:`.engines`).
+
+    Raises:
+        ParameterError: by the constructor, for an accuracy out of range.
+    """
+
+    step: float | None = None
+    accuracy: float | None = None
+    exact_resonance: bool = True
+    timeout: float | None = None
+    audit: bool = True
+    compiled: bool = False
+
+    def __post_init__(self) -> None:
+        if self.accuracy is not None and not LEAST_ACCURACY <= self.accuracy <= MOST_ACCURACY:
+            raise ParameterError(
+                f"accuracy = {self.accuracy:g} is not valid: it must be a relative error from {LEAST_ACCURACY:g} to "
+                f"{MOST_ACCURACY:g} of the tip's motion."
+            )
+
+
+DEFAULT = Solver()
+
+
+def shortest_period(motor: Motor, source: Source, law: Law | None) -> float:
+    """Return the period in s of the fastest motion: drive tones and modes, free and under preload."""
+    frequencies = [*source.frequencies, *(mode.frequency_hz for mode in motor.modes)]
+    if law:
+        frequencies += contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount).tolist()
+    return 1.0 / max(frequencies)
+
+
+def time_step(motor: Motor, source: Source, law: Law | None, step: float | None = None) -> float:
+    """Return the time step in s of a run: the given step, or the default.
+
+    Raises:
+        ParameterError: for a step that is not positive or too coarse.
+    """
+    shortest = shortest_period(motor, source, law)
+    if step is None:
+        return shortest / source.points_per_period
+    coarsest = shortest / source.fewest_points
+    if not (isfinite(step) and step > 0.0):
+        raise ParameterError(f"step = {step:g} s is not valid: it must be a number > 0 s.")
+    if step > coarsest:
+        raise ParameterError(
+            f"step = {step:g} s is too coarse for a motion of {1.0 / shortest:.4g} Hz; it must be <= {coarsest:.3g} s."
+        )
+    return step
 
 
 @dataclass(frozen=True)
@@ -68,7 +133,7 @@ class OperatingPoint:
     ) -> OperatingPoint:
         """Return the operating point for the arguments of an analysis.
 
-        ``solver`` are settings of :class:`~pyspice_runner.run.settings.Solver`.
+        ``solver`` are settings of :class:`Solver`.
 
         Raises:
             ParameterError: for an invalid value.

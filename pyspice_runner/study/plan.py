@@ -45,7 +45,9 @@ class Tolerance:
         if share is None or not 0.0 < share < 1.0:
             given = quoted(self.relative) if share is None else f"±{100.0 * share:g} %"
             raise ParameterError(f"A tolerance of {given} is not valid: it must be > 0 and < 100 %.")
-        _one_of("distribution", self.distribution, ("uniform", "normal"))
+        if self.distribution not in ("uniform", "normal"):
+            given = quoted(self.distribution)
+            raise ParameterError(f"distribution = {given} is not valid: it must be 'uniform' or 'normal'.")
 
     def factors(self, quantiles: Array) -> Array:
         """Return the factors of the nominal value at quantiles from 0 to 1."""
@@ -156,8 +158,3 @@ def _quantiles(parameters: int, samples: int, sampling: Sampling, seed: int) -> 
             f"Give {1 << samples.bit_length()}, or sampling = 'latin-hypercube'."
         )
     return np.asarray(qmc.Sobol(parameters, rng=seed).random(samples))
-
-
-def _one_of(name: str, value: str, allowed: tuple[str, ...]) -> None:
-    if value not in allowed:
-        raise ParameterError(f"{name} = {quoted(value)} is not valid: it must be {' or '.join(map(repr, allowed))}.")

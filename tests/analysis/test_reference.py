@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 import pyspice_runner as pr
 from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.run.steps import shortest_period
+from pyspice_runner.run.operating_point import shortest_period
 from pyspice_runner.run.waveforms import Waveforms
 from tests.reference.integrator import ReferenceRun, Tone, integrate
 from tests.runs import simulated

@@ -32,7 +32,7 @@ from pyspice_runner.run.audit import (
     audit_two_port,
 )
 from pyspice_runner.run.kernel import Outcome
-from pyspice_runner.run.steps import shortest_period
+from pyspice_runner.run.operating_point import shortest_period
 from pyspice_runner.run.waveforms import EnergyBalance
 from tools.benches import hysteresis as hysteresis_module
 from tools.benches.hysteresis import hysteresis

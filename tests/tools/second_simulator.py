@@ -28,9 +28,8 @@ from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.netlist.state import Discretisation, plate_nodes
 from pyspice_runner.netlist.veriloga import module_values
 from pyspice_runner.run.kernel import modules_folder, signal_of
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.operating_point import OperatingPoint, Solver
 from pyspice_runner.run.recording import Recording
-from pyspice_runner.run.settings import Solver
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Waveforms
 
 # the tolerances of the package, and steps that no estimate of their error changes; they grow from a hundredth as in
