@@ -142,9 +142,6 @@ class DrivenShooting(Shooting):
 
     def _renew(self, points: Sequence[Point]) -> None:
         self.measure(points)
-        for point in points:
-            if not point.failed:
-                point.step = point.newton_step()
 
     def measure(self, points: Sequence[Point]) -> None:
         """Measure the derivatives of points that have a trace."""

@@ -224,7 +224,7 @@ class Point:
         self.at_end = self.at_end + np.outer(missed, step) / float(step @ step)
 
     def differentiate(self, traces: Sequence[Trace | None], base: Trace | None = None) -> None:
-        """Take the derivatives from the traces of the perturbed states, and of the undisturbed one if it is another.
+        """Take the derivatives from the traces of the perturbed states, and of the undisturbed one; then the next step.
 
         For a state that is not felt the point's own trace is given.
         """
@@ -238,6 +238,7 @@ class Point:
         self.measured_end, self.measured_at = self.at_end, self.state
         self.force_slope = np.array([trace.forces - base.forces for trace in near]).T / PERTURBATION
         self.stale = False
+        self.step = self.newton_step()
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
@@ -372,9 +373,6 @@ class Shooting:
         found = iter(self.map.traces([copy for point in points for copy in _perturbed(point)]))
         for point in points:
             point.differentiate([next(found) if felt else point.trace for felt in point.felt])
-        for point in points:
-            if not point.failed:
-                point.step = point.newton_step()
 
     def search(self) -> None:
         """Solve all points: from the free stator, from a solved neighbour, and after the motion has run for a while.

@@ -203,6 +203,7 @@ class _Terms:
         electrical = waves["voltage_a_v"] * waves["current_a_a"] + waves["voltage_b_v"] * waves["current_b_a"]
         passed = np.cumsum(0.5 * (electrical[1:] + electrical[:-1]) * np.diff(self.time))
         to_load = self.load()
+        mount, mount_damping = self.mount()
         return EnergyBalance(
             electrical=self.work(electrical),
             dielectric=self.dielectric("a") + self.dielectric("b"),
@@ -212,8 +213,8 @@ class _Terms:
             contact_elastic=self.contact_elastic(),
             contact_damping=float(np.trapezoid(normal - self.hertz, self.penetration)),
             friction=self.friction(),
-            mount=self.mount(),
-            mount_damping=self.mount_damping(),
+            mount=mount,
+            mount_damping=mount_damping,
             # a held speed changes by the rounding of its digits only
             rotor=_change(0.5 * motor.rotor.inertia_kg_m2 * rotor_speed**2) if load.speed is None else 0.0,
             bearing=self.work(self.bearing * rotor_speed),
@@ -269,21 +270,15 @@ class _Terms:
         force = self.stiffnesses[:, np.newaxis] * self.displacement
         return self.work(softer * (2.0 + softer) * np.sum(force * self.velocity, axis=0))
 
-    def mount(self) -> float:
-        """Return the change of the energy of carrier and springs."""
-        if not len(self.carrier):
-            return 0.0
-        assert self.motor.mount is not None
+    def mount(self) -> tuple[float, float]:
+        """Return the change of the energy of carrier and springs, and the loss in the springs."""
+        mount = self.motor.mount
+        if mount is None or not len(self.carrier):
+            return 0.0, 0.0
         lift, rise = self.carrier
-        pressed = 0.5 * (self.motor.mount.mass_kg * rise**2 + self.motor.mount.stiffness_n_per_m * lift**2)
-        return _change(pressed - self.motor.contact.preload_n * lift)
-
-    def mount_damping(self) -> float:
-        """Return the loss in the springs of the mount."""
-        if not len(self.carrier):
-            return 0.0
-        assert self.motor.mount is not None
-        return self.work(self.motor.mount.damping_n_s_per_m * self.carrier[1] ** 2)
+        pressed = 0.5 * (mount.mass_kg * rise**2 + mount.stiffness_n_per_m * lift**2)
+        change = _change(pressed - self.motor.contact.preload_n * lift)
+        return change, self.work(mount.damping_n_s_per_m * rise**2)
 
     def contact_elastic(self) -> float:
         """Return the change of the elastic energy of the contact and of the compliance in series."""
