@@ -7,13 +7,11 @@ from typing import Any
 
 import pyspice_runner as pr
 from pyspice_runner.model.drive import Drive
-from pyspice_runner.netlist.contact import law_of
-from pyspice_runner.netlist.sources import source_of
-from pyspice_runner.run.operating_point import time_step
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import Waveforms
 
 
 def simulated(motor: pr.Motor, drive: Drive, **settings: Any) -> Waveforms:
     """Simulate with the default step, which is stated, so that no two more runs estimate the error."""
-    law = law_of(settings.get("contact", "spring-slider"))
-    return pr.simulate(motor, drive, step=time_step(motor, source_of(drive, motor, law), law), **settings)
+    point = OperatingPoint.of(motor, drive, contact=settings.get("contact", "spring-slider"))
+    return pr.simulate(motor, drive, step=point.step, **settings)

@@ -44,7 +44,7 @@ from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.drivers import DriverKind, NetworkKind
 from pyspice_runner.netlist.source import Source
 from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.run.operating_point import OperatingPoint, shortest_period
+from pyspice_runner.run.operating_point import OperatingPoint
 
 RESULT = Path(__file__).with_suffix(".json")
 COUNT, SEED = 2000, 7
@@ -208,7 +208,7 @@ def _asked(rng: np.random.Generator, motor: Motor, drive: Drive) -> Case:
         return Case(motor, drive, "operating_point", {"contact": law, "speed": speed, "mode": "settle", "patience": 4})
     steps = float(np.exp(rng.uniform(math.log(FEWEST_STEPS), math.log(MOST_STEPS))))
     settings = {"contact": law}
-    step = shortest_period(motor, DriveSource(drive), PAPER_LAW if law else None) / UNIFORM_POINTS
+    step = OperatingPoint(motor, DriveSource(drive), law=PAPER_LAW if law else None).shortest_period / UNIFORM_POINTS
     periods = float(rng.uniform(0.0, 3.0)) * drive.period  # so that the drive has done something
     settings["duration"] = min(max(steps * step, periods), 5 * MOST_STEPS * step)
     shaft = rng.random()

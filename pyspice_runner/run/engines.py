@@ -149,7 +149,8 @@ def tools() -> str:
 @cache
 def _verdict(shape: tuple[int, bool, bool], law: Law, used: str, folder: Path) -> Verdict:
     motor = _similar(*shape, law)
-    setups = [_setup(motor, law, compiled=compiled) for compiled in (False, True)]
+    spice = OperatingPoint(motor, DriveSource(_DRIVE), Load(None, _LOAD), law)
+    setups = [replace(spice, solver=Solver(compiled=compiled)) for compiled in (False, True)]
     texts = [f"{bench.circuit} {bench.start}" for bench in (setup.bench() for setup in setups)]
     told = "\n".join((used, module_of(motor, law).source, *texts))
     path = folder / "verdicts" / f"{hashlib.sha256(told.encode()).hexdigest()[:32]}.json"
@@ -187,11 +188,6 @@ def _similar(modes: int, mounted: bool, dry: bool, law: Law) -> Motor:
         }
         several.append(mode.model_copy(update=changed))
     return base.model_copy(update={"modes": tuple(several)})
-
-
-def _setup(motor: Motor, law: Law, *, compiled: bool) -> OperatingPoint:
-    """Return the run to compare."""
-    return OperatingPoint(motor, DriveSource(_DRIVE), Load(None, _LOAD), law, Solver(compiled=compiled))
 
 
 def _compared(spice: OperatingPoint, compiled: OperatingPoint) -> Verdict:

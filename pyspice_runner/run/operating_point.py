@@ -63,33 +63,6 @@ class Solver:
 DEFAULT = Solver()
 
 
-def shortest_period(motor: Motor, source: Source, law: Law | None) -> float:
-    """Return the period in s of the fastest motion: drive tones and modes, free and under preload."""
-    frequencies = [*source.frequencies, *(mode.frequency_hz for mode in motor.modes)]
-    if law:
-        frequencies += contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount).tolist()
-    return 1.0 / max(frequencies)
-
-
-def time_step(motor: Motor, source: Source, law: Law | None, step: float | None = None) -> float:
-    """Return the time step in s of a run: the given step, or the default.
-
-    Raises:
-        ParameterError: for a step that is not positive or too coarse.
-    """
-    shortest = shortest_period(motor, source, law)
-    if step is None:
-        return shortest / source.points_per_period
-    coarsest = shortest / source.fewest_points
-    if not (isfinite(step) and step > 0.0):
-        raise ParameterError(f"step = {step:g} s is not valid: it must be a number > 0 s.")
-    if step > coarsest:
-        raise ParameterError(
-            f"step = {step:g} s is too coarse for a motion of {1.0 / shortest:.4g} Hz; it must be <= {coarsest:.3g} s."
-        )
-    return step
-
-
 @dataclass(frozen=True)
 class OperatingPoint:
     """A motor with its source, its load, and the settings of the solver.
@@ -207,13 +180,28 @@ class OperatingPoint:
 
     @cached_property
     def shortest_period(self) -> float:
-        """Period in s of the fastest motion."""
-        return shortest_period(self.motor, self.source, self.law)
+        """Period in s of the fastest motion: drive tones and modes, free and under preload."""
+        motor = self.motor
+        frequencies = [*self.source.frequencies, *(mode.frequency_hz for mode in motor.modes)]
+        if self.law:
+            loaded = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
+            frequencies += loaded.tolist()
+        return 1.0 / max(frequencies)
 
     @cached_property
     def step(self) -> float:
-        """Time step in s, the largest where steps are not uniform."""
-        return time_step(self.motor, self.source, self.law, self.solver.step)
+        """Time step in s, the largest where steps are not uniform: the given one, or the default."""
+        step, coarsest = self.solver.step, self.coarsest_step
+        if step is None:
+            return self.shortest_period / self.source.points_per_period
+        if not (isfinite(step) and step > 0.0):
+            raise ParameterError(f"step = {step:g} s is not valid: it must be a number > 0 s.")
+        if step > coarsest:
+            raise ParameterError(
+                f"step = {step:g} s is too coarse for a motion of {1.0 / self.shortest_period:.4g} Hz; it must be <= "
+                f"{coarsest:.3g} s."
+            )
+        return step
 
     @property
     def coarsest_step(self) -> float:

@@ -13,9 +13,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
-from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.run.operating_point import shortest_period
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import Waveforms
 from tests.reference.integrator import ReferenceRun, Tone, integrate
 from tests.runs import simulated
@@ -145,7 +144,7 @@ def ours(name: str, points_per_period: int | None = None) -> Waveforms:
     point = POINTS[name]
     if points_per_period is None:
         return simulated(point.motor, point.drive, duration=DURATION, **point.load)
-    step = shortest_period(point.motor, DriveSource(point.drive), PAPER_LAW) / points_per_period
+    step = OperatingPoint(point.motor, DriveSource(point.drive)).shortest_period / points_per_period
     return pr.simulate(point.motor, point.drive, duration=DURATION, step=step, **point.load)
 
 

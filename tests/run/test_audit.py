@@ -18,7 +18,6 @@ from pyspice_runner.analysis import settling as settling_module
 from pyspice_runner.analysis.impact import Throw, impact
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.cli import run
-from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.audit import (
     DRIVER_BOUND,
@@ -32,7 +31,7 @@ from pyspice_runner.run.audit import (
     audit_two_port,
 )
 from pyspice_runner.run.kernel import Outcome
-from pyspice_runner.run.operating_point import shortest_period
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import EnergyBalance
 from tools.benches import hysteresis as hysteresis_module
 from tools.benches.hysteresis import hysteresis
@@ -40,7 +39,7 @@ from tools.benches.hysteresis import hysteresis
 MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
 HAMMER = pr.TwoPhaseDrive(voltage=150.0, frequency=13.5e3, phase_deg=0.0)
 # allowed at the preload, too coarse at six times its force
-STEP = shortest_period(MOTOR, DriveSource(HAMMER), PAPER_LAW) / 16.05
+STEP = OperatingPoint(MOTOR, DriveSource(HAMMER)).shortest_period / 16.05
 
 
 def waves(**changed: float) -> dict[str, np.ndarray]:

@@ -16,6 +16,7 @@ from pyspice_runner.netlist.compiled import module_of
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.run import engines
 from pyspice_runner.run.engines import COMPARED, TOLERANCE, Verdict, is_compiled
+from pyspice_runner.run.operating_point import OperatingPoint
 
 MOTOR = pr.load_motor("bimodal40")
 DRIVE = pr.default_drive(MOTOR)
@@ -77,7 +78,7 @@ def test_the_motor_of_the_comparison_has_the_same_module_and_opens_sticks_and_sl
     """A comparison in which the contact never opens, or never slips, would not see a wrong term of these."""
     motor = MOTOR.updated(changes)
     mounted, dry = motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0
-    setup = engines._setup(engines._similar(2, mounted, dry, Law()), Law(), compiled=False)
+    setup = OperatingPoint.of(engines._similar(2, mounted, dry, Law()), engines._DRIVE)
     assert module_of(setup.motor, Law()) == module_of(motor, Law())
     run = pr.simulate(
         setup.motor, engines._DRIVE, duration=engines._PERIODS / engines._DRIVE.frequency,
