@@ -94,10 +94,11 @@ def write_json(path: Path, document: Mapping[str, Any]) -> None:
     path.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def cache_folder() -> Path | None:
-    """Return the user's cache folder, which may not exist yet; ``None`` for a user without a home folder."""
+def cache_folder(part: str, no_home: Exception) -> Path:
+    """Return a folder in the user's cache, which may not exist yet; a user without a home folder gets the error."""
     stated = os.environ.get("XDG_CACHE_HOME")
     try:
-        return Path(stated) if stated else Path.home() / ".cache"
+        cache = Path(stated) if stated else Path.home() / ".cache"
     except RuntimeError:  # neither HOME nor an entry of this user in the passwd file
-        return None
+        raise no_home from None
+    return cache / "piezomotor" / part

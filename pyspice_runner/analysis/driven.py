@@ -308,14 +308,6 @@ def _search(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
 
 def _retry(points: Sequence[DrivenPoint], shooting: DrivenShooting, period_map: DrivenMap, decays: float) -> None:
     """Solve points after a transient from rest of a number of decay times of the slowest mode."""
-    _settle(points, period_map, decays)
-    shooting.solve(points)
-    for point in points:
-        point.method = ("settled" if decays else "newton") if point.done else ""
-
-
-def _settle(points: Sequence[DrivenPoint], period_map: DrivenMap, decays: float) -> None:
-    """Run points from rest for a number of decay times of their slowest mode."""
     if not points:
         return
     times = [2.0 * mode.mass_kg / mode.damping_n_s_per_m for point in points for mode in point.plant.motor.modes]
@@ -323,6 +315,9 @@ def _settle(points: Sequence[DrivenPoint], period_map: DrivenMap, decays: float)
     copies = [Copy(point.plant, np.zeros(point.plant.order)) for point in points]
     for point, end in zip(points, period_map.settled(copies, periods), strict=True):
         point.restart(point.state if end is None else end)
+    shooting.solve(points)
+    for point in points:
+        point.method = ("settled" if decays else "newton") if point.done else ""
 
 
 def _metered(

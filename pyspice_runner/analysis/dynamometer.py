@@ -253,18 +253,6 @@ class Block:
         return bool(self.peaks)
 
 
-def _strained(bench: Dynamometer, mean: Mapping[str, float], block: Block) -> dict[str, float]:
-    """Return a bound of the ceramic's strain and stress: static bending, and amplitudes by the heat of the damping."""
-    motor, omega = bench.motor, 2.0 * pi * min(bench.source.frequencies)
-    force = -block.normal_force
-    amplitudes = [
-        abs(mode.tip_y * force / mode.stiffness_n_per_m)
-        + strength.amplitude(mean[f"xheat_{index}.v_heat"] / mode.damping_n_s_per_m, omega)
-        for index, mode in enumerate(motor.modes, start=1)
-    ]
-    return strength.peak_of_amplitudes(motor, amplitudes)
-
-
 def off_beat(setup: OperatingPoint) -> OperatingPoint:
     """Return a setup with its step made incommensurate with the period, if its steps are uniform.
 
@@ -297,6 +285,12 @@ def quantities(blocks: list[Block]) -> dict[str, float]:
     """Return the quantities of :data:`UNITS` over successive blocks, all of them metered."""
     bench = blocks[0].bench
     mean = {name: sum(block.means[name] for block in blocks) / len(blocks) for name in blocks[0].means}
+    omega = 2.0 * pi * min(bench.source.frequencies)
+    amplitudes = [  # a bound: the static bending and, by the heat of the damping, the vibration
+        abs(mode.tip_y * blocks[-1].normal_force / mode.stiffness_n_per_m)
+        + strength.amplitude(mean[f"xheat_{index}.v_heat"] / mode.damping_n_s_per_m, omega)
+        for index, mode in enumerate(bench.motor.modes, start=1)
+    ]
     found = {
         "friction": mean["xbrake.v_friction"],
         "normal": mean["xbrake.v_normal"],
@@ -307,7 +301,7 @@ def quantities(blocks: list[Block]) -> dict[str, float]:
         "dielectric_loss": mean["xheat_a.v_heat"] + mean["xheat_b.v_heat"],
         "damping_loss": sum(mean[f"xheat_{damper}.v_heat"] for damper in bench.dampers),
         "stored": (bench.stored(blocks[-1].end) - bench.stored(blocks[0].start)) / (len(blocks) * bench.duration),
-        **_strained(bench, mean, blocks[-1]),
+        **strength.peak_of_amplitudes(bench.motor, amplitudes),
     }
     for group in "ab":
         meter = f"xmeter_{group}.v_"

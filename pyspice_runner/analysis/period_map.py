@@ -80,7 +80,6 @@ class PeriodMap:
         timeout: wall time in s after which a run of ngspice is ended.
         workers: number of decks that run at a time.
         compiled: whether the motors are compiled modules.
-        runs: number of runs of ngspice.
         evaluations: number of states that were mapped.
         seconds: wall time in s that ngspice took, summed over the runs.
         simulated_s: simulated time in s, summed over the states.
@@ -92,7 +91,6 @@ class PeriodMap:
     timeout: float | None = None
     workers: int = field(default_factory=cores)
     compiled: bool = False
-    runs: int = 0
     evaluations: int = 0
     seconds: float = 0.0
     simulated_s: float = 0.0
@@ -189,7 +187,6 @@ class PeriodMap:
         names = [self._vectors(number, copy.plant, whole=whole) for number, copy in enumerate(copies)]
         every = list(dict.fromkeys(name for own in names for name in own))
         outcome = run_bench(bench, every, self.timeout, "transient", self._timing(duration, whole))
-        self.runs += 1
         self.seconds += outcome.seconds
         self.ngspice_version = outcome.ngspice_version
         return self._traces(copies, names, outcome.vectors(), whole=whole)

@@ -34,16 +34,14 @@ def audit_run(
 ) -> tuple[str, ...]:
     """Return the physical violations in a run, one sentence each."""
     findings = []
-    greatest = float(np.abs(waves["normal_force_n"]).max()) if contact else 0.0
     if energy.residual > ENERGY_BOUND:
         findings.append(
             f"The energy balance misses {abs(energy.missing):.3g} of {energy.passed:.3g} J; the limit is "
             f"{100 * ENERGY_BOUND:g} %. The step of {step:.3g} s is likely too coarse for the contact: halve it."
         )
-    if not contact:
-        return tuple(findings)
-    findings += audit_contact(motor.contact.friction, waves["normal_force_n"], waves["friction_force_n"])
-    findings += _step_finding(motor, greatest, "greatest", step)
+    if contact:
+        findings += audit_contact(motor.contact.friction, waves["normal_force_n"], waves["friction_force_n"])
+        findings += _step_finding(motor, float(np.abs(waves["normal_force_n"]).max()), "greatest", step)
     return tuple(findings)
 
 

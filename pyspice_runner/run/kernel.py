@@ -102,10 +102,8 @@ def simulator(bench: Bench, vectors: Sequence[str], timeout: float | None = None
 
 def modules_folder() -> Path:
     """Return the folder in which compiled modules are kept, in the user's cache."""
-    folder = cache_folder()
-    if folder is None:
-        raise SimulationError("This user has no home folder for compiled modules. Set HOME or XDG_CACHE_HOME.")
-    return folder / "piezomotor" / "modules"
+    hint = "This user has no home folder for compiled modules. Set HOME or XDG_CACHE_HOME."
+    return cache_folder("modules", SimulationError(hint))
 
 
 def transient(

@@ -34,7 +34,9 @@ class Store:
     """
 
     def __init__(self, folder: str | Path | None = None) -> None:
-        self.folder = Path(folder) if folder is not None else _cache_folder() / "piezomotor" / "points"
+        hint = "Set HOME or XDG_CACHE_HOME, or name a folder for the store."
+        no_home = ParameterError(f"This user has no home folder for the store. {hint}")
+        self.folder = Path(folder) if folder is not None else cache_folder("points", no_home)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             for begun in self.folder.glob("*/.*.part"):
@@ -84,15 +86,6 @@ class Store:
 
     def _refusal(self, reason: str | None) -> ParameterError:
         return ParameterError(f"Cannot write the store {self.folder}: {reason}. Free it, or choose another folder.")
-
-
-def _cache_folder() -> Path:
-    folder = cache_folder()
-    if folder is None:
-        raise ParameterError(
-            "This user has no home folder for the store. Set HOME or XDG_CACHE_HOME, or name a folder for the store."
-        )
-    return folder
 
 
 def fingerprint(document: Any) -> str:
