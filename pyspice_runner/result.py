@@ -24,15 +24,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Audit:
-    """The outcome of the physical audit of a result (:mod:`pyspice_runner.run.audit`).
+    """The outcome of the physical audit of a result (:mod:`pyspice_runner.run.audit`)."""
 
-    Attributes:
-        findings: physical impossibilities in the result, one sentence each.
-        done: whether there was enough data for an audit.
-    """
-
-    findings: tuple[str, ...] = ()
-    done: bool = True
+    findings: tuple[str, ...] = ()  # physical impossibilities in the result, one sentence each
+    done: bool = True  # whether there was enough data for an audit
 
     @property
     def passed(self) -> bool | None:

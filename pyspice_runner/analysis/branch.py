@@ -118,21 +118,13 @@ def followed_branch(
 
 @dataclass
 class _Family:
-    """Plants that differ in one parameter.
+    """Plants that differ in one parameter."""
 
-    Attributes:
-        base: the operating point at the nominal value of the parameter.
-        follow: path of the parameter.
-        start: first value of the parameter.
-        stop: last value.
-        hashes: of the circuits that were run.
-    """
-
-    base: OperatingPoint
-    follow: str
-    start: float
-    stop: float
-    hashes: set[str] = field(default_factory=set)
+    base: OperatingPoint  # the operating point at the nominal value of the parameter
+    follow: str  # path of the parameter
+    start: float  # first value of the parameter
+    stop: float  # last value
+    hashes: set[str] = field(default_factory=set)  # of the circuits that were run
 
     @property
     def scale(self) -> float:

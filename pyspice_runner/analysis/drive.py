@@ -51,41 +51,23 @@ class Harmonic:
 
 @dataclass(frozen=True)
 class Port:
-    """Voltage, current and power at one place: the output of a power stage, or the pins of a group.
+    """Voltage, current and power at one place: the output of a power stage, or the pins of a group."""
 
-    Attributes:
-        voltage_peak_v: greatest absolute value.
-        voltage_rms_v: RMS value.
-        current_peak_a: greatest absolute value.
-        current_rms_a: RMS value.
-        real_power_w: mean of voltage times current.
-        reactive_power_var: of the fundamental; positive where the current lags.
-        apparent_power_va: RMS voltage times RMS current.
-        power_factor: real over apparent power.
-        displacement_factor: cosine of the angle between the fundamentals.
-        voltage_thd: RMS of the harmonics from the second on, over the fundamental.
-        current_thd: the same of the current.
-        slew_rate_v_per_s: greatest rate of the voltage.
-        resistance_ohm: real part of the impedance at the fundamental.
-        reactance_ohm: imaginary part of that impedance.
-        harmonics: fundamental and harmonics.
-    """
-
-    voltage_peak_v: float
-    voltage_rms_v: float
-    current_peak_a: float
-    current_rms_a: float
-    real_power_w: float
-    reactive_power_var: float
-    apparent_power_va: float
-    power_factor: float
-    displacement_factor: float
-    voltage_thd: float
-    current_thd: float
-    slew_rate_v_per_s: float
-    resistance_ohm: float
-    reactance_ohm: float
-    harmonics: tuple[Harmonic, ...] = field(repr=False)
+    voltage_peak_v: float  # greatest absolute value
+    voltage_rms_v: float  # RMS value
+    current_peak_a: float  # greatest absolute value
+    current_rms_a: float  # RMS value
+    real_power_w: float  # mean of voltage times current
+    reactive_power_var: float  # of the fundamental; positive where the current lags
+    apparent_power_va: float  # RMS voltage times RMS current
+    power_factor: float  # real over apparent power
+    displacement_factor: float  # cosine of the angle between the fundamentals
+    voltage_thd: float  # RMS of the harmonics from the second on, over the fundamental
+    current_thd: float  # the same of the current
+    slew_rate_v_per_s: float  # greatest rate of the voltage
+    resistance_ohm: float  # real part of the impedance at the fundamental
+    reactance_ohm: float  # imaginary part of that impedance
+    harmonics: tuple[Harmonic, ...] = field(repr=False)  # fundamental and harmonics
 
 
 @dataclass(frozen=True, repr=False)
@@ -368,19 +350,12 @@ def _to_come(setup: OperatingPoint, samples: dict[str, Array], signals: dict[str
 
 @dataclass(frozen=True)
 class _Budget:
-    """Mean powers in W of the channel of one group.
+    """Mean powers in W of the channel of one group."""
 
-    Attributes:
-        put_in: power of its supplies.
-        losses: ``PART_GROUP.DEVICE`` → loss.
-        feed: power of the gate drivers.
-        stored: rate of the stored energy.
-    """
-
-    put_in: float
-    losses: dict[str, float]
-    feed: float
-    stored: float
+    put_in: float  # power of its supplies
+    losses: dict[str, float]  # ``PART_GROUP.DEVICE`` → loss
+    feed: float  # power of the gate drivers
+    stored: float  # rate of the stored energy
 
 
 @dataclass(frozen=True)

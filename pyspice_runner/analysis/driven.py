@@ -50,13 +50,9 @@ _EVEN = 20  # a number of steps that has LEAD of a period in it
 
 @dataclass
 class DrivenMap(PeriodMap):
-    """The map over one period of a driver.
+    """The map over one period of a driver."""
 
-    Attributes:
-        uniform: whether ngspice's steps are uniform; otherwise it shortens them at edges.
-    """
-
-    uniform: bool = False
+    uniform: bool = False  # whether ngspice's steps are uniform; otherwise it shortens them at edges
 
     @property
     def discretisation(self) -> Discretisation:
@@ -201,21 +197,14 @@ class DrivenPoint(Point):
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer to one operating point.
+    """The answer to one operating point."""
 
-    Attributes:
-        point: the point at the finest step.
-        map: the map at that step; ``None`` if only the coarse step has been tried.
-        found: the quantities of :data:`.dynamometer.UNITS`; empty without a solution.
-        error: estimated error of the torque, N·m.
-        speed: mean speed of the rotor, rad/s; ``None`` for a held shaft.
-    """
-
-    point: Point
-    map: PeriodMap | None = None
+    point: Point  # the point at the finest step
+    map: PeriodMap | None = None  # the map at that step; ``None`` if only the coarse step has been tried
+    # the quantities of :data:`.dynamometer.UNITS`; empty without a solution.
     found: Mapping[str, float] = field(default_factory=dict)
-    error: float = float("nan")
-    speed: float | None = None
+    error: float = float("nan")  # estimated error of the torque, N·m
+    speed: float | None = None  # mean speed of the rotor, rad/s; ``None`` for a held shaft
 
 
 def check_driven(setup: OperatingPoint) -> None:

@@ -78,13 +78,9 @@ UNITS = {item.name: (str(item.metadata["unit"]), str(item.metadata["meaning"])) 
 
 @dataclass(frozen=True)
 class Dynamometer:
-    """A motor and its source on the dynamometer, which replaces the load.
+    """A motor and its source on the dynamometer, which replaces the load."""
 
-    Attributes:
-        setup: motor, source, contact and solver.
-    """
-
-    setup: OperatingPoint
+    setup: OperatingPoint  # motor, source, contact and solver
 
     @property
     def motor(self) -> Motor:
@@ -217,25 +213,15 @@ def ammeter(group: str) -> str:
 
 @dataclass(frozen=True)
 class Block:
-    """The result of a block of periods.
+    """The result of a block of periods."""
 
-    Attributes:
-        bench: the dynamometer.
-        means: mean by node of its integral, in SI units.
-        peaks: greatest current of each group, A, if it was measured.
-        start: motion at its start.
-        end: motion at its end.
-        ended: time in s since the source was switched on.
-        deck_sha256: hash of its deck.
-    """
-
-    bench: Dynamometer
-    means: dict[str, float]
-    peaks: dict[str, float]
-    start: Motion
-    end: Motion
-    ended: float
-    deck_sha256: str
+    bench: Dynamometer  # the dynamometer
+    means: dict[str, float]  # mean by node of its integral, in SI units
+    peaks: dict[str, float]  # greatest current of each group, A, if it was measured
+    start: Motion  # motion at its start
+    end: Motion  # motion at its end
+    ended: float  # time in s since the source was switched on
+    deck_sha256: str  # hash of its deck
 
     @property
     def torque(self) -> float:

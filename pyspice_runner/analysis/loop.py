@@ -29,21 +29,13 @@ _DECADES = 2  # swept to either side of the bandwidth
 
 @dataclass(frozen=True)
 class LoopDesign:
-    """Loop gain and stability margin of a tracker.
+    """Loop gain and stability margin of a tracker."""
 
-    Attributes:
-        loop_filter: the filter.
-        crossover_hz: frequency at which the loop gain is 1.
-        phase_margin_deg: phase of the loop gain there, above −180°.
-        frequency_hz: frequencies.
-        gain: loop gain at them.
-    """
-
-    loop_filter: LoopFilter
-    crossover_hz: float
-    phase_margin_deg: float
-    frequency_hz: Array = field(repr=False)
-    gain: NDArray[np.complex128] = field(repr=False)
+    loop_filter: LoopFilter  # the filter
+    crossover_hz: float  # frequency at which the loop gain is 1
+    phase_margin_deg: float  # phase of the loop gain there, above −180°
+    frequency_hz: Array = field(repr=False)  # frequencies
+    gain: NDArray[np.complex128] = field(repr=False)  # loop gain at them
 
     def to_dict(self) -> dict[str, Any]:
         """Return filter, crossover and margin, JSON-ready."""

@@ -31,31 +31,18 @@ _SMALLEST_VOLTAGE = 0.1  # V, the least that a driver takes
 
 @dataclass(frozen=True)
 class MatchedGroup:
-    """Network that cancels the reactance of one group at the fundamental, and its source voltage.
+    """Network that cancels the reactance of one group at the fundamental, and its source voltage."""
 
-    Attributes:
-        resistance_ohm: real part of the group's impedance at its pin.
-        reactance_ohm: imaginary part.
-        power_factor: of the fundamental, without matching.
-        inductance_h: series inductance; 0 for an inductive group.
-        capacitance_f: series capacitance of an inductive group; otherwise 0.
-        winding_ohm: resistance of the inductor, at a quality factor of 100.
-        parallel_inductance_h: inductance across the pin, of an LLCC filter.
-        parallel_capacitance_f: capacitance across the pin, of an LLCC filter.
-        source_voltage_v: amplitude in front of the network that keeps the voltage at the pin.
-        source_phase_deg: its phase against the pin of group A.
-    """
-
-    resistance_ohm: float
-    reactance_ohm: float
-    power_factor: float
-    inductance_h: float
-    capacitance_f: float
-    winding_ohm: float
-    parallel_inductance_h: float
-    parallel_capacitance_f: float
-    source_voltage_v: float
-    source_phase_deg: float
+    resistance_ohm: float  # real part of the group's impedance at its pin
+    reactance_ohm: float  # imaginary part
+    power_factor: float  # of the fundamental, without matching
+    inductance_h: float  # series inductance; 0 for an inductive group
+    capacitance_f: float  # series capacitance of an inductive group; otherwise 0
+    winding_ohm: float  # resistance of the inductor, at a quality factor of 100
+    parallel_inductance_h: float  # inductance across the pin, of an LLCC filter
+    parallel_capacitance_f: float  # capacitance across the pin, of an LLCC filter
+    source_voltage_v: float  # amplitude in front of the network that keeps the voltage at the pin
+    source_phase_deg: float  # its phase against the pin of group A
 
 
 @dataclass(frozen=True)

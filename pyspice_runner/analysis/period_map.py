@@ -42,26 +42,16 @@ def cores() -> int:
 
 @dataclass(frozen=True)
 class Trace:
-    """A copy over one period: uniform points from its beginning to its end, both included.
+    """A copy over one period: uniform points from its beginning to its end, both included."""
 
-    Attributes:
-        time: since the drive's phase was that of t = 0, s.
-        states: shape (order, points), SI units.
-        normal: normal force, N.
-        friction: friction force, N.
-        contact_state: switch state, 0 separated, 1 stick, 2 slip.
-        slider_um: displacement of the slider, not cut off at its limit, µm.
-        penetration_um: penetration, negative where there is a gap, µm.
-        outputs: harmonics of the output of a driver's stage, by group, if its steps are not uniform.
-    """
-
-    time: Array
-    states: Array
-    normal: Array
-    friction: Array
-    contact_state: Array
-    slider_um: Array
-    penetration_um: Array
+    time: Array  # since the drive's phase was that of t = 0, s
+    states: Array  # shape (order, points), SI units
+    normal: Array  # normal force, N
+    friction: Array  # friction force, N
+    contact_state: Array  # switch state, 0 separated, 1 stick, 2 slip
+    slider_um: Array  # displacement of the slider, not cut off at its limit, µm
+    penetration_um: Array  # penetration, negative where there is a gap, µm
+    # harmonics of the output of a driver's stage, by group, if its steps are not uniform.
     outputs: Mapping[str, tuple[Tone, ...]] = field(default_factory=dict)
 
     @property
@@ -72,29 +62,17 @@ class Trace:
 
 @dataclass
 class PeriodMap:
-    """The map over one period of the drive.
+    """The map over one period of the drive."""
 
-    Attributes:
-        period: period in s.
-        steps: number of uniform steps in it.
-        timeout: wall time in s after which a run of ngspice is ended.
-        workers: number of decks that run at a time.
-        compiled: whether the motors are compiled modules.
-        evaluations: number of states that were mapped.
-        seconds: wall time in s that ngspice took, summed over the runs.
-        simulated_s: simulated time in s, summed over the states.
-        ngspice_version: of the last run; empty before the first.
-    """
-
-    period: float
-    steps: int
-    timeout: float | None = None
-    workers: int = field(default_factory=cores)
-    compiled: bool = False
-    evaluations: int = 0
-    seconds: float = 0.0
-    simulated_s: float = 0.0
-    ngspice_version: str = ""
+    period: float  # period in s
+    steps: int  # number of uniform steps in it
+    timeout: float | None = None  # wall time in s after which a run of ngspice is ended
+    workers: int = field(default_factory=cores)  # number of decks that run at a time
+    compiled: bool = False  # whether the motors are compiled modules
+    evaluations: int = 0  # number of states that were mapped
+    seconds: float = 0.0  # wall time in s that ngspice took, summed over the runs
+    simulated_s: float = 0.0  # simulated time in s, summed over the states
+    ngspice_version: str = ""  # of the last run; empty before the first
     _hashes: set[str] = field(default_factory=set, repr=False)
     _texts: dict[str, dict[str, str]] = field(default_factory=dict, repr=False)  # subcircuits of each motor, by name
 

@@ -40,43 +40,28 @@ SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs 
 
 @dataclass(eq=False)
 class Point:
-    """One operating point on its way to the steady state.
+    """One operating point on its way to the steady state."""
 
-    Attributes:
-        plant: motor, drive, load and law.
-        state: at the start of a run.
-        scale: size of each state.
-        begun: time in s at which a run begins, since the drive's phase was that of t = 0.
-        trace: the last period.
-        at_start: derivative of the state at the beginning of the period with respect to that at the start of the run.
-        at_end: the same of the state at the end of the period; both in scaled states.
-        guessed: whether it starts from a guess by solved neighbours; if that fails, from the free stator.
-        measured_end: ``at_end`` as it was last measured, without later corrections.
-        measured_at: the state at which it was measured.
-        force_slope: derivative of the mean forces with respect to the scaled state.
-        method: ``newton``, ``damped``, ``neighbour`` or ``settled``; empty while there is no solution.
-        iterations: Newton steps taken.
-    """
-
-    plant: Plant
-    state: Array
-    scale: Array
-    begun: float = 0.0
-    trace: Trace | None = None
+    plant: Plant  # motor, drive, load and law
+    state: Array  # at the start of a run
+    scale: Array  # size of each state
+    begun: float = 0.0  # time in s at which a run begins, since the drive's phase was that of t = 0
+    trace: Trace | None = None  # the last period
+    # derivative of the state at the beginning of the period with respect to that at the start of the run.
     at_start: Array | None = None
-    at_end: Array | None = None
-    measured_end: Array | None = None
-    measured_at: Array | None = None
-    force_slope: Array | None = None
+    at_end: Array | None = None  # the same of the state at the end of the period; both in scaled states
+    measured_end: Array | None = None  # ``at_end`` as it was last measured, without later corrections
+    measured_at: Array | None = None  # the state at which it was measured
+    force_slope: Array | None = None  # derivative of the mean forces with respect to the scaled state
     step: Array | None = None
     damping: float = 1.0
     damped: bool = False
     stale: bool = False
     done: bool = False
     failed: bool = False
-    guessed: bool = False
-    method: str = ""
-    iterations: int = 0
+    guessed: bool = False  # whether it starts from a guess by solved neighbours; if that fails, from the free stator
+    method: str = ""  # ``newton``, ``damped``, ``neighbour`` or ``settled``; empty while there is no solution
+    iterations: int = 0  # Newton steps taken
     residual: float = float("inf")
 
     @property

@@ -208,25 +208,16 @@ Matrices = dict[float, Complex]  # by frequency
 
 @dataclass(frozen=True)
 class _Linear:
-    """A solved point with the derivatives of its signals with respect to the state at the start of the run.
+    """A solved point with the derivatives of its signals with respect to the state at the start of the run."""
 
-    Attributes:
-        point: the point, solved on the map.
-        period_map: the map.
-        base: signals of the undisturbed period, shape (signals, points).
-        slopes: their derivatives with respect to the scaled states, shape (states, signals, points).
-        at_start: derivative of the scaled state at the beginning of the period with respect to that of the run's start.
-        at_end: the same at the end of the period.
-        fineness: size of deviations and probes over that at the usual step.
-    """
-
-    point: Point
-    period_map: PeriodMap
-    base: Array
-    slopes: Array
+    point: Point  # the point, solved on the map
+    period_map: PeriodMap  # the map
+    base: Array  # signals of the undisturbed period, shape (signals, points)
+    slopes: Array  # their derivatives with respect to the scaled states, shape (states, signals, points)
+    # derivative of the scaled state at the beginning of the period with respect to that of the run's start.
     at_start: Array
-    at_end: Array
-    fineness: float
+    at_end: Array  # the same at the end of the period
+    fineness: float  # size of deviations and probes over that at the usual step
 
     @classmethod
     def about(cls, point: Point, step: float, fineness: float, timeout: float | None) -> _Linear:

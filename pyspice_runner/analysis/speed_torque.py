@@ -345,11 +345,7 @@ def _steady(points: Sequence[Dynamometer], executor: Executor | None) -> dict[in
 
 
 def axis(name: str, values: Any) -> Array:
-    """Return the values of an axis as an array.
-
-    Raises:
-        ParameterError: for what is not numbers, or no speeds.
-    """
+    """Return the values of an axis as an array. Raise ParameterError for what is not numbers, or no speeds."""
     try:
         given = np.atleast_1d(np.asarray(values, dtype=float))
     except (TypeError, ValueError, OverflowError):
@@ -392,11 +388,7 @@ def _check(axes: Mapping[str, Array], drive: Drive | Driver, mode: str, follow: 
 
 
 def _dynamometer(point: OperatingPoint) -> Dynamometer:
-    """Return the dynamometer of a point.
-
-    Raises:
-        ParameterError: for a step with which a block has too many points.
-    """
+    """Return the dynamometer of a point. Raise ParameterError for a step with which a block has too many points."""
     finest = Dynamometer(point).duration / MOST_POINTS
     if point.step < finest:
         raise ParameterError(

@@ -166,23 +166,14 @@ class Tracking(Result):
 
 @dataclass(frozen=True)
 class TrackedRun:
-    """Inputs of a run with a tracker.
+    """Inputs of a run with a tracker."""
 
-    Attributes:
-        setup: motor, source, load, law and solver.
-        source: the tracker at its pins, with the disturbance.
-        disturbance: the disturbance.
-        duration: simulated time in s.
-        lag: resonance and lag of the mode, for which the filter was designed.
-        stall_torque_n_m: torque on a held shaft, if it was measured.
-    """
-
-    setup: OperatingPoint
-    source: TrackedSource
-    disturbance: Disturbance
-    duration: float
-    lag: StatorLag
-    stall_torque_n_m: float | None
+    setup: OperatingPoint  # motor, source, load, law and solver
+    source: TrackedSource  # the tracker at its pins, with the disturbance
+    disturbance: Disturbance  # the disturbance
+    duration: float  # simulated time in s
+    lag: StatorLag  # resonance and lag of the mode, for which the filter was designed
+    stall_torque_n_m: float | None  # torque on a held shaft, if it was measured
 
 
 @dataclass(frozen=True)

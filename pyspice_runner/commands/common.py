@@ -151,11 +151,7 @@ def grid_or_none(option: str, text: str | None) -> list[float] | None:
 
 
 def axes_of(texts: list[str] | None, option: str = "--over") -> dict[str, list[float]]:
-    """Return the values of axes that are written as PATH=VALUES.
-
-    Raises:
-        ParameterError: for an axis without values.
-    """
+    """Return the values of axes that are written as PATH=VALUES. Raise ParameterError for an axis without values."""
     return {path: grid(f"{option} {path}", values) for path, values in pairs_of(option, texts)}
 
 
@@ -288,11 +284,7 @@ def _noted(path: Path) -> Iterator[None]:
 
 
 def _print(document: Mapping[str, Any], table: Table | str, as_json: bool) -> None:
-    """Print a result.
-
-    Raises:
-        ParameterError: if the standard output cannot be written.
-    """
+    """Print a result. Raise ParameterError if the standard output cannot be written."""
     try:
         if as_json or isinstance(table, str):
             _write(json.dumps(document, allow_nan=False) + "\n" if as_json else str(table))

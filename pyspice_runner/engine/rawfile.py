@@ -18,14 +18,10 @@ _HEADER_LIMIT = 1 << 20  # bytes; a header lists the vectors' names, a few dozen
 
 @dataclass(frozen=True)
 class RawFile:
-    """One analysis as ngspice wrote it.
+    """One analysis as ngspice wrote it."""
 
-    Attributes:
-        plot: ngspice's name of the analysis, such as "Transient Analysis".
-        vectors: lower-case vector name → values (real, or complex for AC), in the file's order; views of the file.
-    """
-
-    plot: str
+    plot: str  # ngspice's name of the analysis, such as "Transient Analysis"
+    # lower-case vector name → values (real, or complex for AC), in the file's order; views of the file.
     vectors: dict[str, NDArray[np.generic]]
     _pages: mmap.mmap | None = field(default=None, repr=False, compare=False)
 

@@ -27,19 +27,14 @@ _NEAR_POINTS = 201  # over ten bandwidths around each resonance
 class CircuitExport:
     """An equivalent circuit, to be written as a file.
 
-    Attributes:
-        circuit: the circuit.
-        title: what the circuit represents, one line.
-        name: name of the subcircuit in the ``.lib`` and the symbols.
-        frequency_hz: frequencies for Touchstone; by default an octave around the resonances, finer near them.
-
     Raises:
         ParameterError: by the constructor, for an invalid name.
     """
 
-    circuit: EquivalentCircuit
-    title: str = ""
-    name: str = RESONATOR
+    circuit: EquivalentCircuit  # the circuit
+    title: str = ""  # what the circuit represents, one line
+    name: str = RESONATOR  # name of the subcircuit in the ``.lib`` and the symbols
+    # frequencies for Touchstone; by default an octave around the resonances, finer near them.
     frequency_hz: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:

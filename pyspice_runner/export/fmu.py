@@ -51,27 +51,16 @@ _UNITS: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable of the unit.
+    """One variable of the unit."""
 
-    Attributes:
-        name: name, such as ``speed`` or ``mode[1].mass``.
-        unit: unit; ``1`` for none.
-        least: least value, empty for an output.
-        greatest: greatest value.
-        meaning: one line.
-        causality: ``input``, ``output`` or ``parameter``.
-        reference: place in the C structure.
-        start: value before a run; ``None`` for an output.
-    """
-
-    name: str
-    unit: str
-    least: str
-    greatest: str
-    meaning: str
-    causality: str
-    reference: int
-    start: float | None
+    name: str  # name, such as ``speed`` or ``mode[1].mass``
+    unit: str  # unit; ``1`` for none
+    least: str  # least value, empty for an output
+    greatest: str  # greatest value
+    meaning: str  # one line
+    causality: str  # ``input``, ``output`` or ``parameter``
+    reference: int  # place in the C structure
+    start: float | None  # value before a run; ``None`` for an output
 
 
 @cache

@@ -58,19 +58,13 @@ class MotorExport:
 
 @dataclass(frozen=True)
 class Format:
-    """A format of files.
+    """A format of files."""
 
-    Attributes:
-        text: function that returns the text for ``MotorExport.text``.
-        content: function that returns the content of the file at a path, where it is not just this text.
-        averaged: whether it can contain the averaged motor.
-        idle: options of the command that have no effect on it.
-    """
-
-    text: Callable[[MotorExport], str]
+    text: Callable[[MotorExport], str]  # function that returns the text for ``MotorExport.text``
+    # function that returns the content of the file at a path, where it is not just this text.
     content: Callable[[MotorExport, Path], str | bytes] | None = None
-    averaged: bool = False
-    idle: tuple[str, ...] = ()
+    averaged: bool = False  # whether it can contain the averaged motor
+    idle: tuple[str, ...] = ()  # options of the command that have no effect on it
 
 
 def endings(averaged: bool) -> tuple[str, ...]:

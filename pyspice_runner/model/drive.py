@@ -212,15 +212,10 @@ def check_together(motor: Motor, drive: Drive) -> None:
 
 @dataclass(frozen=True)
 class Load:
-    """Load of the shaft: none, a torque, or a held speed.
+    """Load of the shaft: none, a torque, or a held speed."""
 
-    Attributes:
-        speed: speed in rad/s at which the shaft is held; ``None`` leaves it free.
-        torque: torque in N·m that a load draws from the free shaft at any speed; positive against the positive
-            direction.
-    """
-
-    speed: float | None = None
+    speed: float | None = None  # speed in rad/s at which the shaft is held; ``None`` leaves it free
+    # torque in N·m that a load draws from the free shaft at any speed; positive against the positive direction.
     torque: float = 0.0
 
     def check(self, motor: Motor) -> None:

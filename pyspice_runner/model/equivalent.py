@@ -67,57 +67,35 @@ class MotionalArm:
 
 @dataclass(frozen=True)
 class Characteristics:
-    """Characteristic values of one resonance; ``None`` where losses or neighbouring modes hide the extremum.
+    """Characteristic values of one resonance; ``None`` where losses or neighbouring modes hide the extremum."""
 
-    Attributes:
-        fs: frequency of greatest conductance, Hz.
-        fp: frequency of greatest resistance, Hz.
-        fm: frequency of greatest |Y|, Hz.
-        fn: frequency of least |Y|, Hz.
-        fr: resonance, where the susceptance vanishes near fs, Hz.
-        fa: antiresonance, where it vanishes near fp, Hz.
-        coupling_factor: k_eff, from the pair below.
-        coupling_pair: ``"fs, fp"``, and k_eff = √(1 − (fs/fp)²); ``"C, C0"`` where neighbours or losses hide one of
-            these two, and k_eff = √(C/(C + C₀)).
-        figure_of_merit: M = 1/(2π f C₀ R); below 2 the susceptance stays positive.
-    """
-
-    fs: float | None
-    fp: float | None
-    fm: float | None
-    fn: float | None
-    fr: float | None
-    fa: float | None
-    coupling_factor: float
+    fs: float | None  # frequency of greatest conductance, Hz
+    fp: float | None  # frequency of greatest resistance, Hz
+    fm: float | None  # frequency of greatest |Y|, Hz
+    fn: float | None  # frequency of least |Y|, Hz
+    fr: float | None  # resonance, where the susceptance vanishes near fs, Hz
+    fa: float | None  # antiresonance, where it vanishes near fp, Hz
+    coupling_factor: float  # k_eff, from the pair below
+    # ``"fs, fp"``, and k_eff = √(1 − (fs/fp)²); ``"C, C0"`` where neighbours or losses hide one of these two, and k_eff
+    # = √(C/(C + C₀)).
     coupling_pair: str
-    figure_of_merit: float
+    figure_of_merit: float  # M = 1/(2π f C₀ R); below 2 the susceptance stays positive
 
 
 @dataclass(frozen=True)
 class EquivalentCircuit:
-    """Clamped capacitance with loss, motional arms by rising frequency, and leads.
+    """Clamped capacitance with loss, motional arms by rising frequency, and leads."""
 
-    Attributes:
-        arms: the arms; ``resistance_ohm`` of an arm is the diagonal element of R.
-        clamped_capacitance_f: C₀ at the reference frequency.
-        loss_tangent: of C₀ at the reference frequency, its three parts together.
-        loss_reference_hz: the reference frequency.
-        lead_resistance_ohm: R_ℓ.
-        lead_inductance_h: L_ℓ.
-        loss_tangent_falling: part of the loss tangent that falls in proportion to 1/f.
-        loss_tangent_rising: part that rises in proportion to f.
-        shared_losses: one row for each shared resistance: weights in √Ω of the currents of the clamped capacitance and
-            of each arm. R is the sum of the arms' own resistances and of the products of the rows.
-    """
-
-    arms: tuple[MotionalArm, ...]
-    clamped_capacitance_f: float
-    loss_tangent: float
-    loss_reference_hz: float
-    lead_resistance_ohm: float = 0.0
-    lead_inductance_h: float = 0.0
-    loss_tangent_falling: float = 0.0
-    loss_tangent_rising: float = 0.0
+    arms: tuple[MotionalArm, ...]  # the arms; ``resistance_ohm`` of an arm is the diagonal element of R
+    clamped_capacitance_f: float  # C₀ at the reference frequency
+    loss_tangent: float  # of C₀ at the reference frequency, its three parts together
+    loss_reference_hz: float  # the reference frequency
+    lead_resistance_ohm: float = 0.0  # R_ℓ
+    lead_inductance_h: float = 0.0  # L_ℓ
+    loss_tangent_falling: float = 0.0  # part of the loss tangent that falls in proportion to 1/f
+    loss_tangent_rising: float = 0.0  # part that rises in proportion to f
+    # one row for each shared resistance: weights in √Ω of the currents of the clamped capacitance and of each arm. R is
+    # the sum of the arms' own resistances and of the products of the rows.
     shared_losses: tuple[tuple[float, ...], ...] = ()
 
     @property

@@ -128,13 +128,10 @@ def load_motor(source: str | Path) -> Motor:
 
 
 def changed_motor(source: str | Path, changes: Mapping[str, Any]) -> Motor:
-    """Read a motor and change some of its values.
+    """Read a motor and change some of its values. Raise ParameterError as :func:`load_motor` and :meth:`Motor.updated`.
 
     Paths are those of :meth:`Motor.updated`, and those of the structure and the materials in the file:
     ``beam.length_m``, ``patches.0.end_m``, ``contact.materials.tip_poisson``. Values are in SI units.
-
-    Raises:
-        ParameterError: as :func:`load_motor` and :meth:`Motor.updated`.
     """
     document, name = _read(source)
     of_file = {path: value for path, value in changes.items() if path.startswith(_ONLY_IN_FILES)}

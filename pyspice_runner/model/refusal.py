@@ -99,11 +99,7 @@ def refusal(error: ValidationError, kind: type[Parameters], path: str, where: st
 
 
 def limited(kind: type[Parameters], name: str, value: Any, path: str, where: str) -> float:
-    """Return the value if it is valid for the field of that name.
-
-    Raises:
-        ParameterError: otherwise.
-    """
+    """Return the value if it is valid for the field of that name. Raise ParameterError otherwise."""
     schema = kind.model_json_schema()["properties"][name]
     inside = (
         _is_number(value)

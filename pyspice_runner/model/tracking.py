@@ -34,17 +34,11 @@ _CYCLE = 720  # points of a cycle of the slider
 
 @dataclass(frozen=True)
 class StatorLag:
-    """Resonance of one mode of a running motor, and its phase lag.
+    """Resonance of one mode of a running motor, and its phase lag."""
 
-    Attributes:
-        resonance_hz: frequency at which the mode's velocity is in phase with the force of the groups.
-        quality: loaded quality factor.
-        amplitude_m: modal amplitude at resonance; 0 where it does not matter.
-    """
-
-    resonance_hz: float
-    quality: float
-    amplitude_m: float = 0.0
+    resonance_hz: float  # frequency at which the mode's velocity is in phase with the force of the groups
+    quality: float  # loaded quality factor
+    amplitude_m: float = 0.0  # modal amplitude at resonance; 0 where it does not matter
 
     @property
     def time_constant_s(self) -> float:

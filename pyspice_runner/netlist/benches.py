@@ -50,17 +50,11 @@ def transient_options(motor: Motor, law: Law | None = PAPER_LAW) -> dict[str, st
 
 @dataclass(frozen=True)
 class SpeedRamp:
-    """A commanded speed that rises or falls linearly.
+    """A commanded speed that rises or falls linearly."""
 
-    Attributes:
-        first: speed at the start of the run, rad/s.
-        last: speed after ``duration``, rad/s.
-        duration: time in s that the ramp takes.
-    """
-
-    first: float
-    last: float
-    duration: float
+    first: float  # speed at the start of the run, rad/s
+    last: float  # speed after ``duration``, rad/s
+    duration: float  # time in s that the ramp takes
 
 
 def brake_parts(*, meters: bool) -> list[Library]:

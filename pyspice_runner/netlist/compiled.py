@@ -36,30 +36,19 @@ _NODES = {"pressing": "normal"} | {
 
 @dataclass(frozen=True)
 class Signal:
-    """A vector as a sum of others: ``offset + Σ factor · vector``.
+    """A vector as a sum of others: ``offset + Σ factor · vector``."""
 
-    Attributes:
-        terms: factor by vector.
-        offset: in the unit of the vector.
-    """
-
-    terms: Mapping[str, float]
-    offset: float = 0.0
+    terms: Mapping[str, float]  # factor by vector
+    offset: float = 0.0  # in the unit of the vector
 
 
 @dataclass(frozen=True)
 class Module:
-    """A Verilog-A module to compile.
+    """A Verilog-A module to compile."""
 
-    Attributes:
-        name: its name, and that of the compiled file without the ending.
-        source: its text.
-        ports: its ports: :data:`PINS`, then the states.
-    """
-
-    name: str
-    source: str
-    ports: tuple[str, ...]
+    name: str  # its name, and that of the compiled file without the ending
+    source: str  # its text
+    ports: tuple[str, ...]  # its ports: :data:`PINS`, then the states
 
     @property
     def file(self) -> str:

@@ -28,13 +28,9 @@ _TURNS = f"{2.0 * pi!r}*V(turns)"
 
 @dataclass(frozen=True)
 class CommandedSource(UniformSource):
-    """Two sines whose frequency, amplitudes and phase are the values of DC sources; the phase is continuous.
+    """Two sines whose frequency, amplitudes and phase are the values of DC sources; the phase is continuous."""
 
-    Attributes:
-        drive: the values at the start.
-    """
-
-    drive: TwoPhaseDrive
+    drive: TwoPhaseDrive  # the values at the start
 
     @property
     def label(self) -> str:

@@ -54,18 +54,12 @@ class Plant:
     The states are those of modes, contact, mount and, unless the shaft is held, rotor (:func:`.motor_states`). The
     plates are no states: ideal voltage sources set their voltages. A bench may leave them out, since their current does
     not act on the motion.
-
-    Attributes:
-        motor: the motor.
-        drive: the two voltages, without soft start.
-        load: on the shaft.
-        law: law of the contact; ``None`` for a free tip.
     """
 
-    motor: Motor
-    drive: Drive
-    load: Load
-    law: Law | None
+    motor: Motor  # the motor
+    drive: Drive  # the two voltages, without soft start
+    load: Load  # on the shaft
+    law: Law | None  # law of the contact; ``None`` for a free tip
 
     @cached_property
     def motor_name(self) -> str:
@@ -187,32 +181,21 @@ def phasor_at(tone: Tone, gain: complex, time: float | Array) -> tuple[float | A
 
 @dataclass(frozen=True)
 class Probe:
-    """A small sine in addition to the drive or the load.
+    """A small sine in addition to the drive or the load."""
 
-    Attributes:
-        place: ``"a"`` or ``"b"``, in series with the source of that group, V; ``"shaft"``, a torque on the rotor, N·m.
-        tone: the sine.
-    """
-
+    # ``"a"`` or ``"b"``, in series with the source of that group, V; ``"shaft"``, a torque on the rotor, N·m.
     place: str
-    tone: Tone
+    tone: Tone  # the sine
 
 
 @dataclass(frozen=True)
 class Copy:
-    """One copy of a plant.
+    """One copy of a plant."""
 
-    Attributes:
-        plant: motor, drive, load and law.
-        state: at the start.
-        begun: time in s since the drive's phase was that of t = 0.
-        probes: small sines in addition to drive and load.
-    """
-
-    plant: Plant
-    state: Array
-    begun: float = 0.0
-    probes: tuple[Probe, ...] = ()
+    plant: Plant  # motor, drive, load and law
+    state: Array  # at the start
+    begun: float = 0.0  # time in s since the drive's phase was that of t = 0
+    probes: tuple[Probe, ...] = ()  # small sines in addition to drive and load
 
 
 def content_name(prefix: str, *values: object) -> str:

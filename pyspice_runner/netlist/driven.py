@@ -44,19 +44,12 @@ _DELAY = "start_delay"  # parameter of a half bridge: the control charges a capa
 
 @dataclass(frozen=True)
 class Store:
-    """An inductance or capacitance of a driver.
+    """An inductance or capacitance of a driver."""
 
-    Attributes:
-        instance: instance of the part that it belongs to.
-        device: its name there, in lower case.
-        start: parameter of the part for its current or voltage at the start.
-        ends: nodes of the bench at its ends.
-    """
-
-    instance: str
-    device: str
-    start: str
-    ends: tuple[str, str]
+    instance: str  # instance of the part that it belongs to
+    device: str  # its name there, in lower case
+    start: str  # parameter of the part for its current or voltage at the start
+    ends: tuple[str, str]  # nodes of the bench at its ends
 
     @property
     def name(self) -> str:
@@ -84,14 +77,10 @@ class Store:
 
 @dataclass(frozen=True)
 class DrivenPlant(Plant):
-    """A motor behind a driver. Its states are followed by the plates of both groups and by the driver's stores.
+    """A motor behind a driver. Its states are followed by the plates of both groups and by the driver's stores."""
 
-    Attributes:
-        driver: the driver; ``drive`` is the fundamental of its stage.
-        stage: sines that take the place of the power stage of each group, if any; the time is that of the run.
-    """
-
-    driver: Driver
+    driver: Driver  # the driver; ``drive`` is the fundamental of its stage
+    # sines that take the place of the power stage of each group, if any; the time is that of the run.
     stage: Mapping[str, tuple[Tone, ...]] = field(default_factory=dict)
 
     @cached_property

@@ -69,21 +69,13 @@ SWITCHED_OPTIONS = {"reltol": "1e-4", "vntol": "1e-5", "abstol": "1e-6", "method
 
 @dataclass(frozen=True)
 class Part:
-    """One instance in the chain of one group.
+    """One instance in the chain of one group."""
 
-    Attributes:
-        instance: name of the instance, without the X.
-        label: the name of its parameters and losses: ``amplifier``, ``bridge``, ``transformer``, ...
-        group: ``"a"`` or ``"b"``.
-        library: its subcircuit.
-        values: every parameter of the subcircuit.
-    """
-
-    instance: str
-    label: str
-    group: str
-    library: Library
-    values: dict[str, float]
+    instance: str  # name of the instance, without the X
+    label: str  # the name of its parameters and losses: ``amplifier``, ``bridge``, ``transformer``, ..
+    group: str  # ``"a"`` or ``"b"``
+    library: Library  # its subcircuit
+    values: dict[str, float]  # every parameter of the subcircuit
 
     def power_vector(self, kind: str, name: str) -> str:
         """Return the vector of a ``loss``, ``feed`` (1 V = 1 W) or ``store`` (1 V = 1 µJ) of the library's header."""

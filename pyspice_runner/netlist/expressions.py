@@ -103,21 +103,13 @@ class _Parser:
 
 @dataclass
 class Equations:
-    """The equations of a subcircuit and of those that it contains.
+    """The equations of a subcircuit and of those that it contains."""
 
-    Attributes:
-        parameters: name → expression of each ``.param``.
-        values: node → expression of its voltage.
-        currents: node → expressions of the currents that flow into it.
-        resistances: node → resistance to ground.
-        capacitances: node → capacitance to ground.
-    """
-
-    parameters: dict[str, str] = field(default_factory=dict)
-    values: dict[str, str] = field(default_factory=dict)
-    currents: dict[str, list[str]] = field(default_factory=dict)
-    resistances: dict[str, str] = field(default_factory=dict)
-    capacitances: dict[str, str] = field(default_factory=dict)
+    parameters: dict[str, str] = field(default_factory=dict)  # name → expression of each ``.param``
+    values: dict[str, str] = field(default_factory=dict)  # node → expression of its voltage
+    currents: dict[str, list[str]] = field(default_factory=dict)  # node → expressions of the currents that flow into it
+    resistances: dict[str, str] = field(default_factory=dict)  # node → resistance to ground
+    capacitances: dict[str, str] = field(default_factory=dict)  # node → capacitance to ground
 
     def ordered(self) -> Iterator[tuple[str, str]]:
         """Return parameters and node voltages, each one behind those that it depends on."""

@@ -194,15 +194,10 @@ _POWERS = {"losses": "LOSS", "feeds": "FEED", "stores": "STORE"}
 
 @dataclass(frozen=True)
 class Header:
-    """The comment lines of a library that begin with a keyword.
+    """The comment lines of a library that begin with a keyword."""
 
-    Attributes:
-        where: name of the file, for messages.
-        text: text with the comments.
-    """
-
-    where: str
-    text: str
+    where: str  # name of the file, for messages
+    text: str  # text with the comments
 
     def entries(self, keyword: str, words: int = 1) -> list[tuple[str, ...]]:
         """Return the entries of a keyword: each has this number of words, the last with the rest of the line."""
@@ -228,11 +223,7 @@ class Header:
         return tuple(Pin(*words) for words in self.entries("PIN", 4))
 
     def parameters(self) -> tuple[LibraryParameter, ...]:
-        """Return the ``PAR`` lines.
-
-        Raises:
-            ParameterError: for an invalid number or a default out of its range.
-        """
+        """Return the ``PAR`` lines. Raise ParameterError for an invalid number or a default out of its range."""
         found = []
         for key, unit, *numbers, meaning in self.entries("PAR", 6):
             default, least, greatest = (self.number(key, text) for text in numbers)
@@ -246,11 +237,7 @@ class Header:
         return {field: tuple(self.entries(keyword, 2)) for field, keyword in _POWERS.items()}
 
     def number(self, key: str, text: str) -> float:
-        """Return the value of a parameter.
-
-        Raises:
-            ParameterError: if it is not a SPICE number.
-        """
+        """Return the value of a parameter. Raise ParameterError if it is not a SPICE number."""
         try:
             return number(text)
         except ParameterError as error:
@@ -286,11 +273,7 @@ def part_name(name: str, prefix: str = PREFIX) -> str:
 
 
 def number(text: str) -> float:
-    """Read a SPICE number with its suffix (``50n``, ``1meg``).
-
-    Raises:
-        ParameterError: for any other text.
-    """
+    """Read a SPICE number with its suffix (``50n``, ``1meg``). Raise ParameterError for any other text."""
     match = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)(t|g|meg|k|m|u|n|p|f)?", text.lower(), re.A)
     try:  # by decimal arithmetic, so that 40n is exactly 4e-8
         value = float(Decimal(match.group(1)).scaleb(_EXPONENTS[match.group(2) or ""])) if match else inf

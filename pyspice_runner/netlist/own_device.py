@@ -72,25 +72,15 @@ def _opened(text: str, what: str, file: str) -> tuple[_Devices, str]:
 
 @dataclass
 class _Block:
-    """One subcircuit of a file.
+    """One subcircuit of a file."""
 
-    Attributes:
-        begin: number of its first line.
-        first: its first line.
-        name: its name as it is written.
-        pins: in lower case.
-        parameters: words ``name=value`` of the first line.
-        body: statements between the first and the last line.
-        header: text from the end of the previous subcircuit to its own end.
-    """
-
-    begin: int
-    first: str
-    name: str
-    pins: tuple[str, ...]
-    parameters: list[str]
-    body: list[Statement] = field(default_factory=list)
-    header: str = ""
+    begin: int  # number of its first line
+    first: str  # its first line
+    name: str  # its name as it is written
+    pins: tuple[str, ...]  # in lower case
+    parameters: list[str]  # words ``name=value`` of the first line
+    body: list[Statement] = field(default_factory=list)  # statements between the first and the last line
+    header: str = ""  # text from the end of the previous subcircuit to its own end
 
 
 class _Devices(OwnFile):

@@ -39,21 +39,13 @@ _NO_FILES = {r"file|[`\"\\]": "a {what} reads no files and needs no quotes"}
 
 @dataclass(frozen=True)
 class Rules:
-    """Statements that a file may have.
+    """Statements that a file may have."""
 
-    Attributes:
-        what: the file's purpose in one word, for messages.
-        elements: first letters of the elements; never A and N, which may run code.
-        models: types of ``.model``.
-        usual: the part of ``behavioral/`` that such a file usually needs, for messages.
-        forbidden: further forbidden patterns, with the reason.
-    """
-
-    what: str
-    elements: str = "RLCVIEFGHBDKSX"
-    models: tuple[str, ...] = ("D", "SW", "CSW")
-    usual: str = f"{PREFIX}_normal"
-    forbidden: Mapping[str, str] = field(default_factory=dict)
+    what: str  # the file's purpose in one word, for messages
+    elements: str = "RLCVIEFGHBDKSX"  # first letters of the elements; never A and N, which may run code
+    models: tuple[str, ...] = ("D", "SW", "CSW")  # types of ``.model``
+    usual: str = f"{PREFIX}_normal"  # the part of ``behavioral/`` that such a file usually needs, for messages
+    forbidden: Mapping[str, str] = field(default_factory=dict)  # further forbidden patterns, with the reason
 
 
 class OwnFile:

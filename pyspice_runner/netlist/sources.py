@@ -47,32 +47,21 @@ FREE = Load()  # a free shaft
 
 @dataclass(frozen=True)
 class Bench:
-    """A circuit that is ready to run.
+    """A circuit that is ready to run."""
 
-    Attributes:
-        circuit: the circuit.
-        options: ngspice's options for it.
-        start: initial voltages in V by node, in addition to those of its devices (``ic=``).
-        modules: Verilog-A modules that it loads, compiled.
-        signals: vectors that are sums of others, by name.
-    """
-
-    circuit: Circuit
-    options: Mapping[str, str]
+    circuit: Circuit  # the circuit
+    options: Mapping[str, str]  # ngspice's options for it
+    # initial voltages in V by node, in addition to those of its devices (``ic=``).
     start: Mapping[str, float] = field(default_factory=dict)
-    modules: tuple[Module, ...] = ()
-    signals: Mapping[str, Signal] = field(default_factory=dict)
+    modules: tuple[Module, ...] = ()  # Verilog-A modules that it loads, compiled
+    signals: Mapping[str, Signal] = field(default_factory=dict)  # vectors that are sums of others, by name
 
 
 @dataclass(frozen=True)
 class DriveSource(UniformSource):
-    """Ideal voltage sources at the pins: ``Va`` and ``Vb``.
+    """Ideal voltage sources at the pins: ``Va`` and ``Vb``."""
 
-    Attributes:
-        drive: the two voltages.
-    """
-
-    drive: Drive
+    drive: Drive  # the two voltages
     continues = True
 
     @property

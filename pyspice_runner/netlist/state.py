@@ -29,14 +29,10 @@ class Discretisation:
     The trapezoidal rule with step h shifts a resonance ω to (2/h) atan(ω h/2). With m′ = m cos²(ωh/2) and
     k′ = (4m/h²) sin²(ωh/2) the discretised mode resonates at ω exactly. The time constant of
     the slider is h/2, with which the slider follows its limit without ringing.
-
-    Attributes:
-        step: time step h in s.
-        exact_resonance: whether to adapt the modes.
     """
 
-    step: float
-    exact_resonance: bool = True
+    step: float  # time step h in s
+    exact_resonance: bool = True  # whether to adapt the modes
 
     def mode(self, mode: Mode | Mount) -> tuple[float, float]:
         """Return the mass (kg) and stiffness (N/m) to write for a mode or a carrier."""
@@ -66,60 +62,34 @@ def static_sway(motor: Motor, law: Law | None, discretisation: Discretisation | 
 
 @dataclass(frozen=True)
 class Motion:
-    """The state of a running motor, from which a run with ``uic`` can continue.
+    """The state of a running motor, from which a run with ``uic`` can continue."""
 
-    Attributes:
-        displacements_m: modal displacements r, in the order of the modes.
-        velocities_m_s: modal velocities.
-        slider_m: displacement of the slider of the law ``spring-slider``.
-        speed_rad_s: speed of the rotor.
-        plates_a_v: voltages of the capacitances :data:`PLATES` of group A.
-        plates_b_v: the same of group B.
-        contact_m: states of another law, the nodes :attr:`.Law.states`, 1 V = 1 µm.
-        carrier_m: displacement of the carrier towards the rotor.
-        carrier_m_s: velocity of the carrier.
-        bearing: share of its torque that a dry bearing takes, from -1 to 1.
-    """
-
-    displacements_m: tuple[float, ...]
-    velocities_m_s: tuple[float, ...]
-    slider_m: float = 0.0
-    speed_rad_s: float = 0.0
-    plates_a_v: tuple[float, ...] = ()
-    plates_b_v: tuple[float, ...] = ()
-    contact_m: tuple[float, ...] = ()
-    carrier_m: float = 0.0
-    carrier_m_s: float = 0.0
-    bearing: float = 0.0
+    displacements_m: tuple[float, ...]  # modal displacements r, in the order of the modes
+    velocities_m_s: tuple[float, ...]  # modal velocities
+    slider_m: float = 0.0  # displacement of the slider of the law ``spring-slider``
+    speed_rad_s: float = 0.0  # speed of the rotor
+    plates_a_v: tuple[float, ...] = ()  # voltages of the capacitances :data:`PLATES` of group A
+    plates_b_v: tuple[float, ...] = ()  # the same of group B
+    contact_m: tuple[float, ...] = ()  # states of another law, the nodes :attr:`.Law.states`, 1 V = 1 µm
+    carrier_m: float = 0.0  # displacement of the carrier towards the rotor
+    carrier_m_s: float = 0.0  # velocity of the carrier
+    bearing: float = 0.0  # share of its torque that a dry bearing takes, from -1 to 1
 
 
 @dataclass(frozen=True)
 class State:
-    """One number of the state of a motor.
+    """One number of the state of a motor."""
 
-    Attributes:
-        name: its name, and that of its node in a compiled module.
-        kind: the part of the motor that it belongs to.
-        vector: the vector that holds it, a format of the instance of the motor and the node of the shaft.
-        field: its field of :class:`Motion`.
-        index: its place in that field; ``None`` for a field with one number.
-        part: instance whose parameter sets its start; empty if the initial voltage of its node does.
-        start: that parameter.
-        unit: SI value of 1 of the start, and of 1 V or 1 A of the vector if there is no spring.
-        spring: mode or carrier whose elastic force in N the vector is.
-        rest: elastic force at preloaded rest, N. The start is relative to rest.
-    """
-
-    name: str
-    kind: Kind
-    vector: str
-    field: str
-    index: int | None = None
-    part: str = ""
-    start: str = "start"
-    unit: float = 1.0
-    spring: Mode | Mount | None = None
-    rest: float = 0.0
+    name: str  # its name, and that of its node in a compiled module
+    kind: Kind  # the part of the motor that it belongs to
+    vector: str  # the vector that holds it, a format of the instance of the motor and the node of the shaft
+    field: str  # its field of :class:`Motion`
+    index: int | None = None  # its place in that field; ``None`` for a field with one number
+    part: str = ""  # instance whose parameter sets its start; empty if the initial voltage of its node does
+    start: str = "start"  # that parameter
+    unit: float = 1.0  # SI value of 1 of the start, and of 1 V or 1 A of the vector if there is no spring
+    spring: Mode | Mount | None = None  # mode or carrier whose elastic force in N the vector is
+    rest: float = 0.0  # elastic force at preloaded rest, N. The start is relative to rest.
 
     @property
     def parameter(self) -> str:

@@ -111,28 +111,18 @@ class Tracker(Stated):
 
 @dataclass(frozen=True)
 class Disturbance:
-    """A disturbance of a tracked motor.
+    """A disturbance of a tracked motor."""
 
-    Attributes:
-        kind: ``"start"``: only the start; ``"target"``, ``"load"``, ``"preload"`` or ``"temperature"``; ``"warm-up"``
-            by the losses, of the averaged motor only.
-        begin_s: time in s at which it begins.
-        load_torque_n_m: load torque after the step.
-        preload_change: relative change of the static normal force.
-        drift: relative drift of all resonance frequencies.
-        drift_time_s: duration of the drift.
-        thermal: coefficients of the drift; by default only the frequencies drift.
-        target_step_deg: step of the target phase of a phase-locked loop.
-    """
-
+    # ``"start"``: only the start; ``"target"``, ``"load"``, ``"preload"`` or ``"temperature"``; ``"warm-up"`` by the
+    # losses, of the averaged motor only.
     kind: DisturbanceKind
-    begin_s: float = 0.0
-    load_torque_n_m: float = 0.0
-    preload_change: float = 0.0
-    drift: float = 0.0
-    drift_time_s: float = 50e-3
-    thermal: Thermal | None = None
-    target_step_deg: float = 0.0
+    begin_s: float = 0.0  # time in s at which it begins
+    load_torque_n_m: float = 0.0  # load torque after the step
+    preload_change: float = 0.0  # relative change of the static normal force
+    drift: float = 0.0  # relative drift of all resonance frequencies
+    drift_time_s: float = 50e-3  # duration of the drift
+    thermal: Thermal | None = None  # coefficients of the drift; by default only the frequencies drift
+    target_step_deg: float = 0.0  # step of the target phase of a phase-locked loop
 
     def __post_init__(self) -> None:
         for name, value, low, high, unit in (
@@ -230,23 +220,16 @@ class TrackedSource(Source):
 
     Nodes: ``sine``, ``cosine``, ``tuned`` (Hz) of the oscillator, ``control`` and ``tuning`` before it; ``motional``,
     ``force``, ``ahead``, ``power`` of the sensing circuit at the pins; ``target`` (degrees).
-
-    Attributes:
-        tracker: the tracker, its drive and its oscillator.
-        mode: index of the mode to track, from 0.
-        loop_filter: filter of a phase-locked loop.
-        driver: driver behind the oscillator; ``None`` for ideal sources. It sets voltages and phase, the oscillator the
-            frequency.
-        disturbance: change of the target phase.
-        inject: source between ``control`` and ``tuning``, by default 0 V.
     """
 
-    tracker: Tracker
-    mode: int
-    loop_filter: LoopFilter
+    tracker: Tracker  # the tracker, its drive and its oscillator
+    mode: int  # index of the mode to track, from 0
+    loop_filter: LoopFilter  # filter of a phase-locked loop
+    # driver behind the oscillator; ``None`` for ideal sources. It sets voltages and phase, the oscillator the
+    # frequency.
     driver: Driver | None = None
-    disturbance: Disturbance | None = None
-    inject: str = ""
+    disturbance: Disturbance | None = None  # change of the target phase
+    inject: str = ""  # source between ``control`` and ``tuning``, by default 0 V
     vectors = ("v(tuned)",)
     fewest_points = 50  # the phase detector responds to an edge at the end of a step: 7 degrees
 

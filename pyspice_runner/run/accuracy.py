@@ -27,19 +27,12 @@ _SECOND_ORDER = 2.5  # ratio of the distances from twice to four times the step;
 
 @dataclass(frozen=True)
 class Errors:
-    """Estimated errors of a run.
+    """Estimated errors of a run."""
 
-    Attributes:
-        tip: of the tip's trajectory, RMS relative to its motion.
-        speed_rad_s: of the mean rotor speed; ``None`` if it was not recorded.
-        torque_n_m: of the mean torque; ``None`` if it was not recorded.
-        seconds: wall time in s that ngspice took for the estimate.
-    """
-
-    tip: float
-    speed_rad_s: float | None
-    torque_n_m: float | None
-    seconds: float
+    tip: float  # of the tip's trajectory, RMS relative to its motion
+    speed_rad_s: float | None  # of the mean rotor speed; ``None`` if it was not recorded
+    torque_n_m: float | None  # of the mean torque; ``None`` if it was not recorded
+    seconds: float  # wall time in s that ngspice took for the estimate
 
 
 def estimate_errors(

@@ -56,12 +56,9 @@ _FALLING = {"contact.sliding_ratio": 0.8, "contact.stribeck_velocity_m_s": 0.05}
 
 @dataclass(frozen=True)
 class Verdict:
-    """The outcome of a comparison.
+    """The outcome of a comparison."""
 
-    Attributes:
-        differences: RMS difference over RMS of each signal of :data:`COMPARED`; infinite if the compiled motor failed.
-    """
-
+    # RMS difference over RMS of each signal of :data:`COMPARED`; infinite if the compiled motor failed.
     differences: Mapping[str, float]
 
     @property

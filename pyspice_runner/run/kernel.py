@@ -26,16 +26,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Outcome:
-    """A verified run of a bench.
+    """A verified run of a bench."""
 
-    Attributes:
-        result: the result of ngspice; its vectors are views of the raw file.
-        deck: the netlist that was run.
-        signals: the requested vectors that are sums of others, by name.
-    """
-
-    result: Result
-    deck: str = field(repr=False)
+    result: Result  # the result of ngspice; its vectors are views of the raw file
+    deck: str = field(repr=False)  # the netlist that was run
+    # the requested vectors that are sums of others, by name.
     signals: Mapping[str, Signal] = field(default_factory=dict, repr=False)
 
     @property

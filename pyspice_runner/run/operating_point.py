@@ -32,25 +32,20 @@ LEAST_ACCURACY, MOST_ACCURACY = 1e-4, 0.05  # finer, Newton's iteration counts; 
 class Solver:
     """How a run is solved.
 
-    Attributes:
-        step: time step in s; the largest where steps are not uniform. By default from the fastest motion.
-        accuracy: error allowed of the tip's trajectory, RMS relative to its motion; it chooses the step.
-        exact_resonance: whether modes are written so that the trapezoidal rule resonates where they do
-            (:class:`~pyspice_runner.netlist.motor.Discretisation`); only with uniform steps.
-        timeout: wall time in s after which ngspice is ended.
-        audit: whether a result that fails the physical audit (:mod:`.audit`) is an error.
-        compiled: whether the motor is a compiled module instead of B-sources (:mod:`.engines`).
-
     Raises:
         ParameterError: by the constructor, for an accuracy out of range.
     """
 
+    # time step in s; the largest where steps are not uniform. By default from the fastest motion.
     step: float | None = None
+    # error allowed of the tip's trajectory, RMS relative to its motion; it chooses the step.
     accuracy: float | None = None
+    # whether modes are written so that the trapezoidal rule resonates where they do
+    # (:class:`~pyspice_runner.netlist.motor.Discretisation`); only with uniform steps.
     exact_resonance: bool = True
-    timeout: float | None = None
-    audit: bool = True
-    compiled: bool = False
+    timeout: float | None = None  # wall time in s after which ngspice is ended
+    audit: bool = True  # whether a result that fails the physical audit (:mod:`.audit`) is an error
+    compiled: bool = False  # whether the motor is a compiled module instead of B-sources (:mod:`.engines`)
 
     def __post_init__(self) -> None:
         if self.accuracy is not None and not LEAST_ACCURACY <= self.accuracy <= MOST_ACCURACY:
@@ -67,26 +62,17 @@ DEFAULT = Solver()
 class OperatingPoint:
     """A motor with its source, its load, and the settings of the solver.
 
-    Attributes:
-        motor: the motor.
-        source: what drives the pins.
-        load: on the shaft.
-        law: law of the contact; ``None`` for a free tip.
-        solver: how it is solved.
-        thermal: drift of the motor, which its own losses heat; ``None`` for a motor that does not.
-        disturbance: what happens to the motor during the run.
-
     Raises:
         ParameterError: by the constructor, for a load or a time step that is out of range.
     """
 
-    motor: Motor
-    source: Source
-    load: Load = FREE
-    law: Law | None = PAPER_LAW
-    solver: Solver = DEFAULT
-    thermal: Thermal | None = None
-    disturbance: Disturbance | None = None
+    motor: Motor  # the motor
+    source: Source  # what drives the pins
+    load: Load = FREE  # on the shaft
+    law: Law | None = PAPER_LAW  # law of the contact; ``None`` for a free tip
+    solver: Solver = DEFAULT  # how it is solved
+    thermal: Thermal | None = None  # drift of the motor, which its own losses heat; ``None`` for a motor that does not
+    disturbance: Disturbance | None = None  # what happens to the motor during the run
 
     def __post_init__(self) -> None:
         assert self.step > 0.0  # the rule has seen it
@@ -104,12 +90,9 @@ class OperatingPoint:
         thermal: Thermal | None = None,
         **solver: Any,
     ) -> OperatingPoint:
-        """Return the operating point for the arguments of an analysis.
+        """Return the operating point for the arguments of an analysis. Raise ParameterError for an invalid value.
 
         ``solver`` are settings of :class:`Solver`.
-
-        Raises:
-            ParameterError: for an invalid value.
         """
         law = law_of(contact)
         return cls(
@@ -118,11 +101,7 @@ class OperatingPoint:
 
     @property
     def drive(self) -> Excitation:
-        """The drive or the driver.
-
-        Raises:
-            ParameterError: for another source, whose values cannot be changed here.
-        """
+        """The drive or the driver. Raise ParameterError for another source, whose values cannot be changed here."""
         if isinstance(self.source, DriveSource):
             return self.source.drive
         if isinstance(self.source, Driver):

@@ -38,19 +38,12 @@ _DERIVED = ("frequency_hz", "quality_factor")  # of a mode, from its stiffness a
 
 @dataclass(frozen=True)
 class Parameter:
-    """The parameter that a path names.
+    """The parameter that a path names."""
 
-    Attributes:
-        path: the path.
-        nominal: its value; ``None`` for a setting that is not given.
-        unit: its unit, ``"1"`` without one.
-        description: its meaning, empty if it is not known.
-    """
-
-    path: str
-    nominal: float | None
-    unit: str
-    description: str = ""
+    path: str  # the path
+    nominal: float | None  # its value; ``None`` for a setting that is not given
+    unit: str  # its unit, ``"1"`` without one
+    description: str = ""  # its meaning, empty if it is not known
 
     @property
     def attributes(self) -> dict[str, str]:

@@ -41,25 +41,15 @@ _CURRENTS = {"current_a_a": "a", "current_b_a": "b"}
 
 @dataclass(frozen=True)
 class Recording:
-    """Conversion of the vectors of a run into columns and energies.
+    """Conversion of the vectors of a run into columns and energies."""
 
-    Attributes:
-        motor: the motor.
-        source: what drives the pins.
-        law: law of the contact; ``None`` for a free tip.
-        load: on the shaft.
-        discretisation: of the modes.
-        thermal: drift of a motor that its losses heat; ``None`` for one that does not drift.
-        started: whether it begins with the start, of which ngspice writes no point; the known state is put in front.
-    """
-
-    motor: Motor
-    source: Source
-    law: Law | None
-    load: Load
-    discretisation: Discretisation
-    started: bool
-    thermal: Thermal | None = None
+    motor: Motor  # the motor
+    source: Source  # what drives the pins
+    law: Law | None  # law of the contact; ``None`` for a free tip
+    load: Load  # on the shaft
+    discretisation: Discretisation  # of the modes
+    started: bool  # whether it begins with the start, of which ngspice writes no point; the known state is put in front
+    thermal: Thermal | None = None  # drift of a motor that its losses heat; ``None`` for one that does not drift
 
     def vectors(self, signals: Sequence[str] | None) -> list[str]:
         """Return the vectors to record: those of some columns, or of all, and then the states of the modes too."""

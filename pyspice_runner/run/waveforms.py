@@ -45,43 +45,24 @@ HEATED = {"temperature_k": ("K", "temperature of a heated motor, above that at w
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energy balance of a run in J: electrical = sum of dielectric to drift + missing.
+    """Energy balance of a run in J: electrical = sum of dielectric to drift + missing."""
 
-    Attributes:
-        electrical: delivered through the pins.
-        dielectric: stored in the clamped capacitances (change) and lost in their loss resistance.
-        kinetic: change of the modes' kinetic energy.
-        elastic: change of the modes' elastic energy.
-        damping: lost in the modes' damping.
-        contact_elastic: change of the elastic energy of the Hertz contact and of the compliance in series with it.
-        contact_damping: lost along the normal, where the coefficient of restitution is below 1.
-        friction: absorbed by the tangential contact: slip loss and energy of its spring.
-        mount: change of the carrier's kinetic and elastic energy, less the work of the preload.
-        mount_damping: lost in the damping of the mount.
-        rotor: change of the rotor's kinetic energy.
-        bearing: lost in the bearing.
-        load: work done on the load, or on the grip that holds the shaft.
-        drift: work against the drift of a heated motor's stiffness.
-        passed: greatest energy that passed through the pins in either direction, and input of a driven shaft.
-        rounding: error of the energy of the preload by the tolerance of Newton's iteration.
-    """
-
-    electrical: float
-    dielectric: float
-    kinetic: float
-    elastic: float
-    damping: float
-    contact_elastic: float
-    contact_damping: float
-    friction: float
-    mount: float
-    mount_damping: float
-    rotor: float
-    bearing: float
-    load: float
-    drift: float
-    passed: float
-    rounding: float
+    electrical: float  # delivered through the pins
+    dielectric: float  # stored in the clamped capacitances (change) and lost in their loss resistance
+    kinetic: float  # change of the modes' kinetic energy
+    elastic: float  # change of the modes' elastic energy
+    damping: float  # lost in the modes' damping
+    contact_elastic: float  # change of the elastic energy of the Hertz contact and of the compliance in series with it
+    contact_damping: float  # lost along the normal, where the coefficient of restitution is below 1
+    friction: float  # absorbed by the tangential contact: slip loss and energy of its spring
+    mount: float  # change of the carrier's kinetic and elastic energy, less the work of the preload
+    mount_damping: float  # lost in the damping of the mount
+    rotor: float  # change of the rotor's kinetic energy
+    bearing: float  # lost in the bearing
+    load: float  # work done on the load, or on the grip that holds the shaft
+    drift: float  # work against the drift of a heated motor's stiffness
+    passed: float  # greatest energy that passed through the pins in either direction, and input of a driven shaft
+    rounding: float  # error of the energy of the preload by the tolerance of Newton's iteration
 
     @property
     def missing(self) -> float:

@@ -45,31 +45,18 @@ _Sweep = Callable[[float, float, int], Outcome]  # first and last frequency, num
 
 @dataclass(frozen=True)
 class Resonance:
-    """One mode seen through one connection of the groups.
+    """One mode seen through one connection of the groups."""
 
-    Attributes:
-        mode: name of the mode.
-        fs: frequency of greatest conductance, Hz.
-        fp: frequency of greatest resistance, Hz.
-        fm: frequency of greatest |Y|, Hz; ``None`` if the clamped capacitance masks it.
-        fn: frequency of least |Y|, Hz; ``None`` likewise.
-        coupling_factor: k_eff = √(1 − (fs/fp)²).
-        quality_factor: Qm = √(L/C)/R of the motional arm.
-        resistance_ohm: motional resistance R.
-        inductance_h: motional inductance L.
-        capacitance_f: motional capacitance C.
-    """
-
-    mode: str
-    fs: float
-    fp: float
-    fm: float | None
-    fn: float | None
-    coupling_factor: float
-    quality_factor: float
-    resistance_ohm: float
-    inductance_h: float
-    capacitance_f: float
+    mode: str  # name of the mode
+    fs: float  # frequency of greatest conductance, Hz
+    fp: float  # frequency of greatest resistance, Hz
+    fm: float | None  # frequency of greatest |Y|, Hz; ``None`` if the clamped capacitance masks it
+    fn: float | None  # frequency of least |Y|, Hz; ``None`` likewise
+    coupling_factor: float  # k_eff = √(1 − (fs/fp)²)
+    quality_factor: float  # Qm = √(L/C)/R of the motional arm
+    resistance_ohm: float  # motional resistance R
+    inductance_h: float  # motional inductance L
+    capacitance_f: float  # motional capacitance C
 
 
 @dataclass(frozen=True, repr=False)

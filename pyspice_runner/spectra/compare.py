@@ -42,21 +42,13 @@ _MODEL_POINTS = 2000
 
 @dataclass(frozen=True)
 class ModeDeviation:
-    """One mode of the reference and its measured values.
+    """One mode of the reference and its measured values."""
 
-    Attributes:
-        mode: number of the mode in the reference, from 1.
-        reference: frequency (Hz), quality factor, coupling factor, resistance (Ω) of the reference.
-        measured: the same as measured; ``None`` if the mode is missing.
-        standard_errors: of ``measured``; ``None`` if not determined.
-        deviations: measured over reference less one.
-    """
-
-    mode: int
-    reference: dict[str, float]
-    measured: dict[str, float] | None
-    standard_errors: dict[str, float | None]
-    deviations: dict[str, float]
+    mode: int  # number of the mode in the reference, from 1
+    reference: dict[str, float]  # frequency (Hz), quality factor, coupling factor, resistance (Ω) of the reference
+    measured: dict[str, float] | None  # the same as measured; ``None`` if the mode is missing
+    standard_errors: dict[str, float | None]  # of ``measured``; ``None`` if not determined
+    deviations: dict[str, float]  # measured over reference less one
 
 
 class _Tabulated(Result):
@@ -82,30 +74,20 @@ class _Tabulated(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(_Tabulated):
-    """A spectrum against a reference.
+    """A spectrum against a reference."""
 
-    Attributes:
-        measured: the spectrum's fit.
-        reference: the reference's fit.
-        modes: the reference's modes in the common band, by rising frequency.
-        extra_hz: frequencies of measured modes that the reference does not have.
-        clamped_capacitance_deviation: measured over reference less one.
-        rms_deviation: root mean square of |Y/Y_reference − 1| over the common band.
-        warnings: limits of the deviations.
-        QUANTITIES: names that a tolerance may have.
-        JUDGED: quantities of a tolerance without a name; a resistance follows from the others.
-    """
-
+    # names that a tolerance may have.
     QUANTITIES: ClassVar = ("frequency", "quality_factor", "coupling_factor", "resistance", "clamped_capacitance")
+    # quantities of a tolerance without a name; a resistance follows from the others.
     JUDGED: ClassVar = ("frequency", "quality_factor", "coupling_factor", "clamped_capacitance")
 
-    measured: SpectrumFit
-    reference: SpectrumFit
-    modes: tuple[ModeDeviation, ...]
-    extra_hz: tuple[float, ...]
-    clamped_capacitance_deviation: float
-    rms_deviation: float
-    warnings: tuple[str, ...]
+    measured: SpectrumFit  # the spectrum's fit
+    reference: SpectrumFit  # the reference's fit
+    modes: tuple[ModeDeviation, ...]  # the reference's modes in the common band, by rising frequency
+    extra_hz: tuple[float, ...]  # frequencies of measured modes that the reference does not have
+    clamped_capacitance_deviation: float  # measured over reference less one
+    rms_deviation: float  # root mean square of |Y/Y_reference − 1| over the common band
+    warnings: tuple[str, ...]  # limits of the deviations
 
     def deviations(self) -> dict[tuple[str, int | None], float]:
         """Return quantity and mode → deviation; infinite for a missing mode."""
@@ -167,17 +149,11 @@ class Comparison(_Tabulated):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trend(_Tabulated):
-    """Comparisons of many spectra with one reference, in their order.
+    """Comparisons of many spectra with one reference, in their order."""
 
-    Attributes:
-        comparisons: one for each spectrum.
-        at: condition of each spectrum, such as a temperature or an age; by default its number from 1.
-        label: name and unit of ``at``.
-    """
-
-    comparisons: tuple[Comparison, ...]
-    at: tuple[float, ...]
-    label: str = "number of the spectrum"
+    comparisons: tuple[Comparison, ...]  # one for each spectrum
+    at: tuple[float, ...]  # condition of each spectrum, such as a temperature or an age; by default its number from 1
+    label: str = "number of the spectrum"  # name and unit of ``at``
 
     def drifts(self) -> list[dict[str, Any]]:
         r"""Return the change of each quantity with ``at``: the slope of its logarithm over all spectra.

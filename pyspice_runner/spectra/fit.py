@@ -49,27 +49,17 @@ _LEAST_CAPACITANCE = 1e-3  # clamped over motional capacitance; a strongly coupl
 
 @dataclass(frozen=True)
 class FittedArm:
-    """One motional arm of a fit.
+    """One motional arm of a fit."""
 
-    Attributes:
-        resistance_ohm: R.
-        inductance_h: L.
-        capacitance_f: C.
-        series_resonance_hz: 1/(2π√(LC)).
-        quality_factor: Qm = √(L/C)/R.
-        standard_errors: of the five values above, same names and units; ``None`` for a value at the limit of its range.
-        in_band: whether the series resonance lies in the measured band.
-        characteristics: fs, fp, fm, fn, fr, fa, k_eff and M of the fitted device behind its leads.
-    """
-
-    resistance_ohm: float
-    inductance_h: float
-    capacitance_f: float
-    series_resonance_hz: float
-    quality_factor: float
+    resistance_ohm: float  # R
+    inductance_h: float  # L
+    capacitance_f: float  # C
+    series_resonance_hz: float  # 1/(2π√(LC))
+    quality_factor: float  # Qm = √(L/C)/R
+    # of the five values above, same names and units; ``None`` for a value at the limit of its range.
     standard_errors: dict[str, float | None]
-    in_band: bool
-    characteristics: Characteristics
+    in_band: bool  # whether the series resonance lies in the measured band
+    characteristics: Characteristics  # fs, fp, fm, fn, fr, fa, k_eff and M of the fitted device behind its leads
 
 
 _LABELS = {

@@ -34,15 +34,10 @@ _GAIN = sqrt(20.0)  # of a third difference for white noise: √(1 + 9 + 9 + 1)
 
 @dataclass(frozen=True)
 class Noise:
-    """An error model.
+    """An error model."""
 
-    Attributes:
-        sigma: kind → σ; of one kind, or of ``proportional`` and another.
-        stated: whether σ is known and not estimated from the residuals.
-    """
-
-    sigma: dict[str, float]
-    stated: bool = False
+    sigma: dict[str, float]  # kind → σ; of one kind, or of ``proportional`` and another
+    stated: bool = False  # whether σ is known and not estimated from the residuals
 
     @property
     def domain(self) -> str:

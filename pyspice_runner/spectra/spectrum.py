@@ -141,11 +141,7 @@ class Spectrum(Result):
 
     @property
     def impedance_ohm(self) -> NDArray[np.complex128]:
-        """Impedance of a one-port in Ω, shape (points,).
-
-        Raises:
-            SpectrumError: for a two-port.
-        """
+        """Impedance of a one-port in Ω, shape (points,). Raise SpectrumError for a two-port."""
         return 1.0 / self.admittance_s
 
     def driven(self, connection: Connection) -> Spectrum:

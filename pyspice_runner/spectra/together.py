@@ -44,23 +44,14 @@ _LARGEST = 0.5  # limit of the law: softening at the greatest charge
 
 @dataclass(frozen=True)
 class SoftArm:
-    """One motional arm at small amplitude, and its change with the charge amplitude.
+    """One motional arm at small amplitude, and its change with the charge amplitude."""
 
-    Attributes:
-        resistance_ohm: R at small amplitude.
-        inductance_h: L.
-        capacitance_f: C at small amplitude.
-        softening_per_c2: γ_q.
-        damping_growth_per_c2: κ_q.
-        standard_errors: of the five values above.
-    """
-
-    resistance_ohm: float
-    inductance_h: float
-    capacitance_f: float
-    softening_per_c2: float
-    damping_growth_per_c2: float
-    standard_errors: dict[str, float]
+    resistance_ohm: float  # R at small amplitude
+    inductance_h: float  # L
+    capacitance_f: float  # C at small amplitude
+    softening_per_c2: float  # γ_q
+    damping_growth_per_c2: float  # κ_q
+    standard_errors: dict[str, float]  # of the five values above
 
     def of_mode(self, coupling_n_per_v: float) -> dict[str, float]:
         """Return ``softening_per_m2`` and ``damping_growth_per_m2`` of a mode with a coupling θ in N/V."""

@@ -45,21 +45,13 @@ _PIEZO = ("capacitance_a_f", "capacitance_b_f", "loss_tangent")
 
 @dataclass(frozen=True)
 class TwoPortMode:
-    """One mode with its coupling to both groups.
+    """One mode with its coupling to both groups."""
 
-    Attributes:
-        series_resonance_hz: f with both groups shorted.
-        quality_factor: Qm.
-        coupling_a_n_per_v_kg05: θ_A/√m in N/(V·√kg), never negative.
-        coupling_b_n_per_v_kg05: θ_B/√m in N/(V·√kg), with its sign against group A.
-        standard_errors: of the four values above.
-    """
-
-    series_resonance_hz: float
-    quality_factor: float
-    coupling_a_n_per_v_kg05: float
-    coupling_b_n_per_v_kg05: float
-    standard_errors: dict[str, float]
+    series_resonance_hz: float  # f with both groups shorted
+    quality_factor: float  # Qm
+    coupling_a_n_per_v_kg05: float  # θ_A/√m in N/(V·√kg), never negative
+    coupling_b_n_per_v_kg05: float  # θ_B/√m in N/(V·√kg), with its sign against group A
+    standard_errors: dict[str, float]  # of the four values above
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -59,11 +59,7 @@ class Store:
         return result if whole else None
 
     def put(self, content: Mapping[str, Any], result: Mapping[str, Any]) -> None:
-        """Store a result; it is on the disk when this returns.
-
-        Raises:
-            ParameterError: if it cannot be written.
-        """
+        """Store a result; it is on the disk when this returns. Raise ParameterError if it cannot be written."""
         path = self._path(content)
         text = _canonical({"content": content, "result": result, "seal": fingerprint([content, result])})
         begun = path.with_name(f".{uuid.uuid4().hex}.part")

@@ -55,11 +55,7 @@ class Row(NamedTuple):
 
 
 def datasheet(report: Contents) -> str:
-    """Return the page.
-
-    Raises:
-        ParameterError: if Plotly or Jinja2 is not installed.
-    """
+    """Return the page. Raise ParameterError if Plotly or Jinja2 is not installed."""
     try:
         from jinja2 import Environment, FileSystemLoader, StrictUndefined
         from plotly.offline import get_plotlyjs, get_plotlyjs_version

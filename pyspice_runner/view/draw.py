@@ -30,19 +30,12 @@ Panel = Callable[[Axes], object]
 
 
 class Sheet(NamedTuple):
-    """The panels of a result.
+    """The panels of a result."""
 
-    Attributes:
-        panels: name → function that draws it into an Axes.
-        columns: number of panels side by side.
-        size: width and height of a panel in inches.
-        title: title of the figure.
-    """
-
-    panels: dict[str, Panel]
-    columns: int
-    size: tuple[float, float]
-    title: str = ""
+    panels: dict[str, Panel]  # name → function that draws it into an Axes
+    columns: int  # number of panels side by side
+    size: tuple[float, float]  # width and height of a panel in inches
+    title: str = ""  # title of the figure
 
 
 def save(figure: Figure, path: str | Path) -> Path:

@@ -75,11 +75,7 @@ SHEETS: dict[type, Callable[[Any], Sheet]] = {
 
 
 def sheet(result: Any) -> Sheet:
-    """Return the panels of a result.
-
-    Raises:
-        ParameterError: for an object without a plot.
-    """
+    """Return the panels of a result. Raise ParameterError for an object without a plot."""
     for kind in type(result).__mro__:
         if kind in SHEETS:
             return SHEETS[kind](result)

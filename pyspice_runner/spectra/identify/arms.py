@@ -23,22 +23,15 @@ COST = attrgetter("cost")
 
 @dataclass(frozen=True)
 class Solution:
-    """Parameters, in the units of the problem, and their sum of squared residuals.
+    """Parameters, in the units of the problem, and their sum of squared residuals."""
 
-    Attributes:
-        parameters: ``GLOBALS``, then ln f, ln X and ln Q of each arm, then the couplings b of the clamped capacitance
-            and of each arm.
-        cost: sum of squares.
-        arms: number of arms.
-        held: places of the constant parameters among ``GLOBALS``.
-        clamped: whether the clamped capacitance takes part in the coupling.
-    """
-
+    # ``GLOBALS``, then ln f, ln X and ln Q of each arm, then the couplings b of the clamped capacitance and of each
+    # arm.
     parameters: Vector
-    cost: float
-    arms: int
-    held: tuple[int, ...] = LEADS
-    clamped: bool = False
+    cost: float  # sum of squares
+    arms: int  # number of arms
+    held: tuple[int, ...] = LEADS  # places of the constant parameters among ``GLOBALS``
+    clamped: bool = False  # whether the clamped capacitance takes part in the coupling
 
     @property
     def last(self) -> int:

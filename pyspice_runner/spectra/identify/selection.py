@@ -38,23 +38,15 @@ Asked = list[tuple[float, Vector]]  # significance of a missing arm in standard 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A number of arms that was tried.
+    """A number of arms that was tried."""
 
-    Attributes:
-        arms: number of arms.
-        rank: rank of the coupling of their damping.
-        leads: whether it has leads.
-        criterion: Schwarz's information criterion; the lowest is best.
-        rms_relative_error: root mean square of the relative residual's magnitude.
-        note: reason for rejection at any criterion: an arm is not determined, follows the background, or is narrower
-            than the points.
-    """
-
-    arms: int
-    rank: int
-    leads: bool
-    criterion: float
-    rms_relative_error: float
+    arms: int  # number of arms
+    rank: int  # rank of the coupling of their damping
+    leads: bool  # whether it has leads
+    criterion: float  # Schwarz's information criterion; the lowest is best
+    rms_relative_error: float  # root mean square of the relative residual's magnitude
+    # reason for rejection at any criterion: an arm is not determined, follows the background, or is narrower than the
+    # points.
     note: str = ""
 
 

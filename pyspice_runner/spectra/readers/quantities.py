@@ -116,19 +116,12 @@ _TAILED = re.compile(r"(.+?)(?: (?:in|en))?[_ ]([^_ ]+)")
 
 @dataclass(frozen=True)
 class Heading:
-    """The meaning of a column.
+    """The meaning of a column."""
 
-    Attributes:
-        cell: the heading in the file.
-        kind: the quantity, a key of ``DIMENSION``; ``None`` if unknown.
-        scale: factor to SI units, for angles to radians; ``None`` if no unit is named.
-        wrong: fault of the unit of a known quantity; empty without one.
-    """
-
-    cell: str
-    kind: str | None = None
-    scale: float | None = None
-    wrong: str = ""
+    cell: str  # the heading in the file
+    kind: str | None = None  # the quantity, a key of ``DIMENSION``; ``None`` if unknown
+    scale: float | None = None  # factor to SI units, for angles to radians; ``None`` if no unit is named
+    wrong: str = ""  # fault of the unit of a known quantity; empty without one
 
     @property
     def fault(self) -> str:

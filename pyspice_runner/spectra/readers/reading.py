@@ -20,29 +20,19 @@ MEMORY_NOTE = "The file also holds a memory trace; trace=“memory” reads that
 
 @dataclass
 class Reading:
-    """The content of a file in one format, before the plausibility checks.
+    """The content of a file in one format, before the plausibility checks."""
 
-    Attributes:
-        text: the file.
-        format: name of the format.
-        frequency_hz: frequencies in Hz in the order of the file.
-        indices: line of each point, counted from 0.
-        columns: quantity → values in SI units; angles in radians, or as printed if ``angle_unit`` is ``None``.
-        angle_unit: ``"deg"`` or ``"rad"`` as named in the file; ``None`` if it names none.
-        matrix_s: admittance of a two-port, shape (points, 2, 2), instead of the columns.
-        metadata: description of the measurement from the file.
-        warnings: omissions and choices of the reader.
-    """
-
-    text: Text
-    format: str
-    frequency_hz: Floats
-    indices: NDArray[np.int64]
+    text: Text  # the file
+    format: str  # name of the format
+    frequency_hz: Floats  # frequencies in Hz in the order of the file
+    indices: NDArray[np.int64]  # line of each point, counted from 0
+    # quantity → values in SI units; angles in radians, or as printed if ``angle_unit`` is ``None``.
     columns: dict[str, Floats] = field(default_factory=dict)
-    angle_unit: str | None = "deg"
+    angle_unit: str | None = "deg"  # ``"deg"`` or ``"rad"`` as named in the file; ``None`` if it names none
+    # admittance of a two-port, shape (points, 2, 2), instead of the columns.
     matrix_s: NDArray[np.complex128] | None = None
-    metadata: dict[str, str] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
+    metadata: dict[str, str] = field(default_factory=dict)  # description of the measurement from the file
+    warnings: list[str] = field(default_factory=list)  # omissions and choices of the reader
 
 
 def cut_warning(index: int | None) -> list[str]:

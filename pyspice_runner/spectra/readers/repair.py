@@ -30,11 +30,7 @@ _SAME = 1e-6  # relative difference within which a repeated point is the same po
 
 
 def spectrum_of(reading: Reading) -> Spectrum:
-    """Return the spectrum of a reading.
-
-    Raises:
-        SpectrumError: if the columns do not make one.
-    """
+    """Return the spectrum of a reading. Raise SpectrumError if the columns do not make one."""
     _reject_swapped(reading)
     if reading.matrix_s is None:
         y, polar = _one_port(reading)

@@ -31,18 +31,13 @@ from pyspice_runner.spectra.readers.text import Text, number, read_table, separa
 
 @dataclass(frozen=True)
 class Tabular:
-    """A format whose header names the quantities.
+    """A format whose header names the quantities."""
 
-    Attributes:
-        name: name of the format.
-        header: function that returns the line of the header; ``None`` for a file in another format.
-        meaning: meaning of a column by its heading.
-        sweeps: whether the instrument always sweeps steadily, so that a frequency that does not is another column.
-    """
-
-    name: str
+    name: str  # name of the format
+    # function that returns the line of the header; ``None`` for a file in another format.
     header: Callable[[Text], int | None]
-    meaning: Callable[[str], Heading]
+    meaning: Callable[[str], Heading]  # meaning of a column by its heading
+    # whether the instrument always sweeps steadily, so that a frequency that does not is another column.
     sweeps: bool = False
 
     def read(self, text: Text) -> Reading | None:

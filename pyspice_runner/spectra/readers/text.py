@@ -33,17 +33,11 @@ _MISSING = frozenset(
 
 @dataclass(frozen=True)
 class Text:
-    """The lines of a file.
+    """The lines of a file."""
 
-    Attributes:
-        name: printable name of the file.
-        lines: its lines, without line ends; line 1 of the file is ``lines[0]``.
-        ended: whether the last line has a line end; if not, the file may have been cut within it.
-    """
-
-    name: str
-    lines: tuple[str, ...]
-    ended: bool = True
+    name: str  # printable name of the file
+    lines: tuple[str, ...]  # its lines, without line ends; line 1 of the file is ``lines[0]``
+    ended: bool = True  # whether the last line has a line end; if not, the file may have been cut within it
 
     def refusal(self, index: int, found: str, expected: str) -> SpectrumError:
         """Return the error for a line: what was found and what was expected."""
@@ -56,11 +50,7 @@ class Text:
 
 
 def load(path: str | Path) -> Text:
-    """Return a file's lines.
-
-    Raises:
-        SpectrumError: if it is no regular file, too large, empty or not text.
-    """
+    """Return a file's lines. Raise SpectrumError if it is no regular file, too large, empty or not text."""
     path = Path(path)
     name = clean(path.name or str(path), 80)
     data = b""
@@ -151,21 +141,13 @@ def _guesses(data: bytes) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Table:
-    """A header and its rows, as strings; :meth:`numbers` converts columns.
+    """A header and its rows, as strings; :meth:`numbers` converts columns."""
 
-    Attributes:
-        text: the file.
-        names: cells of the header.
-        rows: cells of each row.
-        indices: line of each row, counted from 0.
-        cut: line of an omitted last row, within which the file may end.
-    """
-
-    text: Text
-    names: tuple[str, ...]
-    rows: tuple[list[str], ...]
-    indices: tuple[int, ...]
-    cut: int | None = None
+    text: Text  # the file
+    names: tuple[str, ...]  # cells of the header
+    rows: tuple[list[str], ...]  # cells of each row
+    indices: tuple[int, ...]  # line of each row, counted from 0
+    cut: int | None = None  # line of an omitted last row, within which the file may end
 
     def numbers(self, columns: list[int]) -> list[Floats]:
         """Return columns as numbers; NaN for an empty cell or a mark of a missing value.
