@@ -318,7 +318,7 @@ def summary_table(summary: Mapping[str, str], title: str) -> Table:
     """Return the summary of a result as a table."""
     table = Table("quantity", "value", title=title)
     for name, value in summary.items():
-        table.add_row(name, value)
+        table.add_row(name, value.replace("\N{NO-BREAK SPACE}", " "))  # terminals search for plain spaces
     return table
 
 

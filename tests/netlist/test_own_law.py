@@ -13,7 +13,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.contact import Law, contact_library
 from pyspice_runner.netlist.library import data_path, read_library
 
 PAGE = Path(__file__).parents[2] / "docs" / "tutorial_contact_law.md"
@@ -81,7 +81,7 @@ def test_a_law_states_where_it_stores_what(law: Path, tmp_path: Path) -> None:
         tutorial_law().replace("Rslider slider 0 1\n", "Cslider slider 0 1u\nCage age 0 1u\nRage age 0 1\n")
     )
     assert Law(str(slider)).states == ("slider", "xcontact.age")
-    assert Law(str(law)).library.needs == ("piezomotor_normal",)
+    assert contact_library(Law(str(law))).needs == ("piezomotor_normal",)
     assert read_library("piezomotor_normal").name == "piezomotor_normal"
 
 

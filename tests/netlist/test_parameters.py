@@ -18,7 +18,7 @@ from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import AC_OPTIONS, TRANSIENT_OPTIONS
 from pyspice_runner.netlist.contact import LIBRARIES, Law
-from pyspice_runner.netlist.library import parse_library
+from pyspice_runner.netlist.library import check_parameters, parse_library
 from pyspice_runner.netlist.motor import add_motor, motor_library
 from tests.motors import motor as odd_motor
 from tests.resonators import resonator
@@ -102,7 +102,7 @@ def test_the_header_states_every_parameter_with_default_and_range() -> None:
     for name, value in values.items():
         assert declared[name].default == pytest.approx(value, rel=1e-9)
     with pytest.raises(pr.ParameterError, match=r"friction = 9 is not valid: it must be 0\.0001 to 5\."):
-        library.check(friction=9.0)
+        check_parameters(library.name, library.parameters, {"friction": 9.0})
 
 
 def test_the_coarsest_step_of_the_header_is_right_and_a_coarse_one_is_not() -> None:
