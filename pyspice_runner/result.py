@@ -39,7 +39,7 @@ class Audit:
         return {"passed": self.passed, "findings": list(self.findings)}
 
     def withhold(self, what: str) -> None:
-        """Raise what was found; the message names the kind of the result.
+        """Raise the findings as an error; the message names the kind of the result.
 
         Raises:
             SimulationError: if anything was found.

@@ -205,7 +205,7 @@ class OperatingPoint:
         return replace(self, solver=replace(self.solver, step=step))
 
     def recording(self, *, started: bool = True) -> Recording:
-        """Return what the vectors of a run mean, from its start on or from later on."""
+        """Return the meaning of a run's vectors, recorded from its start or from later on."""
         return Recording(
             self.motor, self.source, self.law, self.load, self.discretisation, started, self.thermal
         )  # fmt: skip

@@ -87,7 +87,7 @@ class Task:
         return self.answer(result)
 
     def answer(self, result: Any) -> dict[str, Any]:
-        """Return what is kept of a result."""
+        """Return the stored part of a result."""
         document = result if isinstance(result, Mapping) else result.to_dict()
         numbers = dict(_numbers(document)) | {name: float(of(result)) for name, of in self.functions.items()}
         numbers.pop("solver_seconds", None)  # of the machine, not of the motor

@@ -106,7 +106,7 @@ def averaged_run(run: AveragedRun) -> Sheet:
 
 
 def controlled_run(run: ControlledRun) -> Sheet:
-    """Return what a controller measured and set, sample by sample."""
+    """Return the measurements and settings of a controller for each sample."""
     curves = {
         "speed": (run.speed_rad_s, LABELS["rotor_speed_rad_s"]),
         "position": (run.position_rad, Label("rotor position", "rad")),

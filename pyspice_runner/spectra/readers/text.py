@@ -40,7 +40,7 @@ class Text:
     ended: bool = True  # whether the last line has a line end; if not, the file may have been cut within it
 
     def refusal(self, index: int, found: str, expected: str) -> SpectrumError:
-        """Return the error for a line: what was found and what was expected."""
+        """Return the error for a line, with the text found and the text expected."""
         return SpectrumError(f"{self.name}, line {index + 1}: {found}; expected {expected}.")
 
     def find(self, accept: Callable[[str], object], start: int = 0, stop: int | None = None) -> int | None:
