@@ -83,8 +83,8 @@ class Result(Shown):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Limits of the validity of the result, one sentence each: its ``warnings`` and the findings of the audit."""
-        return (*getattr(self, "warnings", ()), *self.audit.findings)
+        """Limits of the validity of the result, one sentence each: by default the findings of the audit."""
+        return self.audit.findings
 
     # --- files and tables ---
 

@@ -177,7 +177,7 @@ def motor_from(
     if drive is not None:
         table = {"kind": "two-phase", "voltage": voltage, "frequency": frequency, "phase_deg": phase_deg}
         motor = motor.model_copy(update={"drive": {**(foundation.drive or {}), **table}})
-    return MotorFrom(motor, standard_errors, measured, task.computed(values, list(measured)), fit, fit.warnings)
+    return MotorFrom(motor, standard_errors, measured, task.computed(values, list(measured)), fit, fit.cautions)
 
 
 def _drive(

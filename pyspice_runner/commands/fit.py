@@ -82,7 +82,7 @@ def _fit_one_port(
         result = pr.fit_spectrum(spectrum, **settings, progress=progress)
     count = len(result.arms)
     targets.deliver(result, f"{result.source}: {count} arm{'s' if count > 1 else ''}; ± one standard error")
-    measured.note(result.warnings, targets)
+    measured.note(result.cautions, targets)
 
 
 def _fit_together(
@@ -99,7 +99,7 @@ def _fit_together(
             temperatures=common.grid_or_none("--temperatures", series.temperatures),
         )
     targets.deliver(result, f"{len(files)} spectra together")
-    measured.note(result.warnings, targets)
+    measured.note(result.cautions, targets)
 
 
 def _fit_two_port(
@@ -126,7 +126,7 @@ def _fit_two_port(
     table = common.summary_table(result.summary(), title)
     document = {**result.to_dict(), "motor": motor.to_dict() if motor else None}
     targets.write(document, table, lambda path: result.save(path, **calibration))
-    measured.note(result.warnings, targets)
+    measured.note(result.cautions, targets)
 
 
 def _calibration(context: typer.Context, source: InputOptions, options: GroupOptions) -> dict[str, Any]:

@@ -210,7 +210,7 @@ def tips_of(tips: list[str] | None) -> list[tuple[float, float]] | None:
     return [(pair[0], pair[1]) for pair in pairs]
 
 
-def note(warnings: Iterable[str], targets: Targets) -> None:
-    """Print the warnings of a fit to standard error, except with ``--json``."""
-    for warning in () if targets.as_json else warnings:
-        common.complain(f"note: {warning}", style=None)
+def note(cautions: Iterable[str], targets: Targets) -> None:
+    """Print the cautions of a fit to standard error, except with ``--json``."""
+    for caution in () if targets.as_json else cautions:
+        common.complain(f"note: {caution}", style=None)

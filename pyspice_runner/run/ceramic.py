@@ -43,6 +43,6 @@ def ceramic(
 
 
 def stated(motor: Motor, found: Mapping[str, float]) -> dict[str, Any]:
-    """Return strain, stress and temperature rise, JSON-ready, with ``warnings``."""
+    """Return strain, stress and temperature rise, JSON-ready, with ``cautions``."""
     known = {name: value if np.isfinite(value) else None for name, value in found.items()}
     return {**known, "cautions": list(exceeded(motor, found["ceramic_stress_pa"], found["temperature_rise_k"]))}

@@ -87,7 +87,7 @@ class Comparison(_Tabulated):
     extra_hz: tuple[float, ...]  # frequencies of measured modes that the reference does not have
     clamped_capacitance_deviation: float  # measured over reference less one
     rms_deviation: float  # root mean square of |Y/Y_reference − 1| over the common band
-    warnings: tuple[str, ...]  # limits of the deviations
+    cautions: tuple[str, ...] = ()  # limits of the deviations
 
     def deviations(self) -> dict[tuple[str, int | None], float]:
         """Return quantity and mode → deviation; infinite for a missing mode."""
@@ -123,7 +123,7 @@ class Comparison(_Tabulated):
             "clamped_capacitance_f": self.measured.circuit.clamped_capacitance_f,
             "clamped_capacitance_deviation": self.clamped_capacitance_deviation,
             "rms_deviation": self.rms_deviation,
-            "warnings": list(self.warnings),
+            "cautions": list(self.cautions),
         }
 
     def rows(self) -> list[list[str]]:
@@ -215,8 +215,8 @@ class Trend(_Tabulated):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """The warnings of all comparisons, each once."""
-        return tuple(dict.fromkeys(warning for item in self.comparisons for warning in item.warnings))
+        """The cautions of all comparisons, each once."""
+        return tuple(dict.fromkeys(text for item in self.comparisons for text in item.cautions))
 
     def summary(self) -> dict[str, str]:
         """Return the reference, the number of spectra and the deviations of each."""
@@ -332,7 +332,7 @@ def _compare(measured: SpectrumFit, reference: SpectrumFit) -> Comparison:
         extra_hz=tuple(arm.series_resonance_hz for k, arm in enumerate(found) if k not in pairs.values()),
         clamped_capacitance_deviation=capacitances[0] / capacitances[1] - 1.0,
         rms_deviation=rms(ratio),
-        warnings=tuple(f"{fit.source}: {text}" for fit in (measured, reference) for text in fit.warnings),
+        cautions=tuple(f"{fit.source}: {text}" for fit in (measured, reference) for text in fit.cautions),
     )
 
 

@@ -84,7 +84,7 @@ class SpectrumFit(Result):
         correlation_names: dotted paths such as ``arms.0.resistance_ohm``.
         noise: the error model, kind → σ: ``proportional``, ``s11``, ``z`` (:mod:`.noise`).
         candidates: numbers of arms that were tried; the selected one has the lowest criterion of those without a note.
-        warnings: limits of the values.
+        cautions: limits of the values.
     """
 
     source: str
@@ -98,7 +98,7 @@ class SpectrumFit(Result):
     correlation_names: tuple[str, ...]
     noise: dict[str, float]
     candidates: tuple[Candidate, ...]
-    warnings: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
 
     def admittance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the fitted admittance in S."""
@@ -158,7 +158,7 @@ class SpectrumFit(Result):
             "rms_relative_error": self.rms_relative_error,
             "candidates": [asdict(candidate) for candidate in self.candidates],
             "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
-            "warnings": list(self.warnings),
+            "warnings": list(self.cautions),
         }
 
     def columns(self) -> dict[str, Vector]:
@@ -290,9 +290,9 @@ def fit_spectrum(
     # for a stated number of arms, the significance of one more
     hidden = 0.0 if modes is None else missing(whole, found.solution)[0][0]
     correlated = independent(whole, found.solution) < 0.5 * len(spectrum)
-    warnings = _warnings(spectrum, arms, whole.rms_relative_error(found.solution), correlated, hidden)
+    cautions = _cautions(spectrum, arms, whole.rms_relative_error(found.solution), correlated, hidden)
     if len(problem.w) < len(spectrum):
-        warnings.append(
+        cautions.append(
             f"The arms were searched with {len(problem.w)} of {len(spectrum)} points, closest where the admittance "
             "changes most; the values are those of a fit to all points. Fit a part of the band to search it with more "
             "points."
@@ -309,7 +309,7 @@ def fit_spectrum(
         correlation_names=(*GLOBAL_NAMES, *(f"arms.{k}.{name}" for k in range(len(arms)) for name in ARM_NAMES)),
         noise=dict(model.sigma),
         candidates=outcome.candidates,
-        warnings=(*spectrum.warnings, *warnings),
+        cautions=(*spectrum.cautions, *cautions),
     )
 
 
@@ -350,7 +350,7 @@ def _check(spectrum: Spectrum, name: str, modes: int) -> None:
         )
 
 
-def _warnings(
+def _cautions(
     spectrum: Spectrum, arms: tuple[FittedArm, ...], error: float, correlated: bool, hidden: float
 ) -> list[str]:
     """Return the limits of the values; ``hidden`` is the significance of one more arm in correlated residuals."""
@@ -378,5 +378,5 @@ def _warnings(
 
 
 def misfit(what: str, error: float, limit: str = "") -> str:
-    """Return the warning for correlated residuals."""
+    """Return the caution for correlated residuals."""
     return f"{what} to the noise: residuals of {limit}{100.0 * error:.2g} % remain and are correlated."

@@ -50,7 +50,7 @@ class Spectrum(Result):
         matrix_s: admittance matrix in S, shape (points, ports, ports); [.., 0, 1] is the current into A per volt on B.
         source: name of the file or of the origin.
         format: name of the file format.
-        warnings: repairs while reading, one sentence each.
+        cautions: repairs while reading, one sentence each.
         metadata: description of the measurement from the file: instrument, date, level.
     """
 
@@ -58,7 +58,7 @@ class Spectrum(Result):
     matrix_s: NDArray[np.complex128]
     source: str = ""
     format: str = ""
-    warnings: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -91,7 +91,7 @@ class Spectrum(Result):
         *,
         source: str = "",
         format: str = "",  # noqa: A002 - the name of the attribute
-        warnings: tuple[str, ...] = (),
+        cautions: tuple[str, ...] = (),
         metadata: Mapping[str, str] | None = None,
     ) -> Spectrum:
         """Make a spectrum of an admittance in S: shape (points,) for one port, (points, 2, 2) for two.
@@ -101,13 +101,13 @@ class Spectrum(Result):
         """
         matrix = np.asarray(admittance_s, dtype=np.complex128)
         matrix = matrix[:, None, None] if matrix.ndim == 1 else matrix
-        return cls(np.asarray(frequency_hz, float), matrix, source, format, warnings, dict(metadata or {}))
+        return cls(np.asarray(frequency_hz, float), matrix, source, format, cautions, dict(metadata or {}))
 
     @classmethod
     def from_impedance(cls, frequency_hz: ArrayLike, impedance_ohm: ArrayLike, **description: Any) -> Spectrum:
         """Make a spectrum of an impedance in Ω: shape (points,) for one port, (points, 2, 2) for two.
 
-        ``source``, ``format``, ``warnings`` and ``metadata`` are those of :meth:`from_admittance`.
+        ``source``, ``format``, ``cautions`` and ``metadata`` are those of :meth:`from_admittance`.
 
         Raises:
             SpectrumError: for values that are no spectrum, such as an impedance of zero.
@@ -180,7 +180,7 @@ class Spectrum(Result):
         return {**super().writers(), ".csv": self._write_csv}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return source, format, band, warnings and metadata, JSON-ready."""
+        """Return source, format, band, cautions and metadata, JSON-ready."""
         return {
             "source": self.source,
             "format": self.format,
@@ -188,7 +188,7 @@ class Spectrum(Result):
             "points": len(self),
             "start_hz": float(self.frequency_hz[0]),
             "stop_hz": float(self.frequency_hz[-1]),
-            "warnings": list(self.warnings),
+            "cautions": list(self.cautions),
             "metadata": dict(self.metadata),
         }
 

@@ -70,7 +70,7 @@ class TogetherFit(Result):
             temperatures.
         standard_errors: of the clamped capacitance and the drifts.
         rms_relative_error: root mean square of the relative residual of each spectrum.
-        warnings: limits of the values.
+        cautions: limits of the values.
     """
 
     arms: tuple[SoftArm, ...]
@@ -78,11 +78,13 @@ class TogetherFit(Result):
     drifts: dict[str, float]
     standard_errors: dict[str, float]
     rms_relative_error: tuple[float, ...]
-    warnings: tuple[str, ...]
+    cautions: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fit JSON-ready."""
-        return {**asdict(self), "rms_relative_error": list(self.rms_relative_error), "warnings": list(self.warnings)}
+        found = asdict(self)
+        found["warnings"] = list(found.pop("cautions"))
+        return {**found, "rms_relative_error": list(self.rms_relative_error)}
 
     def summary(self) -> dict[str, str]:
         """Return the errors, the drifts, and the change of each arm with the charge."""
@@ -245,7 +247,7 @@ class _Problem:
         errors |= {name: float(value) for name, value in zip(_DRIFTS, error[2:6], strict=True) if name in drifts}
         each = tuple(rms(np.expm1(residual)) for residual in residuals)
         said = [misfit("The circuit does not follow the spectra", max(each), "up to ")] if correlated else []
-        return TogetherFit(tuple(arms), capacitance, drifts, errors, each, (*self.start.warnings, *said))
+        return TogetherFit(tuple(arms), capacitance, drifts, errors, each, (*self.start.cautions, *said))
 
 
 def _amplitude_squared(detuning: Vector, damping: Vector, softer: float, growing: float) -> Vector:

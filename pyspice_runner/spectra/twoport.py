@@ -67,7 +67,7 @@ class TwoPortFit(Result):
         standard_errors: of the three values above.
         rms_relative_error: connection → root mean square of the relative residual.
         noise: connection → error model, kind → σ, see :class:`SpectrumFit`.
-        warnings: limits of the values.
+        cautions: limits of the values.
     """
 
     source: str
@@ -78,11 +78,13 @@ class TwoPortFit(Result):
     standard_errors: dict[str, float]
     rms_relative_error: dict[str, float]
     noise: dict[str, dict[str, float]]
-    warnings: tuple[str, ...]
+    cautions: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fit JSON-ready."""
-        return {**asdict(self), "warnings": list(self.warnings)}
+        found = asdict(self)
+        found["warnings"] = list(found.pop("cautions"))
+        return found
 
     def to_motor(
         self,
@@ -249,14 +251,14 @@ def fit_two_port(
         ParameterError: for a number of modes or a timeout out of range.
         SpectrumError: if a connection is missing, there is no resonance, or the time limit is exceeded.
     """
-    warnings: list[str] = []
+    cautions: list[str] = []
     if isinstance(spectra, Spectrum):
         if spectra.ports != 2:
             raise SpectrumError(
                 f"{spectra.source or 'The spectrum'} has one port; "
                 "give a two-port, or the spectra of A, B and A+B or A-B."
             )
-        warnings += _reciprocity(spectra)
+        cautions += _reciprocity(spectra)
         shown = {connection: spectra.driven(connection) for connection in get_args(Connection)}
         transfer = 0.5 * (spectra.matrix_s[:, 0, 1] + spectra.matrix_s[:, 1, 0])
         # the four connections of a two-port hold three independent spectra
@@ -280,7 +282,7 @@ def fit_two_port(
         if len(parameters) == _GLOBALS + _PER_MODE:
             raise SpectrumError(f"{source or 'The spectra'} show no mode that is significant under their error.")
         parameters = problem.descend(np.delete(parameters, np.s_[doubtful : doubtful + _PER_MODE]))
-    return _report(problem, parameters, shown, source or "spectra", warnings)
+    return _report(problem, parameters, shown, source or "spectra", cautions)
 
 
 def clamped(loss_tangent: float, frequency_hz: Vector) -> tuple[Complexes, Complexes]:
@@ -440,7 +442,7 @@ class _Problem:
 
 
 def _report(
-    problem: _Problem, parameters: Vector, shown: Mapping[Connection, Spectrum], source: str, warnings: list[str]
+    problem: _Problem, parameters: Vector, shown: Mapping[Connection, Spectrum], source: str, cautions: list[str]
 ) -> TwoPortFit:
     """Return the solution with units and standard errors."""
     errors = {}
@@ -461,7 +463,7 @@ def _report(
     worst = max(errors.values())
     if worst > FINEST and problem.independent(parameters) < 0.5 * problem.count:
         said = f"The modes do not follow the spectra to the noise: residuals of up to {100.0 * worst:.2g} % remain."
-        warnings = [*warnings, said]
+        cautions = [*cautions, said]
     return TwoPortFit(
         source=source,
         modes=tuple(sorted(modes, key=lambda mode: mode.series_resonance_hz)),
@@ -471,12 +473,12 @@ def _report(
         standard_errors=dict(zip(_PIEZO, (np.append(capacitances, 1.0) * deviation[:3]).tolist(), strict=True)),
         rms_relative_error=errors,
         noise={name: dict(model.sigma) for name, model in problem.noise.items()},
-        warnings=tuple(warnings),
+        cautions=tuple(cautions),
     )
 
 
 def _reciprocity(spectrum: Spectrum) -> list[str]:
-    """Return a warning if the two transfer admittances differ; those of a passive stator are equal."""
+    """Return a caution if the two transfer admittances differ; those of a passive stator are equal."""
     forward, backward = spectrum.matrix_s[:, 0, 1], spectrum.matrix_s[:, 1, 0]
     differ = 2.0 * rms(forward - backward) / rms(forward + backward)
     if differ < 0.05:

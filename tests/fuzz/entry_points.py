@@ -241,7 +241,7 @@ def _take_spectrum(content: bytes, folder: Path) -> None:
     path = folder / "measured.dat"
     path.write_bytes(content)
     spectrum = pr.read_spectrum(path)
-    said = [*spectrum.warnings, *spectrum.metadata, *spectrum.metadata.values(), spectrum.source, spectrum.format]
+    said = [*spectrum.cautions, *spectrum.metadata, *spectrum.metadata.values(), spectrum.source, spectrum.format]
     if not all(text.isprintable() for text in said):
         raise Unclear(f"not printable: {said!r}")
     spectrum.save(folder / "again.csv")

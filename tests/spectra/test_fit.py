@@ -82,7 +82,7 @@ def test_a_loss_tangent_that_is_the_same_at_all_frequencies_makes_no_arm() -> No
     """The files of the project's own have it without the dispersion that goes with it in a passive circuit."""
     fit = fitted(pr.read_spectrum(Path(__file__).parents[1] / "data" / "spectra" / "plain.csv"))
     assert [round(arm.series_resonance_hz, -1) for arm in fit.arms] == [100e3, 105e3]
-    assert fit.warnings == ()
+    assert fit.cautions == ()
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1e6])
@@ -139,8 +139,8 @@ def test_a_device_that_no_circuit_follows_has_wider_errors_and_is_told() -> None
     circuit = resonator([20e3, 20.6e3], [100.0, 100.0], [0.03, 0.004], reference=20e3)
     frequency = np.linspace(17e3, 24e3, 801)
     fit = fitted(spectrum(circuit, frequency), 1)
-    assert any("does not follow the spectrum" in text for text in fit.warnings)
-    assert any("at least one more arm" in text for text in fit.warnings)
+    assert any("does not follow the spectrum" in text for text in fit.cautions)
+    assert any("at least one more arm" in text for text in fit.cautions)
     arm = fit.arms[0]
     assert abs(arm.resistance_ohm - circuit.arms[0].resistance_ohm) < 4.0 * arm.standard_errors["resistance_ohm"]
 
@@ -344,8 +344,8 @@ def test_a_fit_of_a_long_spectrum_finds_narrow_arms_and_is_quick() -> None:
             assert error is not None
             assert abs(getattr(arm, name) - getattr(truth, name)) < 4.0 * error  # 1 of 16,000 values is farther off
     assert fit.rms_relative_error == pytest.approx(0.005, rel=0.01)  # of all points: 0.2 % is its own deviation
-    (warning,) = fit.warnings
-    assert "searched with 3509 of 220000 points" in warning
+    (caution,) = fit.cautions
+    assert "searched with 3509 of 220000 points" in caution
 
 
 def test_a_long_spectrum_without_a_resonance_is_found_out_in_seconds() -> None:
@@ -403,16 +403,16 @@ def test_an_arm_outside_the_band_and_one_between_the_points_are_told() -> None:
     circuit = resonator([20e3, 33e3], [300.0, 300.0], [0.03, 0.05], reference=22e3)
     fit = fitted(spectrum(circuit, np.linspace(18e3, 30e3, 801), noise=0.002), 2)
     assert [arm.in_band for arm in fit.arms] == [True, False]
-    assert any("lies outside the measured band" in text for text in fit.warnings)
+    assert any("lies outside the measured band" in text for text in fit.cautions)
     assert fit.main_arm is fit.arms[0]
     sharp = resonator([20e3], [5000.0], [0.03], reference=22e3)
-    told = fitted(spectrum(sharp, np.linspace(18e3, 26e3, 801)), 1).warnings
+    told = fitted(spectrum(sharp, np.linspace(18e3, 26e3, 801)), 1).cautions
     assert any("narrower than the distance of the measured points" in text for text in told)
 
 
-def test_warnings_of_the_reader_are_kept() -> None:
-    told = pr.Spectrum.from_admittance(BAND, TWO_MODES.admittance(BAND), warnings=("The phase was turned.",))
-    assert fitted(told, 2).warnings == ("The phase was turned.",)
+def test_cautions_of_the_reader_are_kept() -> None:
+    told = pr.Spectrum.from_admittance(BAND, TWO_MODES.admittance(BAND), cautions=("The phase was turned.",))
+    assert fitted(told, 2).cautions == ("The phase was turned.",)
 
 
 # --- files ---
@@ -489,7 +489,7 @@ def test_the_turned_phase_is_told_with_the_fit() -> None:
     # scikit-rf's vector fitting with 2 pairs of poles, the better of S and Y: 0.546 % (benchmarks/fit.py)
     assert len(fit.arms) == 2
     assert fit.rms_relative_error < 0.00546
-    assert any("off by 180°" in text for text in fit.warnings)
+    assert any("off by 180°" in text for text in fit.cautions)
     main = fit.main_arm.characteristics
     assert main.coupling_factor == pytest.approx(np.sqrt(1.0 - (112_679 / 114_242) ** 2), rel=0.05)
     assert main.fm == pytest.approx(112_679, rel=1e-3)
@@ -543,4 +543,4 @@ def test_the_weak_resonance_of_the_polymer() -> None:
     # scikit-rf's vector fitting with 1 pair of poles, the better of S and Y: 13.87 %
     assert len(fit.arms) == 1
     assert fit.rms_relative_error < 0.1387
-    assert any("does not follow the spectrum to the noise" in text for text in fit.warnings)
+    assert any("does not follow the spectrum to the noise" in text for text in fit.cautions)

@@ -69,7 +69,7 @@ def test_the_csv_is_read_back_without_loss(spectrum: pr.Spectrum, tmp_path: Path
     again = pr.read_spectrum(spectrum.save(tmp_path / "spectrum.csv"))
     assert np.array_equal(again.frequency_hz, spectrum.frequency_hz)
     assert np.array_equal(again.matrix_s, spectrum.matrix_s)
-    assert again.warnings == ()
+    assert again.cautions == ()
 
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:

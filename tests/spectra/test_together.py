@@ -74,7 +74,7 @@ def test_levels_give_the_softening_and_the_losses_of_the_ceramic(softening: floa
             "softening_per_m2": pytest.approx(softening, rel=0.05),
             "damping_growth_per_m2": pytest.approx(growth, rel=0.05),
         }
-    assert found.warnings == ()
+    assert found.cautions == ()
     json.dumps(found.to_dict(), allow_nan=False)
     assert "softening" in " ".join(found.summary())
 

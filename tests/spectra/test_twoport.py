@@ -82,7 +82,7 @@ def test_couplings_come_back_with_their_signs(motor: pr.Motor, two_port: pr.Spec
     assert (fit.capacitance_a_f, fit.capacitance_b_f) == pytest.approx(
         (motor.piezo.capacitance_a_f, motor.piezo.capacitance_b_f), rel=1e-6
     )
-    assert fit.warnings == ()
+    assert fit.cautions == ()
 
 
 @pytest.mark.parametrize("left_out", [None, "A+B", "A-B"])
@@ -147,7 +147,7 @@ def test_a_transfer_that_is_not_reciprocal_is_told(two_port: pr.Spectrum) -> Non
     matrix = two_port.matrix_s.copy()
     matrix[:, 0, 1] *= 1.2
     fit = pr.fit_two_port(pr.Spectrum.from_admittance(two_port.frequency_hz, matrix))
-    assert any("Y_AB and Y_BA differ by" in text for text in fit.warnings)
+    assert any("Y_AB and Y_BA differ by" in text for text in fit.cautions)
 
 
 def test_what_does_not_tell_the_couplings_is_refused(two_port: pr.Spectrum) -> None:

@@ -43,7 +43,7 @@ def read_spectrum(
     CSV, Zurich Instruments MFIA CSV, Touchstone of one or two ports (with the extra ``spectra``), plain CSV whose
     header names quantity and unit in English, German or French, and the two-port CSV of ``piezomotor admittance``.
 
-    ``Spectrum.warnings`` lists all repairs: order of the frequencies, missing points, unit, wraps or sign of the phase.
+    ``Spectrum.cautions`` lists all repairs: order of the frequencies, missing points, unit, wraps or sign of the phase.
 
     Args:
         path: the file.
@@ -52,7 +52,7 @@ def read_spectrum(
         columns: names of the columns of a table whose header is missing or unknown, such as
             ``["frequency_hz", "magnitude_ohm", "phase_deg"]``; ``"-"`` for a column to ignore.
         through: connection of a single device in a two-port Touchstone file: in ``"series"`` between the ports, or as
-            a ``"shunt"`` from the line to ground. By default the S-parameters decide, with a warning; a file that fits
+            a ``"shunt"`` from the line to ground. By default the S-parameters decide, with a caution; a file that fits
             neither is the two-port of the groups A and B.
 
     Raises:

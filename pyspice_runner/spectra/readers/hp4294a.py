@@ -74,9 +74,9 @@ def read(text: Text, trace: str | None) -> Reading | None:
     if pair_of(with_named_phase(columns)) is None:
         found = f"{quote(parameter)} does not tell whether the reactance is capacitive or inductive"
         raise text.refusal(index, found, _EXPECTED)
-    warnings = [MEMORY_NOTE] if has_memory and not memory else []
+    cautions = [MEMORY_NOTE] if has_memory and not memory else []
     indices = np.array(table.indices)
-    return Reading(text, FORMAT, frequency, indices, columns, unit, metadata=describe(described), warnings=warnings)
+    return Reading(text, FORMAT, frequency, indices, columns, unit, metadata=describe(described), cautions=cautions)
 
 
 def parameters(named: str) -> tuple[str, str] | None:

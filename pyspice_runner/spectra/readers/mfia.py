@@ -42,12 +42,12 @@ def read(text: Text, trace: str | None) -> Reading | None:
         )
     filled = np.flatnonzero(np.isfinite(frequency[1]))
     size = int(filled[-1]) + 1 if filled.size else 0  # the rest is padding
-    warnings = []
+    cautions = []
     if trace is None and len(sweeps) > 1:
-        warnings = [f"The file holds {len(sweeps)} sweeps; the first was read. trace=“{order[1]}” reads the second."]
+        cautions = [f"The file holds {len(sweeps)} sweeps; the first was read. trace=“{order[1]}” reads the second."]
     return Reading(
         text, FORMAT, frequency[1][:size], np.full(size, frequency[0]),
-        {kind: values[:size] for kind, values in columns.items()}, "rad", metadata={"sweep": wanted}, warnings=warnings,
+        {kind: values[:size] for kind, values in columns.items()}, "rad", metadata={"sweep": wanted}, cautions=cautions,
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.model.refusal import check_keys
 from pyspice_runner.spectra.readers.quantities import DIMENSION, Heading, heading, pair_of, with_named_phase
-from pyspice_runner.spectra.readers.reading import A_PAIR, Reading, cut_warning, from_header, from_headings
+from pyspice_runner.spectra.readers.reading import A_PAIR, Reading, cut_caution, from_header, from_headings
 from pyspice_runner.spectra.readers.text import (
     SEPARATORS,
     Table,
@@ -67,7 +67,7 @@ def read_stated(text: Text, columns: Sequence[str], headings: Sequence[Heading])
     above = [line for line in text.lines[:first] if line.strip()]
     metadata = {**described(above), "columns": ",".join(columns)}
     reading = from_headings(table, list(headings), FORMAT, metadata, first)
-    reading.warnings += _contradicted(split(above[-1].lstrip(_COMMENT), mark) if above else [], headings)
+    reading.cautions += _contradicted(split(above[-1].lstrip(_COMMENT), mark) if above else [], headings)
     return reading
 
 
@@ -159,5 +159,5 @@ def _two_port(table: Table, metadata: dict[str, str]) -> Reading:
     entries = [real + 1j * imag for real, imag in zip(parts[::2], parts[1::2], strict=True)]
     return Reading(
         table.text, TWO_PORT_FORMAT, frequency, np.array(table.indices), dict(zip(_TWO_PORT, parts, strict=True)),
-        matrix_s=np.stack(entries, axis=-1).reshape(-1, 2, 2), metadata=metadata, warnings=cut_warning(table.cut),
+        matrix_s=np.stack(entries, axis=-1).reshape(-1, 2, 2), metadata=metadata, cautions=cut_caution(table.cut),
     )  # fmt: skip

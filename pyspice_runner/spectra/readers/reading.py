@@ -32,11 +32,11 @@ class Reading:
     # admittance of a two-port, shape (points, 2, 2), instead of the columns.
     matrix_s: NDArray[np.complex128] | None = None
     metadata: dict[str, str] = field(default_factory=dict)  # description of the measurement from the file
-    warnings: list[str] = field(default_factory=list)  # omissions and choices of the reader
+    cautions: list[str] = field(default_factory=list)  # omissions and choices of the reader
 
 
-def cut_warning(index: int | None) -> list[str]:
-    """Return the warning for an omitted last line, counted from 0, if there is one."""
+def cut_caution(index: int | None) -> list[str]:
+    """Return the caution for an omitted last line, counted from 0, if there is one."""
     if index is None:
         return []
     return [f"Line {index + 1}, the last, has no line end and may be cut short, so it was left out."]
@@ -109,7 +109,7 @@ def from_headings(
     values = table.numbers([frequency, *usable, *unitless])
     scale = headings[frequency].scale or 1.0
     reading = Reading(table.text, format_name, values[0] * scale, np.array(table.indices), metadata=metadata)
-    reading.warnings += cut_warning(table.cut)
+    reading.cautions += cut_caution(table.cut)
     reading.angle_unit = None if unitless else "deg"
     places: dict[str, int] = {}
     for column, raw in zip([*usable, *unitless], values[1:], strict=True):

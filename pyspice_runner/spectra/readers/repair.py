@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Repair of common faults in measured files, each with a warning, and rejection of what no passive part can do.
+"""Repair of common faults in measured files, each with a caution, and rejection of what no passive part can do.
 
 Order and repetition of the frequencies, missing values, degrees labelled radians, a phase that wraps or is off by 180°.
 """
@@ -41,7 +41,7 @@ def spectrum_of(reading: Reading) -> Spectrum:
     if matrix.shape[-1] == 1:
         matrix = _right_way_round(reading, matrix[:, 0, 0], polar)[:, None, None]
     _reject_nonsense(reading, matrix)
-    return Spectrum(frequency, matrix, reading.text.name, reading.format, tuple(reading.warnings), reading.metadata)
+    return Spectrum(frequency, matrix, reading.text.name, reading.format, tuple(reading.cautions), reading.metadata)
 
 
 def _one_port(reading: Reading) -> tuple[Complexes, bool]:
@@ -66,7 +66,7 @@ def _one_port(reading: Reading) -> tuple[Complexes, bool]:
             f"{_word(pair[1])}; columns may be swapped, or a unit wrong."
         )
     if pair[0] == "abs_z" and not is_polar(pair):
-        reading.warnings.append(
+        reading.cautions.append(
             "The real part is what a modulus leaves beside its imaginary part, so that losses are only as good as "
             "the printed digits."
         )
@@ -112,7 +112,7 @@ def _angle_factor(reading: Reading, angle: Floats, columns: dict[str, Floats]) -
             f"{reading.text.name}: the phase names no unit and its values do not tell; head it as "
             "“Phase (deg)” or “Phase (rad)”."
         )
-    reading.warnings.append(note)
+    reading.cautions.append(note)
     return factor
 
 
@@ -135,7 +135,7 @@ def _note_wraps(reading: Reading, angle: Floats) -> None:
     if jumps.size:
         times = "once" if jumps.size == 1 else f"{jumps.size} times"
         first = reading.frequency_hz[order][jumps[0]]
-        reading.warnings.append(f"The phase wraps by 360° {times}, first at {first:g} Hz; it was unwrapped.")
+        reading.cautions.append(f"The phase wraps by 360° {times}, first at {first:g} Hz; it was unwrapped.")
 
 
 def _right_way_round(reading: Reading, y: Complexes, polar: bool) -> Complexes:
@@ -146,14 +146,14 @@ def _right_way_round(reading: Reading, y: Complexes, polar: bool) -> Complexes:
     negative = np.count_nonzero(y.real < 0.0)
     if negative < 0.9 * y.size:
         if negative > 0.01 * y.size:
-            reading.warnings.append(
+            reading.cautions.append(
                 f"The real part is negative at {negative} of {y.size} points: "
                 "noise, or a compensation that is not complete; nothing was changed."
             )
         return y
     reactive = np.mean(np.abs(y.imag) > np.abs(y.real)) > 0.5
     if reactive and _foster(y) > 0.0:
-        reading.warnings.append(
+        reading.cautions.append(
             "The real part is negative throughout, but small, and the reactance is as it should be: "
             "the compensation is not complete; nothing was changed."
         )
@@ -163,7 +163,7 @@ def _right_way_round(reading: Reading, y: Complexes, polar: bool) -> Complexes:
             f"{reading.text.name}: the real part is negative throughout and larger than the imaginary part; "
             "the two columns may be swapped."
         )
-    reading.warnings.append("The real part was negative throughout: the phase was off by 180°, which was added.")
+    reading.cautions.append("The real part was negative throughout: the phase was off by 180°, which was added.")
     return -y
 
 
@@ -183,7 +183,7 @@ def _finite(reading: Reading, matrix: Complexes) -> tuple[Floats, Complexes, NDA
     good = np.isfinite(frequency) & np.isfinite(matrix).all(axis=(1, 2))
     zero = good & (frequency == 0.0)
     if zero.any():
-        reading.warnings.append("The point at 0 Hz was left out.")
+        reading.cautions.append("The point at 0 Hz was left out.")
     if bad := np.count_nonzero(~good):
         first = int(reading.indices[np.argmin(good)]) + 1
         if 2 * bad > good.size:
@@ -192,7 +192,7 @@ def _finite(reading: Reading, matrix: Complexes) -> tuple[Floats, Complexes, NDA
                 "expected numbers at most of them."
             )
         points = "1 point was" if bad == 1 else f"{bad} points were"
-        reading.warnings.append(f"{points} left out where values are missing or zero, first in line {first}.")
+        reading.cautions.append(f"{points} left out where values are missing or zero, first in line {first}.")
     keep = good & ~zero
     if np.count_nonzero(keep) < 2:
         raise SpectrumError(f"{text.name} has fewer than 2 complete points; expected a spectrum.")
@@ -208,9 +208,9 @@ def _ordered(
         return frequency, matrix
     order = np.argsort(frequency, kind="stable")
     if (steps < 0.0).all():
-        reading.warnings.append("The frequencies fall from point to point; the points were put in rising order.")
+        reading.cautions.append("The frequencies fall from point to point; the points were put in rising order.")
     elif (steps < 0.0).any():
-        reading.warnings.append("The frequencies do not rise from point to point; the points were sorted.")
+        reading.cautions.append("The frequencies do not rise from point to point; the points were sorted.")
     frequency, matrix, indices = frequency[order], matrix[order], indices[order]
     repeated = np.flatnonzero(np.diff(frequency) == 0.0)
     if not repeated.size:
@@ -223,7 +223,7 @@ def _ordered(
         expected = "each frequency once; if these are several sweeps, export one"
         raise reading.text.refusal(int(indices[place + 1]), found, expected)
     times = "1 point" if repeated.size == 1 else f"{repeated.size} points"
-    reading.warnings.append(f"{times} came twice, with the same values; one of each was kept.")
+    reading.cautions.append(f"{times} came twice, with the same values; one of each was kept.")
     return np.delete(frequency, repeated + 1), np.delete(matrix, repeated + 1, axis=0)
 
 

@@ -25,7 +25,7 @@ from math import pi
 import numpy as np
 
 from pyspice_runner.spectra.readers.quantities import Heading, heading
-from pyspice_runner.spectra.readers.reading import MEMORY_NOTE, Reading, cut_warning, from_header, swept, wants_memory
+from pyspice_runner.spectra.readers.reading import MEMORY_NOTE, Reading, cut_caution, from_header, swept, wants_memory
 from pyspice_runner.spectra.readers.text import Text, number, read_table, separator, split
 
 
@@ -72,9 +72,9 @@ def read_e4990a(text: Text, trace: str | None) -> Reading | None:
 
     reading = from_header(text, begin + 1, "Keysight E4990A CSV", meaning, end, text.lines[:begin], "instrument")
     if there and not wanted:
-        reading.warnings.append(MEMORY_NOTE)
+        reading.cautions.append(MEMORY_NOTE)
     if text.find(lambda line: _E4990A_BEGIN.match(line.strip()), end) is not None:
-        reading.warnings.append(f"The file holds several channels; {text.lines[begin].strip()[6:]} was read.")
+        reading.cautions.append(f"The file holds several channels; {text.lines[begin].strip()[6:]} was read.")
     return reading
 
 
@@ -154,7 +154,7 @@ def read_aim(text: Text) -> Reading | None:
     frequency, r, x, size, angle = table.numbers([0, 2, 3, 4, 5])
     columns = {"r": r, "x": x, "abs_z": size, "phase_z": np.deg2rad(angle)}
     indices = np.array(table.indices)
-    return swept(Reading(text, "AIM CSV", frequency * 1e6, indices, columns, warnings=cut_warning(table.cut)))
+    return swept(Reading(text, "AIM CSV", frequency * 1e6, indices, columns, cautions=cut_caution(table.cut)))
 
 
 def _is_aim_point(line: str) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 
 from pyspice_runner.errors import SpectrumError
 from pyspice_runner.spectra.readers.quantities import Complexes
-from pyspice_runner.spectra.readers.reading import Reading, cut_warning
+from pyspice_runner.spectra.readers.reading import Reading, cut_caution
 from pyspice_runner.spectra.readers.text import Text, described, number, quote
 
 FORMAT = "Touchstone"
@@ -52,7 +52,7 @@ def read(text: Text, through: str | None) -> Reading | None:
         raise text.refusal(first, "Touchstone 2", "version 1, which every analyser and simulator can write")
     if len(line) > 200 or not _OPTION.fullmatch(line + " "):
         return None
-    rows, indices, warnings = _rows(text, first + 1)
+    rows, indices, cautions = _rows(text, first + 1)
     ports = _PORTS[len(rows[0])]
     option = _option(text, first, line)
     frequency = np.array([row[0] for row in rows]) * option.hertz
@@ -62,15 +62,15 @@ def read(text: Text, through: str | None) -> Reading | None:
     values = _parameters(text, option, rows, ports)
     device = through
     if device is None and ports == 2 and option.side == "s" and (device := _assumed(values)):
-        warnings.append(f"{_ASSUMED[device]} State through = series or shunt if that is wrong.")
+        cautions.append(f"{_ASSUMED[device]} State through = series or shunt if that is wrong.")
     matrix = _through(values[:, 1, 0], option.reference, device) if device else _admittance(text, option, values)
     if option.side != "s" and option.reference != 1.0:
-        warnings.append(
+        cautions.append(
             f"The {option.side.upper()} parameters were taken as normalised to {option.reference:g} Ω, "
             "as Touchstone 1 has it."
         )
     metadata = described(entry for entry in text.lines if entry.lstrip().startswith("!"))
-    reading = Reading(text, FORMAT, frequency, np.array(indices), metadata=metadata, warnings=warnings)
+    reading = Reading(text, FORMAT, frequency, np.array(indices), metadata=metadata, cautions=cautions)
     if matrix.shape[-1] == 2:
         reading.matrix_s = matrix
     else:
@@ -79,7 +79,7 @@ def read(text: Text, through: str | None) -> Reading | None:
 
 
 def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int], list[str]]:
-    """Return the points without noise parameters, their lines and warnings."""
+    """Return the points without noise parameters, their lines and cautions."""
     rows: list[list[float]] = []
     indices: list[int] = []
     last = len(text.lines) - (0 if text.ended else 1)
@@ -100,7 +100,7 @@ def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int], list[st
         indices.append(index)
     if len(rows) < 2:
         raise text.refusal(start - 1, f"only {len(rows)} complete points follow", "at least 2")
-    return rows, indices, cut_warning(None if text.ended else last)
+    return rows, indices, cut_caution(None if text.ended else last)
 
 
 def _option(text: Text, index: int, line: str) -> _Option:

@@ -30,7 +30,7 @@ FORMATS = {  # file → format, relative error that its printed digits allow
     "waveforms.csv": ("Digilent WaveForms CSV", 1e-13),
 }
 TURNED = ("by 360°", "off by 180°")
-TOLD = {  # what the warnings must tell, and nothing else
+TOLD = {  # what the cautions must tell, and nothing else
     "hp4294a_cs_d.txt": ("memory trace",),
     "hp4294a_turned.txt": TURNED,
     "mfia.csv": ("2 sweeps",),
@@ -71,8 +71,8 @@ def test_a_file_gives_back_the_circuit(name: str) -> None:
     assert (spectrum.format, spectrum.source) == (format_name, name)
     assert error_of(spectrum) < tolerance
     told = TOLD.get(name, ())
-    assert len(spectrum.warnings) == len(told)
-    assert all(part in warning for part, warning in zip(told, spectrum.warnings, strict=True))
+    assert len(spectrum.cautions) == len(told)
+    assert all(part in caution for part, caution in zip(told, spectrum.cautions, strict=True))
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -123,7 +123,7 @@ def test_every_pair_of_the_4294a(mnemonic: str, tmp_path: Path) -> None:
     spectrum = read(tmp_path, make.hp4294a(mnemonic))
     root = mnemonic.startswith("IML") or mnemonic in ("IMCS", "IMCP")  # R as what |Z| leaves beside X
     assert error_of(spectrum) < (5e-5 if root else 2e-6)
-    assert bool(spectrum.warnings) == root
+    assert bool(spectrum.cautions) == root
 
 
 @pytest.mark.parametrize("mnemonic", [*make.PAIRS_4294A])
@@ -167,7 +167,7 @@ def test_the_memory_trace_of_the_4294a(mnemonic: str, tmp_path: Path) -> None:
     assert error_of(read(tmp_path, text)) < 2e-6
     memory = read(tmp_path, text, trace="memory")
     assert error_of(memory, scale=2.0) < 2e-6
-    assert memory.warnings == ()
+    assert memory.cautions == ()
     with pytest.raises(pr.SpectrumError, match="has no trace but data; trace=“memory” is not valid"):
         read(tmp_path, make.hp4294a(mnemonic), trace="memory")
 
@@ -268,8 +268,8 @@ def test_options_of_touchstone(option: str, ports: int, tmp_path: Path) -> None:
     assert (spectrum.format, spectrum.ports) == ("Touchstone", ports)
     assert error_of(spectrum) < 1e-11
     normalised = option[1:].split()[1].lower() != "s" and option.split()[-1] != "1"
-    assert [warning for warning in spectrum.warnings if "normalised" in warning] == list(spectrum.warnings)
-    assert bool(spectrum.warnings) == normalised
+    assert [caution for caution in spectrum.cautions if "normalised" in caution] == list(spectrum.cautions)
+    assert bool(spectrum.cautions) == normalised
 
 
 def test_touchstone_with_tabs_as_the_4294a_saves_it(tmp_path: Path) -> None:
@@ -333,7 +333,7 @@ def test_headers_that_name_quantity_and_unit(
     header: str, keys: tuple[str, str], scales: tuple[float, float, float], tmp_path: Path
 ) -> None:
     spectrum = read(tmp_path, make.plain(header, keys, scales=scales))
-    assert (spectrum.format, spectrum.warnings) == ("plain CSV", ())
+    assert (spectrum.format, spectrum.cautions) == ("plain CSV", ())
     assert error_of(spectrum) < 1e-11
 
 
@@ -357,7 +357,7 @@ def test_the_csv_of_the_admittance_command_is_read(tmp_path: Path, motor_admitta
     path = motor_admittance.save(tmp_path / "admittance.csv")
     spectrum = pr.read_spectrum(path)
     assert spectrum.ports == 2
-    assert spectrum.warnings == ()
+    assert spectrum.cautions == ()
     assert spectrum.matrix_s == pytest.approx(motor_admittance.matrix_s, rel=1e-11, abs=1e-15)
 
 

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(not MEASURED.is_dir(), reason="the measured spec
 
 def test_keysight_e4990a() -> None:
     spectrum = pr.read_spectrum(MEASURED / "e4990a_thickness_mode" / "MODULOFASEMODOTHICKNES.CSV")
-    assert (spectrum.format, len(spectrum), spectrum.warnings) == ("Keysight E4990A CSV", 1601, ())
+    assert (spectrum.format, len(spectrum), spectrum.cautions) == ("Keysight E4990A CSV", 1601, ())
     assert spectrum.frequency_hz[[0, -1]].tolist() == [950e3, 1130e3]
     assert np.abs(spectrum.impedance_ohm[0]) == pytest.approx(60.8781245395, rel=1e-11)
     assert np.angle(spectrum.impedance_ohm[-1], deg=True) == pytest.approx(-80.5241136707, rel=1e-11)
@@ -31,7 +31,7 @@ def test_keysight_e4990a() -> None:
 def test_the_phase_trap_of_the_hp_4294a_is_found_and_told() -> None:
     spectrum = pr.read_spectrum(MEASURED / "hp4294a_admittance" / "sampleadmittance.txt")
     assert (spectrum.format, len(spectrum)) == ("4294A ASCII", 801)
-    assert [text for text in ("wraps by 360°", "off by 180°") if any(text in told for told in spectrum.warnings)] == [
+    assert [text for text in ("wraps by 360°", "off by 180°") if any(text in told for told in spectrum.cautions)] == [
         "wraps by 360°",
         "off by 180°",
     ]
@@ -45,14 +45,14 @@ def test_the_phase_trap_of_the_hp_4294a_is_found_and_told() -> None:
 
 def test_the_inductor_of_the_agilent_4294a() -> None:
     spectrum = pr.read_spectrum(MEASURED / "hp4294a_inductor" / "impedance.txt")
-    assert (spectrum.format, len(spectrum), spectrum.warnings) == ("4294A ASCII", 534, ())
+    assert (spectrum.format, len(spectrum), spectrum.cautions) == ("4294A ASCII", 534, ())
     inductance = spectrum.impedance_ohm.imag / (2.0 * np.pi * spectrum.frequency_hz)
     assert inductance == pytest.approx(204e-6, rel=0.01)
 
 
 def test_nanovna() -> None:
     spectrum = pr.read_spectrum(MEASURED / "nanovna_polymer" / "T61.csv")
-    assert (spectrum.format, len(spectrum), spectrum.warnings) == ("NanoVNA CSV", 1016, ())
+    assert (spectrum.format, len(spectrum), spectrum.cautions) == ("NanoVNA CSV", 1016, ())
     assert spectrum.impedance_ohm[[0, -1]] == pytest.approx([5.7 - 36.8j, 5.5 - 65.5j])
 
 

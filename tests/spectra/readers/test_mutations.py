@@ -42,7 +42,7 @@ def fault_of(path: Path) -> str | None:
         spectrum = pr.read_spectrum(path)
     except pr.SpectrumError as error:
         return None if is_one_sentence(str(error)) else f"not a clear sentence: {error}"
-    return None if is_right(spectrum) else f"misread: {spectrum.warnings}"
+    return None if is_right(spectrum) else f"misread: {spectrum.cautions}"
 
 
 def test_there_are_three_hundred() -> None:

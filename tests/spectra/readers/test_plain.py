@@ -59,7 +59,7 @@ def test_german_and_french_headers_also_when_their_accents_are_lost(
         text = text.replace(sign, sign.encode().decode("latin-1"))
     text = text.replace("°", "Â°") if lost == "twice" else text
     spectrum = read(tmp_path, text.encode({"latin-1": "latin-1", "DOS": "cp850"}.get(lost, "utf-8")))
-    assert (spectrum.format, spectrum.warnings) == ("plain CSV", ())
+    assert (spectrum.format, spectrum.cautions) == ("plain CSV", ())
     assert is_the_circuit(spectrum)
 
 
@@ -72,7 +72,7 @@ def test_a_table_without_a_header_is_read_with_its_columns_stated(first: str, tm
     with pytest.raises(pr.SpectrumError, match="--columns frequency_hz,magnitude_ohm,phase_deg"):
         read(tmp_path, first + numbers)
     spectrum = read(tmp_path, first + numbers, MAGNITUDE)
-    assert (spectrum.format, spectrum.warnings) == ("plain CSV", ())
+    assert (spectrum.format, spectrum.cautions) == ("plain CSV", ())
     assert spectrum.metadata["columns"] == "frequency_hz,magnitude_ohm,phase_deg"
     assert is_the_circuit(spectrum)
 
@@ -94,7 +94,7 @@ def test_columns_that_do_not_count_may_hold_anything(tmp_path: Path) -> None:
 def test_a_header_that_says_otherwise_is_told(tmp_path: Path) -> None:
     spectrum = read(tmp_path, "frequency_hz,R (Ohm),phase_deg\n" + NUMBERS, MAGNITUDE)
     assert is_the_circuit(spectrum)
-    assert spectrum.warnings == ("The column headed “R (Ohm)” was read as magnitude_ohm, as stated.",)
+    assert spectrum.cautions == ("The column headed “R (Ohm)” was read as magnitude_ohm, as stated.",)
 
 
 @pytest.mark.parametrize(

@@ -38,22 +38,22 @@ RECTANGULAR = "frequency_hz,conductance_s,susceptance_s"
 def test_a_phase_in_radians_headed_as_degrees(table) -> None:
     spectrum = table(POLAR, make.FREQUENCY, np.abs(Y), np.angle(Y))
     assert spectrum.admittance_s == pytest.approx(Y)
-    assert [w for w in spectrum.warnings if "given in degrees" in w and "taken as radians" in w] == list(
-        spectrum.warnings
+    assert [w for w in spectrum.cautions if "given in degrees" in w and "taken as radians" in w] == list(
+        spectrum.cautions
     )
 
 
 def test_a_phase_in_degrees_headed_as_radians(table) -> None:
     spectrum = table("frequency_hz,abs_y_s,phase_rad", make.FREQUENCY, np.abs(Y), np.angle(Y, deg=True))
     assert spectrum.admittance_s == pytest.approx(Y)
-    assert "given in radians but reaches 88.66, so it was taken as degrees" in spectrum.warnings[0]
+    assert "given in radians but reaches 88.66, so it was taken as degrees" in spectrum.cautions[0]
 
 
 @pytest.mark.parametrize("degrees", [True, False])
 def test_a_phase_without_a_unit_is_told_by_its_values(degrees: bool, table) -> None:
     spectrum = table("frequency_hz,abs_y_s,phase", make.FREQUENCY, np.abs(Y), np.angle(Y, deg=degrees))
     assert spectrum.admittance_s == pytest.approx(Y)
-    assert ("taken as degrees" if degrees else "taken as radians") in spectrum.warnings[0]
+    assert ("taken as degrees" if degrees else "taken as radians") in spectrum.cautions[0]
 
 
 def test_a_resistor_s_phase_of_one_degree_stays_degrees(table) -> None:
@@ -61,7 +61,7 @@ def test_a_resistor_s_phase_of_one_degree_stays_degrees(table) -> None:
     y = np.full(50, 0.01) * np.exp(1j * np.deg2rad(np.linspace(0.5, 1.5, 50)))
     spectrum = table(POLAR, frequency, np.abs(y), np.angle(y, deg=True))
     assert spectrum.admittance_s == pytest.approx(y)
-    assert spectrum.warnings == ()
+    assert spectrum.cautions == ()
     with pytest.raises(pr.SpectrumError, match=r"names no unit and its values do not tell; head it as “Phase \(deg\)”"):
         table("frequency_hz,abs_y_s,phase", frequency, np.abs(y), np.angle(y, deg=True))
 
@@ -69,7 +69,7 @@ def test_a_resistor_s_phase_of_one_degree_stays_degrees(table) -> None:
 def test_a_phase_off_by_half_a_turn_and_wrapped(table) -> None:
     spectrum = table(POLAR, make.FREQUENCY, np.abs(Y), np.angle(-Y, deg=True))
     assert spectrum.admittance_s == pytest.approx(Y)
-    assert ["wraps by 360°" in spectrum.warnings[0], "off by 180°, which was added" in spectrum.warnings[1]] == [
+    assert ["wraps by 360°" in spectrum.cautions[0], "off by 180°, which was added" in spectrum.cautions[1]] == [
         True,
         True,
     ]
@@ -77,13 +77,13 @@ def test_a_phase_off_by_half_a_turn_and_wrapped(table) -> None:
 
 def test_a_phase_that_was_unwrapped_beyond_a_turn(table) -> None:
     spectrum = table(POLAR, make.FREQUENCY, np.abs(Y), np.angle(Y, deg=True) + 720.0)
-    assert (spectrum.admittance_s == pytest.approx(Y), spectrum.warnings) == (True, ())
+    assert (spectrum.admittance_s == pytest.approx(Y), spectrum.cautions) == (True, ())
 
 
 def test_reversed_leads_in_rectangular_form(table) -> None:
     spectrum = table(RECTANGULAR, make.FREQUENCY, -Y.real, -Y.imag)
     assert spectrum.admittance_s == pytest.approx(Y)
-    assert "off by 180°" in spectrum.warnings[0]
+    assert "off by 180°" in spectrum.cautions[0]
 
 
 def test_a_capacitor_with_a_slightly_negative_loss_is_not_turned(table) -> None:
@@ -91,7 +91,7 @@ def test_a_capacitor_with_a_slightly_negative_loss_is_not_turned(table) -> None:
     y = 2j * np.pi * frequency * 1e-9 * np.exp(1j * np.deg2rad(0.1))
     spectrum = table(POLAR, frequency, np.abs(y), np.angle(y, deg=True))
     assert spectrum.admittance_s == pytest.approx(y)
-    assert "negative throughout, but small" in spectrum.warnings[0]
+    assert "negative throughout, but small" in spectrum.cautions[0]
 
 
 def test_a_noisy_real_part_is_told_and_kept(table) -> None:
@@ -99,7 +99,7 @@ def test_a_noisy_real_part_is_told_and_kept(table) -> None:
     y = 2j * np.pi * frequency * 1e-9 * (1.0 - 1e-4j) + 1e-8 * np.random.default_rng(1).normal(size=200)
     spectrum = table(RECTANGULAR, frequency, y.real, y.imag)
     assert spectrum.admittance_s == pytest.approx(y)
-    assert "nothing was changed" in spectrum.warnings[0]
+    assert "nothing was changed" in spectrum.cautions[0]
 
 
 @pytest.mark.parametrize("mirrored", [Y.conj(), Y.imag + 1j * Y.real, (1.0 / Y).conj()])
@@ -125,21 +125,21 @@ def test_circles_are_those_of_noise_and_smooth_lines_too_without_being_refused(t
 def test_falling_frequencies_are_put_in_order(table) -> None:
     spectrum = table(RECTANGULAR, make.FREQUENCY[::-1], Y.real[::-1], Y.imag[::-1])
     assert spectrum.admittance_s == pytest.approx(Y)
-    assert spectrum.warnings == ("The frequencies fall from point to point; the points were put in rising order.",)
+    assert spectrum.cautions == ("The frequencies fall from point to point; the points were put in rising order.",)
 
 
 def test_frequencies_in_any_order_are_sorted(table) -> None:
     order = np.random.default_rng(3).permutation(Y.size)
     spectrum = table(RECTANGULAR, make.FREQUENCY[order], Y.real[order], Y.imag[order])
     assert spectrum.admittance_s == pytest.approx(Y)
-    assert "were sorted" in spectrum.warnings[0]
+    assert "were sorted" in spectrum.cautions[0]
 
 
 def test_a_point_that_comes_twice_is_kept_once(table) -> None:
     twice = np.sort(np.append(np.arange(Y.size), [3, 3, 40]))
     spectrum = table(RECTANGULAR, make.FREQUENCY[twice], Y.real[twice], Y.imag[twice])
     assert spectrum.admittance_s == pytest.approx(Y)
-    assert spectrum.warnings == ("3 points came twice, with the same values; one of each was kept.",)
+    assert spectrum.cautions == ("3 points came twice, with the same values; one of each was kept.",)
 
 
 def test_a_frequency_with_two_values_is_refused(table) -> None:
@@ -156,7 +156,7 @@ def test_missing_values_are_left_out_and_told(table) -> None:
     real[[4, 9]] = np.nan
     spectrum = table(RECTANGULAR, make.FREQUENCY, real, Y.imag)
     assert len(spectrum) == Y.size - 2
-    assert spectrum.warnings == ("2 points were left out where values are missing or zero, first in line 6.",)
+    assert spectrum.cautions == ("2 points were left out where values are missing or zero, first in line 6.",)
     real[:40] = np.nan
     with pytest.raises(pr.SpectrumError, match="line 2: here and at 39 of 61 points values are missing"):
         table(RECTANGULAR, make.FREQUENCY, real, Y.imag)
@@ -166,7 +166,7 @@ def test_a_point_at_zero_hertz_is_left_out(table) -> None:
     frequency = np.append(0.0, make.FREQUENCY)
     spectrum = table(RECTANGULAR, frequency, np.append(1e-9, Y.real), np.append(0.0, Y.imag))
     assert spectrum.admittance_s == pytest.approx(Y)
-    assert spectrum.warnings == ("The point at 0 Hz was left out.",)
+    assert spectrum.cautions == ("The point at 0 Hz was left out.",)
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,7 @@ def test_a_last_line_without_an_end_is_left_out(tmp_path: Path) -> None:
     path.write_text(make.plain().rstrip("\n")[:-3], encoding="utf-8")
     spectrum = pr.read_spectrum(path)
     assert spectrum.admittance_s == pytest.approx(Y[:-1])
-    assert spectrum.warnings == ("Line 62, the last, has no line end and may be cut short, so it was left out.",)
+    assert spectrum.cautions == ("Line 62, the last, has no line end and may be cut short, so it was left out.",)
 
 
 # --- columns ---
@@ -205,7 +205,7 @@ def test_columns_that_contradict_each_other_are_refused(table) -> None:
 def test_a_two_port_that_is_not_reciprocal_or_passive_is_refused(tmp_path: Path) -> None:
     matrix = make.two_port()
     good = pr.Spectrum.from_admittance(make.FREQUENCY, matrix).save(tmp_path / "good.csv")
-    assert pr.read_spectrum(good).warnings == ()
+    assert pr.read_spectrum(good).cautions == ()
     one_way = matrix * [[1.0, 1.0], [0.0, 1.0]]
     with pytest.raises(pr.SpectrumError, match="from A to B and from B to A the admittances differ"):
         pr.read_spectrum(pr.Spectrum.from_admittance(make.FREQUENCY, one_way).save(tmp_path / "one_way.csv"))

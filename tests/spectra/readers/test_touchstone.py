@@ -52,9 +52,9 @@ def write(folder: Path, s: Complexes, option: str = "# Hz S RI R 50") -> Path:
 def test_one_device_between_the_ports_is_told_from_the_parameters(device: str, tmp_path: Path) -> None:
     path = write(tmp_path, scattering(device))
     found, stated = pr.read_spectrum(path), pr.read_spectrum(path, through=device)  # type: ignore[arg-type]
-    (warning,) = found.warnings
-    assert warning.startswith(ASSUMED[device])
-    assert stated.warnings == ()
+    (caution,) = found.cautions
+    assert caution.startswith(ASSUMED[device])
+    assert stated.cautions == ()
     for spectrum in (found, stated):
         assert spectrum.admittance_s == pytest.approx(make.admittance(), rel=1e-9)
 
@@ -66,7 +66,7 @@ def test_a_fixture_that_is_not_perfect_is_told_too(device: str, tmp_path: Path) 
     s = scattering(device)
     size = 0.003
     noisy = s + size * (rng.standard_normal(s.shape) + 1j * rng.standard_normal(s.shape)) / np.sqrt(2.0)
-    assert pr.read_spectrum(write(tmp_path, noisy)).warnings[0].startswith(ASSUMED[device])
+    assert pr.read_spectrum(write(tmp_path, noisy)).cautions[0].startswith(ASSUMED[device])
 
 
 def test_a_file_with_the_transmission_alone_needs_the_device_stated(tmp_path: Path) -> None:
