@@ -25,15 +25,11 @@ from pyspice_runner.commands.compare import compare
 from pyspice_runner.commands.drive import drive
 from pyspice_runner.commands.fit import fit
 from pyspice_runner.commands.impact import impact
-from pyspice_runner.commands.live import live
-from pyspice_runner.commands.map import map_points
 from pyspice_runner.commands.motor_from import motor_from
 from pyspice_runner.commands.motors import export, motors, show
-from pyspice_runner.commands.report import report
+from pyspice_runner.commands.pages import live, report
 from pyspice_runner.commands.simulate import simulate
-from pyspice_runner.commands.small_signals import small_signals
-from pyspice_runner.commands.speed_torque import speed_torque
-from pyspice_runner.commands.steady import steady
+from pyspice_runner.commands.steady_states import map_points, small_signals, speed_torque, steady
 from pyspice_runner.commands.sweep import sweep
 from pyspice_runner.commands.track import track
 from pyspice_runner.interrupts import raised

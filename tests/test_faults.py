@@ -235,7 +235,7 @@ def test_a_report_without_plotly_is_rejected_before_its_runs(
     ngspice("kill -9 $$")
     find = importlib.util.find_spec
     monkeypatch.setattr(
-        "pyspice_runner.commands.report.find_spec", lambda name: None if name == "plotly" else find(name)
+        "pyspice_runner.commands.pages.find_spec", lambda name: None if name == "plotly" else find(name)
     )
     assert run(["report", "andersen2002"]) == 2
     assert "A report needs plotly. Install it:" in capsys.readouterr().err

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``piezomotor steady``, ``small-signals``, ``map`` and ``speed-torque``: a motor in the steady state."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import typer
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.working_points import ACCURACY, Objective
+from pyspice_runner.commands import common
+from pyspice_runner.commands.driving import DriveOptions
+from pyspice_runner.commands.options import EngineOptions, LoadOption, PeriodOptions, SpeedOption, Targets, with_options
+from pyspice_runner.errors import Interrupted
+
+_SHOWN = ["torque_n_m", "normal_force_n", "shaft_power_w", "efficiency", "separated", "stick", "slip", "settled"]
+
+
+@with_options
+def steady(
+    motor: common.MotorArgument,
+    drive: DriveOptions,
+    *,
+    speed: SpeedOption = None,
+    load: LoadOption = 0.0,
+    period: PeriodOptions,
+    accuracy: Annotated[float, typer.Option(help="Error allowed of the torque, relative to mu F0 R.")] = 2e-3,
+    engine: EngineOptions,
+    changes: common.SetOption = None,
+    targets: Targets,
+) -> int:
+    """Find the periodic steady state and its stability. Writes .json, .csv or .nc (one period), .cir (its deck).
+
+    Example: piezomotor steady bimodal40 --voltage 90 --speed 30 --json
+    """
+    targets.check(".json", ".csv", ".nc", ".cir")
+    loaded = common.load_changed(motor, changes)
+    with common.busy("ngspice runs periods of the drive"):
+        result = pr.steady_state(
+            loaded, drive.stated(loaded), speed=speed, load_torque=load, accuracy=accuracy, **period.settings,
+            **engine.settings,
+        )  # fmt: skip
+    common.warn_of(result.audit.findings)
+    targets.deliver(result, f"{loaded.name}: {result.drive.label}")
+    if not result.converged:
+        common.complain("piezomotor: no steady state was found. Run simulate to see how the motor moves.")
+        return 3
+    if not result.stable:
+        common.complain(f"piezomotor: the steady state is not stable ({result.instability}).", style="yellow")
+    return 0
+
+
+@with_options
+def small_signals(
+    motor: common.MotorArgument,
+    drive: DriveOptions,
+    *,
+    frequencies: Annotated[
+        str, typer.Option(help="Frequencies of the modulation, Hz: 10,100,1000 or 100:5000:8.")
+    ] = "10,30,100,300,1000,3000",
+    speed: SpeedOption = None,
+    load: LoadOption = 0.0,
+    period: PeriodOptions,
+    changes: common.SetOption = None,
+    targets: Targets,
+) -> int:
+    """Find transfer functions and hot admittance of a running motor. Writes .json, .csv or .nc.
+
+    Example: piezomotor small-signals andersen2002-unintended-mode --frequency 46e3 --load 5e-3 --frequencies 100,1000
+    """
+    targets.check(".json", ".csv", ".nc")
+    loaded = common.load_changed(motor, changes)
+    with common.busy("ngspice runs periods of the drive"):
+        result = pr.small_signals(
+            loaded, drive.stated(loaded), frequencies=common.grid("--frequencies", frequencies), speed=speed,
+            load_torque=load, **period.settings,
+        )  # fmt: skip
+    common.caution(result)
+    targets.deliver(result, f"{loaded.name}: {result.state.drive.label}")
+    return 0
+
+
+@with_options
+def map_points(
+    motor: common.MotorArgument,
+    drive: DriveOptions,
+    *,
+    over: Annotated[
+        list[str],
+        typer.Option(metavar="PATH=VALUES", help="An axis: drive.frequency=44e3:46e3:10. Twice for a plane."),
+    ],
+    objective: Annotated[Objective, typer.Option(help="Quantity that the best point maximises.")] = "torque",
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE", help="Greatest value allowed: current_a=0.1, temperature_c=100. Repeatable."
+        ),
+    ] = None,
+    speed: Annotated[
+        float | None, typer.Option(help="Speed at which the shaft is held, rad/s; default: by the objective.")
+    ] = None,
+    load: LoadOption = 0.0,
+    period: PeriodOptions,
+    accuracy: Annotated[float, typer.Option(help="Error allowed of the torque, relative to mu F0 R.")] = ACCURACY,
+    changes: common.SetOption = None,
+    targets: Targets,
+) -> int:
+    """Map steady states over parameters and find the best point. Writes .nc, .csv or .json.
+
+    Example: piezomotor map andersen2002-unintended-mode --over drive.frequency=44e3:46e3:5
+    --over drive.voltage=60,100 --limit current_a=0.06 --plot map.png
+    """
+    targets.check(".nc", ".csv", ".json")
+    loaded = common.load_changed(motor, changes)
+    limits = dict(_limit(text) for text in limit or ())
+    with common.points_progress() as progress:
+        dataset = pr.working_points(
+            loaded, drive.stated(loaded), over=common.axes_of(over), objective=objective, limits=limits,
+            speed=speed, load_torque=load, accuracy=accuracy, progress=progress, **period.settings,
+        )  # fmt: skip
+    result = dataset.piezomotor
+    common.caution(result)
+    targets.deliver(result, dataset.attrs["title"])
+    return 0
+
+
+def _limit(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        raise pr.ParameterError(f"--limit {text!r} is not NAME=VALUE; write it as current_a=0.1.") from None
+
+
+@with_options
+def speed_torque(
+    motor: common.MotorArgument,
+    drive: DriveOptions,
+    *,
+    speeds: Annotated[
+        str, typer.Option(help="Speeds in rad/s: 0,2.5,5 or -5:10:7 for seven from -5 to 10; write --speeds=-5:10:7.")
+    ] = "-5:10:7",
+    over: Annotated[
+        str | None, typer.Option(metavar="PATH=VALUES", help="A further axis, as drive.voltage=40,60,80.")
+    ] = None,
+    mode: Annotated[
+        Literal["steady", "settle", "ramp"], typer.Option(help="steady: solve; settle: run until settled; ramp.")
+    ] = "steady",
+    follow: Annotated[
+        str | None,
+        typer.Option(metavar="AXIS", help="Go on from point to point along this axis; with steady, through folds."),
+    ] = None,
+    tolerance: Annotated[float, typer.Option(help="Largest change from block to block of a settled point.")] = 1e-3,
+    patience: Annotated[int, typer.Option(help="Number of blocks after which a point counts as not settled.")] = 40,
+    period: PeriodOptions,
+    engine: EngineOptions,
+    changes: common.SetOption = None,
+    targets: Targets,
+) -> int:
+    """Measure torque, power and losses over speed. Writes .nc, .csv or .json.
+
+    Example: piezomotor speed-torque andersen2002-unintended-mode --voltage 100 --frequency 46e3 --phase 180
+    --speeds=-5:25:13 --plot curve.png
+    """
+    targets.check(".nc", ".csv", ".json")
+    loaded = common.load_changed(motor, changes)
+    excitation = drive.stated(loaded)
+    status = 0
+    with common.points_progress() as progress:
+        try:
+            curve = pr.speed_torque(
+                loaded,
+                excitation,
+                speeds=common.grid("--speeds", speeds),
+                over=common.axes_of([over] if over else None),
+                mode=mode,
+                follow=follow,
+                tolerance=tolerance,
+                patience=patience,
+                progress=progress,
+                **period.settings,
+                **engine.settings,
+            )
+        except (Interrupted, pr.SimulationError) as fault:
+            if fault.partial is None:
+                raise
+            curve = fault.partial
+            status = common.INTERRUPTED if isinstance(fault, Interrupted) else 3
+            common.complain(f"piezomotor: {fault}")
+    result = curve.piezomotor
+    common.caution(result)
+    if "folds" in curve.attrs:
+        targets.deliver(result, curve.attrs["title"])
+        return 0
+    points = curve[_SHOWN].to_dataframe().dropna(subset="torque_n_m").to_string(float_format="{:.4g}".format)
+    targets.write(result.to_dict(), f"{curve.attrs['title']}\n{points}\n", result.save, result.plot)
+    return status
