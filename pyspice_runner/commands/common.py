@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import csv
 import glob
-import io
 import json
 import os
 import shutil
@@ -36,7 +34,7 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.files import save_by_ending
+from pyspice_runner.files import save_by_ending, write_json, write_rows
 from pyspice_runner.model.load import changed_motor
 from pyspice_runner.result import Result as _Result
 from pyspice_runner.run.engines import Engine
@@ -97,11 +95,7 @@ AuditOption = Annotated[
 
 
 def refuse_idle(context: typer.Context, reason: str, *names: str) -> None:
-    """Refuse options on the command line that have no effect, for a reason such as ``without --contact brush``.
-
-    Raises:
-        ParameterError: naming the first of them that was given.
-    """
+    """Raise ParameterError for the first of these options on the command line: it has no effect, for a reason."""
     for parameter in context.command.params:
         source = context.get_parameter_source(parameter.name) if parameter.name in names else None
         if source is not None and source.name == "COMMANDLINE":
@@ -111,13 +105,8 @@ def refuse_idle(context: typer.Context, reason: str, *names: str) -> None:
 
 def load_changed(motor: str, changes: list[str] | None) -> pr.Motor:
     """Return the motor with the values of ``--set`` in place."""
-    values: dict[str, Any] = {}
-    for change in changes or ():
-        path, equals, text = change.partition("=")
-        if not equals:
-            raise pr.ParameterError(f"--set {change!r} is not PATH=VALUE; write it as contact.preload_n=8.")
-        values[path.strip()] = _value(text.strip())
-    return changed_motor(motor, values)
+    told = "is not PATH=VALUE; write it as contact.preload_n=8."
+    return changed_motor(motor, {path: _value(text.strip()) for path, text in pairs_of("--set", changes, told)})
 
 
 def _value(text: str) -> float | int | str | None:
@@ -155,17 +144,15 @@ def axes_of(texts: list[str] | None, option: str = "--over") -> dict[str, list[f
     return {path: grid(f"{option} {path}", values) for path, values in pairs_of(option, texts)}
 
 
-def pairs_of(option: str, texts: list[str] | None) -> Iterator[tuple[str, str]]:
-    """Yield path and values of the texts of an option that takes PATH=VALUES.
-
-    Raises:
-        ParameterError: for a text without values.
-    """
+def pairs_of(
+    option: str, texts: list[str] | None, told: str = "has no values; write PATH=VALUES."
+) -> Iterator[tuple[str, str]]:
+    """Yield path and value of the texts of an option. Raise ParameterError, with what is told, for one without "="."""
     for text in texts or ():
-        path, equals, values = text.partition("=")
+        path, equals, value = text.partition("=")
         if not equals:
-            raise pr.ParameterError(f"{option} {text!r} has no values; write PATH=VALUES.")
-        yield path.strip(), values
+            raise pr.ParameterError(f"{option} {text!r} {told}")
+        yield path.strip(), value
 
 
 def check_targets(
@@ -173,8 +160,7 @@ def check_targets(
 ) -> None:
     """Check the files to write before any work is done; input names that are not those of files are ignored.
 
-    Raises:
-        ParameterError: for a file of another ending, a place that cannot be written, or a file that is an input too.
+    Raise ParameterError for a file of another ending, a place that cannot be written, or a file that is an input too.
     """
     for path, allowed in ((output, endings), (plot, (".png", ".svg", ".pdf"))):
         if path is None:
@@ -218,32 +204,15 @@ def _is_same_file(path: Path, source: str | Path) -> bool:
 def write_table(path: Path, document: Mapping[str, Any], rows: list[list[str]]) -> None:
     """Write a result as ``.json``, or its rows as ``.csv``."""
     save_by_ending(
-        path,
-        {
-            ".json": lambda file: file.write_text(_json(document), encoding="utf-8"),
-            ".csv": lambda file: file.write_text(_csv(rows), encoding="utf-8"),
-        },
+        path, {".json": lambda file: write_json(file, document), ".csv": lambda file: write_rows(file, rows)}
     )
-
-
-def _json(document: Mapping[str, Any]) -> str:
-    return json.dumps(document, indent=2, allow_nan=False) + "\n"
-
-
-def _csv(rows: list[list[str]]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()
 
 
 def deliver(document: Mapping[str, Any], table: Table | str, as_json: bool, *writings: Writing) -> None:
     """Write a finished result to the files asked for and print it: the JSON object alone, or a table for reading.
 
     If one part fails or is interrupted, the other parts are still done. What cannot be written is kept in a temporary
-    folder.
-
-    Raises:
-        ParameterError: for what cannot be written; the message names the folder in which it is kept.
+    folder, which the ParameterError names.
     """
     faults: dict[Writing, Exception] = {}
     try:

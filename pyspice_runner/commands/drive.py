@@ -117,9 +117,6 @@ def driver_of(
     """Return the driver of a kind of stage, and behind a + its network; ``values`` are fields of the driver.
 
     Unless ``strict``, changes and a MOSFET that do not suit the driver are left out.
-
-    Raises:
-        ParameterError: for a value that is not valid.
     """
     kind, plus, network = words.rpartition("+")
     if not plus or ":" in network:  # of the name of a file
@@ -140,11 +137,7 @@ def driver_of(
 
 
 def two_phase(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> dict[str, float]:
-    """Return voltage, frequency and phase of a two-phase drive for :func:`driver_of`.
-
-    Raises:
-        ParameterError: for a two-tone drive.
-    """
+    """Return voltage, frequency and phase for :func:`driver_of`. Raise ParameterError for a two-tone drive."""
     if not isinstance(drive, pr.TwoPhaseDrive):
         raise pr.ParameterError("A driver makes two phases of one tone. Add --drive two-phase.")
     return two_phases(drive)
@@ -159,14 +152,10 @@ def changes_of(changes: list[str] | None, part: list[str] | None) -> tuple[list[
 def _parts(changes: list[str] | None) -> dict[str, float]:
     """Return the changed parameters."""
     values = {}
-    for change in changes or []:
-        path, equals, text = change.partition("=")
-        if not equals:
-            raise pr.ParameterError(
-                f"--part {change!r} is not PART.PARAMETER=VALUE; write it as bridge.dead_time=3e-7."
-            )
+    told = "is not PART.PARAMETER=VALUE; write it as bridge.dead_time=3e-7."
+    for path, text in common.pairs_of("--part", changes, told):
         try:
-            values[path.strip()] = float(text)
+            values[path] = float(text)
         except ValueError:
             raise pr.ParameterError(f"--part {path}: {text!r} is not a number. Give one, in SI units.") from None
     return values

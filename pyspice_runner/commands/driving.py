@@ -45,8 +45,7 @@ class DriveOptions(Options):
     def stated(self, motor: pr.Motor) -> pr.TwoPhaseDrive | pr.TwoToneDrive:
         """Return the drive for a motor: the recommended one, with the options that were given in place.
 
-        Raises:
-            ParameterError: for an option of the other kind of drive, or a missing or invalid value.
+        Raise ParameterError for an option of the other kind of drive, or a missing or invalid value.
         """
         recommended = pr.default_drive(motor)
         chosen: str = self.drive or next(one for one, kind in DRIVES.items() if type(recommended) is kind)
@@ -74,8 +73,7 @@ def recommended_phases(
 ) -> dict[str, float]:
     """Return voltage, frequency and phase of two phases: those given, the others from the motor's recommended drive.
 
-    Raises:
-        ParameterError: if a value is missing and the motor recommends two tones.
+    Raise ParameterError if a value is missing and the motor recommends two tones.
     """
     given = {"voltage": voltage, "frequency": frequency, "phase_deg": phase_deg}
     missing = [name.removesuffix("_deg") for name, value in given.items() if value is None]

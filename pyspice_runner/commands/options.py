@@ -12,13 +12,14 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, Protocol, TypeVar, get_type_hints
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
+from pyspice_runner.result import Result
 
 Returned = TypeVar("Returned")
 _Write = Callable[[Path], object]
@@ -49,11 +50,7 @@ SlidersOption = Annotated[int | None, typer.Option(help="Number of sliders of th
 
 
 def law_named(contact: str, sliders: int | None = None) -> pr.Law | None:
-    """Return the law of ``--contact`` and ``--sliders``; ``None`` for a free tip.
-
-    Raises:
-        ParameterError: for an unknown law, or sliders without a brush.
-    """
+    """Return the law; ``None`` for a free tip. Raise ParameterError for an unknown law, or sliders without a brush."""
     if sliders is not None and contact != "brush":
         raise pr.ParameterError("--sliders has no effect without --contact brush. Leave it out.")
     return None if contact == NONE else pr.Law(contact, sliders)
@@ -61,6 +58,11 @@ def law_named(contact: str, sliders: int | None = None) -> pr.Law | None:
 
 class Options:
     """A group of options."""
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The options as arguments of an analysis, by default under their names."""
+        return dict(vars(self))
 
 
 def with_options(command: Callable[..., Returned]) -> Callable[..., Returned]:
@@ -103,7 +105,7 @@ class LawOptions(Options):
 
     @property
     def law(self) -> pr.Law | None:
-        """The law; ``None`` for a free tip. Raise ParameterError for an unknown law, or sliders without a brush."""
+        """The law; ``None`` for a free tip."""
         return law_named(self.contact, self.sliders)
 
 
@@ -127,21 +129,6 @@ class EngineOptions(Options):
     audit: common.AuditOption = True
     engine: common.EngineOption = "spice"
 
-    @property
-    def settings(self) -> dict[str, Any]:
-        """The settings of an analysis."""
-        return {"audit": self.audit, "engine": self.engine}
-
-
-class _Deliverable(Protocol):
-    def to_dict(self) -> dict[str, Any]: ...
-
-    def summary(self) -> dict[str, str]: ...
-
-    def save(self, path: str | Path) -> Path: ...
-
-    def plot(self, path: str | Path) -> Any: ...
-
 
 @dataclass(frozen=True)
 class Targets(Options):
@@ -152,14 +139,10 @@ class Targets(Options):
     plot: common.PlotOption = None
 
     def check(self, *endings: str, inputs: Iterable[str | Path | None] = ()) -> None:
-        """Check the files to write before any work is done; see :func:`.common.check_targets`.
-
-        Raises:
-            ParameterError: for a file that cannot be written.
-        """
+        """Check the files to write before any work is done; see :func:`.common.check_targets`."""
         common.check_targets(self.output, endings, self.plot, inputs)
 
-    def deliver(self, result: _Deliverable, title: str, document: dict[str, Any] | None = None) -> None:
+    def deliver(self, result: Result, title: str, document: dict[str, Any] | None = None) -> None:
         """Write a result to its files and print its summary under a title, or with ``--json`` a document."""
         document = result.to_dict() if document is None else document
         self.write(document, common.summary_table(result.summary(), title), result.save, result.plot)
