@@ -8,6 +8,7 @@ checked, which takes longer than the rest of the page.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import pi
 from typing import TYPE_CHECKING, Any
 
@@ -16,14 +17,14 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from pyspice_runner.model.beam import solve_resonator
-from pyspice_runner.model.motor import Structure
+from pyspice_runner.model.motor import Motor, Structure
 from pyspice_runner.run.waveforms import Array, Waveforms
-from pyspice_runner.spectra.spectrum import COUPLING, Connection
-from pyspice_runner.view.contents import Contents
+from pyspice_runner.spectra.admittance import Admittance
+from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum, State
 from pyspice_runner.view.style import BLUE, CYCLE, GREEN, GREY, LABELS, PURPLE, STATES, VERMILION
 
 if TYPE_CHECKING:
-    from pyspice_runner.model.motor import Motor
+    import xarray
 
 DASHES = ("solid", "dash", "dot", "dashdot")
 MARKS = ("circle", "diamond", "square", "cross")
@@ -197,14 +198,16 @@ def _last_periods(run: Waveforms, periods: int) -> tuple[Any, Array]:
     return inside, run.time_s[inside] - begin
 
 
-def admittance(report: Contents) -> tuple[go.Figure, go.Figure]:
+def admittance(
+    spectra: Mapping[State, Admittance], measured: Spectrum | None, measured_on: Connection
+) -> tuple[go.Figure, go.Figure]:
     """Return |Y| and phase over frequency, and the G–B circle; ``meta.groups`` is the connection of every trace."""
     over = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.08)
     circle = go.Figure()
     groups_over: list[str] = []
     groups_circle: list[str] = []
     for connection in COUPLING:
-        for frequency, y, name, look in _spectra(report, connection):
+        for frequency, y, name, look in _spectra(spectra, measured, measured_on, connection):
             shown = {"name": name, "legendgroup": name, "visible": connection == "A", **look}
             hertz = _short(1e-3 * frequency, precise=True)
             over.add_scatter(
@@ -231,26 +234,27 @@ def admittance(report: Contents) -> tuple[go.Figure, go.Figure]:
     return over, circle
 
 
-def _spectra(report: Contents, connection: Connection) -> list[tuple[Array, Any, str, dict[str, Any]]]:
+def _spectra(
+    spectra: Mapping[State, Admittance], measured: Spectrum | None, measured_on: Connection, connection: Connection
+) -> list[tuple[Array, Any, str, dict[str, Any]]]:
     """Return frequency, admittance, name and look of every spectrum that is drawn for a connection."""
     found: list[tuple[Array, Any, str, dict[str, Any]]] = []
     names = {"free": "tip free", "preloaded": "pressed on the rotor"}
-    for (state, result), colour, dash in zip(report.spectra.items(), CYCLE, DASHES, strict=False):
+    for (state, result), colour, dash in zip(spectra.items(), CYCLE, DASHES, strict=False):
         look = {"mode": "lines", "line": {"color": colour, "dash": dash}}
         found.append((result.frequency_hz, result.driven(connection), names[state], look))
-    measured = report.measured
-    if measured is not None and (measured.ports == 2 or connection == report.connection):
+    if measured is not None and (measured.ports == 2 or connection == measured_on):
         y = measured.driven(connection).admittance_s if measured.ports == 2 else measured.admittance_s
         look = {"mode": "markers", "marker": {"color": GREEN, "size": 5, "symbol": "circle-open"}}
         found.append((measured.frequency_hz, y, "measured", look))
     return found
 
 
-def speed_torque(report: Contents) -> go.Figure:
+def speed_torque(curves: Mapping[float, xarray.Dataset]) -> go.Figure:
     """Return torque, shaft power and efficiency over speed, a curve for each level of the drive."""
     figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.06)
     panels = ("torque_n_m", "shaft_power_w", "efficiency")
-    for number, (level, curve) in enumerate(report.curves.items()):
+    for number, (level, curve) in enumerate(curves.items()):
         colour, name = CYCLE[number % 4], f"{100.0 * level:.3g} % of the voltage"
         settled = curve["settled"].values
         marks = [MARKS[number % 4] + ("" if steady else "-open") for steady in settled]
@@ -266,15 +270,15 @@ def speed_torque(report: Contents) -> go.Figure:
     for row, quantity in enumerate(panels, start=1):
         label = LABELS[quantity]
         figure.update_yaxes(title_text=f"{label.name.removesuffix(' on the rotor')} in {label.unit}", row=row, col=1)
-    figure.update_yaxes(range=_efficiency_range(report), row=len(panels), col=1)
+    figure.update_yaxes(range=_efficiency_range(curves), row=len(panels), col=1)
     figure.update_xaxes(title_text=str(LABELS["speed_rad_s"]), row=3, col=1)
     figure.update_layout(height=640 + TOOL_BAR)
     return figure
 
 
-def _efficiency_range(report: Contents) -> list[float]:
+def _efficiency_range(curves: Mapping[float, xarray.Dataset]) -> list[float]:
     """Return the range of efficiencies in %, −100 to 100 at most: it has no limit where hardly any power is drawn."""
-    values = 100.0 * np.concatenate([np.ravel(curve["efficiency"].values) for curve in report.curves.values()])
+    values = 100.0 * np.concatenate([np.ravel(curve["efficiency"].values) for curve in curves.values()])
     low, high = (float(value) for value in (np.nanmin([0.0, *values]), np.nanmax([0.0, *values])))
     room = 0.05 * max(high - low, 1e-9)
     return [max(low - room, -100.0), min(high + room, 100.0)]

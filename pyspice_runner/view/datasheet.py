@@ -7,40 +7,39 @@ Text and tables are plain HTML; Plotly stands at the end of the page and runs af
 from __future__ import annotations
 
 import base64
-import csv
-import io
 import json
 import platform
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from importlib.metadata import version
+from math import sqrt
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pyspice_runner.datasets import Curves
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.export.motor import export_motor
+from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor, Provenance
 from pyspice_runner.model.refusal import unit_of
+from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.waveforms import Waveforms
-from pyspice_runner.spectra.spectrum import COUPLING
+from pyspice_runner.spectra.admittance import Admittance
+from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum, State
 from pyspice_runner.units import engineering
-from pyspice_runner.view.contents import Contents
-from pyspice_runner.view.live import live_page, packed
+from pyspice_runner.view.live import live_page, packed, rendered
+
+if TYPE_CHECKING:
+    import xarray
 
 HERE = Path(__file__).parent
 INK, GRID = {"light": "#1b1f24", "dark": "#e6e8eb"}, {"light": "#d5d9de", "dark": "#3a4048"}
 _PERIODS = 3  # of the waveforms to download
 _SECTIONS = ("beam", "patches", "tip", "damping", "modes", "piezo", "contact", "rotor", "mount", "limits")
-
-
-class Chart(NamedTuple):
-    """A chart of the page: its id, its description for screen readers, and the figure."""
-
-    name: str
-    label: str
-    figure: Any
 
 
 class Row(NamedTuple):
@@ -54,10 +53,152 @@ class Row(NamedTuple):
     note: str
 
 
-def datasheet(report: Contents) -> str:
+@dataclass(frozen=True, eq=False, repr=False)
+class Report(Result):
+    """The contents of a motor's data sheet, with the page made of them.
+
+    Attributes:
+        motor: the motor.
+        drive: the drive of the run and, at several levels, of the curves.
+        spectra: state of the tip (``"free"``, ``"preloaded"``) → the stator's two-port.
+        run: the motor from rest.
+        coarse: the same run at twice the time step, from which the error is estimated.
+        curves: share of the drive's voltage → speed–torque curve.
+        measured: a measured spectrum to draw over the computed ones.
+        connection: how the groups were connected when it was measured, if it is a one-port.
+        created: when the report was made, ISO 8601.
+    """
+
+    motor: Motor
+    drive: Drive
+    spectra: dict[State, Admittance]
+    run: Waveforms
+    coarse: Waveforms
+    curves: dict[float, xarray.Dataset]
+    measured: Spectrum | None = None
+    connection: Connection = "A"
+    created: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
+
+    @property
+    def discretisation_error(self) -> dict[str, float]:
+        """Estimated error of the run from its time step, relative.
+
+        The integration is of second order: at twice the step the error is four times as large, so that a third of the
+        difference between the two runs is the error of the finer one. Where the motion is irregular, two runs differ
+        at any step, and the estimate is large.
+
+        Returns:
+            ``tip_path``: RMS distance between the tip's paths over the last drive periods, over the RMS size of the
+            path. ``rotor_speed``: of the mean speed, over the largest speed reached.
+        """
+        fine, coarse = self.run, self.coarse
+        window = coarse.window()
+        time = coarse.time_s[window]
+        distance, size = 0.0, 0.0
+        for name in ("tip_x_m", "tip_y_m"):
+            values = np.interp(time, fine.time_s, getattr(fine, name))
+            distance += float(np.mean((values - getattr(coarse, name)[window]) ** 2))
+            size += float(np.var(values))
+        speed = abs(fine.mean_rotor_speed_rad_s - coarse.mean_rotor_speed_rad_s)
+        largest = float(np.abs(fine.rotor_speed_rad_s).max())
+        return {
+            "tip_path": sqrt(distance / size) / 3.0 if size else 0.0,
+            "rotor_speed": speed / largest / 3.0 if largest else 0.0,
+        }
+
+    @property
+    def key_figures(self) -> dict[str, float | None]:
+        """The values at the top of a data sheet; ``None`` for a value that the curves do not reach."""
+        curve = self.curves[max(self.curves)]
+        speed, torque = curve["speed_rad_s"].values, curve["torque_n_m"].values
+        forward = np.where(curve["shaft_power_w"].values > 0.0, curve["efficiency"].values, -np.inf)
+        best = int(np.argmax(forward))
+        crossings = np.flatnonzero(torque[:-1] * torque[1:] < 0.0)
+        no_load = None
+        if len(crossings):  # by a straight line between the points around the first zero
+            x, y = (values[crossings[0] : crossings[0] + 2] for values in (speed, torque))
+            no_load = float(x[0] - y[0] * (x[1] - x[0]) / (y[1] - y[0]))
+        run = self.run
+        return {
+            "stall_torque_n_m": float(torque[speed == 0.0][0]) if (speed == 0.0).any() else None,
+            "no_load_speed_rad_s": no_load,
+            "best_efficiency": float(forward[best]) if np.isfinite(forward[best]) else None,
+            "best_efficiency_speed_rad_s": float(speed[best]) if np.isfinite(forward[best]) else None,
+            "run_speed_rad_s": run.mean_rotor_speed_rad_s,
+            "current_a_rms_a": float(np.sqrt(run.mean(run.current_a_a**2))),
+            "current_b_rms_a": float(np.sqrt(run.mean(run.current_b_a**2))),
+            "power_a_w": run.mean(run.voltage_a_v * run.current_a_a),
+            "power_b_w": run.mean(run.voltage_b_v * run.current_b_a),
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the contents of the report without its curves over time, JSON-ready."""
+        return {
+            "motor": self.motor.to_dict(),
+            "created": self.created,
+            "key_figures": self.key_figures,
+            "admittance": {state: result.to_dict() for state, result in self.spectra.items()},
+            "run": self.run.to_dict(),
+            "discretisation_error": self.discretisation_error,
+            "speed_torque": [
+                {
+                    "drive_share": share,
+                    "speed_rad_s": curve["speed_rad_s"].values.tolist(),
+                    **{
+                        name: [value if np.isfinite(value) else None for value in curve[name].values.tolist()]
+                        for name in ("torque_n_m", "shaft_power_w", "efficiency", "separated", "stick", "slip")
+                    },
+                    "settled": curve["settled"].values.tolist(),
+                }
+                for share, curve in self.curves.items()
+            ],
+            "measured": None if self.measured is None else {"source": self.measured.source},
+        }
+
+    def decks(self) -> dict[str, str]:
+        """Return file name → text of the decks that were run: the run from rest, and the spectra."""
+        spectra = {f"admittance_{state}.cir": result.deck or "" for state, result in self.spectra.items()}
+        return {"run.cir": self.run.deck, **spectra}
+
+    def writers(self) -> dict[str, Callable[[Path], object]]:
+        """Return the writers by ending: ``.html``, one self-contained page, and ``.json``.
+
+        The page needs Plotly and Jinja2; without them, writing it raises :class:`ParameterError`.
+        """
+        page = {".html": lambda file: file.write_text(datasheet(self), encoding="utf-8", newline="\n")}
+        return {**page, **super().writers()}
+
+    @property
+    def audit(self) -> Audit:  # type: ignore[override]
+        """The outcome of the physical audit of the run."""
+        return self.run.audit
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Cautions of the run and of the curves."""
+        curves = (caution for curve in self.curves.values() for caution in Curves(curve).cautions)
+        return tuple(dict.fromkeys((*self.run.cautions, *curves)))
+
+    def summary(self) -> dict[str, str]:
+        """Return motor, drive, key figures and errors."""
+        figures = self.key_figures
+        best = figures["best_efficiency"]
+        return {
+            "motor": self.motor.name,
+            "modes": self.motor.summary()["modes"],
+            "drive": self.drive.label,
+            "stall torque": engineering(figures["stall_torque_n_m"], "N·m"),
+            "no-load speed": engineering(figures["no_load_speed_rad_s"], "rad/s"),
+            "best efficiency": "–" if best is None else f"{100.0 * best:.3g} %",
+            "electrical power": engineering((figures["power_a_w"] or 0.0) + (figures["power_b_w"] or 0.0), "W"),
+            "error by the step": f"{self.discretisation_error['tip_path']:.1e} of the tip's path",
+            "energy residual": f"{self.run.energy_residual:.1e}",
+        }
+
+
+def datasheet(report: Report) -> str:
     """Return the page. Raise ParameterError if Plotly or Jinja2 is not installed."""
     try:
-        from jinja2 import Environment, FileSystemLoader, StrictUndefined
         from plotly.offline import get_plotlyjs, get_plotlyjs_version
 
         from pyspice_runner.view import charts
@@ -65,39 +206,25 @@ def datasheet(report: Contents) -> str:
         raise ParameterError(
             f"A report needs {error.name}. Install it: `pip install 'pyspice-runner[report]'`."
         ) from None
-    environment = Environment(
-        loader=FileSystemLoader(HERE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["si"] = engineering
-    environment.filters["percent"] = lambda share: f"{100.0 * share:.3g} %"
-    over, circle = charts.admittance(report)
-    drawn = [
-        Chart("modes", "Mode shapes of the beam with its patches and its tip, moving.",
-              charts.mode_shapes(report.motor)),
-        Chart("tip", "Path of the tip over one drive period by contact state, and the contact forces.",
-              charts.tip_path(report.run)),
-        Chart("admittance", "Magnitude and phase of the admittance over frequency.", over),
-        Chart("circle", "Susceptance over conductance.", circle),
-        Chart("curve", "Torque, shaft power and efficiency over speed.", charts.speed_torque(report)),
-        Chart("spin-up", "Speed of the rotor from rest.", charts.spin_up(report.run)),
-        Chart("electrical", "Voltages and currents of both groups over the last drive periods.",
-              charts.electrical(report.run)),
-    ]  # fmt: skip
+    over, circle = charts.admittance(report.spectra, report.measured, report.connection)
+    figures = {
+        "modes": charts.mode_shapes(report.motor),
+        "tip": charts.tip_path(report.run),
+        "admittance": over,
+        "circle": circle,
+        "curve": charts.speed_torque(report.curves),
+        "spin-up": charts.spin_up(report.run),
+        "electrical": charts.electrical(report.run),
+    }
     script, style = ((HERE / f"datasheet.{ending}").read_text(encoding="utf-8") for ending in ("js", "css"))
-    return environment.get_template("datasheet.html.j2").render(
+    return rendered(
+        "datasheet.html.j2",
         report=report,
         motor=report.motor,
         figures=report.key_figures,
-        charts={chart.name: chart for chart in drawn if chart.figure is not None},
-        figure_json={chart.name: _embedded(chart.figure.to_json()) for chart in drawn if chart.figure is not None},
-        themes={name: _embedded(charts.theme(INK[name], GRID[name]).to_plotly_json()) for name in INK},
+        charts={name: figure for name, figure in figures.items() if figure is not None},
+        themes={name: charts.theme(INK[name], GRID[name]).to_plotly_json() for name in INK},
         connections=list(COUPLING),
-        resonances=[
-            {"state": state, "connection": connection, "item": item}
-            for state, result in report.spectra.items()
-            for connection, items in result.resonances.items()
-            for item in items
-        ],
         parameters=list(parameter_rows(report.motor)),
         downloads=downloads(report),
         error=report.discretisation_error,
@@ -116,7 +243,7 @@ def datasheet(report: Contents) -> str:
     )
 
 
-def downloads(report: Contents) -> dict[str, str]:
+def downloads(report: Report) -> dict[str, str]:
     """Return file name → data URL of each file that the page contains for other programs."""
     motor = report.motor
     files = report.decks() | {
@@ -143,12 +270,7 @@ def downloads(report: Contents) -> dict[str, str]:
 def _last_periods(run: Waveforms) -> str:
     """Return the waveforms of the last drive periods as CSV, with the columns of ``piezomotor simulate``."""
     inside = run.time_s >= run.time_s[-1] - _PERIODS * run.drive_period_s
-    file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(run.recorded)
-    columns = np.column_stack([values[inside] for values in run.columns().values()])
-    writer.writerows([f"{value:.9g}" for value in row] for row in columns)
-    return file.getvalue()
+    return str(run.to_dataframe()[inside].to_csv(float_format="%.9g", lineterminator="\n"))
 
 
 def parameter_rows(motor: Motor) -> Iterator[Row]:
@@ -159,17 +281,11 @@ def parameter_rows(motor: Motor) -> Iterator[Row]:
     for section, table in tables.items():
         many = isinstance(table, tuple)
         for number, entry in enumerate(table if many else (table,)):
-            for name, field in type(entry).model_fields.items():
+            for name, known in type(entry).model_fields.items():
                 path = f"{section}.{number}.{name}" if many else f"{section}.{name}"
                 shared = f"ceramic.{name}" if section == "patches" else ""  # by all patches
                 origin = motor.provenance.get(path) or motor.provenance.get(shared) or Provenance("derived", "")
                 value, unit = getattr(entry, name), unit_of(type(entry), name)
                 shown = f"{value:.6g}" if isinstance(value, float) else str(value)
                 unit = "" if unit == "1" else unit
-                yield Row(path, shown, unit, field.description or "", origin.kind, origin.note)
-
-
-def _embedded(document: Any) -> str:
-    """Return JSON that is safe inside a script element."""
-    text = document if isinstance(document, str) else json.dumps(document)
-    return text.replace("<", "\\u003c")
+                yield Row(path, shown, unit, known.description or "", origin.kind, origin.note)

@@ -28,6 +28,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist import live
 from pyspice_runner.netlist.state import Discretisation
+from pyspice_runner.units import engineering
 
 ASSETS = Path(__file__).parent / "live_page"
 SCRIPTS = ("solve.js", "driver.js", "spectrum.js", "charts.js", "page.js")
@@ -47,25 +48,15 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
     Raises:
         ParameterError: if Jinja2 is not installed.
     """
-    try:
-        from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    except ImportError:
-        raise ParameterError("The page needs jinja2. Install it: `pip install 'pyspice-runner[report]'`.") from None
     if others is None:
         others = [load_motor(name) for name in available_motors()]
     motors = [motor, *(other for other in others if other.name != motor.name)]
-    environment = Environment(
-        loader=FileSystemLoader(ASSETS),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     script = "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS)
     style = (ASSETS / "live.css").read_text(encoding="utf-8")
     worker = "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in ("ngspice.js", "worker.js"))
     assert "</script" not in script + worker
-    return environment.get_template("live.html.j2").render(
+    return rendered(
+        "live.html.j2",
         policy=content_policy(script, style),
         style=style,
         script=script,
@@ -76,6 +67,18 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
         licence=(ASSETS / "LICENSE").read_text(encoding="utf-8"),
         version=version("pyspice-runner"),
     )
+
+
+def rendered(template: str, **values: Any) -> str:
+    """Return a page made of a template. Raise ParameterError if Jinja2 is not installed."""
+    try:
+        from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    except ImportError:
+        raise ParameterError("The page needs jinja2. Install it: `pip install 'pyspice-runner[report]'`.") from None
+    loader = FileSystemLoader([ASSETS, ASSETS.parent])
+    pages = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    pages.filters |= {"si": engineering, "percent": lambda share: f"{100.0 * share:.3g} %"}
+    return pages.get_template(template).render(values)
 
 
 def engine_facts() -> dict[str, Any]:

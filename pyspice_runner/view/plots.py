@@ -31,8 +31,8 @@ from pyspice_runner.spectra.fit import SpectrumFit
 from pyspice_runner.spectra.spectrum import Spectrum
 from pyspice_runner.spectra.twoport import TwoPortFit
 from pyspice_runner.view import plot_curves, plot_motors, plot_runs, plot_spectra
+from pyspice_runner.view.datasheet import Report
 from pyspice_runner.view.draw import Sheet, filled, save, write
-from pyspice_runner.view.report import Report
 
 _SCREEN_DPI = 80  # of the picture in a notebook
 

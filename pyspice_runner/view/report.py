@@ -25,8 +25,7 @@ from pyspice_runner.model.refusal import checked
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.spectra.admittance import Admittance, admittance
 from pyspice_runner.spectra.spectrum import Connection, Spectrum, State
-from pyspice_runner.view.contents import Contents
-from pyspice_runner.view.datasheet import datasheet
+from pyspice_runner.view.datasheet import Report
 
 if TYPE_CHECKING:
     import xarray
@@ -38,21 +37,6 @@ _POINTS_PER_BANDWIDTH = 10
 _FEWEST_POINTS, _MOST_POINTS = 600, 20_000
 _NEAR = 6.0  # bandwidths on each side of a resonance that keep all points of a spectrum
 _RUNS = 4  # two spectra, the run, and the run at twice the step
-
-
-class Report(Contents):
-    """The contents of a motor's data sheet, with the page made of them."""
-
-    def writers(self) -> dict[str, Callable[[Path], object]]:
-        """Return the writers by ending: ``.html``, one self-contained page, and ``.json``.
-
-        The page needs Plotly and Jinja2; without them, writing it raises :class:`ParameterError`.
-        """
-
-        def page(file: Path) -> None:
-            file.write_text(datasheet(self), encoding="utf-8", newline="\n")
-
-        return {".html": page, **super().writers()}
 
 
 @checked

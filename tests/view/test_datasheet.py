@@ -20,8 +20,7 @@ import pyspice_runner as pr
 from pyspice_runner.model.motor import Provenance
 from pyspice_runner.netlist.motor import motor_library
 from pyspice_runner.view import charts
-from pyspice_runner.view.datasheet import HERE, datasheet, downloads, parameter_rows
-from pyspice_runner.view.report import Report
+from pyspice_runner.view.datasheet import HERE, Report, datasheet, downloads, parameter_rows
 from tests.fuzz.nasty import ATTEMPTS
 from tests.motors import motor as motor_without_a_beam
 
