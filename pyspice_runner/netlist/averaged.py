@@ -204,9 +204,10 @@ class AveragedSubCircuit(Assembly):
             "normal_stiffness": contact.normal_stiffness_n_per_m15, "inertia": motor.rotor.inertia_kg_m2,
             "bearing": motor.rotor.bearing_damping_n_m_s, "radius": motor.rotor.radius_m,
         }  # fmt: skip
-        #: parameters of the X line, with their defaults
-        self.settable = {key: rounded(value) for key, value in values.items()}
-        super().__init__(name, *PINS, **{key: repr(value) for key, value in self.settable.items()})
+        known = {item.name: item for part in (_PHASE, "piezomotor_rotor") for item in read_library(part).parameters}
+        known["friction"] = known["mu"]
+        self.settable = tuple(replace(known[key], name=key, default=rounded(value)) for key, value in values.items())
+        super().__init__(name, *PINS, **{item.name: repr(item.default) for item in self.settable})
         self._add_groups(motor, thermal)
         drift = {
             "frequency_drift": thermal.frequency_drift_per_k if thermal else 0.0,
@@ -300,11 +301,7 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
     circuit = AveragedSubCircuit(motor, thermal=thermal, name=check_name(name) if name else SUBCIRCUIT)
     drive = default_two_phase(motor)
     b = rect(drive.voltage, radians(drive.phase_deg))
-    ranges = {item.name: item for item in read_library(_PHASE).parameters}
-    ranges |= {item.name: item for item in read_library("piezomotor_rotor").parameters}
-    ranges["friction"] = ranges["mu"]
-    lines = [
-        "* SPDX-License-Identifier: GPL-3.0-or-later",
+    about = [
         f"* {circuit.name}: standing-wave piezomotor {motor.name}, averaged over the period of the drive",
         "*",
         "*   a_re, a_im o---.---------------------------.---o shaft        1 V = 1 rad/s, 1 A = 1 N.m",
@@ -325,14 +322,8 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
         "* PIN  shaft        inout  rad/s  rotor speed; a current fed into the pin is a driving torque",
         "* PIN  temperature  in     K      temperature above that of the parameters; if open, nothing drifts",
         "* PIN  heat         out    W      heat of the losses; it may stay open",
-        "*",
-        "*      name              unit       default  min   max   meaning",
-        *(
-            f"* PAR  {key:<16}  {ranges[key].unit:<9}  {value!r}  {ranges[key].least:g}  {ranges[key].greatest:g}  "
-            f"{ranges[key].meaning}"
-            for key, value in circuit.settable.items()
-        ),
-        "*",
+    ]
+    notes = [
         "* NODES inside, to plot: normal friction (N), open slip (share of the period), check (accurate below 0.02)",
         "*",
         "* SOURCE generalised averaging of the motor of Andersen, Helbo, Blanke, 2002; docs/averaged.md",
@@ -349,12 +340,8 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
         "*   .options method=gear trtol=50",
         "*   .tran 20u 100m 0 2m uic",
         "*   .measure tran speed_rad_s FIND v(shaft) AT=100m",
-        "* END USE",
-        "*",
-        circuit.parts,
-        str(circuit).strip(),
     ]
-    return "\n".join(lines) + "\n"
+    return circuit.library(about, notes)
 
 
 def add_averaged_motor(

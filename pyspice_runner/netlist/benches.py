@@ -13,7 +13,7 @@ from pyspice_runner.model.drive import Drive, Tone
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import PAPER_LAW, Law
-from pyspice_runner.netlist.library import Library, definitions, read_library
+from pyspice_runner.netlist.library import Library, read_library
 from pyspice_runner.netlist.motor import add_motor, contact_nodes, dielectric_branches, instantiate
 from pyspice_runner.netlist.state import plate_nodes
 
@@ -60,11 +60,6 @@ class SpeedRamp:
 def brake_parts(*, meters: bool) -> list[Library]:
     """Return the libraries of a dynamometer, and those of the meters if asked for."""
     return [read_library(name) for name in ("piezomotor_dynamometer", *(_METERS if meters else ()))]
-
-
-def add_brake(circuit: Circuit, *, meters: bool) -> None:
-    """Add the subcircuits of :func:`brake_parts` to a circuit."""
-    circuit.raw_spice += definitions(*brake_parts(meters=meters)) + "\n"
 
 
 def add_set_speed(circuit: Netlist, speed: float | SpeedRamp | None) -> None:

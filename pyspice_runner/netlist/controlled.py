@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
-from typing import Any
 
 from PySpice.Spice.Netlist import Circuit
 
@@ -53,10 +52,6 @@ class CommandedSource(UniformSource):
         # ngspice counts the current of Va from the pin into the source, hence the signs above
         for group, pin in zip("ab", pins, strict=True):
             circuit.V(group, pin, f"drive_{group}", "DC 0")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return kind, label and values of the drive at the start."""
-        return {"kind": type(self).__name__, "label": self.label, **self.drive.model_dump()}
 
 
 def controlled_bench(

@@ -22,14 +22,7 @@ from pyspice_runner.model.drive import Drive, Load, Tone
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mount
 from pyspice_runner.netlist.benches import sine, transient_options
-from pyspice_runner.netlist.compiled import (
-    Module,
-    Signal,
-    loading,
-    module_of,
-    module_signals,
-    module_subcircuit,
-)
+from pyspice_runner.netlist.compiled import Signal, loading, module_of, module_signals, module_subcircuit
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.library import PREFIX
 from pyspice_runner.netlist.motor import MotorSubCircuit, dielectric_branches
@@ -85,12 +78,6 @@ class Plant:
     def modes(self) -> int:
         """Number of modes."""
         return len(self.motor.modes)
-
-    @property
-    def module(self) -> Module:
-        """The Verilog-A module of the motor."""
-        assert self.law is not None
-        return module_of(self.motor, self.law)
 
     @property
     def slider(self) -> int | None:
@@ -233,16 +220,13 @@ def copies_bench(
     """
     first = copies[0].plant
     texts = texts or motor_texts(copies, discretisation, plates=plates, compiled=compiled)
-    lines: list[str] = []
     sources: dict[tuple[Any, ...], int] = {}
     start: dict[str, float] = {}
     signals: dict[str, Signal] = {}
-    modules = {copy.plant.module: None for copy in copies} if compiled else {}
-    lines += [loading(module) for module in modules]
-    subcircuits: dict[str, str] = {}
-    for name in dict.fromkeys(copy.plant.motor_name for copy in copies):
-        subcircuits |= texts[name]
-    lines += subcircuits.values()
+    plants = [copy.plant for copy in copies]
+    modules = {module_of(plant.motor, plant.law): None for plant in plants if compiled and plant.law}
+    subcircuits = {part: text for plant in plants for part, text in texts[plant.motor_name].items()}
+    lines = [*map(loading, modules), *subcircuits.values()]
     for number, copy in enumerate(copies):
         plant, instance = copy.plant, copy_name(number)
         at_pins = tuple(probe for probe in copy.probes if probe.place != "shaft")

@@ -205,11 +205,6 @@ class Driver(Stated, Source):
         return self.own or self.kind in ("half-bridge", "full-bridge")
 
     @property
-    def period(self) -> float:
-        """Period in s."""
-        return 1.0 / self.frequency
-
-    @property
     def frequencies(self) -> tuple[float, ...]:
         """Frequencies in Hz that the time step must resolve; ngspice shortens its steps at edges."""
         return (self.frequency,)

@@ -45,6 +45,7 @@ from pyspice_runner.netlist.state import (
     PLATES,
     Discretisation,
     Motion,
+    State,
     motor_states,
     plate_nodes,
     start_parameters,
@@ -76,12 +77,16 @@ class Assembly(SubCircuit):
 
     Attributes:
         prefix: first part of the names of the parts.
+        settable: parameters of the X line, with their defaults and ranges.
     """
+
+    settable: tuple[LibraryParameter, ...]
 
     def __init__(self, name: str, *pins: str, **defaults: str) -> None:
         super().__init__(name, *pins, **defaults)
         self.prefix = name
         self._libraries: list[Library] = []
+        self._starts: list[State] = []  # states of the parts that the X line sets
 
     @property
     def parts(self) -> str:
@@ -92,6 +97,27 @@ class Assembly(SubCircuit):
     def part_texts(self) -> dict[str, str]:
         """The text of the subcircuit of each part, by its name."""
         return definition_texts(*self._libraries, prefix=self.prefix)
+
+    def library(self, about: Sequence[str], notes: Sequence[str]) -> str:
+        """Return a self-contained library: its header, with lines above and below the parameters, and all circuits."""
+        lines = [
+            "* SPDX-License-Identifier: GPL-3.0-or-later",
+            *about,
+            "*",
+            "*      name              unit       default  min   max   meaning",
+            *(
+                f"* PAR  {item.name:<16}  {item.unit:<9}  {item.default!r}  {item.least:g}  {item.greatest:g}  "
+                f"{item.meaning}"
+                for item in self.settable
+            ),
+            "*",
+            *notes,
+            "* END USE",
+            "*",
+            self.parts,
+            str(self).strip(),
+        ]
+        return "\n".join(lines) + "\n"
 
     def _put(
         self,
@@ -105,7 +131,8 @@ class Assembly(SubCircuit):
         library = part if isinstance(part, Library) else read_library(part)
         self._libraries.append(library)
         named = replace(library, name=part_name(library.name, self.prefix))
-        instantiate(self, instance, named, nodes, **{**values, **{name: f"{{{name}}}" for name in passed}})
+        starts = {state.start: f"{{{state.parameter}}}" for state in self._starts if state.part == instance}
+        instantiate(self, instance, named, nodes, **{**values, **starts, **{name: f"{{{name}}}" for name in passed}})
 
 
 class MotorSubCircuit(Assembly):
@@ -144,20 +171,17 @@ class MotorSubCircuit(Assembly):
             )  # fmt: skip
         turning = {"inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s}
         rotor = read_library("piezomotor_rotor")
-        #: parameters of the X line, with their defaults and ranges
         self.settable = (
             *_settable(library, touching),
             *(replace(item, default=rounded(turning[item.name])) for item in rotor.parameters if item.name in turning),
         )
-        states = motor_states(motor, law) if startable else ()
-        self._starts = [state for state in states if state.part]
-
+        starts = [state for state in (motor_states(motor, law) if startable else ()) if state.part]
         warm = ("temperature", "heat") if thermal else ()
         pins = ("a", "b", "com", "shaft", *warm, *(("approach",) if approach else ()))
         defaults = {parameter.name: repr(parameter.default) for parameter in self.settable}
-        defaults |= {state.parameter: "0" for state in self._starts}
+        defaults |= {state.parameter: "0" for state in starts}
         super().__init__(name or (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT), *pins, **defaults)
-        self.prefix = prefix or self.name
+        self.prefix, self._starts = prefix or self.name, starts
         self._motor, self._discretisation, self._thermal = motor, discretisation, thermal
         if plates:
             self._add_groups(warm)
@@ -174,18 +198,6 @@ class MotorSubCircuit(Assembly):
             self.R("free_fy", "fy", self.gnd, 1)
         self._put("rotor", rotor, ("shaft",), turning, tuple(turning))
         self._add_dry_bearing()
-
-    def _put(
-        self,
-        instance: str,
-        part: str | Library,
-        nodes: Sequence[str | int],
-        values: Mapping[str, float | str],
-        passed: Sequence[str] = (),
-    ) -> None:
-        """Add an instance of a part, with its start as an expression of the parameters of the X line."""
-        starts = {state.start: f"{{{state.parameter}}}" for state in self._starts if state.part == instance}
-        super()._put(instance, part, nodes, {**values, **starts}, passed)
 
     def _add_groups(self, warm: tuple[str, ...]) -> None:
         piezo, thermal = self._motor.piezo, self._thermal
@@ -389,8 +401,7 @@ def motor_library(
             ("heat", "W", "heat of the losses, 1 V = 1 W; it may stay open"),
         ]
     library = contact_library(law, motor.contact)
-    lines = [
-        "* SPDX-License-Identifier: GPL-3.0-or-later",
+    about = [
         f"* {name}: standing-wave piezomotor {motor.name}, with Hertz contact, friction ({law.name}) and rotor",
         "*",
         "*     a o---.---------------------------------.",
@@ -403,14 +414,8 @@ def motor_library(
         "* PIN  b      inout  V      electrical pin of group B",
         "* PIN  com    inout  V      common electrical pin",
         *(f"* PIN  {pin:<5}  inout  {unit:<5}  {meaning}" for pin, unit, meaning in pins),
-        "*",
-        "*      name              unit       default  min   max   meaning",
-        *(
-            f"* PAR  {item.name:<16}  {item.unit:<9}  {item.default!r}  {item.least:g}  {item.greatest:g}  "
-            f"{item.meaning}"
-            for item in circuit.settable
-        ),
-        "*",
+    ]
+    notes = [
         *(
             f"* MODE {mode.name}: {mode.frequency_hz:.6g} Hz, Q {mode.quality_factor:.4g}, "
             f"coupling A {mode.coupling_a_n_per_v:.4g} N/V, B {mode.coupling_b_n_per_v:.4g} N/V"
@@ -430,12 +435,8 @@ def motor_library(
         f"*   Xmotor a b 0 shaft {'0 heat ' if thermal else ''}{name}",
         "*   .tran 100n 500u 0 100n uic",
         "*   .measure tran speed_rad_s FIND v(shaft) AT=499u",
-        "* END USE",
-        "*",
-        circuit.parts,
-        str(circuit).strip(),
     ]
-    return "\n".join(lines) + "\n"
+    return circuit.library(about, notes)
 
 
 def source_lines(drive: Drive) -> list[str]:

@@ -35,9 +35,9 @@ class Source(ABC):
         """Frequencies in Hz that the time step must resolve."""
 
     @property
-    @abstractmethod
     def period(self) -> float:
         """Period of the voltages in s; means are over whole periods."""
+        return 1.0 / self.frequencies[0]
 
     @property
     def uniform(self) -> bool:
@@ -102,10 +102,15 @@ class Source(ABC):
 
 
 class UniformSource(Source):
-    """Ideal voltages with uniform steps; a subclass has ``drive``, ``label``, ``add`` and ``to_dict``."""
+    """Ideal voltages with uniform steps; a subclass has ``drive`` and ``add``."""
 
     drive: Drive
     uniform = True
+
+    @property
+    def label(self) -> str:
+        """Caption of the drive."""
+        return self.drive.label
 
     @property
     def frequencies(self) -> tuple[float, ...]:
@@ -132,3 +137,7 @@ class UniformSource(Source):
     def current(self, group: str) -> tuple[str, float]:
         """Return the current of the group's source, which ngspice counts from the pin into the source."""
         return f"i(v{group})", -1.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return kind and label, and the values of the drive."""
+        return {"kind": type(self).__name__, "label": self.label, **self.drive.model_dump()}

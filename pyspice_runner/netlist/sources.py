@@ -17,11 +17,11 @@ from pyspice_runner.netlist.benches import (
     METERED,
     TRANSIENT_OPTIONS,
     SpeedRamp,
-    add_brake,
     add_cooling,
     add_drive,
     add_meters,
     add_set_speed,
+    brake_parts,
     connect_brake,
 )
 from pyspice_runner.netlist.compiled import (
@@ -65,11 +65,6 @@ class DriveSource(UniformSource):
     continues = True
 
     @property
-    def label(self) -> str:
-        """Caption of the drive."""
-        return self.drive.label
-
-    @property
     def rise_time(self) -> float:
         """Soft start of the drive in s."""
         return self.drive.soft_start
@@ -80,7 +75,7 @@ class DriveSource(UniformSource):
 
     def to_dict(self) -> dict[str, Any]:
         """Return kind, label and values of the drive."""
-        return {"kind": type(self.drive).__name__, "label": self.drive.label, **self.drive.model_dump()}
+        return super().to_dict() | {"kind": type(self.drive).__name__}
 
 
 def source_of(excitation: Excitation | Source, motor: Motor, law: Law | None) -> Source:
@@ -171,7 +166,7 @@ def dynamometer_bench(
     """
     source.check(motor)
     circuit = Circuit(title or f"{motor.name}: dynamometer")
-    add_brake(circuit, meters=meters)
+    circuit.raw_spice += definitions(*brake_parts(meters=meters)) + "\n"
     source.add(circuit, motor, METERED if meters else GROUPS, begun=begun)
     add_set_speed(circuit, speed)
     add_motor(

@@ -98,10 +98,7 @@ class Burst(_Shaped):
 
     def to_dict(self) -> dict[str, Any]:
         """Return drive and burst, JSON-ready."""
-        return {
-            "kind": type(self).__name__, "label": self.label, **self.drive.model_dump(), "cycles": self.cycles,
-            "interval_s": self.interval_s, "count": self.count,
-        }  # fmt: skip
+        return super().to_dict() | {"cycles": self.cycles, "interval_s": self.interval_s, "count": self.count}
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import platform
 import shutil
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from math import inf
 from pathlib import Path
@@ -54,39 +54,15 @@ _LOSSES = {
 _FALLING = {"contact.sliding_ratio": 0.8, "contact.stribeck_velocity_m_s": 0.05}  # friction of the spring-slider
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """The outcome of a comparison."""
-
-    # RMS difference over RMS of each signal of :data:`COMPARED`; infinite if the compiled motor failed.
-    differences: Mapping[str, float]
-
-    @property
-    def worst(self) -> tuple[str, float]:
-        """The signal that differs most, and by how much."""
-        return max(self.differences.items(), key=lambda item: item[1])
-
-    @property
-    def passed(self) -> bool:
-        """Whether the compiled motor moves as the B-sources do."""
-        return self.worst[1] <= TOLERANCE
-
-    @property
-    def fault(self) -> str:
-        """The fault as a sentence; empty if the comparison passed."""
-        if self.passed:
-            return ""
-        name, difference = self.worst
-        if difference == inf:
-            return (
-                "The compiled motor does not run where the B-sources do. The compiler generates wrong code for the "
-                "module."
-            )
-        return (
-            f"The compiled motor does not move as the B-sources do: {name} of a comparison of {_PERIODS} periods "
-            f"differs by {100.0 * difference:.3g} %, more than {100.0 * TOLERANCE:g} %. The compiler generates wrong "
-            "code for the module."
-        )
+def fault_of(differences: Mapping[str, float]) -> str:
+    """Return the fault that a comparison shows, as a sentence; empty if the compiled motor moves as the other does."""
+    name, difference = max(differences.items(), key=lambda item: item[1])
+    if difference <= TOLERANCE:
+        return ""
+    away = f"move as the B-sources do: {name} of a comparison of {_PERIODS} periods differs by "
+    away += f"{100.0 * difference:.3g} %, more than {100.0 * TOLERANCE:g} %"
+    what = "run where the B-sources do" if difference == inf else away
+    return f"The compiled motor does not {what}. The compiler generates wrong code for the module."
 
 
 def is_compiled(engine: Engine, motor: Motor, law: Law | None, reason: str = "") -> bool:
@@ -108,7 +84,7 @@ def is_compiled(engine: Engine, motor: Motor, law: Law | None, reason: str = "")
         raise ParameterError(f'engine = "compiled" is not valid here: {reason} Take engine = "spice" or "auto".')
     assert law is not None
     try:
-        fault = verdict(motor, law).fault
+        fault = fault_of(verdict(motor, law))
     except SimulationError:
         if engine == "auto":
             return False
@@ -123,8 +99,10 @@ def on_engine(point: OperatingPoint, engine: Engine, reason: str = "") -> Operat
     return replace(point, solver=replace(point.solver, compiled=is_compiled(engine, point.motor, point.law, reason)))
 
 
-def verdict(motor: Motor, law: Law) -> Verdict:
-    """Return the verdict on the module of a motor with a law, on this machine.
+def verdict(motor: Motor, law: Law) -> Mapping[str, float]:
+    """Return how far a motor with a law moves from the B-sources as a module, on this machine.
+
+    Each signal of :data:`COMPARED` has its RMS difference over its RMS, infinite if the compiled motor failed.
 
     Raises:
         SimulationError: if compiler or ngspice are missing or fail.
@@ -144,7 +122,7 @@ def tools() -> str:
 
 
 @cache
-def _verdict(shape: tuple[int, bool, bool], law: Law, used: str, folder: Path) -> Verdict:
+def _verdict(shape: tuple[int, bool, bool], law: Law, used: str, folder: Path) -> Mapping[str, float]:
     motor = _similar(*shape, law)
     spice = OperatingPoint(motor, DriveSource(_DRIVE), Load(None, _LOAD), law)
     setups = [replace(spice, solver=Solver(compiled=compiled)) for compiled in (False, True)]
@@ -153,11 +131,11 @@ def _verdict(shape: tuple[int, bool, bool], law: Law, used: str, folder: Path) -
     path = folder / "verdicts" / f"{hashlib.sha256(told.encode()).hexdigest()[:32]}.json"
     with suppress(OSError, ValueError, TypeError, KeyError):
         known = json.loads(path.read_text(encoding="utf-8"))
-        return Verdict({name: float(known[name]) for name in COMPARED})
+        return {name: float(known[name]) for name in COMPARED}
     found = _compared(*setups)
     with suppress(OSError, ParameterError):  # a verdict that cannot be stored is measured again
         path.parent.mkdir(parents=True, exist_ok=True)
-        save_by_ending(path, {".json": lambda file: file.write_text(json.dumps(found.differences), encoding="utf-8")})
+        save_by_ending(path, {".json": lambda file: file.write_text(json.dumps(found), encoding="utf-8")})
     return found
 
 
@@ -187,7 +165,7 @@ def _similar(modes: int, mounted: bool, dry: bool, law: Law) -> Motor:
     return base.model_copy(update={"modes": tuple(several)})
 
 
-def _compared(spice: OperatingPoint, compiled: OperatingPoint) -> Verdict:
+def _compared(spice: OperatingPoint, compiled: OperatingPoint) -> dict[str, float]:
     """Run both and return the differences of their signals."""
     times, columns = [], []
     for setup in (spice, compiled):
@@ -199,7 +177,7 @@ def _compared(spice: OperatingPoint, compiled: OperatingPoint) -> Verdict:
             if not setup.solver.compiled or error.deck is None:
                 raise
             shutil.rmtree(error.deck.parent, ignore_errors=True)
-            return Verdict(dict.fromkeys(COMPARED, inf))
+            return dict.fromkeys(COMPARED, inf)
         waves = recording.columns(samples, COMPARED)
         times.append(waves["time_s"])
         columns.append(waves)
@@ -210,4 +188,4 @@ def _compared(spice: OperatingPoint, compiled: OperatingPoint) -> Verdict:
         away = np.interp(times[0][inside], times[1], columns[1][name]) - expected
         size = float(np.sqrt(np.mean(expected**2)))
         differences[name] = float(np.sqrt(np.mean(away**2))) / size
-    return Verdict(differences)
+    return differences

@@ -15,13 +15,13 @@ import pyspice_runner as pr
 from pyspice_runner.netlist.compiled import module_of
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.run import engines
-from pyspice_runner.run.engines import COMPARED, TOLERANCE, Verdict, is_compiled
+from pyspice_runner.run.engines import COMPARED, TOLERANCE, is_compiled
 from pyspice_runner.run.operating_point import OperatingPoint
 
 MOTOR = pr.load_motor("bimodal40")
 DRIVE = pr.default_drive(MOTOR)
-GOOD = Verdict(dict.fromkeys(COMPARED, 0.1 * TOLERANCE))
-BAD = Verdict(dict.fromkeys(COMPARED, 0.1 * TOLERANCE) | {"tip_x_m": 0.3})
+GOOD = dict.fromkeys(COMPARED, 0.1 * TOLERANCE)
+BAD = GOOD | {"tip_x_m": 0.3}
 
 
 def test_without_a_compiler_compiled_is_an_error_and_auto_takes_the_b_sources(monkeypatch: pytest.MonkeyPatch) -> None:
