@@ -231,11 +231,7 @@ def _sample(now: Mapping[str, float], last: Mapping[str, float]) -> Sample:
 
 
 def _commands(returned: Mapping[str, float], present: Mapping[str, float], motor: Motor) -> dict[str, float]:
-    """Return the commands of a controller as numbers, after a check.
-
-    Raises:
-        ParameterError: for an unknown name or a value out of range.
-    """
+    """Return the checked commands of a controller. Raise ParameterError for an unknown name or a value out of range."""
     if not isinstance(returned, Mapping):
         raise ParameterError(
             f"The controller returned {type(returned).__name__}: it must return a mapping of settings."

@@ -75,10 +75,7 @@ def loop_design(
 def averaged_loop(tracker: Tracker, loop_filter: LoopFilter, bench: Bench, guess: Mapping[str, float]) -> LoopDesign:
     """Return the loop gain with an averaged motor, from ``.ac`` of a bench with the loop open.
 
-    ``guess`` has voltages of nodes near the operating point.
-
-    Raises:
-        SimulationError: as of :func:`loop_design`.
+    ``guess`` has voltages of nodes near the operating point. Raise SimulationError as of :func:`loop_design`.
     """
     pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
     frequency, phase = _swept(tracker, bench, "v(phase)", guess)

@@ -212,11 +212,7 @@ class Periods:
 
 
 def judged(run: TrackedRun, periods: Periods, outcome: Outcome, loop: LoopDesign | None) -> Tracking:
-    """Return the result of a run: lock, phase errors and speeds.
-
-    Raises:
-        ParameterError: for a disturbance that begins too early.
-    """
+    """Return lock, phase errors and speeds of a run. Raise ParameterError for a disturbance that begins too early."""
     setup, disturbance, tracker, time = run.setup, run.disturbance, run.source.tracker, periods.time
     wanted = tracker.wanted_deg + disturbance.target_step_deg * (time > disturbance.begin_s)
     error = periods.smoothed(periods.phase - wanted)

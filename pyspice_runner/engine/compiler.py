@@ -19,8 +19,7 @@ _TIMEOUT = 120.0  # s; a compiler takes about one
 def compile_library(folder: Path, sources: Sequence[str], target: Path) -> None:
     """Compile C sources in a folder to a shared library for Linux on x86-64.
 
-    Raises:
-        SimulationError: if there is no compiler, it fails, or this is another system.
+    Raise SimulationError if there is no compiler, it fails, or this is another system.
     """
     here = f"{platform.system()} {platform.machine()}"
     if here != "Linux x86_64":

@@ -39,8 +39,7 @@ def find_compiler() -> str:
 def find_osdi_ngspice() -> str:
     """Return the path of an ngspice that runs compiled modules: that on the PATH, or the one unpacked in ``.tools``.
 
-    Raises:
-        SimulationError: if there is none.
+    Raise SimulationError if there is none.
     """
     ours = find_ngspice()
     found = version_of(ours)
@@ -62,8 +61,7 @@ def compiler_version(compiler: str) -> str:
 def compile_module(name: str, source: str, folder: Path) -> Path:
     """Return the compiled file ``NAME.osdi`` of a Verilog-A text; compile it if it is not there yet.
 
-    Raises:
-        SimulationError: if the compiler is missing or fails, or the folder cannot be written.
+    Raise SimulationError if the compiler is missing or fails, or the folder cannot be written.
     """
     compiler = find_compiler()
     address = hashlib.sha256(f"{compiler_version(compiler)}\n{source}".encode()).hexdigest()

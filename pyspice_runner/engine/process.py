@@ -23,10 +23,8 @@ def answer(
 ) -> subprocess.CompletedProcess[str]:
     """Run a program to its end and return its output.
 
-    ``timeout`` is wall time in s; a message names the program as ``what`` and ends in ``hint``.
-
-    Raises:
-        SimulationError: if the program does not start, or does not end in time.
+    ``timeout`` is wall time in s; a message names the program as ``what`` and ends in ``hint``. Raise SimulationError
+    if the program does not start, or does not end in time.
     """
     try:
         return subprocess.run(

@@ -75,9 +75,7 @@ def read_rawfile(path: Path, *, partial: bool = False) -> RawFile:
     """Map a binary raw file that holds one analysis: the vectors are views into the file, which may then be deleted.
 
     A ``partial`` analysis may have been stopped before it wrote the number of points; then all complete points count.
-
-    Raises:
-        RawFileError: if the file is missing, truncated, of another format, or holds more than one analysis.
+    Raise RawFileError if the file is missing, truncated, of another format, or holds more than one analysis.
     """
     try:
         size = path.stat().st_size

@@ -49,11 +49,7 @@ _OF_PHASE = ("slider", "normal", "friction", "fx", "fy", "open", "slip")  # outp
 
 
 def check_resolution(phases: int, harmonics: int) -> None:
-    """Check the numbers of phases and harmonics.
-
-    Raises:
-        ParameterError: for a number out of range, or too few phases for the harmonics.
-    """
+    """Raise ParameterError for a number of phases or harmonics out of range, or too few phases for the harmonics."""
     if phases not in range(FEWEST_PHASES, MOST_PHASES + 1):
         raise ParameterError(
             f"phases = {phases} is out of range: it must be a whole number from {FEWEST_PHASES} to {MOST_PHASES}."
@@ -68,11 +64,7 @@ def check_resolution(phases: int, harmonics: int) -> None:
 
 
 def check_averaged(contact: ContactLaw | None) -> None:
-    """Check that a law of the contact has an averaged model.
-
-    Raises:
-        ParameterError: for any other law than the spring-slider.
-    """
+    """Raise ParameterError for a law of the contact without an averaged model: any other than the spring-slider."""
     law = law_of(contact)
     if law != PAPER_LAW:
         raise ParameterError(
@@ -82,11 +74,7 @@ def check_averaged(contact: ContactLaw | None) -> None:
 
 
 def require_averaged(motor: Motor) -> None:
-    """Check that the averaged model covers a motor.
-
-    Raises:
-        ParameterError: for a mode that is not linear, or a loss of contact or bearing that it does not have.
-    """
+    """Raise ParameterError for a mode that is not linear, or a loss of contact or bearing without an averaged model."""
     require_linear(motor, "The averaged motor")
     left_out = {
         "contact.sliding_ratio": (motor.contact.sliding_ratio, 1.0),
@@ -130,10 +118,7 @@ def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS) -> Librar
 
     The parameters are those of a phase. The displacement of the slider goes from phase to phase and, by a capacitor,
     from period to period. The forces have :data:`CHECKED_HARMONICS` harmonics more than the tip's motion, which show
-    what the model leaves out.
-
-    Raises:
-        ParameterError: for a number out of range.
+    what the model leaves out. Raise ParameterError for a number out of range.
     """
     check_resolution(phases, harmonics)
     phase = read_library(_PHASE)

@@ -29,11 +29,7 @@ _AMPLITUDES = ("a_re", "a_im", "b_re", "b_im")
 
 
 def check_averaged_tracker(source: TrackedSource, disturbance: Disturbance) -> None:
-    """Check that a tracker and a disturbance have an averaged model.
-
-    Raises:
-        ParameterError: for an observer, a driver, or a change of the preload.
-    """
+    """Raise ParameterError for what has no averaged model: an observer, a driver, or a change of the preload."""
     if source.tracker.kind not in ("pll", "none"):
         raise ParameterError(
             f"The tracker {source.tracker.kind!r} has no averaged model: it must be 'pll' or 'none'. Leave averaged "

@@ -101,8 +101,7 @@ def _module(modes: int, law: Law, mounted: bool, dry: bool) -> Module:
 def module_subcircuit(motor: Motor, law: Law, discretisation: Discretisation | None, name: str) -> str:
     """Return ``.subckt NAME a b com shaft`` with the module as its only device, ``n1``, and the module's model.
 
-    Raises:
-        ParameterError: for a law that the module does not have.
+    Raise ParameterError for a law that the module does not have.
     """
     reason = missing_form(law)
     if reason:

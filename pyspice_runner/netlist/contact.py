@@ -94,19 +94,14 @@ PAPER_LAW = Law()
 
 
 def law_of(contact: ContactLaw | None) -> Law | None:
-    """Return the law for the argument ``contact`` of an analysis; ``None`` is a free tip.
-
-    Raises:
-        ParameterError: for an unknown law.
-    """
+    """Return the law for an argument ``contact``; ``None`` is a free tip. Raise ParameterError for an unknown law."""
     return contact if contact is None or isinstance(contact, Law) else Law(contact)  # type: ignore[arg-type]
 
 
 def touching_law(contact: ContactLaw | None, reason: str) -> Law:
     """Return the law for the argument ``contact`` of an analysis that needs a contact; the message gives the reason.
 
-    Raises:
-        ParameterError: for an unknown law, or a free tip.
+    Raise ParameterError for an unknown law, or a free tip.
     """
     law = law_of(contact)
     if law is None:
@@ -118,9 +113,7 @@ def contact_library(law: Law, contact: Contact | None = None) -> Library:
     """Return the library of a law; the brush is written for its number of sliders.
 
     The spring-slider has the factor of Stribeck's curve only for a contact whose friction falls with the velocity.
-
-    Raises:
-        ParameterError: for a user's own law that is not valid.
+    Raise ParameterError for a user's own law that is not valid.
     """
     if is_own(law.name):
         return read_own_law(law.name)

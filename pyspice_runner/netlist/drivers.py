@@ -349,11 +349,7 @@ class Driver(Stated, Source):
         return default
 
     def _located(self, path: str) -> tuple[Part, str]:
-        """Return the part and the parameter's name of PART.PARAMETER.
-
-        Raises:
-            ParameterError: for a part or a parameter that does not exist.
-        """
+        """Return part and parameter of PART.PARAMETER. Raise ParameterError for one that does not exist."""
         label, _, name = path.partition(".")
         plain, group = (label[:-2], label[-1]) if label.endswith(("_a", "_b")) else (label, "a")
         present = {part.label: part for part in self.parts(group)}

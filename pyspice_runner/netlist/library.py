@@ -81,10 +81,8 @@ class Library:
 def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: Mapping[str, float | str]) -> None:
     """Check names and values of the parameters of an instance. A text is an expression; its value is not checked.
 
-    ngspice ignores an unknown parameter of a subcircuit without a message; here it is an error.
-
-    Raises:
-        ParameterError: for an unknown parameter or a number out of range.
+    ngspice ignores an unknown parameter of a subcircuit without a message; here it is an error. Raise ParameterError
+    for an unknown parameter or a number out of range.
     """
     known = {parameter.name: parameter for parameter in parameters}
     for key, value in values.items():
@@ -102,8 +100,7 @@ def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: 
 def check_name(name: str) -> str:
     """Return the name of a subcircuit if every SPICE accepts it and it cannot clash with a part of another export.
 
-    Raises:
-        ParameterError: otherwise.
+    Raise ParameterError otherwise.
     """
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,39}", name):
         raise ParameterError(
@@ -130,11 +127,7 @@ def data_path(folder: str) -> Path:
 
 @cache
 def read_library(name: str) -> Library:
-    """Read ``behavioral/NAME.lib``.
-
-    Raises:
-        ParameterError: if there is no such library, or its header and its ``.subckt`` line disagree.
-    """
+    """Read ``behavioral/NAME.lib``. Raise ParameterError if it is missing, or header and ``.subckt`` disagree."""
     if name not in library_names():
         names = ", ".join(library_names())
         raise ParameterError(f"There is no library {name!r} in behavioral/; there are {names}.")
@@ -150,8 +143,7 @@ def library_names() -> tuple[str, ...]:
 def parse_library(name: str, text: str) -> Library:
     """Read the header of a library and compare it with its ``.subckt`` line.
 
-    Raises:
-        ParameterError: for an entry that is missing, or differs from the ``.subckt`` line.
+    Raise ParameterError for an entry that is missing, or differs from the ``.subckt`` line.
     """
     header = Header(f"behavioral/{name}.lib", text)
     escaped = re.escape(name)

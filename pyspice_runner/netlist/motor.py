@@ -348,11 +348,9 @@ def add_motor(
     ``nodes`` are those of the pins a, b, com, shaft, then temperature, heat and approach if the motor has them. A run
     with ``uic`` begins with the motion ``start``, by default preloaded rest; the initial voltages of the plates and the
     cells of a brush are not set here. ``settings`` are parameters of the X line, such as ``{"preload": 8}``; a text
-    such as ``"{preload}"`` is an expression. A second, different motor in one circuit needs another name.
-
-    Raises:
-        ParameterError: if the circuit already has a different motor of that name, or for a setting that the motor
-            does not have or whose value is out of range.
+    such as ``"{preload}"`` is an expression. A second, different motor in one circuit needs another name. Raise
+    ParameterError if the circuit already has a different motor of that name, or for a setting that the motor does not
+    have or whose value is out of range.
     """
     definition = MotorSubCircuit(
         motor, law=law, discretisation=discretisation, startable=start is not None, thermal=thermal,
@@ -497,10 +495,8 @@ def instantiate(
 ) -> None:
     """Add an instance of a library, given by its name or itself, and check its parameters against the header.
 
-    A text such as ``"{preload}"`` is an expression.
-
-    Raises:
-        ParameterError: for a parameter that the library does not have or a value out of its range.
+    A text such as ``"{preload}"`` is an expression. Raise ParameterError for a parameter that the library does not have
+    or a value out of its range.
     """
     library = part if isinstance(part, Library) else read_library(part)
     check_parameters(library.name, library.parameters, values)

@@ -40,8 +40,7 @@ def is_reference(text: str) -> bool:
 def read_driver(text: str) -> Library:
     """Read ``FILE:NAME``: a subcircuit with the pins ``out`` and ``com``, and any of ``in``, ``vp`` and ``vn``.
 
-    Raises:
-        ParameterError: for a file that cannot be read or used; the message names the line.
+    Raise ParameterError for a file that cannot be read or used; the message names the line.
     """
     devices, name = _opened(text, "driver", "driver library")
     return devices.driver(name)
@@ -50,8 +49,7 @@ def read_driver(text: str) -> Library:
 def read_mosfet(text: str) -> Library:
     """Read ``FILE:NAME``: a subcircuit with the pins drain, gate, source, or an n-channel model of type NMOS or VDMOS.
 
-    Raises:
-        ParameterError: for a file that cannot be read or used; the message names the line.
+    Raise ParameterError for a file that cannot be read or used; the message names the line.
     """
     devices, name = _opened(text, "mosfet", "MOSFET library")
     return devices.mosfet(name)

@@ -25,8 +25,7 @@ _RULES = Rules("law", forbidden={r"\bic\s*=": "remove ic=; a run starts with no 
 def read_own_law(path: str) -> Library:
     """Read a contact law from a ``.lib`` file that holds one ``.subckt`` with the pins :data:`PINS`.
 
-    Raises:
-        ParameterError: for a file that cannot be read or used; the message names the line.
+    Raise ParameterError for a file that cannot be read or used; the message names the line.
     """
     data = read_bytes(path, "contact law", _MOST_BYTES)
     try:

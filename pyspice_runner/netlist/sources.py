@@ -106,10 +106,8 @@ def motor_bench(
     A source ``Vshaft`` holds the speed of the load, a source ``Iload`` draws its torque. A law of ``None`` is a free
     tip. With ``thermal`` the losses heat the motor through ``Xcooling`` on the nodes heat and temperature. ``start`` is
     by default preloaded rest, with the plates at the first voltages of the source, which has been on for ``begun``
-    seconds. A compiled module (:mod:`.compiled`) has no drift and no disturbance.
-
-    Raises:
-        ParameterError: for a source that does not suit the motor.
+    seconds. A compiled module (:mod:`.compiled`) has no drift and no disturbance. Raise ParameterError for a source
+    that does not suit the motor.
     """
     source.check(motor)
     circuit = Circuit(title or f"{motor.name}: transient")
@@ -159,10 +157,8 @@ def dynamometer_bench(
     The integrals are the nodes ``xbrake.v_*``, and with meters ``xcontactmeter.v_*``, ``xmeter_a.v_*``,
     ``xmeter_b.v_*``, ``xheat_*.v_heat``. The motor is ``Xmotor``. The brake holds a speed in rad/s, or with ``None``
     draws only the load torque in N·m. The meters take two fifths of the run time, and their time constants from the
-    discretisation. ``start`` and ``begun`` are those of :func:`motor_bench`.
-
-    Raises:
-        ParameterError: for a source that does not suit the motor.
+    discretisation. ``start`` and ``begun`` are those of :func:`motor_bench`. Raise ParameterError for a source that
+    does not suit the motor.
     """
     source.check(motor)
     circuit = Circuit(title or f"{motor.name}: dynamometer")

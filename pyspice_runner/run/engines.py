@@ -102,21 +102,15 @@ def on_engine(point: OperatingPoint, engine: Engine, reason: str = "") -> Operat
 def verdict(motor: Motor, law: Law) -> Mapping[str, float]:
     """Return how far a motor with a law moves from the B-sources as a module, on this machine.
 
-    Each signal of :data:`COMPARED` has its RMS difference over its RMS, infinite if the compiled motor failed.
-
-    Raises:
-        SimulationError: if compiler or ngspice are missing or fail.
+    Each signal of :data:`COMPARED` has its RMS difference over its RMS, infinite if the compiled motor failed. Raise
+    SimulationError if compiler or ngspice are missing or fail.
     """
     shape = (len(motor.modes), motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0)
     return _verdict(shape, law, tools(), modules_folder())
 
 
 def tools() -> str:
-    """Return which compiler and which ngspice run compiled modules here.
-
-    Raises:
-        SimulationError: if one of them is missing.
-    """
+    """Return which compiler and which ngspice run compiled modules here. Raise SimulationError if one is missing."""
     executable, compiler = find_osdi_ngspice(), find_compiler()
     return f"{compiler_version(compiler)}, ngspice {version_of(executable)} {executable}, {platform.machine()}"
 

@@ -117,8 +117,7 @@ class OperatingPoint:
     def parameter(self, path: str) -> Parameter:
         """Return nominal value, unit and description of the parameter that a path names.
 
-        Raises:
-            ParameterError: for an unknown path, with the nearest one.
+        Raise ParameterError for an unknown path, with the nearest one.
         """
         settings = self.settings
         section, _, name = canonical(path).partition(".")

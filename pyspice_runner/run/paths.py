@@ -59,8 +59,7 @@ def canonical(path: str) -> str:
 def parameter(path: str, motor: Motor, drive: Excitation, run: Mapping[str, Any]) -> Parameter:
     """Return the parameter that a path names; ``run`` has the settings of the analysis, the load among them.
 
-    Raises:
-        ParameterError: for an unknown path, with the nearest one, or a parameter that is not a number.
+    Raise ParameterError for an unknown path, with the nearest one, or a parameter that is not a number.
     """
     section, _, key = canonical(path).partition(".")
     if canonical(path) in LOADS:
@@ -93,8 +92,7 @@ def changed(
 ) -> tuple[Motor, Excitation, dict[str, Any]]:
     """Return motor, drive and settings (``run``, with the load) with changed values: path → value.
 
-    Raises:
-        ParameterError: for an unknown path or an invalid value.
+    Raise ParameterError for an unknown path or an invalid value.
     """
     parts: dict[str, dict[str, Any]] = {"motor": {}, "drive": {}, "run": {}}
     for path, value in changes.items():

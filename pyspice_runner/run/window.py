@@ -22,20 +22,15 @@ _SLOWEST = 0.99  # greatest ratio of two successive changes for an extrapolation
 
 
 class Window:
-    """The last whole periods of a run: 20 of them, or as many as there are; all of it if there is none.
-
-    Attributes:
-        period: the period in s.
-        periods: number of whole periods.
-        start: time in s at which the window begins.
-        length: its length in s.
-    """
+    """The last whole periods of a run: 20 of them, or as many as there are; all of it if there is none."""
 
     def __init__(self, time: Array, period: float, *, uniform: bool = True) -> None:
         """Take the time in s of a run's points, the period in s, and whether the steps are uniform."""
-        self.period = period
-        self.uniform = uniform
+        self.period = period  # in s
+        self.uniform = uniform  # whether the steps are uniform
+        # number of whole periods
         self.periods = min(AVERAGED_PERIODS, int((time[-1] - time[0]) / period * (1.0 + 1e-9)))
+        # time in s at which the window begins, and its length in s
         self.start = float(time[-1]) - self.periods * period if self.periods else float(time[0])
         self.length = float(time[-1]) - self.start
         self._whole = time

@@ -85,11 +85,7 @@ def _is_answer(stored: Any) -> TypeGuard[Mapping[str, Any]]:
 
 
 def picked_from(result: Mapping[str, Any], wanted: Mapping[str, Quantity]) -> dict[str, Any]:
-    """Return the quantities that are wanted, and the hash of the deck.
-
-    Raises:
-        ParameterError: if there is no such quantity.
-    """
+    """Return the wanted quantities and the hash of the deck. Raise ParameterError if there is no such quantity."""
     numbers = result["numbers"]
     values: dict[str, Any] = {"deck_sha256": result["deck_sha256"]}
     values |= {name: numbers[name] for name in FLAGS if name in numbers and name not in wanted}

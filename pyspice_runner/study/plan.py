@@ -69,16 +69,9 @@ class Plan:
 
 
 def named(path: str, motor: Motor, drive: Excitation, run: Mapping[str, Any]) -> list[Parameter]:
-    """Return the parameters that a path names: one, or with ``modes.*`` one of each mode.
-
-    Raises:
-        ParameterError: for an unknown path, or a parameter that is not a number.
-    """
-    if path.startswith("modes.*."):
-        paths = [path.replace("*", str(place), 1) for place in range(len(motor.modes))]
-    else:
-        paths = [path]
-    return [parameter(one, motor, drive, run) for one in paths]
+    """Return the parameters that a path names: one, or with ``modes.*`` one of each mode."""
+    places = range(len(motor.modes)) if path.startswith("modes.*.") else ["*"]
+    return [parameter(path.replace("*", str(place), 1), motor, drive, run) for place in places]
 
 
 def plan_of(
@@ -88,11 +81,7 @@ def plan_of(
     sampling: Sampling,
     seed: int,
 ) -> Plan:
-    """Return the points of a sweep.
-
-    Raises:
-        ParameterError: for a parameter that is given twice, or invalid values, samples or seed.
-    """
+    """Return the points. Raise ParameterError for a parameter given twice, or invalid values, samples or seed."""
     touched = Counter(canonical(one.path) for several in parameters.values() for one in several)
     if not touched or max(touched.values()) > 1:
         which = f"{touched.most_common(1)[0][0]} twice; name it once" if touched else "nothing; name a parameter"

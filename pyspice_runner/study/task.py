@@ -46,14 +46,20 @@ class Task:
     @cached_property
     def content(self) -> dict[str, Any]:
         """Everything on which the result depends. Timeout excluded."""
+        settings, beside = plain(self.run), {}
+        if is_own(settings.get("contact")):  # the file of a user's own law may change while its name stays
+            beside["contact_sha256"] = _sha256(contact_library(Law(str(settings["contact"]))).subcircuit)
+        if settings.get("engine", "spice") != "spice":  # which compiler and which ngspice run a compiled module
+            try:
+                beside["tools"] = tools()
+            except SimulationError:
+                beside["tools"] = "none"
         return {
             "analysis": identity(self.analysis),
             "functions": {name: identity(function) for name, function in self.functions.items()},
             "motor": self.motor.to_dict(),
             "drive": drive_document(self.drive),
-            "run": {name: value for name, value in plain(self.run).items() if name != "timeout"}
-            | _law(self.run)
-            | _tools(self.run),
+            "run": {name: value for name, value in settings.items() if name != "timeout"} | beside,
             "versions": self.versions,
         }
 
@@ -118,43 +124,20 @@ def plain(run: Mapping[str, Any]) -> dict[str, Any]:
     return {**run, **(contact.to_dict() if isinstance(contact, Law) else {})}
 
 
-def _law(run: Mapping[str, Any]) -> dict[str, str]:
-    """Return the hash of a contact law of the user's own, whose file may change while its name stays."""
-    contact = plain(run).get("contact")
-    return {"contact_sha256": _sha256(contact_library(Law(str(contact))).subcircuit)} if is_own(contact) else {}
-
-
-def _tools(run: Mapping[str, Any]) -> dict[str, str]:
-    """Return which compiler and which ngspice run the motor, where it may be a compiled module."""
-    if run.get("engine", "spice") == "spice":
-        return {}
-    try:
-        return {"tools": tools()}
-    except SimulationError:
-        return {"tools": "none"}
-
-
 def _sha256(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 @cache
 def identity(function: Callable[..., Any]) -> dict[str, str]:
-    """Return by what a function is known: its place and its text.
-
-    Raises:
-        ParameterError: for what a worker cannot import.
-    """
+    """Return by what a function is known: place and text. Raise ParameterError for what a worker cannot import."""
     try:
         text = inspect.getsource(function) if "<" not in function.__qualname__ else ""
     except (TypeError, AttributeError, OSError):  # no function, or one that stands in no file
         text = ""
     if not text:
         raise ParameterError(f"{quoted(function)} is not valid: workers need a function with a name in a module.")
-    return {
-        "function": f"{function.__module__}.{function.__qualname__}",
-        "sha256": _sha256(text),
-    }
+    return {"function": f"{function.__module__}.{function.__qualname__}", "sha256": _sha256(text)}
 
 
 def versions_here() -> dict[str, str]:
