@@ -19,7 +19,7 @@ import xarray
 from xarray.plot.accessor import DatasetPlotAccessor
 
 from pyspice_runner.files import write_json, write_netcdf
-from pyspice_runner.result import Audit, Result
+from pyspice_runner.result import Audit, Result, json_ready
 from pyspice_runner.units import engineering
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class DatasetResult(Result):
         return {
             "dimensions": {name: data.sizes[name] for name in self.axes},
             **{str(name): values.values.tolist() for name, values in data.coords.items()},
-            **{str(name): _finite(values.values.tolist()) for name, values in data.data_vars.items()},
+            **{str(name): json_ready(values.values) for name, values in data.data_vars.items()},
             **self._attributes(),
         }
 
@@ -285,7 +285,7 @@ class Sweep(DatasetResult):
             "points": int(np.prod(list(data.sizes.values()))),
             "dimensions": {str(name): size for name, size in data.sizes.items()},
             "coordinates": {str(name): values.values.tolist() for name, values in data.coords.items()},
-            "quantities": {name: _finite(data[name].values.tolist()) for name in self.quantities},
+            "quantities": {name: json_ready(data[name].values) for name in self.quantities},
             "failures": self.failures,
             "provenance": self._attributes(),
         }
@@ -314,13 +314,6 @@ def as_result(dataset: xarray.Dataset) -> DatasetResult:
 
 
 xarray.register_dataset_accessor("piezomotor")(as_result)  # type: ignore[no-untyped-call]
-
-
-def _finite(values: Any) -> Any:
-    """Return numbers, or lists of them, with ``None`` for what is not finite."""
-    if isinstance(values, list):
-        return [_finite(value) for value in values]
-    return None if isinstance(values, float) and not np.isfinite(values) else values
 
 
 def _percent(share: float) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, is_dataclass
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -51,6 +52,23 @@ class Audit:
             )
 
 
+def json_ready(value: Any) -> Any:
+    """Return a value as JSON has it: arrays as lists, complex numbers as pairs, ``None`` for what is not finite."""
+    if hasattr(value, "to_dict"):
+        return value.to_dict()
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if isinstance(value, Mapping):
+        return {name: json_ready(item) for name, item in value.items()}
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, complex):
+        value = value.real, value.imag
+    if isinstance(value, list | tuple):
+        return [json_ready(item) for item in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
 class Result(Shown):
     """Base of the results.
 
@@ -76,6 +94,10 @@ class Result(Shown):
     def to_dict(self) -> dict[str, Any]:
         """Return the result without its curves, JSON-ready, SI units."""
         raise NotImplementedError
+
+    def _entries(self, *names: str) -> dict[str, Any]:
+        """Return attributes by their names, for ``to_dict``."""
+        return {name: json_ready(getattr(self, name)) for name in names}
 
     def columns(self) -> Mapping[str, NDArray[np.float64]]:
         """Return the curves by name, all of one length; the first is the axis of the others."""

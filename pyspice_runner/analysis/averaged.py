@@ -145,16 +145,12 @@ class AveragedRun(Result):
                 "stick": max(0.0, 1.0 - last["separated"] - last["slip"]),
                 "slip": last["slip"],
             },
-            "energy_residual": self.energy_residual,
-            "trusted": self.trusted,
-            "cautions": list(self.cautions),
+            **self._entries("energy_residual", "trusted", "cautions"),
             "greatest_check": float(self.curves["check"].max()),
             "greatest_separated": float(self.curves["separated"].max()),
             "end": last,
             "points": len(self.curves["time_s"]),
-            "solver_seconds": self.solver_seconds,
-            "ngspice_version": self.ngspice_version,
-            "audit": self.audit.to_dict(),
+            **self._entries("solver_seconds", "ngspice_version", "audit"),
             **self.provenance,
         }
 

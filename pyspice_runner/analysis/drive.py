@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from cmath import phase
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from math import degrees, isfinite
 from typing import Any
 
@@ -190,15 +190,10 @@ class DriveReport(Result):
             "shaft_power_w", "mean_torque_n_m", "mean_rotor_speed_rad_s", "driver_efficiency", "efficiency",
             "balance_residual", "settling", "settled", "to_come", "matching",
         )  # fmt: skip
-        document = {name: getattr(self, name) for name in names}
-        for name in ("groups", "outputs", "matching"):
-            document[name] = {key: asdict(item) for key, item in document[name].items()}
         return {
-            **document,
+            **self._entries(*names),
             "points": len(self.waveforms["time_s"]),
-            "solver_seconds": self.solver_seconds,
-            "ngspice_version": self.ngspice_version,
-            "audit": self.audit.to_dict(),
+            **self._entries("solver_seconds", "ngspice_version", "audit"),
             **self.ceramic,
             "cautions": list(self.cautions),
         }

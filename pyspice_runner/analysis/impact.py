@@ -192,7 +192,7 @@ class Impact(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the dimensionless result with audit and provenance, JSON-ready."""
         names = ("psi_1", "psi_2", "restitution_normal", "restitution_tangential", "duration_over_delta_v")
-        return {**{name: getattr(self, name) for name in names}, **self.provenance}
+        return {**self._entries(*names), **self.provenance}
 
     def columns(self) -> dict[str, Array]:
         """Return penetration, forces, state and velocity of the patch, over the time."""

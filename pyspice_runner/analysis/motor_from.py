@@ -80,12 +80,9 @@ class MotorFrom(Result):
         """Return the motor, the errors and the comparison, JSON-ready."""
         return {
             "motor": self.motor.to_dict(),
-            "standard_errors": self.standard_errors,
-            "measured": self.measured,
-            "computed": self.computed,
+            **self._entries("standard_errors", "measured", "computed"),
             "provenance": {path: [origin.kind, origin.note] for path, origin in self.motor.provenance.items()},
-            "fit": self.fit.to_dict(),
-            "cautions": list(self.cautions),
+            **self._entries("fit", "cautions"),
         }
 
     def writers(self) -> dict[str, Callable[[Path], object]]:

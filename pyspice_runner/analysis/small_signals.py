@@ -33,7 +33,7 @@ from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.netlist.copies import Copy, Plant, Probe
 from pyspice_runner.netlist.motor import dielectric_admittance
-from pyspice_runner.result import Result
+from pyspice_runner.result import Result, json_ready
 from pyspice_runner.run.operating_point import OperatingPoint
 
 Array = NDArray[np.float64]
@@ -107,11 +107,10 @@ class SmallSignals(Result):
         """Return frequencies, transfer functions, admittances and the steady state, JSON-ready."""
         return {
             "modulation_frequency_hz": self.modulation_hz.tolist(),
-            "transfers": {f"{output}_per_{of}": _pairs(values) for (output, of), values in self.transfers.items()},
+            "transfers": {f"{output}_per_{of}": json_ready(values) for (output, of), values in self.transfers.items()},
             "units": {f"{output}_per_{of}": unit(output, of) for output, of in self.transfers},
             "probe_frequency_hz": self.probe_hz.tolist(),
-            "hot_admittance_s": _pairs(self.hot_admittance_s),
-            "cold_admittance_s": _pairs(self.cold_admittance_s),
+            **self._entries("hot_admittance_s", "cold_admittance_s"),
             "steady_state": self.state.to_dict(),
         }
 
@@ -132,11 +131,6 @@ def unit(output: str, of: str) -> str:
     """Return the unit of a transfer function."""
     below = INPUTS[of]
     return f"{OUTPUTS[output]}/({below})" if "·" in below else f"{OUTPUTS[output]}/{below}"
-
-
-def _pairs(values: Complex) -> Any:
-    """Return complex numbers as nested lists of real and imaginary part."""
-    return np.stack([values.real, values.imag], axis=-1).tolist()
 
 
 @checked

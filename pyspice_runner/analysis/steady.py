@@ -34,7 +34,7 @@ from pyspice_runner.netlist.copies import Copy, Plant, drive_voltage
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.netlist.state import motor_states
-from pyspice_runner.result import Audit, Result
+from pyspice_runner.result import Audit, Result, json_ready
 from pyspice_runner.run.audit import audit_point
 from pyspice_runner.run.engines import BEHIND_DRIVER, Engine, on_engine
 from pyspice_runner.run.operating_point import OperatingPoint
@@ -110,18 +110,9 @@ class SteadyState(Quantities, Result):
         """Return the result without its waveforms, JSON-ready."""
         return {
             "speed_rad_s": self.speed_rad_s,
-            **{name: None if value != value else value for name, value in self.quantities.items()},
-            "torque_error_n_m": self.torque_error_n_m if np.isfinite(self.torque_error_n_m) else None,
-            "floquet_multipliers": [[float(value.real), float(value.imag)] for value in self.floquet_multipliers],
-            "stable": self.stable,
-            "instability": self.instability,
-            "converged": self.converged,
-            "residual": self.residual if np.isfinite(self.residual) else None,
-            "iterations": self.iterations,
-            "method": self.method,
-            "step_s": self.step_s,
-            "audit": self.audit.to_dict(),
-            "cautions": list(self.cautions),
+            **json_ready(self.quantities),
+            **self._entries("torque_error_n_m", "floquet_multipliers", "stable", "instability", "converged"),
+            **self._entries("residual", "iterations", "method", "step_s", "audit", "cautions"),
             **self.provenance,
         }
 

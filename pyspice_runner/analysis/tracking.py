@@ -97,19 +97,15 @@ class Tracking(Result):
         names = (
             "locked", "lock_time_s", "kept_lock", "rms_phase_error_deg", "worst_phase_error_deg",
             "residual_detuning_hz", "end_frequency_hz", "speed_before_rad_s", "speed_after_rad_s", "speed_lost_rad_s",
-            "stall_torque_n_m",
+            "stall_torque_n_m", "settled", "to_come",
         )  # fmt: skip
         return {
-            **{name: getattr(self, name) for name in names},
-            "settled": self.settled,
-            "to_come": self.to_come,
+            **self._entries(*names),
             "lag": {**asdict(self.lag), "time_constant_s": self.lag.time_constant_s},
-            "loop": None if self.loop is None else self.loop.to_dict(),
+            **self._entries("loop"),
             **self.settings,
             "periods": len(self.time_s),
-            "solver_seconds": self.solver_seconds,
-            "ngspice_version": self.ngspice_version,
-            "audit": self.audit.to_dict(),
+            **self._entries("solver_seconds", "ngspice_version", "audit"),
             **({} if self.temperature_k is None else {"temperature_k": float(self.temperature_k[-1])}),
             **self.ceramic,
             "cautions": list(self.cautions),

@@ -13,7 +13,7 @@ operating point, where the tip sticks.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from math import pi, sqrt
 from typing import Any, get_args
@@ -33,7 +33,7 @@ from pyspice_runner.run.audit import audit_two_port
 from pyspice_runner.run.kernel import Outcome, run_bench
 from pyspice_runner.run.two_port import Swept, sweep_two_port, two_port, two_port_bench
 from pyspice_runner.spectra.identify.descent import one_thread
-from pyspice_runner.spectra.spectrum import COUPLING, Connection, State, columns_of, connect
+from pyspice_runner.spectra.spectrum import COUPLING, Connection, State, band_of, columns_of, connect
 from pyspice_runner.units import engineering
 
 _ZOOM_POINTS = 1201  # over the zoom below: 100 points a bandwidth, so that a parabola finds an extremum to 1e-6
@@ -93,15 +93,10 @@ class Admittance(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return state, operating point and resonances, JSON-ready."""
         return {
-            "motor": self.motor,
-            "state": self.state,
-            "points": len(self.frequency_hz),
-            "start_hz": float(self.frequency_hz[0]),
-            "stop_hz": float(self.frequency_hz[-1]),
+            **self._entries("motor", "state"),
+            **band_of(self.frequency_hz),
             "operating_point_normal_force_n": self.normal_force_n,
-            "resonances": {key: [asdict(item) for item in items] for key, items in self.resonances.items()},
-            "ngspice_version": self.ngspice_version,
-            "audit": self.audit.to_dict(),
+            **self._entries("resonances", "ngspice_version", "audit"),
         }
 
     def columns(self) -> dict[str, NDArray[np.float64]]:

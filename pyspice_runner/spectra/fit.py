@@ -36,7 +36,7 @@ from pyspice_runner.spectra.identify.errors import (
 from pyspice_runner.spectra.identify.problem import Problem
 from pyspice_runner.spectra.identify.selection import Candidate, fit_arms, missing, select
 from pyspice_runner.spectra.noise import noise_of, same_shape
-from pyspice_runner.spectra.spectrum import Spectrum
+from pyspice_runner.spectra.spectrum import Spectrum, band_of
 from pyspice_runner.units import engineering, unit_in
 
 MOST_MODES = 20  # that may be stated
@@ -142,21 +142,15 @@ class SpectrumFit(Result):
         circuit = asdict(self.circuit)
         del circuit["arms"]
         return {
-            "source": self.source,
-            "format": self.format,
-            "points": len(self.frequency_hz),
-            "start_hz": float(self.frequency_hz[0]),
-            "stop_hz": float(self.frequency_hz[-1]),
+            **self._entries("source", "format"),
+            **band_of(self.frequency_hz),
             "arms": arms,
             **circuit,
             "damping_matrix": self.circuit.damping_matrix,
-            "leads": self.leads,
-            "noise": self.noise,
-            "standard_errors": self.standard_errors,
+            **self._entries("leads", "noise", "standard_errors"),
             "coupling_factor": main.coupling_factor,
             "coupling_pair": main.coupling_pair,
-            "rms_relative_error": self.rms_relative_error,
-            "candidates": [asdict(candidate) for candidate in self.candidates],
+            **self._entries("rms_relative_error", "candidates"),
             "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
             "warnings": list(self.cautions),
         }

@@ -182,14 +182,9 @@ class Spectrum(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return source, format, band, cautions and metadata, JSON-ready."""
         return {
-            "source": self.source,
-            "format": self.format,
-            "ports": self.ports,
-            "points": len(self),
-            "start_hz": float(self.frequency_hz[0]),
-            "stop_hz": float(self.frequency_hz[-1]),
-            "cautions": list(self.cautions),
-            "metadata": dict(self.metadata),
+            **self._entries("source", "format", "ports"),
+            **band_of(self.frequency_hz),
+            **self._entries("cautions", "metadata"),
         }
 
     def summary(self) -> dict[str, str]:
@@ -207,6 +202,11 @@ class Spectrum(Result):
     @property
     def _name(self) -> str:
         return self.source or "The spectrum"
+
+
+def band_of(frequency_hz: NDArray[np.float64]) -> dict[str, float]:
+    """Return number, first and last of the frequencies, as results state them."""
+    return {"points": len(frequency_hz), "start_hz": float(frequency_hz[0]), "stop_hz": float(frequency_hz[-1])}
 
 
 def columns_of(frequency_hz: NDArray[np.float64], matrix_s: NDArray[np.complex128]) -> dict[str, NDArray[np.float64]]:
