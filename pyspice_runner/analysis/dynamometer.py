@@ -98,15 +98,11 @@ class Dynamometer:
         return self.setup.source
 
     @property
-    def decay_time(self) -> float:
-        """Time in s in which the slowest mode, or the carrier on its mount, decays by a factor of e."""
-        springs: list[Mode | Mount] = [*self.motor.modes, *([self.motor.mount] if self.motor.mount else [])]
-        return max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs)
-
-    @property
     def periods(self) -> int:
-        """Number of drive periods in a block: the decay time, but at least ten periods."""
-        return max(_FEWEST_PERIODS, ceil(self.decay_time / self.source.period))
+        """Number of drive periods in a block: ten, or more until the slowest mode or the carrier decays by e."""
+        springs: list[Mode | Mount] = [*self.motor.modes, *([self.motor.mount] if self.motor.mount else [])]
+        decay_time = max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs)
+        return max(_FEWEST_PERIODS, ceil(decay_time / self.source.period))
 
     @property
     def duration(self) -> float:

@@ -83,7 +83,8 @@ class Matching:
             changes[f"inductor_{group}.capacitance"] = capacitance
         changes["voltage"] = self.a.source_voltage_v
         changes["ratio_b"] = self.b.source_voltage_v / self.a.source_voltage_v
-        changes["phase_deg"] = _wrapped(self.b.source_phase_deg - self.a.source_phase_deg)
+        ahead = radians(self.b.source_phase_deg - self.a.source_phase_deg)
+        changes["phase_deg"] = degrees(phase(rect(1.0, ahead)))  # between −180° and 180°
         return driver.updated(changes)
 
     def _filter(self, driver: Driver) -> dict[str, float]:
@@ -224,8 +225,3 @@ def _leakage(driver: Driver, group: str) -> float:
             values = part.values
             return values["magnetizing"] * values["ratio"] ** 2 * (1.0 - values["coupling"] ** 2)
     return 0.0
-
-
-def _wrapped(angle: float) -> float:
-    """Return an angle in degrees between −180 and 180."""
-    return degrees(phase(rect(1.0, radians(angle))))

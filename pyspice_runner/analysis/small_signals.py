@@ -184,17 +184,16 @@ def small_signals(
         )
         for number in range(OFFSETS)
     ]
-    transfers, hot, image = (_mean([one[place] for one in every]) for place in range(3))
+    transfers, hot, image = (
+        {name: np.mean([one[name] for one in several], axis=0) for name in several[0]}
+        for several in zip(*every, strict=True)
+    )
     probed = np.array(sorted(hot))
     return SmallSignals(
         state, modulation, transfers, probed, np.array([hot[at] for at in probed.tolist()]),
         np.array([_cold(state.solution.plant, at) for at in probed.tolist()]),
         np.array([image[at] for at in probed.tolist()]),
     )  # fmt: skip
-
-
-def _mean(several: Sequence[Mapping[Any, Complex]]) -> dict[Any, Complex]:
-    return {name: np.mean([one[name] for one in several], axis=0) for name in several[0]}
 
 
 Matrices = dict[float, Complex]  # by frequency

@@ -20,15 +20,7 @@ from pydantic import SkipValidation
 
 from pyspice_runner.analysis.branch import dataset_of, followed_branch
 from pyspice_runner.analysis.dynamometer import UNITS, Dynamometer, off_beat
-from pyspice_runner.analysis.settling import (
-    PATIENCE,
-    TOLERANCE,
-    Progress,
-    Settling,
-    outcomes_of,
-    run_tasks,
-    tasks_of,
-)
+from pyspice_runner.analysis.settling import PATIENCE, TOLERANCE, Progress, Settling, outcomes_of, run_tasks, tasks_of
 from pyspice_runner.analysis.steady import steady_states
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive

@@ -17,10 +17,7 @@ _TIMEOUT = 120.0  # s; a compiler takes about one
 
 
 def compile_library(folder: Path, sources: Sequence[str], target: Path) -> None:
-    """Compile C sources in a folder to a shared library for Linux on x86-64.
-
-    Raise SimulationError if there is no compiler, it fails, or this is another system.
-    """
+    """Compile C sources to a shared library for Linux on x86-64. Raise SimulationError elsewhere, or if that fails."""
     here = f"{platform.system()} {platform.machine()}"
     if here != "Linux x86_64":
         raise SimulationError(f"This system is {here}: the binary of a .fmu can be built on Linux x86_64 only.")

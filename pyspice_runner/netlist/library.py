@@ -98,10 +98,7 @@ def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: 
 
 
 def check_name(name: str) -> str:
-    """Return the name of a subcircuit if every SPICE accepts it and it cannot clash with a part of another export.
-
-    Raise ParameterError otherwise.
-    """
+    """Return a name that every SPICE accepts and no part of another export may have; else raise ParameterError."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,39}", name):
         raise ParameterError(
             f"name = {name!r} is not valid: it must be at most 40 letters, digits and _, the first a letter."
@@ -141,10 +138,7 @@ def library_names() -> tuple[str, ...]:
 
 
 def parse_library(name: str, text: str) -> Library:
-    """Read the header of a library and compare it with its ``.subckt`` line.
-
-    Raise ParameterError for an entry that is missing, or differs from the ``.subckt`` line.
-    """
+    """Read a library. Raise ParameterError for a missing entry, or one that differs from the ``.subckt`` line."""
     header = Header(f"behavioral/{name}.lib", text)
     escaped = re.escape(name)
     begin = re.search(rf"^\.subckt {escaped} (.+)$", text, re.M)

@@ -73,18 +73,13 @@ SMALLEST_LOSS = 1e-5
 
 
 class Assembly(SubCircuit):
-    """A subcircuit that consists of parts from libraries; the names of the parts begin with its name.
+    """A subcircuit that consists of parts from libraries; the names of the parts begin with its name."""
 
-    Attributes:
-        prefix: first part of the names of the parts.
-        settable: parameters of the X line, with their defaults and ranges.
-    """
-
-    settable: tuple[LibraryParameter, ...]
+    settable: tuple[LibraryParameter, ...]  # parameters of the X line, with their defaults and ranges
 
     def __init__(self, name: str, *pins: str, **defaults: str) -> None:
         super().__init__(name, *pins, **defaults)
-        self.prefix = name
+        self.prefix = name  # first part of the names of the parts
         self._libraries: list[Library] = []
         self._starts: list[State] = []  # states of the parts that the X line sets
 

@@ -13,16 +13,7 @@ from dataclasses import dataclass, field
 from typing import NoReturn
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.netlist.library import (
-    FACTS,
-    PREFIX,
-    Header,
-    Library,
-    LibraryParameter,
-    Pin,
-    library_names,
-    number,
-)
+from pyspice_runner.netlist.library import FACTS, PREFIX, Header, Library, LibraryParameter, Pin, library_names, number
 
 Statement = tuple[int, str]  # number of its first line in the file, and its text with the continued lines
 _FUNCTIONS = frozenset(
@@ -49,11 +40,7 @@ class Rules:
 
 
 class OwnFile:
-    """The text of one file, checked statement by statement.
-
-    Raises:
-        ParameterError: for an invalid character; the message names the line.
-    """
+    """The text of one file, checked by statements. Raise ParameterError for an invalid character; it names the line."""
 
     def __init__(self, path: str, text: str, rules: Rules) -> None:
         self._path = path

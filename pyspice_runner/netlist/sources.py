@@ -24,14 +24,7 @@ from pyspice_runner.netlist.benches import (
     brake_parts,
     connect_brake,
 )
-from pyspice_runner.netlist.compiled import (
-    Module,
-    Signal,
-    loading,
-    module_of,
-    module_signals,
-    module_subcircuit,
-)
+from pyspice_runner.netlist.compiled import Module, Signal, loading, module_of, module_signals, module_subcircuit
 from pyspice_runner.netlist.contact import PAPER_LAW, Law, contact_library, contact_values
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.library import definitions

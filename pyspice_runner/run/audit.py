@@ -27,6 +27,9 @@ _WATTMETER = 1e-4  # of the apparent power: error of a purely reactive power
 _SLACK = 1e-3  # of a force; Newton's iteration closes to 1e-6, a change of state is up to half a step late
 NEWTON = 1e-6  # tolerance of the iteration, relative to the energy stored by the preload
 _PASSIVE = 1e-9  # of the greatest |Y|: rounding
+_OUT_OF_RANGE = "which is not possible. The contact law is out of its range: halve the step, or lower the drive."
+_BEYOND_LIMIT = "which is not possible. The slider exceeds its limit: halve the step."
+_TOO_COARSE = "is likely too coarse for the contact: halve it."
 
 
 def audit_run(
@@ -37,7 +40,7 @@ def audit_run(
     if energy.residual > ENERGY_BOUND:
         findings.append(
             f"The energy balance misses {abs(energy.missing):.3g} of {energy.passed:.3g} J; the limit is "
-            f"{100 * ENERGY_BOUND:g} %. The step of {step:.3g} s is likely too coarse for the contact: halve it."
+            f"{100 * ENERGY_BOUND:g} %. The step of {step:.3g} s {_TOO_COARSE}"
         )
     if contact:
         findings += audit_contact(motor.contact.friction, waves["normal_force_n"], waves["friction_force_n"])
@@ -50,16 +53,10 @@ def audit_contact(friction: float, normal_n: Array, friction_n: Array) -> tuple[
     findings = []
     greatest = float(np.abs(normal_n).max())
     if normal_n.min() < -_SLACK * greatest:
-        findings.append(
-            f"The contact pulls with {-normal_n.min():.3g} N, which is not possible. The contact law is out of "
-            "its range: halve the step, or lower the drive."
-        )
+        findings.append(f"The contact pulls with {-normal_n.min():.3g} N, {_OUT_OF_RANGE}")
     excess = float(np.max(np.abs(friction_n) - friction * np.maximum(normal_n, 0.0)))
     if excess > _SLACK * friction * greatest:
-        findings.append(
-            f"Friction exceeds mu F_N by {excess:.3g} N, which is not possible. The slider exceeds its limit: "
-            "halve the step."
-        )
+        findings.append(f"Friction exceeds mu F_N by {excess:.3g} N, {_BEYOND_LIMIT}")
     return tuple(findings)
 
 
@@ -76,21 +73,18 @@ def audit_point(motor: Motor, point: Mapping[str, float], step: float) -> tuple[
     if abs(electrical - found) > POWER_BOUND * scale + _WATTMETER * reactive + closed:
         findings.append(
             f"The powers miss {abs(electrical - found):.3g} of {scale:.3g} W; the limit is {100 * POWER_BOUND:g} %. "
-            f"The step of {step:.3g} s is likely too coarse for the contact: halve it."
+            f"The step of {step:.3g} s {_TOO_COARSE}"
         )
     normal = point["normal_force_n"]
     if normal < -_SLACK * motor.contact.preload_n:
-        findings.append(
-            f"On average the contact pulls with {-normal:.3g} N, which is not possible. The contact law is out of "
-            "its range: halve the step, or lower the drive."
-        )
-    limit = motor.contact.friction * max(normal, 0.0) * motor.rotor.radius_m
-    if abs(point["torque_n_m"]) > limit + _SLACK * max(
-        limit, motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
-    ):
+        findings.append(f"On average the contact pulls with {-normal:.3g} N, {_OUT_OF_RANGE}")
+    limit, preloaded = (
+        motor.contact.friction * force * motor.rotor.radius_m for force in (max(normal, 0.0), motor.contact.preload_n)
+    )
+    if abs(point["torque_n_m"]) > limit + _SLACK * max(limit, preloaded):
         findings.append(
             f"The mean torque of {point['torque_n_m']:.3g} N.m exceeds the limit of {limit:.3g} N.m at the mean "
-            "normal force, which is not possible. The slider exceeds its limit: halve the step."
+            f"normal force, {_BEYOND_LIMIT}"
         )
     findings += _step_finding(motor, normal, "mean", step)
     return tuple(findings)

@@ -68,12 +68,9 @@ def fault_of(differences: Mapping[str, float]) -> str:
 def is_compiled(engine: Engine, motor: Motor, law: Law | None, reason: str = "") -> bool:
     """Return whether a motor is to be run as a compiled module.
 
-    ``reason`` says why the settings of the analysis have no compiled form; it is empty if they have one.
-
-    Raises:
-        ParameterError: for ``"compiled"`` and something that has no compiled form.
-        SimulationError: for ``"compiled"`` without compiler or ngspice for it, or with a compiler whose motor does not
-            move as the B-sources do.
+    ``reason`` says why the settings of the analysis have no compiled form; it is empty if they have one. For
+    ``"compiled"`` raise ParameterError without a compiled form, and SimulationError without compiler or ngspice for it,
+    or with a compiler whose motor does not move as the B-sources do.
     """
     if engine == "spice":
         return False

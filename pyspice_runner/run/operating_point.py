@@ -30,11 +30,7 @@ LEAST_ACCURACY, MOST_ACCURACY = 1e-4, 0.05  # finer, Newton's iteration counts; 
 
 @dataclass(frozen=True)
 class Solver:
-    """How a run is solved.
-
-    Raises:
-        ParameterError: by the constructor, for an accuracy out of range.
-    """
+    """How a run is solved. An accuracy out of range is a ParameterError."""
 
     # time step in s; the largest where steps are not uniform. By default from the fastest motion.
     step: float | None = None
@@ -60,11 +56,7 @@ DEFAULT = Solver()
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """A motor with its source, its load, and the settings of the solver.
-
-    Raises:
-        ParameterError: by the constructor, for a load or a time step that is out of range.
-    """
+    """A motor, its source, its load and its solver. A load or a time step that is out of range is a ParameterError."""
 
     motor: Motor  # the motor
     source: Source  # what drives the pins
@@ -115,10 +107,7 @@ class OperatingPoint:
         return {"speed": self.load.speed, "load_torque": self.load.torque, **of_run}
 
     def parameter(self, path: str) -> Parameter:
-        """Return nominal value, unit and description of the parameter that a path names.
-
-        Raise ParameterError for an unknown path, with the nearest one.
-        """
+        """Return the parameter that a path names. Raise ParameterError for an unknown path, with the nearest one."""
         settings = self.settings
         section, _, name = canonical(path).partition(".")
         if section == "run" and name not in settings:
@@ -126,14 +115,10 @@ class OperatingPoint:
         return parameter(path, self.motor, self.drive, settings)
 
     def updated(self, changes: Mapping[str, Any]) -> OperatingPoint:
-        """Return the point with changed values.
+        """Return the point with changed values: path → value, such as ``{"drive.voltage": 60.0, "load.speed": 2.0}``.
 
-        Args:
-            changes: path → value, such as ``{"contact.friction": 0.3, "drive.voltage": 60.0, "load.speed": 2.0}``;
-                paths are those of :mod:`.paths`.
-
-        Raises:
-            ParameterError: for an unknown path, with the nearest one, or an invalid value.
+        Paths are those of :mod:`.paths`. Raise ParameterError for an unknown path, with the nearest one, or an invalid
+        value.
         """
         if not changes:
             return self
@@ -205,9 +190,7 @@ class OperatingPoint:
 
     def recording(self, *, started: bool = True) -> Recording:
         """Return the meaning of a run's vectors, recorded from its start or from later on."""
-        return Recording(
-            self.motor, self.source, self.law, self.load, self.discretisation, started, self.thermal
-        )  # fmt: skip
+        return Recording(self.motor, self.source, self.law, self.load, self.discretisation, started, self.thermal)
 
     def bench(self, *, start: Motion | None = None, begun: float = 0.0, title: str = "") -> Bench:
         """Return the bench, from rest or from a motion that the source has driven for ``begun`` seconds."""

@@ -16,7 +16,7 @@ from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.motor import dielectric_branches
 from pyspice_runner.netlist.source import Source
-from pyspice_runner.netlist.state import Discretisation, Kind, State, motor_states, static_sway
+from pyspice_runner.netlist.state import Discretisation, Kind, motor_states, static_sway
 from pyspice_runner.run.audit import NEWTON, pressed_j
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, EnergyBalance
 
@@ -57,7 +57,8 @@ class Recording:
         for column in self.all_columns if signals is None else signals:
             names += self._current(column)[:1] if column in _CURRENTS else VECTORS[column]
         if signals is None:
-            names += [state.within(_MOTOR) for state in self._states("mode", "mount", "bearing")]
+            states = motor_states(self.motor, self.law, ("mode", "mount", "bearing"))
+            names += [state.within(_MOTOR) for state in states]
         return [name for name in names if self.law or name[2:-1] not in _OF_CONTACT]
 
     @property
@@ -130,18 +131,11 @@ class Recording:
         depth = self._after(start, samples["v(xmotor.xcontact.delta)"], 1e-6)
         return np.maximum(depth, 0.0, out=depth)
 
-    def _states(self, *kinds: Kind) -> tuple[State, ...]:
-        return motor_states(self.motor, self.law, kinds)
-
-    def _courses(self, samples: Mapping[str, Array], *kinds: Kind) -> Array:
-        """Return the states of parts of the motor in SI units, shape (states, points)."""
+    def _courses(self, samples: Mapping[str, Array], kind: Kind) -> Array:
+        """Return the states of a part of the motor in SI units, shape (states, points)."""
+        given, states = self.discretisation, motor_states(self.motor, self.law, (kind,))
         return np.array(
-            [
-                self._after(
-                    state.at_rest(self.discretisation), samples[state.within(_MOTOR)], state.scale(self.discretisation)
-                )
-                for state in self._states(*kinds)
-            ]
+            [self._after(one.at_rest(given), samples[one.within(_MOTOR)], one.scale(given)) for one in states]
         )
 
 

@@ -39,10 +39,7 @@ def two_port(outcome: Outcome) -> Swept:
 
 
 def stator_two_port(motor: Motor, start: float, stop: float, points: int) -> Swept:
-    """Return frequencies and admittance matrices of a stator with a free tip, checked to be passive.
-
-    Raise SimulationError if ngspice fails or its result cannot be trusted.
-    """
+    """Return the two-port of a stator with a free tip. Raise SimulationError if ngspice fails, or it is not passive."""
     swept = two_port(sweep_two_port(two_port_bench(motor, preloaded=False), None, start, stop, points))
     Audit(audit_two_port(*swept)).withhold("result")
     return swept

@@ -24,13 +24,9 @@ _ABANDONED = 3600.0  # s; an unfinished file of this age belongs to a process th
 
 
 class Store:
-    """A store of results.
+    """A store of results in a folder, by default in the user's cache folder; it is created if it does not exist.
 
-    Args:
-        folder: its path; by default in the user's cache folder. It is created if it does not exist.
-
-    Raises:
-        ParameterError: if the folder cannot be written.
+    Raise ParameterError if the folder cannot be written.
     """
 
     def __init__(self, folder: str | Path | None = None) -> None:

@@ -115,10 +115,9 @@ def sweep(
     dataset.attrs = {
         "title": f"{motor.name}: {', '.join(wanted)} over {', '.join(over)}",
         "parameter_set": motor.name,
-        **{
-            name: json.dumps(document)
-            for name, document in (("motor", motor.to_dict()), ("drive", drive_document(drive)), ("run", plain(run)))
-        },
+        "motor": json.dumps(motor.to_dict()),
+        "drive": json.dumps(drive_document(drive)),
+        "run": json.dumps(plain(run)),
         "analysis": origin["function"],
         **({"sampling": f"{sampling}, seed {seed}"} if "sample" in plan.shape else {}),
         **versions,
