@@ -56,7 +56,7 @@ def tracker(kind: str = "pll", *, contact: bool = True, **values: Any) -> pr.Tra
 
 @pytest.mark.parametrize("offset", [-0.03, pytest.param(0.03, marks=pytest.mark.soak)])
 def test_the_phase_locked_loop_locks_from_three_per_cent(offset: float) -> None:
-    found = pr.track(motor(), tracker(offset=offset), duration=4.5e-3)
+    found = pr.track(motor(), tracker(offset=offset), duration=4e-3)
     assert found.locked
     assert found.lock_time_s is not None
     assert found.lock_time_s < 3e-3
@@ -70,7 +70,7 @@ def test_the_phase_locked_loop_locks_from_three_per_cent(offset: float) -> None:
 )
 def test_observers_lock_from_three_per_cent(kind: str, offset: float) -> None:
     chosen = tracker(kind, contact=False, offset=offset, **FAST)
-    found = pr.track(motor(), chosen, contact=None, duration=19e-3, step=COARSE)
+    found = pr.track(motor(), chosen, contact=None, duration=17e-3, step=COARSE)
     assert found.locked
     # never at rest: two steps to either side at most; coarse steps lower the resonance by (2π/100)²/12
     assert found.end_frequency_hz == pytest.approx((1.0 - 3.3e-4) * resonance(contact=False), abs=2.0 * FAST["step_hz"])
@@ -99,13 +99,13 @@ def test_an_untracked_drive_that_is_off_stays_off() -> None:
             "a range that excludes the resonance",
             marks=pytest.mark.soak,
         ),
-        ("observe-current", {"polarity": -1}, "a sign error, from resonance"),
+        pytest.param("observe-current", {"polarity": -1}, "a sign error, from resonance", marks=pytest.mark.soak),
         pytest.param("observe-power", {"polarity": -1, "offset": -0.01}, "a sign error", marks=pytest.mark.soak),
     ],
 )
 def test_a_tracker_that_cannot_lock_is_reported_as_not_locked(kind: str, values: dict[str, Any], what: str) -> None:
     chosen = tracker(kind, **{"contact": False, **({} if kind == "pll" else FAST), **values})
-    duration = 6e-3 if kind == "pll" else 10e-3
+    duration = 4e-3 if kind == "pll" else 10e-3  # a loop that can lock does so within 3 ms
     found = pr.track(motor(), chosen, contact=None, duration=duration, step=COARSE)
     assert not found.locked, what
 
@@ -117,7 +117,7 @@ def test_a_tracker_that_cannot_lock_is_reported_as_not_locked(kind: str, values:
     ("disturb", "values"),
     [
         # half of the stall torque that the next test measures
-        ("load", {"load_torque": 0.18e-3, "duration": 9e-3}),
+        ("load", {"load_torque": 0.18e-3, "duration": 7e-3}),
         pytest.param("preload", {"preload_change": 0.3, "duration": 6e-3}, marks=pytest.mark.soak),
         pytest.param("preload", {"preload_change": -0.3, "duration": 6e-3}, marks=pytest.mark.soak),
         pytest.param("temperature", {"drift": -0.02, "drift_time": 10e-3, "contact": None}, marks=pytest.mark.soak),
@@ -159,7 +159,7 @@ def test_observers_follow_a_drift() -> None:
 def test_a_drive_that_is_not_tracked_loses_the_resonance_as_it_drifts() -> None:
     chosen = tracker("none", contact=False)
     found = pr.track(
-        motor(), chosen, disturb="temperature", contact=None, drift_time=5e-3, begin=2e-3, duration=9e-3, step=COARSE
+        motor(), chosen, disturb="temperature", contact=None, drift_time=3e-3, begin=2e-3, duration=7e-3, step=COARSE
     )
     assert abs(found.phase_deg[found.time_s < 2e-3][-1]) < 5.0
     assert not found.kept_lock
@@ -244,7 +244,7 @@ def averaged_step(
 def test_the_averaged_loop_steps_like_the_full_transient(bandwidth: float) -> None:
     """From −10° to 10°, where the stator's phase is linear to 3 %, with a phase margin of 45° to see an overshoot."""
     chosen = free(bandwidth, 1.0, target_deg=-10.0)
-    begin = 3e-3
+    begin = 3.0 / bandwidth  # 19 time constants of the loop
     found = pr.track(
         motor(), chosen, disturb="target", target_step=20.0, contact=None, begin=begin,
         duration=begin + 4.0 / bandwidth, step=FINE,
@@ -299,7 +299,7 @@ def test_only_a_loop_has_a_target_and_a_gain() -> None:
 
 
 def test_the_command_tracks_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["track", "andersen2002", "--contact", "none", "--duration", "4e-3"]
+    words = ["track", "andersen2002", "--contact", "none", "--duration", "3e-3"]
     files = ["--output", str(tmp_path / "track.csv"), "--plot", str(tmp_path / "track.png")]
     assert run([*words, "--json", *files]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -336,7 +336,7 @@ def test_a_disturbance_after_the_end_is_an_error_not_a_success() -> None:
 
 def test_a_speed_that_still_moves_after_the_disturbance_is_marked() -> None:
     heavy = motor().updated({"rotor.inertia_kg_m2": 1e-5})
-    found = pr.track(heavy, tracker(), disturb="load", load_torque=1e-4, begin=2e-3, duration=4e-3, step=COARSE)
+    found = pr.track(heavy, tracker(), disturb="load", load_torque=1e-4, begin=1e-3, duration=2.5e-3, step=COARSE)
     assert found.settled is False
     assert found.to_dict()["settled"] is False
     assert "not settled" in found.summary()["speed"]

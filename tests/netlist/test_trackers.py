@@ -25,7 +25,7 @@ from pyspice_runner.netlist.trackers import (
     weights,
 )
 from tests.motors import motor as odd_motor
-from tests.netlist.test_decks import measured
+from tests.netlist.test_decks import measured, run_with
 
 pytestmark = pytest.mark.xdist_group("trackers")
 
@@ -93,7 +93,7 @@ def test_weights_single_out_a_mode_of_any_motor() -> None:
         assert seen[mode] > 0.0
 
 
-@pytest.mark.parametrize("change", [0.3, -0.3])
+@pytest.mark.parametrize("change", [0.3, pytest.param(-0.3, marks=pytest.mark.soak)])
 def test_a_preload_steps_to_what_is_asked_for(change: float) -> None:
     """The mean once the modes have rung down: Hertz's law is curved, by 1e-3 for what still rings."""
     chosen = tracker(kind="none", voltage=0.01)
@@ -126,7 +126,7 @@ def test_errors_name_the_value(values: dict[str, Any], sentence: str) -> None:
 
 
 def test_deck_of_the_phase_locked_loop_locks(tmp_path: Path) -> None:
-    found = measured("tracker_pll", tmp_path)
+    found = run_with("tracker_pll", {"stop": "5.5m"}, tmp_path)  # locked after 3 ms; means of the last 2 ms
     lag = running_resonance(MOTOR, tracker(ratio_b=2.0))
     assert found["frequency_start_hz"] == pytest.approx(1.03 * 51.7e3)
     # harmonic balance leaves out what the other mode and the turning rotor do: 2 % of the bandwidth, 1100 Hz
@@ -135,7 +135,7 @@ def test_deck_of_the_phase_locked_loop_locks(tmp_path: Path) -> None:
 
 
 def test_deck_of_the_observer_stays_about_the_greatest_current(tmp_path: Path) -> None:
-    found = measured("tracker_observer", tmp_path)
+    found = run_with("tracker_observer", {"stop": "9m"}, tmp_path)  # there after 7 steps, 5.6 ms; means of 2 ms
     mode = MOTOR.modes[1]
     force = 50.0 * sqrt(5.0)  # 50 V and 100 V, 90° apart, against each other
     assert found["force_rms_v"] == pytest.approx(force / sqrt(2.0), rel=2e-3)
