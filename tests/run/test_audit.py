@@ -232,7 +232,7 @@ def test_powers_of_a_driver_and_the_energy_of_an_impact_are_held_to_their_bounds
 
 # --- runs made false behind the simulator's back: each is withheld, or given and marked ---
 
-SPEED: dict[str, Any] = {"mode": "settle", "speed": 2.0, "patience": 4, "tolerance": 0.1}
+SPEED: dict[str, Any] = {"mode": "settle", "speed": 2.0, "patience": 4, "tolerance": 0.1, "step": 4e-7}
 DAMPED = MOTOR.updated({f"modes.{n}.damping_n_s_per_m": 200.0 for n in range(2)})  # decays in no time
 DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3)
 
@@ -256,11 +256,20 @@ def test_a_point_that_is_not_true_is_withheld_or_marked(
         operating_point(DAMPED, DRIVE, **SPEED)
     marked = operating_point(DAMPED, DRIVE, **SPEED, audit=False)["audit"]
     assert (marked["passed"], marked["findings"][0][:15]) == (False, "The powers miss")
-    curve = pr.speed_torque(DAMPED, DRIVE, speeds=[2.0], mode="settle", patience=4, tolerance=0.1, audit=False)
+    settings = {name: value for name, value in SPEED.items() if name != "speed"}
+    curve = pr.speed_torque(DAMPED, DRIVE, speeds=[2.0], **settings, audit=False)
     assert not curve["audit_passed"].any()
     assert json.loads(curve.attrs["audit"]) == marked
     words = ["speed-torque", "andersen2002", "--frequency", "51700", "--speeds", "2", "--patience", "4", "--json"]
-    words += ["--mode", "settle", "--tolerance", "0.1", *(f"--set=modes.{n}.damping_n_s_per_m=200" for n in range(2))]
+    words += [
+        "--mode",
+        "settle",
+        "--tolerance",
+        "0.1",
+        "--step",
+        "4e-7",
+        *(f"--set=modes.{n}.damping_n_s_per_m=200" for n in range(2)),
+    ]
     assert run(words) == 3
     assert capsys.readouterr().out == ""
     assert run([*words, "--no-audit"]) == 0
@@ -272,7 +281,7 @@ def test_a_point_that_is_not_true_is_withheld_or_marked(
 
 
 def test_a_ramp_is_audited_all_along(monkeypatch: pytest.MonkeyPatch) -> None:
-    ramp: dict[str, Any] = {"speeds": [1.0, 2.0], "mode": "ramp", "patience": 4, "tolerance": 0.1}
+    ramp: dict[str, Any] = {"speeds": [1.0, 2.0], "mode": "ramp", "patience": 4, "tolerance": 0.1, "step": 4e-7}
     blocks = iter(range(1000))
     falsify(
         monkeypatch, settling_module, "quantities",
@@ -298,7 +307,7 @@ def test_a_driver_whose_powers_do_not_balance_is_withheld_or_marked(monkeypatch:
 
 def test_a_tracked_motor_whose_contact_pulls_is_withheld_or_marked(monkeypatch: pytest.MonkeyPatch) -> None:
     tracker = pr.Tracker(kind="none", voltage=50.0, frequency=55.4e3)
-    settings: dict[str, Any] = {"duration": 2e-3, "begin": 2e-3}
+    settings: dict[str, Any] = {"duration": 2e-3, "begin": 2e-3, "step": 1.8e-7}
     assert pr.track(MOTOR, tracker, **settings).to_dict()["audit"]["passed"]
     falsify(
         monkeypatch, Outcome, "vectors",
