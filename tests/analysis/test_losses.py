@@ -74,7 +74,7 @@ def pair(name: str) -> tuple[Waveforms, ReferenceRun]:
     mostly(
         pytest.mark.soak,
         POINTS,
-        ["Stribeck, opens", "Stribeck, held shaft", "dry bearing", "dry bearing, opens", "both"],
+        ["Stribeck, opens", "dry bearing, opens", "both"],
     ),
 )
 def test_tip_rotor_states_and_energy_are_those_of_the_reference(name: str) -> None:

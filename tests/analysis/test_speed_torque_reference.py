@@ -76,7 +76,7 @@ def reference(name: str, speed: float) -> dict[str, float]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", mostly(pytest.mark.soak, CURVES, ["hammering", "unintended mode"]))
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, CURVES, ["unintended mode"]))
 def test_the_curve_is_that_of_the_independent_integrator(name: str) -> None:
     points = curve(name)
     stall = abs(reference(name, 0.0)["torque_n_m"])

@@ -220,6 +220,13 @@ def _advance(z, t, h, state, tones_a, tones_b, modes, p, work, end):
 
 
 @njit(nogil=True, cache=True)
+def _copy(source, target):
+    """Copy in a loop: numba takes 3 s to compile the assignment of a slice, whose error states both shapes."""
+    for i in range(source.shape[0]):
+        target[i] = source[i]
+
+
+@njit(nogil=True, cache=True)
 def _gauge(z, kind, state, modes, p):
     """What is positive until the event of this kind happens, and its rate (0 where it is not asked for)."""
     delta, ddelta, vrel, _, _ = _contact(z, modes, p)
@@ -343,7 +350,7 @@ def _one_step(z, begin, stop, state, tones_a, tones_b, modes, p, start, spent, w
             if kind >= 0:
                 h = when
                 _advance(z, t, h, state, tones_a, tones_b, modes, p, work, end)
-        z[:] = end
+        _copy(end, z)
         spent[min(state, 2)] += max(0.0, t + h - max(t, start))
         if kind >= 0:
             done += h
@@ -370,7 +377,7 @@ def _run(z, state, tones_a, tones_b, modes, p, output_step, substeps, duration, 
     end, scratch = np.zeros(z.shape[0]), np.zeros(z.shape[0])
     events = 0
     count = samples.shape[0]
-    samples[0] = z
+    _copy(z, samples[0])
     states[0] = state
     for k in range(count):  # the last pass is what is left of the duration after the last sample
         for j in range(substeps):
@@ -387,7 +394,7 @@ def _run(z, state, tones_a, tones_b, modes, p, output_step, substeps, duration, 
             if ending != _DONE:
                 return ending, stop, events
         if k + 1 < count:
-            samples[k + 1] = z
+            _copy(z, samples[k + 1])
             states[k + 1] = state
     return _DONE, duration, events
 

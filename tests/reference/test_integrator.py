@@ -376,7 +376,7 @@ def _projection(columns, x_2, voltage, frequency, dt, steps, every, hertz, compl
     return out
 
 
-@pytest.mark.parametrize("name", ["mostly slip", "opening"])
+@pytest.mark.parametrize("name", ["mostly slip", pytest.param("opening", marks=pytest.mark.soak)])
 def test_a_cut_off_instead_of_events_comes_to_the_same(name: str) -> None:
     motor = _motor()
     run = _operate(name, duration=1e-3, output_step=1e-6)

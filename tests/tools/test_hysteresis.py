@@ -12,6 +12,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.netlist.contact import Law
 from tests.reference.row import drag
+from tests.selection import mostly
 from tools.benches.hysteresis import Hysteresis, hysteresis
 from tools.benches.traction import microslip_loss, virgin_force
 
@@ -104,7 +105,12 @@ def test_state_tells_how_much_of_the_contact_slips(amplitude: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("amplitude", "swing", "phase"), [(0.6, 0.5, 0.0), (0.6, 0.8, 90.0), (1.3, 0.8, 200.0), (0.4, -0.9, 45.0)]
+    ("amplitude", "swing", "phase"),
+    mostly(
+        pytest.mark.soak,
+        [(0.6, 0.5, 0.0), (0.6, 0.8, 90.0), (1.3, 0.8, 200.0), (0.4, -0.9, 45.0)],
+        [(0.6, 0.5, 0.0), (1.3, 0.8, 200.0)],
+    ),
 )
 def test_history_at_a_varying_normal_force_is_that_of_a_row_of_elements(
     amplitude: float, swing: float, phase: float
