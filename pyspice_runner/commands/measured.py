@@ -64,11 +64,7 @@ class InputOptions(Options):
         return spectrum.between(self.start, inf if self.stop is None else self.stop)
 
     def one_port(self, context: typer.Context, path: Path) -> pr.Spectrum:
-        """Read the spectrum of a one-port, or of a two-port through the connection.
-
-        Raises:
-            ParameterError: if the command line has a connection, and the spectrum has one port.
-        """
+        """Read the spectrum of a one-port, which takes no connection, or of a two-port through the connection."""
         spectrum = self.read(path)
         if spectrum.ports == 2:
             return spectrum.driven(self.connection)

@@ -10,8 +10,8 @@ import typer
 from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands import common, options
-from pyspice_runner.commands.options import Targets, with_options
+from pyspice_runner.commands import common
+from pyspice_runner.commands.options import LawOptions, Targets, with_options
 
 
 @with_options
@@ -26,7 +26,7 @@ def motors(targets: Targets) -> None:
     rows += [[motor.name, mode.name, f"{mode.frequency_hz:.9g}"] for motor in found for mode in motor.modes]
     targets.write(
         document, table, lambda path: common.write_table(path, document, rows),
-        lambda path: common.view().draw_motors(found, path),
+        lambda path: common.view().draw(found, path),
     )  # fmt: skip
 
 
@@ -59,8 +59,7 @@ def export(
             autocompletion=common.complete_motor,
         ),
     ],
-    contact: options.ContactOption = options.DEFAULT_LAW,
-    sliders: options.SlidersOption = None,
+    law: LawOptions,
     name: Annotated[
         str, typer.Option(help="Name of the subcircuit; different names may be used in one deck.", show_default=False)
     ] = "",
@@ -93,14 +92,14 @@ def export(
             common.refuse_idle(context, f"on a {output.suffix}, which names no subcircuit", "name")
         _export_circuit(source, changes, targets, name or "resonator")
         return
-    law = options.law_named(contact, sliders)
+    contact = law.law
     targets.check(*endings(averaged), inputs=[source])
     check_dialect(dialect, output)
     ending = output.suffix if output is not None else ".lib"
     common.refuse_idle(context, f"on a {ending}", *FORMATS[ending].idle)
     loaded = common.load_changed(source, changes)
     drift = Thermal.of(loaded) if thermal else None
-    exported = MotorExport(loaded, law, name, drift, averaged, cast(Dialect, dialect))
+    exported = MotorExport(loaded, contact, name, drift, averaged, cast(Dialect, dialect))
 
     def save(path: Path) -> None:
         with common.busy("writing"):

@@ -64,7 +64,7 @@ def small_signals(
     period: PeriodOptions,
     changes: common.SetOption = None,
     targets: Targets,
-) -> int:
+) -> None:
     """Find transfer functions and hot admittance of a running motor. Writes .json, .csv or .nc.
 
     Example: piezomotor small-signals andersen2002-unintended-mode --frequency 46e3 --load 5e-3 --frequencies 100,1000
@@ -78,7 +78,6 @@ def small_signals(
         )  # fmt: skip
     common.caution(result)
     targets.deliver(result, f"{loaded.name}: {result.state.drive.label}")
-    return 0
 
 
 @with_options
@@ -105,7 +104,7 @@ def map_points(
     accuracy: Annotated[float, typer.Option(help="Error allowed of the torque, relative to mu F0 R.")] = ACCURACY,
     changes: common.SetOption = None,
     targets: Targets,
-) -> int:
+) -> None:
     """Map steady states over parameters and find the best point. Writes .nc, .csv or .json.
 
     Example: piezomotor map andersen2002-unintended-mode --over drive.frequency=44e3:46e3:5
@@ -122,7 +121,6 @@ def map_points(
     result = dataset.piezomotor
     common.caution(result)
     targets.deliver(result, dataset.attrs["title"])
-    return 0
 
 
 def _limit(text: str) -> tuple[str, float]:

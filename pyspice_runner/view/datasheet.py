@@ -245,10 +245,11 @@ def datasheet(report: Report) -> str:
 
 def downloads(report: Report) -> dict[str, str]:
     """Return file name → data URL of each file that the page contains for other programs."""
-    motor = report.motor
+    motor, run = report.motor, report.run
+    last = run.time_s >= run.time_s[-1] - _PERIODS * run.drive_period_s
     files = report.decks() | {
         "report.json": json.dumps(report.to_dict(), indent=2, allow_nan=False) + "\n",
-        "last_periods.csv": _last_periods(report.run),
+        "last_periods.csv": run.to_dataframe()[last].to_csv(float_format="%.9g", lineterminator="\n"),
         "speed_torque.csv": "".join(
             curve.assign_coords(drive_share=share).to_dataframe().to_csv(header=not number)
             for number, (share, curve) in enumerate(report.curves.items())
@@ -265,12 +266,6 @@ def downloads(report: Report) -> dict[str, str]:
     names = sorted(files, key=lambda name: (order.get(Path(name).suffix, 9), name))
     encoded = {name: base64.b64encode(files[name].encode()).decode("ascii") for name in names}
     return {name: f"data:text/plain;charset=utf-8;base64,{text}" for name, text in encoded.items()}
-
-
-def _last_periods(run: Waveforms) -> str:
-    """Return the waveforms of the last drive periods as CSV, with the columns of ``piezomotor simulate``."""
-    inside = run.time_s >= run.time_s[-1] - _PERIODS * run.drive_period_s
-    return str(run.to_dataframe()[inside].to_csv(float_format="%.9g", lineterminator="\n"))
 
 
 def parameter_rows(motor: Motor) -> Iterator[Row]:

@@ -39,11 +39,7 @@ class Sheet(NamedTuple):
 
 
 def save(figure: Figure, path: str | Path) -> Path:
-    """Write a figure by the ending of the file.
-
-    Raises:
-        ParameterError: for another ending, or a place that cannot be written.
-    """
+    """Write a figure by the ending of the file; see :func:`.save_by_ending`."""
     return save_by_ending(path, dict.fromkeys(ENDINGS, lambda file: write(figure, file, _DPI)))
 
 

@@ -43,11 +43,7 @@ Rb b_in b 20
 
 
 def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
-    """Return the page as HTML, with a motor and further ones to select, by default the bundled ones.
-
-    Raises:
-        ParameterError: if Jinja2 is not installed.
-    """
+    """Return the page as HTML, with a motor and further ones to select, by default the bundled ones."""
     if others is None:
         others = [load_motor(name) for name in available_motors()]
     motors = [motor, *(other for other in others if other.name != motor.name)]
@@ -228,10 +224,6 @@ def _beam(motor: Motor) -> dict[str, Any] | None:
 
 
 def save_live_page(motor: Motor, path: str | Path) -> Path:
-    """Write the page into a file that ends in .html, and return its path.
-
-    Raises:
-        ParameterError: if Jinja2 is not installed, for another ending, or if the file cannot be written.
-    """
+    """Write the page into a file that ends in .html, and return its path; see :func:`.save_by_ending`."""
     text = live_page(motor)
     return save_by_ending(path, {".html": lambda place: place.write_text(text, encoding="utf-8", newline="\n")})

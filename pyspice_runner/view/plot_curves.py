@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -85,22 +85,20 @@ def _over_speed(curves: Curves, quantities: list[Any], label: Label, title: str,
         ax.text(0.99, 0.02, note, transform=ax.transAxes, ha="right", fontsize="small")
 
 
-def _varying(data: Any, *names: str) -> Iterator[tuple[str, str, Label]]:
-    """Yield name, quantity and label of each panel whose quantity is there and varies."""
-    for name in names:
-        quantity, label = _QUANTITIES[name]
-        if quantity in data and float(data[quantity].std()) > 0.0:
-            yield name.removesuffix(" of A"), quantity, label
+def _varying(draw_panel: Callable[..., None], result: Branch | WorkingPoints, *names: str) -> dict[str, Panel]:
+    """Return a panel for each quantity that is there and varies."""
+    data = result.dataset
+    return {
+        name.removesuffix(" of A"): partial(draw_panel, result, *_QUANTITIES[name])
+        for name in names
+        if _QUANTITIES[name][0] in data and float(data[_QUANTITIES[name][0]].std()) > 0.0
+    }
 
 
 def branch(result: Branch) -> Sheet:
     """Return torque, normal force, speed and current along a branch."""
-    data = result.dataset
-    panels: dict[str, Panel] = {
-        name: partial(_followed, result, quantity, label)
-        for name, quantity, label in _varying(data, "torque", "force", "speed", "current of A")
-    }
-    return Sheet(panels, 2, (5.4, 3.6), data.attrs["title"])
+    panels = _varying(_followed, result, "torque", "force", "speed", "current of A")
+    return Sheet(panels, 2, (5.4, 3.6), result.dataset.attrs["title"])
 
 
 def _followed(result: Branch, quantity: str, label: Label, ax: Axes) -> None:
@@ -119,12 +117,7 @@ def _followed(result: Branch, quantity: str, label: Label, ax: Axes) -> None:
 def working_points(result: WorkingPoints) -> Sheet:
     """Return the quantities of a map over one or two axes."""
     draw_panel = _contours if len(result.axes) == 2 else _mapped
-    panels: dict[str, Panel] = {
-        name: partial(draw_panel, result, quantity, label)
-        for name, quantity, label in _varying(
-            result.dataset, "torque", "speed", "efficiency", "power", "current", "temperature"
-        )
-    }
+    panels = _varying(draw_panel, result, "torque", "speed", "efficiency", "power", "current", "temperature")
     if len(result.axes) > 2 or not panels:
         raise ParameterError("A map is drawn over one or two axes. Choose values of the others, by dataset.isel.")
     return Sheet(panels, 2, (5.4, 4.0), result.dataset.attrs["title"])

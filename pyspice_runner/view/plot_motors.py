@@ -12,7 +12,7 @@ from pyspice_runner.analysis.impact import Impact
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import motor as model
 from pyspice_runner.model.beam import solve_resonator
-from pyspice_runner.view.draw import DASHES, Sheet, draw_lines, dress
+from pyspice_runner.view.draw import DASHES, Panel, Sheet, draw_lines, dress
 from pyspice_runner.view.style import BLUE, CYCLE, GREY, LABELS, VERMILION, Label
 
 
@@ -57,16 +57,11 @@ def impact(result: Impact) -> Sheet:
     """Return the forces of an impact, the velocity of the contact patch, and the part of it that slips."""
     time = LABELS["time_us"], result.time_s
 
-    def draw_forces(ax: Axes) -> None:
-        lines = [
-            (result.normal_force_n, {"color": BLUE, "label": "normal"}),
-            (result.friction_force_n, {"color": VERMILION, "linestyle": "--", "label": "friction, on the sphere"}),
-        ]
-        draw_lines(ax, time, LABELS["force_n"], lines, "Forces")
-
-    def draw_velocity(ax: Axes) -> None:
-        lines = [(result.patch_velocity_m_s, {"color": BLUE})]
-        draw_lines(ax, time, Label("velocity", "m/s"), lines, "Tangential velocity of the contact patch")
+    forces = [
+        (result.normal_force_n, {"color": BLUE, "label": "normal"}),
+        (result.friction_force_n, {"color": VERMILION, "linestyle": "--", "label": "friction, on the sphere"}),
+    ]
+    velocity, velocities = Label("velocity", "m/s"), [(result.patch_velocity_m_s, {"color": BLUE})]
 
     def draw_slip(ax: Axes) -> None:
         slip = np.clip(result.contact_state - 1.0, 0.0, 1.0)
@@ -76,4 +71,9 @@ def impact(result: Impact) -> Sheet:
 
     law, poisson = result.provenance["contact"], result.provenance["throw"]["poisson"]
     title = f"{law}, ν = {poisson:g}: ψ = {result.psi_1:.4g} rebounds as {result.psi_2:.4g}"
-    return Sheet({"forces": draw_forces, "velocity": draw_velocity, "slip": draw_slip}, 1, (8.0, 2.7), title)
+    panels: dict[str, Panel] = {
+        "forces": lambda ax: draw_lines(ax, time, LABELS["force_n"], forces, "Forces"),
+        "velocity": lambda ax: draw_lines(ax, time, velocity, velocities, "Tangential velocity of the contact patch"),
+        "slip": draw_slip,
+    }
+    return Sheet(panels, 1, (8.0, 2.7), title)

@@ -68,9 +68,9 @@ SHEETS: dict[type, Callable[[Any], Sheet]] = {
     WorkingPoints: plot_curves.working_points,
     Sweep: plot_curves.sweep,
     Motor: plot_motors.motor,
+    list: plot_motors.motors,
     Impact: plot_motors.impact,
     Report: _report,
-    Sheet: lambda page: page,
 }
 
 
@@ -104,11 +104,6 @@ def draw_beside(results: Sequence[Any], path: str | Path) -> Path:
     """Draw several results of one kind side by side, a column of panels for each."""
     cautions = tuple(dict.fromkeys(caution for result in results for caution in result.cautions))
     return save(filled([sheet(result)._replace(columns=1) for result in results], cautions), path)
-
-
-def draw_motors(motors: Sequence[Motor], path: str | Path) -> Axes:
-    """Draw the mode frequencies of several motors, and write the picture."""
-    return draw(plot_motors.motors(motors), path)
 
 
 def picture(result: Any) -> bytes:
