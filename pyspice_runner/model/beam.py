@@ -201,15 +201,11 @@ def resonator_modes(
         "coupling_a_n_per_v": coupling_a, "coupling_b_n_per_v": coupling_b,
         "tip_x": resonator.tip_x, "tip_y": resonator.tip_y,
     }  # fmt: skip
-    modes = [{name: float(column[index]) for name, column in columns.items()} for index in range(count)]
+    columns["damping_n_s_per_m"] = np.array([*map(damping.modal, columns["mass_kg"], columns["stiffness_n_per_m"])])
     try:
         return tuple(
-            Mode(
-                name=f"bending-{number}",
-                damping_n_s_per_m=damping.modal(values["mass_kg"], values["stiffness_n_per_m"]),
-                **values,
-            )
-            for number, values in enumerate(modes, start=1)
+            Mode(name=f"bending-{index + 1}", **{name: float(column[index]) for name, column in columns.items()})
+            for index in range(count)
         )
     except ValidationError as error:
         first = error.errors()[0]

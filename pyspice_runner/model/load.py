@@ -218,8 +218,7 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
             stacklevel=2,
         )
     if capacitances is not None:
-        given = [key for key in capacitances if key in piezo]
-        if given:
+        if given := [key for key in capacitances if key in piezo]:
             raise ParameterError(
                 f"{where}: piezo.{given[0]} follows from [[patches]]; leave it out or state the modes directly."
             )
@@ -229,17 +228,8 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
         for name, field in kind.model_fields.items():
             if not field.is_required():
                 provenance.setdefault(f"{section}.{name}", Provenance("default", "not stated"))
-    parts = {
-        "name": plain["name"],
-        "modes": modes,
-        "piezo": piezo,
-        "contact": contact,
-        "rotor": plain["rotor"],
-        "mount": plain.get("mount"),
-        "limits": plain.get("limits"),
-        "drive": _resolve_drive(plain["drive"], where) if "drive" in plain else None,
-    }
-    return assemble(parts, structure, provenance, where=where)
+    _check_drive(plain.get("drive"), where)
+    return assemble({**plain, "modes": modes, "piezo": piezo, "contact": contact}, structure, provenance, where=where)
 
 
 def _resolve_modes(
@@ -320,15 +310,16 @@ def _resolve_contact(entry: Any, rotor: Rotor, where: str) -> dict[str, Any]:
     contact = dict(as_table(entry, "contact", where))
     if "materials" in contact:
         constants = build(Materials, contact.pop("materials"), "contact.materials", where).constants(rotor.radius_m)
-        both = [key for key in constants if key in contact]
-        if both:
+        if both := [key for key in constants if key in contact]:
             raise ParameterError(f"{where}: contact.{both[0]} follows from [contact.materials]; leave out one of them.")
         contact.update(constants)
     return contact
 
 
-def _resolve_drive(entry: Any, where: str) -> dict[str, Any]:
-    """Return the table of the recommended drive, checked."""
+def _check_drive(entry: Any, where: str) -> None:
+    """Check the table of the recommended drive, if there is one."""
+    if entry is None:
+        return
     table = as_table(entry, "drive", where)
     kind = table.get("kind", "two-phase")
     if kind not in DRIVES:
@@ -339,7 +330,6 @@ def _resolve_drive(entry: Any, where: str) -> dict[str, Any]:
         DRIVES[kind](**{name: value for name, value in table.items() if name != "kind"})
     except ParameterError as error:
         raise ParameterError(f"{where}: [drive]: {error}") from error
-    return table
 
 
 def _strip(value: Any, path: str, provenance: dict[str, Provenance], where: str) -> Any:

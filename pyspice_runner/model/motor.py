@@ -52,6 +52,7 @@ _EFFECTS: dict[tuple[str, str, float], tuple[str, ...]] = {
 ALIASES = {"frequency_hz": "stiffness_n_per_m", "quality_factor": "damping_n_s_per_m"}  # other ways to state a mode
 _AMPLITUDE = ("softening_per_m2", "damping_growth_per_m2")  # effects of a mode, off at 0
 _OPTIONAL: dict[str, type[Parameters]] = {"mount": Mount, "limits": Limits}  # sections that may be null
+_SECTIONS: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, "rotor": Rotor, **_OPTIONAL}
 
 
 @dataclass(frozen=True)
@@ -262,11 +263,11 @@ def assemble(
         return Motor(
             name=parts["name"],
             modes=tuple(modes[index] for index in order),
-            piezo=build(Piezo, parts["piezo"], "piezo", where),
-            contact=build(Contact, parts["contact"], "contact", where),
-            rotor=build(Rotor, parts["rotor"], "rotor", where),
-            mount=None if parts.get("mount") is None else build(Mount, parts["mount"], "mount", where),
-            limits=None if parts.get("limits") is None else build(Limits, parts["limits"], "limits", where),
+            **{
+                section: build(kind, parts[section], section, where)
+                for section, kind in _SECTIONS.items()
+                if section not in _OPTIONAL or parts.get(section) is not None
+            },
             drive=parts.get("drive"),
             structure=structure,
             provenance={
@@ -329,11 +330,10 @@ def _set_path(document: dict[str, Any], path: str, value: Any) -> str:
     elif path in _OPTIONAL:
         document[path] = dict(value) if isinstance(value, Mapping) else value
         return path
-    elif section in ("piezo", "contact", "rotor", *_OPTIONAL):
+    elif section in _SECTIONS:
         if document[section] is None:
             document[section] = {}
-        prefix, key, target = f"{section}.", rest, document[section]
-        allowed = tuple(_OPTIONAL[section].model_fields if section in _OPTIONAL else target)
+        prefix, key, target, allowed = f"{section}.", rest, document[section], tuple(_SECTIONS[section].model_fields)
     else:
         prefix, key, target, allowed = "", path, document, ("name", *_OPTIONAL)
     if key not in allowed:

@@ -78,10 +78,9 @@ def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True)
     own = motor.modes[mode]
     if not force_n > 0.0:
         raise ParameterError(f"Nothing drives mode {own.name}; choose another mode, or another phase of the groups.")
+    highest = force_n / own.damping_n_s_per_m / (2.0 * pi * own.frequency_hz)
     if not contact:
-        return StatorLag(
-            own.frequency_hz, own.quality_factor, force_n / own.damping_n_s_per_m / (2.0 * pi * own.frequency_hz)
-        )
+        return StatorLag(own.frequency_hz, own.quality_factor, highest)
     normal = contact_law.normal_stiffness_at_preload(motor.contact) * own.tip_y**2
 
     def state(amplitude: float) -> tuple[float, float]:
@@ -90,11 +89,10 @@ def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True)
         omega = sqrt((own.stiffness_n_per_m + normal + own.tip_x**2 * stiffness) / own.mass_kg)
         return omega, omega * own.damping_n_s_per_m + own.tip_x**2 * loss
 
-    highest = force_n / own.damping_n_s_per_m / (2.0 * pi * own.frequency_hz)
-    if not own.tip_x:  # no rubbing: the loss does not depend on the amplitude
-        omega, loss = state(highest)
-        return StatorLag(omega / (2.0 * pi), own.mass_kg * omega**2 / loss, force_n / loss)
-    amplitude = root(lambda r: state(r)[1] * r - force_n, 1e-9 * highest, highest, 1e-9 * highest)
+    if own.tip_x:
+        amplitude = root(lambda r: state(r)[1] * r - force_n, 1e-9 * highest, highest, 1e-9 * highest)
+    else:  # no rubbing: the loss does not depend on the amplitude
+        amplitude = force_n / state(highest)[1]
     omega, loss = state(amplitude)
     return StatorLag(omega / (2.0 * pi), own.mass_kg * omega**2 / loss, amplitude)
 

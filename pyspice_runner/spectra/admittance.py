@@ -24,6 +24,7 @@ from scipy.optimize import least_squares
 
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.equivalent import MotionalArm
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
 from pyspice_runner.model.refusal import checked
@@ -201,19 +202,15 @@ def _expected(motor: Motor, preloaded: bool) -> list[tuple[Mode, float, float]]:
         return [(mode, mode.frequency_hz, mode.frequency_hz / mode.quality_factor) for mode in motor.modes]
     # the rotor and the carrier on the contact's springs have resonances too, which are not modes of the stator
     frequencies = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
-    shifted = [min(frequencies, key=lambda f, mode=mode: _distance(f, mode, motor)) for mode in motor.modes]  # type: ignore[misc]
-    return [
-        (mode, float(f), mode.damping_n_s_per_m / mode.mass_kg / (2.0 * pi))
-        for mode, f in zip(motor.modes, shifted, strict=True)
-    ]
-
-
-def _distance(frequency: float, mode: Mode, motor: Motor) -> float:
-    """Return the distance of a resonance of the coupled system from that of this mode alone under preload, Hz."""
-    normal = contact_law.normal_stiffness_at_preload(motor.contact) * mode.tip_y**2
-    tangential = contact_law.tangential_stiffness_at_preload(motor.contact) * mode.tip_x**2
-    alone = sqrt((mode.stiffness_n_per_m + normal + tangential) / mode.mass_kg) / (2.0 * pi)
-    return abs(frequency - alone)
+    normal = contact_law.normal_stiffness_at_preload(motor.contact)
+    tangential = contact_law.tangential_stiffness_at_preload(motor.contact)
+    found = []
+    for mode in motor.modes:
+        stiffness = mode.stiffness_n_per_m + normal * mode.tip_y**2 + tangential * mode.tip_x**2
+        alone = sqrt(stiffness / mode.mass_kg) / (2.0 * pi)  # of this mode alone under preload
+        nearest = float(frequencies[np.argmin(np.abs(frequencies - alone))])
+        found.append((mode, nearest, mode.damping_n_s_per_m / mode.mass_kg / (2.0 * pi)))
+    return found
 
 
 def _resonance(
@@ -225,12 +222,12 @@ def _resonance(
     """
     frequency, y = swept[0], connect(swept[1], connection)
     fs = _peak(frequency, y.real)
-    resistance, inductance, capacitance = _motional_arm(frequency, y, fs, bandwidth)
-    if resistance <= 0.0:
+    arm = _motional_arm(frequency, y, fs, bandwidth)
+    if arm.resistance_ohm <= 0.0:
         return None
     weight_a, weight_b = COUPLING[connection]
     clamped = weight_a**2 * motor.piezo.capacitance_a_f + weight_b**2 * motor.piezo.capacitance_b_f
-    frequency_anti, matrix = _zoom(sweep, fs * sqrt(1.0 + capacitance / clamped), bandwidth)
+    frequency_anti, matrix = _zoom(sweep, fs * sqrt(1.0 + arm.capacitance_f / clamped), bandwidth)
     y_anti = connect(matrix, connection)
     fp = _peak(frequency_anti, (1.0 / y_anti).real)
     return Resonance(
@@ -240,10 +237,8 @@ def _resonance(
         fm=_local_peak(frequency, np.abs(y), fs),
         fn=_local_peak(frequency_anti, -np.abs(y_anti), fp),
         coupling_factor=sqrt(max(1.0 - (fs / fp) ** 2, 0.0)),
-        quality_factor=sqrt(inductance / capacitance) / resistance,
-        resistance_ohm=resistance,
-        inductance_h=inductance,
-        capacitance_f=capacitance,
+        quality_factor=arm.quality_factor,
+        **asdict(arm),
     )
 
 
@@ -276,8 +271,8 @@ def _local_peak(frequency: NDArray[np.float64], values: NDArray[np.float64], exp
 
 def _motional_arm(
     frequency: NDArray[np.float64], y: NDArray[np.complex128], fs: float, bandwidth: float
-) -> tuple[float, float, float]:
-    """Fit R, L, C of one arm on a smooth background, which enters linearly."""
+) -> MotionalArm:
+    """Fit one arm on a smooth background, which enters linearly."""
     near = np.exp(-0.5 * ((frequency - fs) / (2.0 * bandwidth)) ** 2)
     # the background has complex coefficients; the part outside the span of its columns is the residual
     background, _ = np.linalg.qr(np.vander(frequency / fs - 1.0, 4) * near[:, None])
@@ -303,4 +298,4 @@ def _motional_arm(
     omega = float(2.0 * pi * fs * (1.0 + found.x[0]))
     quality = float(np.exp(found.x[1]))
     resistance = 1.0 / split(found.x)[0]
-    return resistance, quality * resistance / omega, 1.0 / (omega * quality * resistance)
+    return MotionalArm(resistance, quality * resistance / omega, 1.0 / (omega * quality * resistance))

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import inf, isfinite
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -31,6 +32,10 @@ from pyspice_runner.units import engineering
 if TYPE_CHECKING:
     import pandas
 
+_VALUES = {  # quantity of a mode → attribute of a fitted arm
+    "frequency": "series_resonance_hz", "quality_factor": "quality_factor",
+    "coupling_factor": "characteristics.coupling_factor", "resistance": "resistance_ohm",
+}  # fmt: skip
 _DRIFTING: dict[str, dict[str, float]] = {  # quantity → powers of an arm's values
     "frequency": {"series_resonance_hz": 1.0},
     "quality_factor": {"quality_factor": 1.0},
@@ -352,28 +357,11 @@ def _pairs(wanted: Sequence[FittedArm], found: Sequence[FittedArm]) -> dict[int,
 
 
 def _deviation(number: int, reference: FittedArm, measured: FittedArm | None) -> ModeDeviation:
-    wanted = _values(reference)
+    wanted = {name: attrgetter(path)(reference) for name, path in _VALUES.items()}
     if measured is None:
         return ModeDeviation(number, wanted, None, {}, {})
-    found = _values(measured)
-    errors = measured.standard_errors
-    return ModeDeviation(
-        mode=number,
-        reference=wanted,
-        measured=found,
-        standard_errors={
-            "frequency": errors["series_resonance_hz"],
-            "quality_factor": errors["quality_factor"],
-            "resistance": errors["resistance_ohm"],
-        },
-        deviations={name: found[name] / wanted[name] - 1.0 for name in wanted},
-    )
-
-
-def _values(arm: FittedArm) -> dict[str, float]:
-    return {
-        "frequency": arm.series_resonance_hz,
-        "quality_factor": arm.quality_factor,
-        "coupling_factor": arm.characteristics.coupling_factor,
-        "resistance": arm.resistance_ohm,
+    found = {name: attrgetter(path)(measured) for name, path in _VALUES.items()}
+    errors = {
+        name: measured.standard_errors[path] for name, path in _VALUES.items() if path in measured.standard_errors
     }
+    return ModeDeviation(number, wanted, found, errors, {name: found[name] / wanted[name] - 1.0 for name in wanted})

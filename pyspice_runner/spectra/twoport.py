@@ -204,9 +204,9 @@ class TwoPortFit(Result):
             )
         if connection not in COUPLING:
             raise ParameterError(f"connection = {connection!r} is not valid: it must be one of {', '.join(COUPLING)}.")
-        given = mass_kg if mass_kg is not None else velocity_per_current
-        values = [float(given)] if isinstance(given, int | float) else [float(value) for value in given or ()]
-        what = "mass_kg" if mass_kg is not None else "velocity_per_current"
+        what = "velocity_per_current" if mass_kg is None else "mass_kg"
+        given = velocity_per_current if mass_kg is None else mass_kg
+        values = np.ravel(np.asarray(given, float)).tolist()
         if len(values) not in (1, len(self.modes)) or not all(0.0 < value < 1e18 for value in values):
             raise ParameterError(
                 f"{what} = {given!r} is not valid: it must be a number > 0, or one for each of {len(self.modes)} modes."
@@ -258,9 +258,13 @@ def fit_two_port(
                 f"{spectra.source or 'The spectrum'} has one port; "
                 "give a two-port, or the spectra of A, B and A+B or A-B."
             )
-        cautions += _reciprocity(spectra)
+        forward, backward = spectra.matrix_s[:, 0, 1], spectra.matrix_s[:, 1, 0]  # equal, of a passive stator
+        if (differ := 2.0 * rms(forward - backward) / rms(forward + backward)) >= 0.05:
+            cautions.append(
+                f"Y_AB and Y_BA differ by {100.0 * differ:.2g} % (RMS); check the wiring and the calibration."
+            )
         shown = {connection: spectra.driven(connection) for connection in get_args(Connection)}
-        transfer = 0.5 * (spectra.matrix_s[:, 0, 1] + spectra.matrix_s[:, 1, 0])
+        transfer = 0.5 * (forward + backward)
         # the four connections of a two-port hold three independent spectra
         ports: dict[str, Spectrum] = {
             "A": shown["A"], "B": shown["B"], _TRANSFER: Spectrum.from_admittance(spectra.frequency_hz, transfer),
@@ -455,10 +459,9 @@ def _report(
     for (log_frequency, log_quality, a, b), error in rows:
         frequency, quality = float(np.exp(log_frequency)) * problem.reference_hz, float(np.exp(log_quality))
         scale = sqrt(problem.unit_s * 2.0 * pi * frequency)  # θ²/m is ω over the reactance
-        sign = -1.0 if a < 0.0 else 1.0
-        units = np.array([frequency, quality, scale, scale])
-        standard_errors = dict(zip(_VALUES, (units * error).tolist(), strict=True))
-        modes.append(TwoPortMode(frequency, quality, float(sign * a) * scale, float(sign * b) * scale, standard_errors))
+        signed = -scale if a < 0.0 else scale
+        standard_errors = dict(zip(_VALUES, (error * [frequency, quality, scale, scale]).tolist(), strict=True))
+        modes.append(TwoPortMode(frequency, quality, float(a) * signed, float(b) * signed, standard_errors))
     capacitances = np.exp(parameters[:2]) * problem.unit_s / (2.0 * pi * problem.reference_hz)
     worst = max(errors.values())
     if worst > FINEST and problem.independent(parameters) < 0.5 * problem.count:
@@ -475,12 +478,3 @@ def _report(
         noise={name: dict(model.sigma) for name, model in problem.noise.items()},
         cautions=tuple(cautions),
     )
-
-
-def _reciprocity(spectrum: Spectrum) -> list[str]:
-    """Return a caution if the two transfer admittances differ; those of a passive stator are equal."""
-    forward, backward = spectrum.matrix_s[:, 0, 1], spectrum.matrix_s[:, 1, 0]
-    differ = 2.0 * rms(forward - backward) / rms(forward + backward)
-    if differ < 0.05:
-        return []
-    return [f"Y_AB and Y_BA differ by {100.0 * differ:.2g} % (RMS); check the wiring and the calibration."]

@@ -11,6 +11,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.model.dielectric import lossy_capacitance
+from pyspice_runner.model.equivalent import MotionalArm
 
 PARAMETER_SETS = [
     {},
@@ -202,5 +203,5 @@ def test_a_mode_that_its_neighbours_bury_is_left_out(monkeypatch: pytest.MonkeyP
     motor = pr.load_motor("andersen2002")
     found = pr.admittance(motor, start=10e3, stop=60e3, points=51)
     assert [item.mode for item in found.resonances["A"]] == [mode.name for mode in motor.modes]
-    monkeypatch.setattr("pyspice_runner.spectra.admittance._motional_arm", lambda *_: (-1.0, 1.0, 1.0))
+    monkeypatch.setattr("pyspice_runner.spectra.admittance._motional_arm", lambda *_: MotionalArm(-1.0, 1.0, 1.0))
     assert pr.admittance(motor, start=10e3, stop=60e3, points=51).resonances == dict.fromkeys(found.resonances, ())

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.spectra.identify import selection
+from pyspice_runner.spectra.identify.arms import Solution
 from pyspice_runner.spectra.identify.problem import Problem, thinning
 from pyspice_runner.spectra.noise import Noise
 from tests.data.spectra import make
@@ -116,9 +118,11 @@ def test_jacobian_is_that_of_the_residual() -> None:
     for rank, noise in enumerate(noises):
         parameters = np.concatenate([point, 0.1 * np.random.default_rng(0).standard_normal(3 * rank)])
         problem = Problem(BAND, TWO_MODES.admittance(BAND), Noise(noise))
-        _, jacobian = problem.linearised(parameters, 2)
+        solution = Solution(parameters, 0.0, 2)
+        _, jacobian = problem.linearised(solution)
         for index, step in enumerate(1e-6 * np.eye(len(parameters))):
-            slope = (problem.residual(parameters + step, 2) - problem.residual(parameters - step, 2)) / 2e-6
+            above, below = (replace(solution, parameters=parameters + sign * step) for sign in (1, -1))
+            slope = (problem.residual(above) - problem.residual(below)) / 2e-6
             assert np.abs(slope - jacobian[index]).max() < 1e-6 * np.abs(jacobian[index]).max()
 
 

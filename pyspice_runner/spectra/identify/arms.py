@@ -57,12 +57,17 @@ class Solution:
     @property
     def columns(self) -> Vector:
         """Ln f, ln X and ln Q of the arms, each a row."""
-        return columns_of(self.parameters, self.arms)
+        return self.parameters[GLOBALS : self.last].reshape(-1, 3).T
 
     @property
     def couplings(self) -> Vector:
-        """The couplings b, see :func:`couplings`."""
-        return couplings(self.parameters, self.arms)
+        """The couplings b of the clamped capacitance and the arms, shape (1 + arms, rank)."""
+        return self.parameters[self.last :].reshape(self.arms + 1, self.rank)
+
+    @property
+    def widths(self) -> Vector:
+        """Relative bandwidths of the arms, with their share in the coupled damping."""
+        return np.asarray(np.exp(-self.columns[2]) + (self.couplings[1:] ** 2).sum(axis=1))
 
     def changed(self, places: tuple[int, ...], values: Any, **fields: Any) -> Solution:
         """Return the solution with other values at some places, and other fields."""
@@ -106,14 +111,15 @@ class ArmModel:
             factors = np.append(0.0, orders[1:] * factors[:-1]) * 2.0 / LARGEST_LOSS_TANGENT
         return np.asarray((factors @ self._powers).view(complex))
 
-    def at(self, parameters: Vector, arms: int) -> Values:
+    def at(self, solution: Solution) -> Values:
         """Evaluate the model."""
-        size, falling, constant, rising, lead_r, lead_l = parameters[:GLOBALS]
+        size, falling, constant, rising, lead_r, lead_l = solution.parameters[:GLOBALS]
         size = np.exp(size)
         inner = size * (self.s * self.constant_loss(constant) + falling)
         behind = 1.0 / (1.0 + rising / size * inner)
         clamped = inner * behind
-        frequency, reactance, quality = np.exp(parameters[GLOBALS : GLOBALS + 3 * arms]).reshape(-1, 3).T[:, :, None]
+        arms = np.exp(solution.parameters[GLOBALS : solution.last]).reshape(-1, 3)
+        frequency, reactance, quality = arms.T[:, :, None]
         theta = np.sqrt(frequency / reactance)
         own = frequency / quality
         detuning = self.w - frequency**2 / self.w
@@ -123,7 +129,7 @@ class ArmModel:
         np.multiply(scale, own, out=compliance.real)
         np.multiply(scale, -detuning, out=compliance.imag)
         velocity = compliance * theta
-        coupling = couplings(parameters, arms) * np.sqrt(np.vstack([[[1.0 / size]], frequency]))
+        coupling = solution.couplings * np.sqrt(np.vstack([[[1.0 / size]], frequency]))
         first = clamped
         rank = coupling.shape[1]
         shared: Complexes = np.zeros((0, len(self.w)), dtype=complex)
@@ -191,29 +197,13 @@ def _dielectric(s: Complexes) -> Vector:
     return powers
 
 
-def columns_of(parameters: Vector, arms: int) -> Vector:
-    """Return ln f, ln X and ln Q of the arms, each a row."""
-    return parameters[GLOBALS : GLOBALS + 3 * arms].reshape(-1, 3).T
-
-
-def couplings(parameters: Vector, arms: int) -> Vector:
-    """Return the couplings b of the clamped capacitance and the arms, shape (1 + arms, rank)."""
-    return parameters[GLOBALS + 3 * arms :].reshape(arms + 1, (len(parameters) - GLOBALS - 3 * arms) // (arms + 1))
-
-
-def widths(parameters: Vector, arms: int) -> Vector:
-    """Return the relative bandwidths of the arms, with their share in the coupled damping."""
-    return np.asarray(np.exp(-columns_of(parameters, arms)[2]) + (couplings(parameters, arms)[1:] ** 2).sum(axis=1))
-
-
-def modal(parameters: Vector, arms: int) -> Vector:
+def modal(solution: Solution) -> Vector:
     """Return ln f, ln X and ln Q of the resonances, each a row, by rising frequency.
 
     They follow from the poles p and residues c of Y, which do not depend on the division of a coupled damping: ω is the
     magnitude of p, Q = −ω / (2 Re p), L = 1 / (2 Re c), X = ωL. Without coupling they are the values of the arms.
     """
-    own = columns_of(parameters, arms)
-    coupling = couplings(parameters, arms)[1:]
+    own, coupling, arms = solution.columns, solution.couplings[1:], solution.arms
     if not coupling.size:
         return own[:, np.argsort(own[0])]
     frequency, reactance, quality = np.exp(own)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.spectra.identify import descent
-from pyspice_runner.spectra.identify.arms import GLOBALS, LEADS, LOSSES, Solution, columns_of, modal, widths
+from pyspice_runner.spectra.identify.arms import GLOBALS, LEADS, LOSSES, Solution, modal
 from pyspice_runner.spectra.identify.descent import FINEST, Vector, derivatives
 from pyspice_runner.spectra.identify.problem import Problem
 
@@ -26,7 +26,7 @@ def independent(problem: Problem, solution: Solution) -> float:
     """Return the number of independent points: fewer than measured if the residuals are not noise."""
     if is_exact(problem, solution):
         return float(len(problem.w))
-    return descent.independent_points(problem.residual(solution.parameters, solution.arms))
+    return descent.independent_points(problem.residual(solution))
 
 
 def is_exact(problem: Problem, solution: Solution) -> bool:
@@ -44,7 +44,7 @@ def criterion(problem: Problem, solution: Solution, points: float) -> float:
 
 def covariance(problem: Problem, solution: Solution, free: NDArray[np.bool_] | None = None) -> Vector:
     """Return the covariance of the parameters; zero for those that are not free."""
-    _, _, hessian = descent.squares(*problem.linearised(solution.parameters, solution.arms))
+    _, _, hessian = descent.squares(*problem.linearised(solution))
     if free is None:
         free = np.ones(len(solution.parameters), dtype=bool)
         free[list(solution.held)] = False
@@ -69,7 +69,7 @@ def free_parameters(problem: Problem, solution: Solution) -> NDArray[np.bool_]:
 
 def resonances(problem: Problem, solution: Solution) -> list[int]:
     """Return the arms that resonate in the band."""
-    frequency, _, quality = np.exp(modal(solution.parameters, solution.arms))
+    frequency, _, quality = np.exp(modal(solution))
     inside = (frequency >= problem.w[0]) & (frequency <= problem.w[-1]) & (quality >= RESONANT_QUALITY)
     return [int(k) for k in np.flatnonzero(inside)]
 
@@ -78,7 +78,7 @@ def doubts(problem: Problem, solution: Solution) -> str:
     """Return why an arm of a solution is not one; empty if all are."""
     if is_exact(problem, solution):
         return ""
-    slope = derivatives(lambda parameters: modal(parameters, solution.arms)[1], solution.parameters)
+    slope = derivatives(lambda parameters: modal(replace(solution, parameters=parameters))[1], solution.parameters)
     spread = np.einsum("ki,ij,kj->k", slope, covariance(problem, solution, free_parameters(problem, solution)), slope)
     if not np.all(spread < UNDETERMINED**2):
         return "an arm is not determined"
@@ -94,10 +94,10 @@ def doubts(problem: Problem, solution: Solution) -> str:
     return ""
 
 
-def log_values(parameters: Vector, arms: int) -> Vector:
+def log_values(solution: Solution) -> Vector:
     """Return ln C₀, tan δ, R_ℓ, L_ℓ and ln R, L, C, f, Q of each arm, in the units of the problem."""
-    frequency, reactance, _ = columns_of(parameters, arms)
-    quality = -np.log(widths(parameters, arms))
+    parameters, (frequency, reactance, _) = solution.parameters, solution.columns
+    quality = -np.log(solution.widths)
     found = [reactance - quality, reactance - frequency, -reactance - frequency, frequency, quality]
     first = [parameters[0], parameters[list(LOSSES)].sum(), *parameters[list(LEADS)]]
     return np.concatenate([first, np.array(found).T.ravel()])
@@ -148,7 +148,9 @@ def estimates(problem: Problem, solution: Solution, shifts: Vector) -> Estimates
     circuit = circuit_of(problem, solution)
     free = free_parameters(problem, solution)
 
-    transform = derivatives(lambda parameters: log_values(parameters, solution.arms), solution.parameters)
+    transform = derivatives(
+        lambda parameters: log_values(replace(solution, parameters=parameters)), solution.parameters
+    )
     shifts = shifts[:, places]
     spread = transform @ covariance(problem, solution, free) @ transform.T + shifts.T @ shifts
     deviation = np.sqrt(np.maximum(np.diag(spread), 0.0))

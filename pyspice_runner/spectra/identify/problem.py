@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.errors import SpectrumError
 from pyspice_runner.model.dielectric import LARGEST_LOSS_TANGENT
-from pyspice_runner.spectra.identify.arms import COST, GLOBALS, ArmModel, Solution, Values, columns_of, widths
+from pyspice_runner.spectra.identify.arms import COST, GLOBALS, ArmModel, Solution, Values
 from pyspice_runner.spectra.identify.descent import FINEST, Complexes, NormalEquations, Vector, descend, rms, squares
 from pyspice_runner.spectra.noise import Noise, difference
 
@@ -97,7 +97,7 @@ class Problem:
 
     def admittance(self, solution: Solution) -> Complexes:
         """Return the fitted admittance, in the unit of this problem."""
-        return self.model.at(solution.parameters, solution.arms).y
+        return self.model.at(solution).y
 
     def rms_relative_error(self, solution: Solution) -> float:
         """Return the root mean square of |Y_model/Y − 1|."""
@@ -109,21 +109,21 @@ class Problem:
         found, slope = difference(self.noise.domain, y * unit, self.y * unit)
         return found * self.weight, slope * (unit * self.weight)
 
-    def residual(self, parameters: Vector, arms: int) -> Complexes:
+    def residual(self, solution: Solution) -> Complexes:
         """Return the weighted residual."""
-        return self._residual(self.model.at(parameters, arms).y)[0]
+        return self._residual(self.admittance(solution))[0]
 
     def device_residual(self, solution: Solution) -> tuple[Values, Complexes, Complexes]:
         """Return the values of the model, the weighted residual and its derivative by Y behind the leads."""
-        values = self.model.at(solution.parameters, solution.arms)
+        values = self.model.at(solution)
         residual, outer = self._residual(values.y)
         return values, residual, outer * (values.y / values.device) ** 2
 
-    def linearised(self, parameters: Vector, arms: int) -> tuple[Complexes, Complexes]:
+    def linearised(self, solution: Solution) -> tuple[Complexes, Complexes]:
         """Return the residual and its derivatives, shape (parameters, points), which the next call overwrites."""
-        values = self.model.at(parameters, arms)
+        values = self.model.at(solution)
         residual, outer = self._residual(values.y)
-        return residual, self.model.jacobian(values, parameters, outer)
+        return residual, self.model.jacobian(values, solution.parameters, outer)
 
     def error(self, solution: Solution) -> float:
         """Return the root mean square of the real and imaginary parts of the weighted residual, at least ``FINEST``."""
@@ -155,15 +155,16 @@ class Problem:
         Raises:
             SpectrumError: after the deadline, a time of ``time.monotonic()``.
         """
-        arms, last = start.arms, start.last
+        last = start.last
 
         def reach(parameters: Vector) -> Vector:
             """Return the largest step: of an arm its bandwidth or its distance from the band, in size e²."""
-            frequency = columns_of(parameters, arms)[0]
+            solution = replace(start, parameters=parameters)
+            frequency = solution.columns[0]
             outside = np.maximum(np.maximum(frequency - log(self.w[-1]), log(self.w[0]) - frequency), self.finest)
             found = np.full(len(parameters), np.inf)
             found[GLOBALS:last] = 2.0
-            found[GLOBALS:last:3] = np.maximum(2.0 * widths(parameters, arms), outside)
+            found[GLOBALS:last:3] = np.maximum(2.0 * solution.widths, outside)
             return found
 
         def equations(parameters: Vector) -> NormalEquations:
@@ -171,7 +172,7 @@ class Problem:
                 raise SpectrumError(
                     "The fit did not end within the time allowed. Allow more, or fit a part of the band."
                 )
-            cost, gradient, hessian = squares(*self.linearised(parameters, arms))
+            cost, gradient, hessian = squares(*self.linearised(replace(start, parameters=parameters)))
             if self.ridge and len(parameters) > last:
                 gradient[last:] += self.ridge * parameters[last:]
                 hessian[range(last, len(parameters)), range(last, len(parameters))] += self.ridge
@@ -190,8 +191,7 @@ class Problem:
 
 def ridge_of(solution: Solution) -> float:
     """Return the weight of the ridge at a solution, in proportion to its residuals and quality factors."""
-    width = widths(solution.parameters, solution.arms)
-    return _RIDGE * solution.cost * float(np.exp(-np.log(width).mean()))
+    return _RIDGE * solution.cost * float(np.exp(-np.log(solution.widths).mean()))
 
 
 def thinning(y: Complexes, most: int) -> NDArray[np.intp]:

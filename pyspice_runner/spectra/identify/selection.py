@@ -151,10 +151,10 @@ def _shifts(ranked: Ranked) -> Vector:
     14, 1999, doi:10.1214/ss/1009212519).
     """
     odds = np.exp(-0.5 * (np.array([score for score, _ in ranked]) - ranked[0][0]))
-    best = errors.log_values(ranked[0][1].parameters, ranked[0][1].arms)
+    best = errors.log_values(ranked[0][1])
     rivals = zip((odds / odds.sum()).tolist(), ranked, strict=True)
     return np.array([
-        np.sqrt(share) * (errors.log_values(item.parameters, item.arms) - best)
+        np.sqrt(share) * (errors.log_values(item) - best)
         for share, (_, item) in rivals if share > 1e-9
     ])  # fmt: skip
 
@@ -209,7 +209,7 @@ def coupled(problem: Problem, solution: Solution) -> Solution:
     """Return the fit with damping coupled by one column, started from one linear step."""
     arms, last = solution.arms, solution.last
     problem.ridge = problem.ridge or ridge_of(solution)
-    residual, jacobian = problem.linearised(solution.parameters, arms)
+    residual, jacobian = problem.linearised(solution)
     values, _, chain = problem.device_residual(solution)
     currents = np.sqrt(values.frequency) * values.velocity
     first, second = np.triu_indices(arms, 1)
@@ -311,7 +311,7 @@ def simplified(problem: Problem, solution: Solution, points: float, leads: bool)
 
 def _leads_promise(problem: Problem, solution: Solution) -> float:
     """Return the decrease of the sum of squares by leads in one linear step, in units of the error's variance."""
-    _, gradient, hessian = squares(*problem.linearised(solution.parameters, solution.arms))
+    _, gradient, hessian = squares(*problem.linearised(solution))
     free = [k for k in range(len(gradient)) if k not in solution.held]
     both = [*free, *LEADS]
     fall = [float(gradient[part] @ inverse(hessian[np.ix_(part, part)]) @ gradient[part]) for part in (both, free)]

@@ -21,9 +21,9 @@ FORMATS = (
     (tabular.read_e4990a, ("trace",)),
     (mfia.read, ("trace",)),
     (touchstone.read, ("through",)),
-    (tabular.BODE100.read, ()),
-    (tabular.WAVEFORMS.read, ()),
-    (tabular.NANOVNA.read, ()),
+    (tabular.read_bode100, ()),
+    (tabular.read_waveforms, ()),
+    (tabular.read_nanovna, ()),
     (tabular.read_aim, ()),
     (plain.read, ()),
 )

@@ -12,7 +12,7 @@ import re
 
 import numpy as np
 
-from pyspice_runner.spectra.readers.quantities import pair_of, with_named_phase
+from pyspice_runner.spectra.readers.quantities import heading, pair_of, with_named_phase
 from pyspice_runner.spectra.readers.reading import MEMORY_NOTE, Reading, wants_memory
 from pyspice_runner.spectra.readers.text import Floats, Table, Text, describe, quote, read_table
 
@@ -20,25 +20,6 @@ FORMAT = "4294A ASCII"
 Traces = tuple[dict[str, Floats], Floats, Table]  # quantity → values, frequencies, and a table with their lines
 _MODEL = re.compile(r'\s*"?\s*(?:HP |AGILENT )?4294A\b', re.IGNORECASE)
 _SETTING = re.compile(r'\s*"([^":]+):\s*(.*?)\s*"\s*')
-
-_TOKENS = (  # of the line MEASURE PARAMETER, in the order of the two traces; full names first, then symbols
-    (r"IMPEDANCE MAG(?:NITUDE)?|\|Z\||IMPEDANCE ABS", "abs_z"),
-    (r"ADMITTANCE MAG(?:NITUDE)?|\|Y\||ADMITTANCE ABS", "abs_y"),
-    (r"PHASE(?: \((?:DEG|RAD)\))?|THETA|Θ", "phase"),
-    (r"SERIES INDUCTANCE|\bLS\b", "ls"),
-    (r"SERIES CAPACITANCE|\bCS\b", "cs"),
-    (r"SERIES RESISTANCE|\bRS\b|\bR\b|RESISTANCE|IMPEDANCE REAL", "r"),
-    (r"REACTANCE|\bX\b", "x"),
-    (r"PARALLEL INDUCTANCE|\bLP\b", "lp"),
-    (r"PARALLEL CAPACITANCE|\bCP\b", "cp"),
-    (r"PARALLEL RESISTANCE|\bRP\b", "rp"),
-    (r"CONDUCTANCE|\bG\b|ADMITTANCE REAL", "g"),
-    (r"SUSCEPTANCE|\bB\b", "b"),
-    (r"QUALITY FACTOR|\bQ\b", "q"),
-    (r"DISSIPATION FACTOR|\bD\b", "d"),
-    (r"IMAG(?:INARY)?", "imaginary"),
-)
-_TOKEN = re.compile("|".join(f"(?P<k{place}>{pattern})" for place, (pattern, _) in enumerate(_TOKENS)))
 _MNEMONICS = {  # of the manuals (GPIB): the quantities of traces A and B
     "IMPH": "abs_z phase", "IRIM": "r x", "LSR": "ls r", "LSQ": "ls q", "CSR": "cs r", "CSQ": "cs q", "CSD": "cs d",
     "AMPH": "abs_y phase", "ARIM": "g b", "LPG": "lp g", "LPQ": "lp q", "CPG": "cp g", "CPQ": "cp q", "CPD": "cp d",
@@ -81,11 +62,18 @@ def read(text: Text, trace: str | None) -> Reading | None:
 
 def parameters(named: str) -> tuple[str, str] | None:
     """Return the quantities of traces A and B by the MEASURE PARAMETER line; ``None`` if unknown."""
-    upper = " ".join(named.upper().replace("_", " ").replace("-", " ").split())
-    if upper in _MNEMONICS or "COMPLEX" in upper:
-        first, second = _MNEMONICS.get(upper, "complex complex").split()
+    words = re.split(r"[\s_/,-]+", named.upper().strip())
+    mnemonic = " ".join(words)
+    if mnemonic in _MNEMONICS or "COMPLEX" in mnemonic:
+        first, second = _MNEMONICS.get(mnemonic, "complex complex").split()
         return first, second
-    found = [_TOKENS[int(str(match.lastgroup)[1:])][1] for match in _TOKEN.finditer(upper)]
+    found = []
+    while words:  # the longest name first, as SERIES CAPACITANCE or PHASE (DEG)
+        sizes = (3, 2) if len(words[0]) > 1 else ()  # a letter is a name of its own
+        size = next((size for size in sizes if heading(" ".join(words[:size])).kind), 1)
+        name, words = " ".join(words[:size]), words[size:]
+        kind = "imaginary" if name.startswith("IMAG") else heading(name).kind or ""
+        found += ["phase" if kind.startswith("phase") else kind] if kind else []
     if len(found) != 2 or found[0] == found[1] or found[0] in ("imaginary", "phase"):
         return None
     first, second = found

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import pi
 
 import numpy as np
@@ -29,24 +28,22 @@ from pyspice_runner.spectra.readers.reading import MEMORY_NOTE, Reading, cut_cau
 from pyspice_runner.spectra.readers.text import Text, number, read_table, separator, split
 
 
-@dataclass(frozen=True)
-class Tabular:
-    """A format whose header names the quantities."""
+def _tabular(
+    name: str, header: Callable[[Text], int | None], meaning: Callable[[str], Heading], sweeps: bool = False
+) -> Callable[[Text], Reading | None]:
+    """Return the reader of a format by its header line (``None`` in another format) and the meaning of a heading.
 
-    name: str  # name of the format
-    # function that returns the line of the header; ``None`` for a file in another format.
-    header: Callable[[Text], int | None]
-    meaning: Callable[[str], Heading]  # meaning of a column by its heading
-    # whether the instrument always sweeps steadily, so that a frequency that does not is another column.
-    sweeps: bool = False
+    ``sweeps`` tells whether the instrument always sweeps steadily, so that a frequency that does not is another column.
+    """
 
-    def read(self, text: Text) -> Reading | None:
-        """Read the file; ``None`` if it is in another format."""
-        header = self.header(text)
-        if header is None:
+    def read(text: Text) -> Reading | None:
+        line = header(text)
+        if line is None:
             return None
-        reading = from_header(text, header, self.name, self.meaning)
-        return swept(reading) if self.sweeps else reading
+        reading = from_header(text, line, name, meaning)
+        return swept(reading) if sweeps else reading
+
+    return read
 
 
 _E4990A_BEGIN = re.compile(r"BEGIN CH[0-9]+_DATA")
@@ -168,6 +165,6 @@ def _is_consistent(cells: list[str]) -> bool:
     return bool(abs(np.hypot(r, x) - size) <= 0.02 * size + 0.1 and abs(np.angle(r + 1j * x, deg=True) - angle) < 2.0)
 
 
-BODE100 = Tabular("Omicron Bode 100 CSV", lambda text: text.find(_BODE_HEADER.match, 0, 200), _bode_column)
-WAVEFORMS = Tabular("Digilent WaveForms CSV", _waveforms_header, _waveforms_column)
-NANOVNA = Tabular("NanoVNA CSV", _nanovna_header, _nanovna_column, sweeps=True)
+read_bode100 = _tabular("Omicron Bode 100 CSV", lambda text: text.find(_BODE_HEADER.match, 0, 200), _bode_column)
+read_waveforms = _tabular("Digilent WaveForms CSV", _waveforms_header, _waveforms_column)
+read_nanovna = _tabular("NanoVNA CSV", _nanovna_header, _nanovna_column, sweeps=True)
