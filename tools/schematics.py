@@ -141,7 +141,7 @@ def kicad_schematic(motor: Motor, symbol: str) -> str:
             f'  (text "{note}" (at 88.9 {111.76 + 5.08 * number:g} 0) {_FONT} (justify left bottom)) '
             f"(uuid {_id(note)}))"
         )
-    pins = " ".join(f"{number}={pin.name}" for number, pin in enumerate(MOTOR_PINS, start=1))
+    pins = " ".join(f"{number}={pin}" for number, pin in enumerate(MOTOR_PINS, start=1))
     fields = {"Sim.Device": "SUBCKT", "Sim.Library": f"{NAME}.lib", "Sim.Name": SUBCIRCUIT, "Sim.Pins": pins}
     parts.append(_placed(f"{NAME}:{SUBCIRCUIT}", "X1", SUBCIRCUIT, (127.0, 76.2), fields, len(MOTOR_PINS)))
     for number, (name, tone) in enumerate(_tones(motor)):

@@ -68,10 +68,8 @@ def _symbol(symbol: Callable[..., str], export: CircuitExport, path: Path) -> st
 
 
 def _touchstone(export: CircuitExport, _: Path) -> str:
-    circuit = export.circuit
-    frequency = _grid(circuit) if export.frequency_hz is None else export.frequency_hz
-    title = export.title or "piezoelectric resonator"
-    return touchstone(frequency, circuit.admittance(frequency)[:, None, None], title=title)
+    frequency = _grid(export.circuit) if export.frequency_hz is None else export.frequency_hz
+    return touchstone(frequency, export.circuit.admittance(frequency)[:, None, None], title=export.title)
 
 
 def _grid(circuit: EquivalentCircuit) -> NDArray[np.float64]:

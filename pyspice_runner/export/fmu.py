@@ -121,8 +121,7 @@ def _values(motor: Motor, thermal: Thermal | None) -> dict[str, float]:
 def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None) -> dict[str, str]:
     """Return the text files of a Functional Mock-up Unit: path in the archive → text. Without the binary.
 
-    Raises:
-        ParameterError: for an invalid name, or a motor that has no averaged model.
+    Raise ParameterError for an invalid name, or a motor that has no averaged model.
     """
     identifier = check_name(name) if name else SUBCIRCUIT
     require_averaged(motor)
@@ -142,8 +141,7 @@ def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None) -
 def fmu_archive(texts: Mapping[str, str]) -> bytes:
     """Compile the sources of a Functional Mock-up Unit, and return the unit with its binary.
 
-    Raises:
-        SimulationError: if there is no C compiler.
+    Raise SimulationError if there is no C compiler.
     """
     identifier = ElementTree.fromstring(texts["modelDescription.xml"]).attrib["modelName"]
     contents = {name: text.encode() for name, text in texts.items()}

@@ -15,7 +15,7 @@ from pathlib import Path
 from pyspice_runner.export.fmu import fmu_archive, fmu_texts
 from pyspice_runner.export.symbols import MOTOR_PINS, THERMAL_PINS, kicad_symbol, library_name, ltspice_symbol
 from pyspice_runner.export.touchstone import touchstone
-from pyspice_runner.export.xyce import Dialect, check_dialect, in_dialect
+from pyspice_runner.export.xyce import Dialect, check_dialect, xyce_library
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
@@ -117,7 +117,7 @@ def _library(export: MotorExport) -> str:
         text = averaged_library(export.motor, name=export.name, thermal=export.thermal)
     else:
         text = motor_library(export.motor, contact=export.contact, name=export.name, thermal=export.thermal)
-    return in_dialect(text, export.dialect)
+    return xyce_library(text) if export.dialect == "xyce" else text
 
 
 def _module(export: MotorExport) -> str:
@@ -131,7 +131,7 @@ def _unit(export: MotorExport) -> dict[str, str]:
 
 def _symbol(symbol: Callable[..., str], export: MotorExport, path: Path) -> str:
     name = check_name(export.name) if export.name else (THERMAL_SUBCIRCUIT if export.thermal else SUBCIRCUIT)
-    pins = MOTOR_PINS + (THERMAL_PINS if export.thermal else ())
+    pins = {**MOTOR_PINS, **(THERMAL_PINS if export.thermal else {})}
     return symbol(name, pins, library_name(path), f"standing-wave piezomotor {export.motor.name}")
 
 

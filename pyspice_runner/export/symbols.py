@@ -7,8 +7,7 @@ files with a parser of the format, and the files state this.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -18,30 +17,19 @@ UNTESTED = "Untested: written by pyspice-runner and checked by a parser, never o
 TESTED = "Tested with KiCad 9"
 
 
-@dataclass(frozen=True)
-class SymbolPin:
-    """A pin of a symbol: its name in the subcircuit, and its side of the box."""
+Pins = Mapping[str, Literal["left", "right"]]  # name of a pin in the subcircuit → its side of the box
 
-    name: str
-    side: Literal["left", "right"]
-
-
-MOTOR_PINS = (
-    SymbolPin("a", "left"),
-    SymbolPin("b", "left"),
-    SymbolPin("com", "left"),
-    SymbolPin("shaft", "right"),
-)
-THERMAL_PINS = (SymbolPin("temperature", "right"), SymbolPin("heat", "right"))
-RESONATOR_PINS = (SymbolPin("p", "left"), SymbolPin("n", "right"))
+MOTOR_PINS: Pins = {"a": "left", "b": "left", "com": "left", "shaft": "right"}
+THERMAL_PINS: Pins = {"temperature": "right", "heat": "right"}
+RESONATOR_PINS: Pins = {"p": "left", "n": "right"}
 
 
-def ltspice_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: str) -> str:
+def ltspice_symbol(name: str, pins: Pins, library: str, title: str) -> str:
     """Return an LTspice symbol of ``.subckt NAME``, whose library is beside the schematic, its pins in their order."""
     title = ascii_line(title, '"\\').rstrip(". ")
     rows = _rows(pins)
     bottom = 32 * max(rows) + 32
-    usage = f"Use: put {library} beside the schematic, place X, and plot I(X1:{pins[0].name})"
+    usage = f"Use: put {library} beside the schematic, place X, and plot I(X1:{next(iter(pins))})"
     lines = [
         "Version 4",
         "SymbolType CELL",
@@ -53,14 +41,13 @@ def ltspice_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: st
         f"SYMATTR ModelFile {library}",
         f"SYMATTR Description {title}. {usage}. {UNTESTED}.",
     ]
-    for order, (pin, row) in enumerate(zip(pins, rows, strict=True), start=1):
-        x = -64 if pin.side == "left" else 64
-        lines += [f"PIN {x} {32 * row} {pin.side.upper()} 8", f"PINATTR PinName {pin.name}"]
-        lines += [f"PINATTR SpiceOrder {order}"]
+    for order, ((pin, side), row) in enumerate(zip(pins.items(), rows, strict=True), start=1):
+        x = -64 if side == "left" else 64
+        lines += [f"PIN {x} {32 * row} {side.upper()} 8", f"PINATTR PinName {pin}", f"PINATTR SpiceOrder {order}"]
     return "\n".join(lines) + "\n"
 
 
-def kicad_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: str) -> str:
+def kicad_symbol(name: str, pins: Pins, library: str, title: str) -> str:
     """Return a KiCad symbol library (format of KiCad 7, which later versions read) with its simulation fields."""
     title = ascii_line(title, '"\\').rstrip(". ")
     rows = _rows(pins)
@@ -73,7 +60,7 @@ def kicad_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: str)
         ("Sim.Device", "SUBCKT", 0.0, True),
         ("Sim.Library", library, 0.0, True),
         ("Sim.Name", name, 0.0, True),
-        ("Sim.Pins", " ".join(f"{number}={pin.name}" for number, pin in enumerate(pins, start=1)), 0.0, True),
+        ("Sim.Pins", " ".join(f"{number}={pin}" for number, pin in enumerate(pins, start=1)), 0.0, True),
         ("ki_description", f"{title}. {TESTED}.", 0.0, True),
         ("Usage", f"Put {library} beside the schematic; Inspect, Simulator runs it.", 0.0, True),
     ]
@@ -90,30 +77,25 @@ def kicad_symbol(name: str, pins: Sequence[SymbolPin], library: str, title: str)
         "        (stroke (width 0.254) (type default)) (fill (type background))))",
         f'    (symbol "{name}_1_1"',
     ]
-    for number, (pin, row) in enumerate(zip(pins, rows, strict=True), start=1):
-        x, angle = (-10.16, 0) if pin.side == "left" else (10.16, 180)
+    for number, ((pin, side), row) in enumerate(zip(pins.items(), rows, strict=True), start=1):
+        x, angle = (-10.16, 0) if side == "left" else (10.16, 180)
         lines += [
             f"      (pin passive line (at {x:g} {0.0 - 2.54 * row:g} {angle}) (length 2.54)",
-            f'        (name "{pin.name}" {font})) (number "{number}" {font})))',
+            f'        (name "{pin}" {font})) (number "{number}" {font})))',
         ]
     return "\n".join([*lines, "    )", "  )", ")"]) + "\n"
 
 
-def _rows(pins: Sequence[SymbolPin]) -> list[int]:
+def _rows(pins: Pins) -> list[int]:
     """Return the row of every pin, counted on each side from the top."""
-    count = {"left": 0, "right": 0}
-    rows = []
-    for pin in pins:
-        rows.append(count[pin.side])
-        count[pin.side] += 1
-    return rows
+    sides = list(pins.values())
+    return [sides[:place].count(side) for place, side in enumerate(sides)]
 
 
 def library_name(file: Path) -> str:
     """Return the name of the library in the folder of a symbol's file.
 
-    Raises:
-        ParameterError: for a name with characters that end a text of the format.
+    Raise ParameterError for a name with characters that end a text of the format.
     """
     if not file.stem.isprintable() or set(file.stem) & set('"\\'):
         raise ParameterError(

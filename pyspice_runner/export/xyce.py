@@ -31,10 +31,9 @@ _TESTED = (
 
 
 def check_dialect(dialect: str, path: str | Path | None) -> None:
-    """Check the dialect of an export to a file; ``None`` is the standard output.
+    """Raise ParameterError for an unknown dialect, or one for a file that is not a ``.lib``.
 
-    Raises:
-        ParameterError: for an unknown dialect, or one for a file that is not a ``.lib``.
+    ``path`` is the file of an export; ``None`` is the standard output.
     """
     if dialect not in get_args(Dialect):
         raise ParameterError(f"dialect = {dialect!r} is not known: it must be one of {', '.join(get_args(Dialect))}.")
@@ -44,16 +43,10 @@ def check_dialect(dialect: str, path: str | Path | None) -> None:
         )
 
 
-def in_dialect(text: str, dialect: str) -> str:
-    """Return a library in a dialect; ``"spice"`` leaves it unchanged."""
-    return xyce_library(text) if dialect == "xyce" else text
-
-
 def xyce_library(text: str) -> str:
     """Return a library in the dialect of Xyce.
 
-    Raises:
-        ParameterError: for a function or an operator that Xyce does not have, as a user's own law may contain.
+    Raise ParameterError for a function or an operator that Xyce does not have, as a user's own law may contain.
     """
     return "\n".join(_line(line) for line in text.splitlines()) + "\n"
 

@@ -125,8 +125,7 @@ def solve_resonator(
 ) -> Resonator:
     """Return the ``count`` lowest bending modes, from ``shapes`` sines, with or without patches.
 
-    Raises:
-        ParameterError: The parts do not fit together, or ``count`` does not fit ``shapes``.
+    Raise ParameterError if the parts do not fit together, or ``count`` does not fit ``shapes``.
     """
     if not 1 <= count <= shapes:
         raise ParameterError(
@@ -218,8 +217,7 @@ def resonator_modes(
 def clamped_capacitances(beam: Beam, patches: Sequence[Patch]) -> tuple[float, float]:
     """Return the capacitances (F) of groups A and B with the deflection held at zero, free to stretch.
 
-    Raises:
-        ParameterError: The patches do not fit the beam or each other, or a group has none.
+    Raise ParameterError if the patches do not fit the beam or each other, or a group has none.
     """
     _require_both_groups(patches)
     capacitances = np.zeros(2)

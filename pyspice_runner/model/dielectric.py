@@ -54,10 +54,7 @@ def lossy_capacitance(
 
     The capacitance in F is that at the centre of the band, the geometric mean of its ends. A loss tangent of 0 gives
     one branch without resistance. ``branches``, at least 2, are by default the fewest that keep the loss tangent within
-    5 % over the band: 6 for 1 kHz to 10 MHz.
-
-    Raises:
-        ParameterError: for a value out of range.
+    5 % over the band: 6 for 1 kHz to 10 MHz. Raise ParameterError for a value out of range.
     """
     if not capacitance_f > 0.0:
         raise ParameterError(f"capacitance_f = {capacitance_f:g} F is not valid: it must be above 0.")

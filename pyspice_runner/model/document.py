@@ -32,8 +32,7 @@ _LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{MOST_PARTS}}}"
 def read_document(path: Path, wanted: str) -> str:
     """Return the text of a file; a message proposes the kind of file that is ``wanted``.
 
-    Raises:
-        ParameterError: if the file is not a regular file, is too large, is not text, or cannot be read.
+    Raise ParameterError if the file is not a regular file, is too large, is not text, or cannot be read.
     """
     return _read(path, str(path), wanted, MOST_BYTES, lambda file: file.read_text(encoding="utf-8"))
 
@@ -41,8 +40,7 @@ def read_document(path: Path, wanted: str) -> str:
 def read_bytes(path: str, what: str, most: int) -> bytes:
     """Return at most ``most`` bytes of a library; ``what`` is its kind for messages, such as ``"contact law"``.
 
-    Raises:
-        ParameterError: if the file is not a regular file, is too large, or cannot be read.
+    Raise ParameterError if the file is not a regular file, is too large, or cannot be read.
     """
     shown = repr(path if len(path) <= 200 else f"{path[:197]}...")
     return _read(Path(path), f"the {what} {shown}", "the path of a .lib file", most, Path.read_bytes)
@@ -65,13 +63,10 @@ def _read(path: Path, shown: str, wanted: str, most: int, read: Callable[[Path],
 
 
 def parse_toml(text: str, name: str) -> dict[str, Any]:
-    """Parse a TOML text and return its table.
+    """Return the table of a TOML text. Raise ParameterError if it is not valid, or nests its values too deeply.
 
     Memory and time of the parser grow with the square of the number of parts of a dotted key, and its recursion with
     the nesting of arrays; both are limited here.
-
-    Raises:
-        ParameterError: if the text is not valid TOML, or nests its values too deeply.
     """
     if _LONG_KEY.search(_NO_KEY.sub("_", text)):
         raise ParameterError(

@@ -189,8 +189,7 @@ def free_tip(motor: Motor, drive: Drive) -> tuple[float, float]:
 def check_together(motor: Motor, drive: Drive) -> None:
     """Check that a drive suits a motor.
 
-    Raises:
-        ParameterError: for a frequency far from the modes, or a voltage beyond the strength of the stator.
+    Raise ParameterError for a frequency far from the modes, or a voltage beyond the strength of the stator.
     """
     lowest, highest = (bound(mode.frequency_hz for mode in motor.modes) for bound in (min, max))
     for frequency in drive.frequencies:
@@ -219,11 +218,7 @@ class Load:
     torque: float = 0.0
 
     def check(self, motor: Motor) -> None:
-        """Check that a motor's shaft can be held or loaded like this.
-
-        Raises:
-            ParameterError: for a value out of range, or for speed and torque together.
-        """
+        """Raise ParameterError for a value out of range for a motor's shaft, or for speed and torque together."""
         if self.speed is not None:
             if not abs(self.speed) <= FASTEST_SHAFT:
                 raise ParameterError(

@@ -19,7 +19,7 @@ frequency. The characteristic frequencies are those of IEEE 176, of the device b
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import pi, sqrt
 
 import numpy as np
@@ -214,15 +214,13 @@ class EquivalentCircuit:
         return self._defined(frequency, high, resistance, capacitance)
 
     def _defined(self, low: float, high: float, resistance: float, capacitance: float) -> dict[str, float]:
-        inductance = 1.0 / ((2.0 * pi * low) ** 2 * capacitance)
+        arm = MotionalArm(resistance, 1.0 / ((2.0 * pi * low) ** 2 * capacitance), capacitance)
         return {
             "resonance_hz": low,
             "antiresonance_hz": high,
             "coupling_factor": sqrt(1.0 - (low / high) ** 2),
-            "quality_factor": sqrt(inductance / capacitance) / resistance,
-            "resistance_ohm": resistance,
-            "inductance_h": inductance,
-            "capacitance_f": capacitance,
+            "quality_factor": arm.quality_factor,
+            **asdict(arm),
             "clamped_capacitance_f": self.clamped_capacitance_f,
         }
 

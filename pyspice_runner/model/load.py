@@ -42,15 +42,7 @@ from pyspice_runner.model.motor import (
     with_constants,
 )
 from pyspice_runner.model.parameters import Beam, Contact, Damping, Mode, Parameters, Patch, Rotor, Tip, label, quantity
-from pyspice_runner.model.refusal import (
-    allowed_range,
-    as_table,
-    build,
-    check_keys,
-    checked,
-    quoted,
-    unit_of,
-)
+from pyspice_runner.model.refusal import allowed_range, as_table, build, check_keys, checked, quoted, unit_of
 
 SETS = Path(__file__).parent / "sets"
 
@@ -236,9 +228,7 @@ def _resolve_modes(
     plain: dict[str, Any], way: str, where: str
 ) -> tuple[Structure | None, list[dict[str, Any]], dict[str, float] | None]:
     if way == "beam":
-        structure, modes = _from_beam(plain, where)
-        capacitance_a, capacitance_b = beam_model.clamped_capacitances(structure.beam, structure.patches)
-        return structure, modes, {"capacitance_a_f": capacitance_a, "capacitance_b_f": capacitance_b}
+        return _from_beam(plain, where)
     for key in ("ceramic", "patches", "tip"):
         if key in plain:
             raise ParameterError(f"{where}: [{key}] belongs to a [beam]; with [[{way}]] leave it out.")
@@ -263,7 +253,7 @@ def _resolve_modes(
     return None, modes, None
 
 
-def _from_beam(plain: dict[str, Any], where: str) -> tuple[Structure, list[dict[str, Any]]]:
+def _from_beam(plain: dict[str, Any], where: str) -> tuple[Structure, list[dict[str, Any]], dict[str, float]]:
     for key in ("patches", "tip", "damping"):
         if key not in plain:
             raise ParameterError(f"{where} has a [beam] but no {key!r}; a beam needs patches, tip and damping.")
@@ -283,7 +273,9 @@ def _from_beam(plain: dict[str, Any], where: str) -> tuple[Structure, list[dict[
         modes = beam_model.resonator_modes(structure.beam, structure.patches, structure.tip, structure.damping)
     except ParameterError as error:
         raise ParameterError(f"{where}: {error}") from error
-    return structure, [mode.model_dump() for mode in modes]
+    capacitance_a, capacitance_b = beam_model.clamped_capacitances(structure.beam, structure.patches)
+    capacitances = {"capacitance_a_f": capacitance_a, "capacitance_b_f": capacitance_b}
+    return structure, [mode.model_dump() for mode in modes], capacitances
 
 
 def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, where: str) -> dict[str, Any]:

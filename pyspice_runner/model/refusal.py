@@ -69,8 +69,7 @@ class Stated(Parameters):
 def build(kind: type[_P], entry: Any, path: str, where: str) -> _P:
     """Return the parameters that a table states.
 
-    Raises:
-        ParameterError: if it is not a table, or for an unknown or missing name or an invalid value.
+    Raise ParameterError if it is not a table, or for an unknown or missing name or an invalid value.
     """
     table = as_table(entry, path, where)
     check_keys(table, tuple(kind.model_fields), where, path)
@@ -189,10 +188,8 @@ _MEANT = {  # pydantic's type of an error → what the value must be
 def checked(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
     """Check the names and types of a function's arguments by pydantic's ``validate_call``, not their ranges.
 
-    A number of NumPy's becomes one of Python's.
-
-    Raises:
-        ParameterError: by the function, for an unknown or missing argument, or a value of another type.
+    A number of NumPy's becomes one of Python's. The function raises ParameterError for an unknown or missing argument,
+    or a value of another type.
     """
     returned = function.__annotations__.pop("return", None)  # may name what only a type checker imports
     validated = validate_call(config=ConfigDict(arbitrary_types_allowed=True, strict=True))(function)

@@ -70,10 +70,8 @@ class LoopFilter:
 def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True) -> StatorLag:
     """Return resonance and loaded quality factor of a mode, counted from 0, under a force of an amplitude in N.
 
-    The tip slides at the preload on a rotor surface that is at rest or slow compared with the tip.
-
-    Raises:
-        ParameterError: if the force does not drive the mode.
+    The tip slides at the preload on a rotor surface that is at rest or slow compared with the tip. Raise ParameterError
+    if the force does not drive the mode.
     """
     own = motor.modes[mode]
     if not force_n > 0.0:

@@ -82,7 +82,7 @@ class Comparison(_Tabulated):
     """A spectrum against a reference."""
 
     # names that a tolerance may have.
-    QUANTITIES: ClassVar = ("frequency", "quality_factor", "coupling_factor", "resistance", "clamped_capacitance")
+    QUANTITIES: ClassVar = (*_VALUES, "clamped_capacitance")
     # quantities of a tolerance without a name; a resistance follows from the others.
     JUDGED: ClassVar = ("frequency", "quality_factor", "coupling_factor", "clamped_capacitance")
 

@@ -21,18 +21,9 @@ from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.model.equivalent import Characteristics, EquivalentCircuit
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
+from pyspice_runner.spectra.identify import errors
 from pyspice_runner.spectra.identify.arms import GLOBALS
 from pyspice_runner.spectra.identify.descent import Vector, one_thread, rms
-from pyspice_runner.spectra.identify.errors import (
-    ARM_NAMES,
-    GLOBAL_NAMES,
-    RESONANT_QUALITY,
-    SIGNIFICANT,
-    circuit_of,
-    estimates,
-    independent,
-    resonances,
-)
 from pyspice_runner.spectra.identify.problem import Problem
 from pyspice_runner.spectra.identify.selection import Candidate, fit_arms, missing, select
 from pyspice_runner.spectra.noise import noise_of, same_shape
@@ -123,7 +114,7 @@ class SpectrumFit(Result):
     @property
     def resonances(self) -> tuple[FittedArm, ...]:
         """The arms that resonate in the band, by rising frequency; the others represent modes outside and losses."""
-        return tuple(arm for arm in self.arms if arm.in_band and arm.quality_factor >= RESONANT_QUALITY)
+        return tuple(arm for arm in self.arms if arm.in_band and arm.quality_factor >= errors.RESONANT_QUALITY)
 
     @property
     def leads(self) -> dict[str, float] | None:
@@ -203,9 +194,9 @@ class SpectrumFit(Result):
         return found | {"arms tried (information criterion, RMS error)": ", ".join(tried)}
 
 
-def _shown(item: object, name: str, errors: Mapping[str, float | None]) -> str:
+def _shown(item: object, name: str, deviations: Mapping[str, float | None]) -> str:
     """Return an attribute with its unit, ± its standard error in percent."""
-    value, error = getattr(item, name), errors[name]
+    value, error = getattr(item, name), deviations[name]
     share = "?" if error is None else f"{100.0 * error / value:.2g}%"
     return f"{engineering(value, unit_in(name).strip('1'))} ±{share}"
 
@@ -250,7 +241,7 @@ def fit_spectrum(
     if not model.stated:  # the residuals of the fit give a better estimate than neighbouring points
         problem, best = outcome.problem, outcome.best
         fitted = problem.admittance(best) * problem.unit_s
-        white = independent(problem, best) > 0.5 * len(problem.w)
+        white = errors.independent(problem, best) > 0.5 * len(problem.w)
         better = model.refined(fitted, problem.y * problem.unit_s, white)
         if not same_shape(better, model, fitted):
             whole = whole.reweighted(better, whole.admittance(best) * whole.unit_s)
@@ -259,32 +250,31 @@ def fit_spectrum(
     problem, best = outcome.problem, outcome.best
     if not outcome.finds_resonance():
         first, last = spectrum.frequency_hz[[0, -1]]
-        if modes is not None and modes > 1 and resonances(problem, fit_arms(problem, 1, outcome.bare)):
+        if modes is not None and modes > 1 and errors.resonances(problem, fit_arms(problem, 1, outcome.bare)):
             raise SpectrumError(
                 f"{name} cannot be fitted by {modes} arms: they leave the band, in which one arm finds a resonance; "
                 "try fewer modes, or measure more of the spectrum."
             )
         raise SpectrumError(
             f"{name} shows no resonance between {first:g} Hz and {last:g} Hz: "
-            f"beside the clamped capacitance and its leads nothing rings with a Q above {RESONANT_QUALITY}."
+            f"beside the clamped capacitance and its leads nothing rings with a Q above {errors.RESONANT_QUALITY}."
         )
     whole.far, whole.ridge = problem.far, problem.ridge
     if len(whole.w) > len(problem.w):
         best = whole.descend(best, steps=_LAST_STEPS)
-    circuit = circuit_of(whole, best)
+    circuit = errors.circuit_of(whole, best)
     if circuit.clamped_capacitance_f < _LEAST_CAPACITANCE * sum(arm.capacitance_f for arm in circuit.arms):
         raise SpectrumError(f"{name} shows a resonance but no clamped capacitance; a piezoelectric resonator has one.")
-    found = estimates(whole, best, outcome.shifts)
+    solution, circuit, global_errors, values, correlation = errors.estimates(whole, best, outcome.shifts)
     low, high = spectrum.frequency_hz[[0, -1]].tolist()
     arms = tuple(
-        FittedArm(**values, standard_errors=errors, in_band=low <= values["series_resonance_hz"] <= high,
-                  characteristics=characteristics)
-        for (values, errors), characteristics in zip(found.arms, found.circuit.characteristics(), strict=True)
-    )  # fmt: skip
+        FittedArm(**arm, in_band=low <= arm["series_resonance_hz"] <= high, characteristics=characteristics)
+        for arm, characteristics in zip(values, circuit.characteristics(), strict=True)
+    )
     # for a stated number of arms, the significance of one more
-    hidden = 0.0 if modes is None else missing(whole, found.solution)[0][0]
-    correlated = independent(whole, found.solution) < 0.5 * len(spectrum)
-    cautions = _cautions(spectrum, arms, whole.rms_relative_error(found.solution), correlated, hidden)
+    hidden = 0.0 if modes is None else missing(whole, solution)[0][0]
+    correlated = errors.independent(whole, solution) < 0.5 * len(spectrum)
+    cautions = _cautions(spectrum, arms, whole.rms_relative_error(solution), correlated, hidden)
     if len(problem.w) < len(spectrum):
         cautions.append(
             f"The arms were searched with {len(problem.w)} of {len(spectrum)} points, closest where the admittance "
@@ -296,11 +286,14 @@ def fit_spectrum(
         format=spectrum.format,
         frequency_hz=spectrum.frequency_hz,
         measured_s=spectrum.admittance_s,
-        circuit=found.circuit,
+        circuit=circuit,
         arms=arms,
-        standard_errors=found.errors,
-        correlation=found.correlation,
-        correlation_names=(*GLOBAL_NAMES, *(f"arms.{k}.{name}" for k in range(len(arms)) for name in ARM_NAMES)),
+        standard_errors=global_errors,
+        correlation=correlation,
+        correlation_names=(
+            *errors.GLOBAL_NAMES,
+            *(f"arms.{k}.{name}" for k in range(len(arms)) for name in errors.ARM_NAMES),
+        ),
         noise=dict(model.sigma),
         candidates=outcome.candidates,
         cautions=(*spectrum.cautions, *cautions),
@@ -354,7 +347,7 @@ def _cautions(
         if not arm.in_band:
             said.append(f"{where} lies outside the measured band and stands for modes there; its values are uncertain.")
             continue
-        if arm.quality_factor < RESONANT_QUALITY:
+        if arm.quality_factor < errors.RESONANT_QUALITY:
             said.append(
                 f"{where} is too broad for a resonance (Q {arm.quality_factor:.2g}); it follows the background."
             )
@@ -366,7 +359,7 @@ def _cautions(
             said.append(f"{where} is hardly determined: its resistance is uncertain by more than 30 %.")
     if correlated and error > _ANALYSER:
         said.append(misfit("The circuit does not follow the spectrum", error))
-    if correlated and hidden >= 2 * SIGNIFICANT:
+    if correlated and hidden >= 2 * errors.SIGNIFICANT:
         said.append("The residuals hide at least one more arm; try a greater number of modes.")
     return said
 

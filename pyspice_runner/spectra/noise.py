@@ -58,11 +58,7 @@ class Noise:
 
 
 def noise_of(noise: Mapping[str, float] | None, y: Complexes) -> Noise:
-    """Return the error model of a spectrum: as stated, kind → σ, or else estimated.
-
-    Raises:
-        ParameterError: for other kinds or values.
-    """
+    """Return the error model, as stated or else estimated. Raise ParameterError for other kinds or values."""
     if noise is None:
         return estimate(y)
     if not noise or not noise.keys() <= set(KINDS) or len(noise.keys() - {"proportional"}) > 1:

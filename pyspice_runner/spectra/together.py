@@ -134,20 +134,13 @@ def fit_together(
         raise SpectrumError(
             f"{start.source or 'The spectrum'} has arms that share losses; fit a part of the band with one resonance."
         )
-    return _Problem(spectra, level, kelvin, start, (voltages is not None, temperatures is not None)).solved()
+    return _Problem(spectra, level, kelvin, start).solved()
 
 
 class _Problem:
     """The joint least-squares problem. Parameters: ln C₀, ln tan δ, four drifts, then ``_ARM`` of each arm."""
 
-    def __init__(
-        self,
-        spectra: Sequence[Spectrum],
-        level: Vector,
-        kelvin: Vector,
-        start: SpectrumFit,
-        changing: tuple[bool, bool],
-    ) -> None:
+    def __init__(self, spectra: Sequence[Spectrum], level: Vector, kelvin: Vector, start: SpectrumFit) -> None:
         self.spectra, self.level, self.kelvin, self.start = spectra, level, kelvin - kelvin[0], start
         self.reference = self.kelvin[np.argmin(level)]
         self.frequency = np.array([arm.series_resonance_hz for arm in start.arms])
@@ -159,8 +152,8 @@ class _Problem:
         self.clamped = [bare.device_admittance(spectrum.frequency_hz) for spectrum in spectra]
         measured = [spectrum.admittance_s for spectrum in spectra]
         self.weights = [np.abs(y) / np.maximum(estimate(y).deviation(y), FINEST * np.abs(y)) for y in measured]
-        self.levels, self.temperatures = changing
-        per_arm = [True, True, True, self.levels, self.levels]
+        self.temperatures = bool(self.kelvin.any())
+        per_arm = [True, True, True, *[bool(np.ptp(level))] * 2]
         self.free = np.array([True, True, *[self.temperatures] * 4, *per_arm * len(self.frequency)])
 
     def arms(self, parameters: Vector, kelvin: float) -> Vector:

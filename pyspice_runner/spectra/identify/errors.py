@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import log, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from pyspice_runner.spectra.identify import descent
 from pyspice_runner.spectra.identify.arms import GLOBALS, LEADS, LOSSES, Solution, modal
 from pyspice_runner.spectra.identify.descent import FINEST, Vector, derivatives
 from pyspice_runner.spectra.identify.problem import Problem
+
+Errors = dict[str, float | None]  # name → standard error; None at the limit of a range
 
 GLOBAL_NAMES = ("clamped_capacitance_f", "loss_tangent", "lead_resistance_ohm", "lead_inductance_h")
 ARM_NAMES = ("resistance_ohm", "inductance_h", "capacitance_f", "series_resonance_hz", "quality_factor")
@@ -127,19 +130,14 @@ def circuit_of(problem: Problem, solution: Solution) -> EquivalentCircuit:
     )
 
 
-@dataclass(frozen=True)
-class Estimates:
-    """A circuit with arms by rising frequency, and its errors."""
+def estimates(
+    problem: Problem, solution: Solution, shifts: Vector
+) -> tuple[Solution, EquivalentCircuit, Errors, list[dict[str, Any]], Vector]:
+    """Return the solution and its circuit with arms by rising frequency, and errors.
 
-    solution: Solution  # with arms in the same order
-    circuit: EquivalentCircuit
-    errors: dict[str, float | None]  # standard errors of GLOBAL_NAMES; None at the limit of a range
-    arms: list[tuple[dict[str, float], dict[str, float | None]]]  # values and standard errors of ARM_NAMES
-    correlation: Vector  # of all values, in this order
-
-
-def estimates(problem: Problem, solution: Solution, shifts: Vector) -> Estimates:
-    """Return the circuit with errors that contain the spread over the descriptions (see :mod:`.selection`)."""
+    These are the standard errors of ``GLOBAL_NAMES``, the values ``ARM_NAMES`` and ``standard_errors`` of each arm, and
+    the correlations of all. They contain the spread over the descriptions (see :mod:`.selection`).
+    """
     order = np.argsort(solution.columns[0])
     places = [0, 1, 2, 3, *(4 + 5 * arm + k for arm in order for k in range(5))]
     columns, coupling = solution.columns.T[order], solution.couplings[[0, *(1 + order)]]
@@ -158,15 +156,16 @@ def estimates(problem: Problem, solution: Solution, shifts: Vector) -> Estimates
     known = (np.abs(transform) @ ~free) < 1e-2
     known[1] = free[list(LOSSES)].any()
 
-    def errors(names: tuple[str, ...], first: int, units: tuple[float, ...]) -> dict[str, float | None]:
+    def errors(names: tuple[str, ...], first: int, units: tuple[float, ...]) -> Errors:
         items = zip(names, units, deviation[first:], known[first:], strict=False)
         return {name: float(unit * error) if sure else None for name, unit, error, sure in items}
 
     arms = []
     for index, arm in enumerate(circuit.arms):
         values = {name: float(getattr(arm, name)) for name in ARM_NAMES}
-        arms.append((values, errors(ARM_NAMES, len(GLOBAL_NAMES) + 5 * index, tuple(values.values()))))
+        deviations = errors(ARM_NAMES, len(GLOBAL_NAMES) + 5 * index, tuple(values.values()))
+        arms.append({**values, "standard_errors": deviations})
     units = (circuit.clamped_capacitance_f, 1.0, 1.0 / problem.unit_s, problem.unit_henry)
     divisor = np.where(deviation > 0.0, deviation, 1.0)
     correlation = np.clip(spread / np.outer(divisor, divisor), -1.0, 1.0)
-    return Estimates(solution, circuit, errors(GLOBAL_NAMES, 0, units), arms, correlation)
+    return solution, circuit, errors(GLOBAL_NAMES, 0, units), arms, correlation

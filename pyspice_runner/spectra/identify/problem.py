@@ -48,7 +48,7 @@ class Problem:
         *,
         deadline: float = inf,
     ) -> None:
-        self.deadline = deadline
+        self.deadline = deadline  # a time of time.monotonic()
         self.ridge = 0.0
         self.far = False
         self.reference_hz = sqrt(frequency_hz[0] * frequency_hz[-1])
@@ -150,11 +150,7 @@ class Problem:
         return low, high
 
     def descend(self, start: Solution, *, steps: int = 100, tolerance: float = 1e-8) -> Solution:
-        """Descend from start values to the nearest minimum within the bounds.
-
-        Raises:
-            SpectrumError: after the deadline, a time of ``time.monotonic()``.
-        """
+        """Descend to the nearest minimum within the bounds. Raise SpectrumError after the deadline."""
         last = start.last
 
         def reach(parameters: Vector) -> Vector:

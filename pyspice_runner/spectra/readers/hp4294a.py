@@ -39,23 +39,22 @@ def read(text: Text, trace: str | None) -> Reading | None:
         raise text.refusal(0, "no line “MEASURE PARAMETER: …” follows", "one, since it names the two traces")
     tables = _traces(text, settings)
     measured = _measured_array(tables)
-    pair = parameters(parameter)
     has_memory = any(_column(item, "memory", "real") is not None for item in tables.values())
     memory = wants_memory(text, trace, has_memory)
     described = [("instrument", text.lines[0]), *((key.capitalize(), value) for key, (_, value) in settings.items())]
-    if measured is not None and not memory:
-        columns, frequency, table = measured
-        return Reading(text, FORMAT, frequency, np.array(table.indices), columns, metadata=describe(described))
-    if pair is None:
-        raise text.refusal(index, f"the parameters {quote(parameter)} are not known", _EXPECTED)
-    columns, frequency, table = _displayed(text, tables, pair, "memory" if memory else "data", index)
+    cautions = []
+    if measured is None or memory:
+        if (pair := parameters(parameter)) is None:
+            raise text.refusal(index, f"the parameters {quote(parameter)} are not known", _EXPECTED)
+        measured = _displayed(text, tables, pair, "memory" if memory else "data", index)
+        cautions = [MEMORY_NOTE] if has_memory and not memory else []
+    columns, frequency, table = measured
     unit = "rad" if "RAD" in parameter.upper() else "deg"
     if unit == "deg":
         columns = {kind: np.deg2rad(values) if kind == "phase" else values for kind, values in columns.items()}
     if pair_of(with_named_phase(columns)) is None:
         found = f"{quote(parameter)} does not tell whether the reactance is capacitive or inductive"
         raise text.refusal(index, found, _EXPECTED)
-    cautions = [MEMORY_NOTE] if has_memory and not memory else []
     indices = np.array(table.indices)
     return Reading(text, FORMAT, frequency, indices, columns, unit, metadata=describe(described), cautions=cautions)
 

@@ -59,8 +59,7 @@ def read(text: Text) -> Reading | None:
 def read_stated(text: Text, columns: Sequence[str], headings: Sequence[Heading]) -> Reading:
     """Read a table with stated columns, from the first row of numbers on; lines above are ignored.
 
-    Raises:
-        SpectrumError: if no row has a number for each name.
+    Raise SpectrumError if no row has a number for each name.
     """
     first, mark = _first_row(text, columns)
     table = read_table(text, None, first, None, mark, columns)
@@ -74,8 +73,7 @@ def read_stated(text: Text, columns: Sequence[str], headings: Sequence[Heading])
 def stated(columns: Sequence[str]) -> list[Heading]:
     """Return the meanings of stated columns.
 
-    Raises:
-        ParameterError: for a name that is unknown, has no unit or occurs twice, or if they make no admittance.
+    Raise ParameterError for a name that is unknown, has no unit or occurs twice, or if they make no admittance.
     """
     headings = [Heading(name) if name == "-" else heading(name) for name in columns]
     kinds: dict[str, str] = {}

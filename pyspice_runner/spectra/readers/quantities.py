@@ -216,13 +216,13 @@ _SUSCEPTANCE: dict[str, _Part] = {
     "lp": lambda w, inductance: -1.0 / (w * inductance),
     "xp": lambda _, x: -1.0 / x,
 }
-_POLAR = tuple(product(("abs_z", "abs_y"), ("phase_z", "phase_y")))
+POLAR = tuple(product(("abs_z", "abs_y"), ("phase_z", "phase_y")))  # modulus and phase
 
 # by preference, for a file with several: real and imaginary part have no ambiguity of sign or wrap
 _PAIRS = (
     ("r", "x"),
     ("g", "b"),
-    *sorted(_POLAR, key=lambda pair: pair[0][-1] != pair[1][-1]),
+    *sorted(POLAR, key=lambda pair: pair[0][-1] != pair[1][-1]),
     *((real, imag) for imag in _REACTANCE for real in ("r", "d", "q", "abs_z")),
     *((real, imag) for imag in _SUSCEPTANCE for real in ("g", "rp", "d", "q", "abs_z")),
 )
@@ -233,17 +233,12 @@ def pair_of(columns: Mapping[str, Floats]) -> tuple[str, str] | None:
     return next((pair for pair in _PAIRS if pair[0] in columns and pair[1] in columns), None)
 
 
-def is_polar(pair: tuple[str, str]) -> bool:
-    """Whether a pair is modulus and phase."""
-    return pair in _POLAR
-
-
 def admittance(pair: tuple[str, str], frequency_hz: Floats, columns: Mapping[str, Floats]) -> Complexes:
     """Return the admittance in S; not finite at points whose values make none."""
     first, second = columns[pair[0]], columns[pair[1]]
     w = 2.0 * np.pi * frequency_hz
     with np.errstate(all="ignore"):
-        if is_polar(pair):
+        if pair in POLAR:
             y = first if pair[0] == "abs_y" else 1.0 / first
             return np.asarray(y * np.exp(1j * second if pair[1] == "phase_y" else -1j * second), dtype=np.complex128)
         if pair[1] in _REACTANCE:

@@ -49,11 +49,7 @@ def steady(values: Floats) -> bool:
 
 
 def swept(reading: Reading) -> Reading:
-    """Return the reading of an instrument that always sweeps the frequency steadily.
-
-    Raises:
-        SpectrumError: if the frequency jumps; the column is then another quantity.
-    """
+    """Return the reading of an instrument that sweeps steadily. Raise SpectrumError if the frequency jumps."""
     if not steady(reading.frequency_hz):
         raise reading.text.refusal(
             int(reading.indices[0]), "from here on the frequencies jump about", "a sweep (columns may be swapped)"
@@ -64,8 +60,7 @@ def swept(reading: Reading) -> Reading:
 def wants_memory(text: Text, trace: str | None, there: bool) -> bool:
     """Whether ``trace`` selects the memory trace, in a format that may have one beside the data trace.
 
-    Raises:
-        SpectrumError: if there is none, or for another name.
+    Raise SpectrumError if there is none, or for another name.
     """
     if trace in (None, "data"):
         return False
@@ -86,8 +81,7 @@ def from_header(
 ) -> Reading:
     """Read the table below a header line; ``above`` are the lines that describe the measurement.
 
-    Raises:
-        SpectrumError: as by :func:`read_table` and :func:`from_headings`.
+    Raise SpectrumError as :func:`read_table` and :func:`from_headings`.
     """
     table = read_table(text, header, header + 1, stop, separator(text.lines[header]))
     metadata = described(text.lines[:header] if above is None else above, bare)
@@ -99,9 +93,8 @@ def from_headings(
 ) -> Reading:
     """Make a reading of the columns whose headings name a quantity and a unit.
 
-    Raises:
-        SpectrumError: if there is no frequency, no two quantities that make an admittance, if two columns of one
-            quantity differ, or a cell is not a number.
+    Raise SpectrumError if there is no frequency, no two quantities that make an admittance, if two columns of one
+    quantity differ, or a cell is not a number.
     """
     frequency = _the_frequency(table, headings, header)
     usable = [i for i, h in enumerate(headings) if h.kind and h.scale is not None and not h.wrong and i != frequency]

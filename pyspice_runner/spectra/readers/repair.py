@@ -10,16 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.errors import SpectrumError
-from pyspice_runner.spectra.readers.quantities import (
-    DIMENSION,
-    Complexes,
-    admittance,
-    contradiction,
-    is_polar,
-    negative_modulus,
-    pair_of,
-    with_named_phase,
-)
+from pyspice_runner.spectra.readers import quantities
+from pyspice_runner.spectra.readers.quantities import Complexes
 from pyspice_runner.spectra.readers.reading import Reading, steady
 from pyspice_runner.spectra.readers.text import Floats
 from pyspice_runner.spectra.spectrum import COUPLING, Spectrum, connect
@@ -32,11 +24,7 @@ _SAME = 1e-6  # relative difference within which a repeated point is the same po
 def spectrum_of(reading: Reading) -> Spectrum:
     """Return the spectrum of a reading. Raise SpectrumError if the columns do not make one."""
     _reject_swapped(reading)
-    if reading.matrix_s is None:
-        y, polar = _one_port(reading)
-        matrix = y[:, None, None]
-    else:
-        matrix, polar = reading.matrix_s, False
+    matrix, polar = _one_port(reading) if reading.matrix_s is None else (reading.matrix_s, False)
     frequency, matrix = _ordered(reading, *_finite(reading, matrix))
     if matrix.shape[-1] == 1:
         matrix = _right_way_round(reading, matrix[:, 0, 0], polar)[:, None, None]
@@ -45,34 +33,34 @@ def spectrum_of(reading: Reading) -> Spectrum:
 
 
 def _one_port(reading: Reading) -> tuple[Complexes, bool]:
-    """Return the admittance of the columns, and whether they are modulus and phase."""
-    columns = with_named_phase(reading.columns)
-    angles = [kind for kind in columns if DIMENSION[kind] == "angle"]
-    pair = pair_of(columns)
+    """Return the admittance matrix of the columns, and whether they are modulus and phase."""
+    columns = quantities.with_named_phase(reading.columns)
+    angles = [kind for kind in columns if quantities.DIMENSION[kind] == "angle"]
+    pair = quantities.pair_of(columns)
     if pair is None:
         raise SpectrumError(f"{reading.text.name} has no two quantities that make an admittance.")
-    if not is_polar(pair) and reading.angle_unit is None:
+    if pair not in quantities.POLAR and reading.angle_unit is None:
         columns = {kind: values for kind, values in columns.items() if kind not in angles}
     elif angles:
         factor = _angle_factor(reading, columns[angles[0]], columns)
         columns |= {kind: columns[kind] * factor for kind in angles}
-    if (place := negative_modulus(pair, columns)) is not None:
+    if (place := quantities.negative_modulus(pair, columns)) is not None:
         index = int(reading.indices[place])
         raise reading.text.refusal(index, "a magnitude below zero", "positive ones (columns may be swapped)")
-    y = admittance(pair, reading.frequency_hz, columns)
-    if (odd := contradiction(pair, y, columns)) is not None:
+    y = quantities.admittance(pair, reading.frequency_hz, columns)
+    if (odd := quantities.contradiction(pair, y, columns)) is not None:
         raise SpectrumError(
             f"{reading.text.name}: the column of {_word(odd)} contradicts those of {_word(pair[0])} and "
             f"{_word(pair[1])}; columns may be swapped, or a unit wrong."
         )
-    if pair[0] == "abs_z" and not is_polar(pair):
+    if pair[0] == "abs_z" and pair not in quantities.POLAR:
         reading.cautions.append(
             "The real part is what a modulus leaves beside its imaginary part, so that losses are only as good as "
             "the printed digits."
         )
-    if is_polar(pair):
+    if pair in quantities.POLAR:
         _note_wraps(reading, columns[pair[1]])
-    return y, is_polar(pair)
+    return y[:, None, None], pair in quantities.POLAR
 
 
 def _word(kind: str) -> str:

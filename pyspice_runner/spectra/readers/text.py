@@ -79,11 +79,7 @@ def load(path: str | Path) -> Text:
 
 
 def decode(data: bytes, name: str) -> str:
-    """Decode UTF-8, UTF-16 (with or without byte-order mark) or Windows' Western European.
-
-    Raises:
-        SpectrumError: for bytes that are none of these.
-    """
+    """Decode UTF-8, UTF-16 (with or without byte-order mark) or Windows' Western European, or raise SpectrumError."""
     mark, attempts = next(((m, (e,)) for m, e in _DECODERS if data.startswith(m)), (b"", _guesses(data)))
     data = data.removeprefix(mark)
     for encoding in attempts:
@@ -152,8 +148,7 @@ class Table:
     def numbers(self, columns: list[int]) -> list[Floats]:
         """Return columns as numbers; NaN for an empty cell or a mark of a missing value.
 
-        Raises:
-            SpectrumError: for a cell that is not a number, or if both decimal signs occur.
+        Raise SpectrumError for a cell that is not a number, or if both decimal signs occur.
         """
         commas = [any("," in row[column] for row in self.rows) for column in columns]
         if any(commas):
@@ -209,10 +204,8 @@ def read_table(
     """Read the rows of a table from line ``start`` up to ``stop`` (exclusive; ``None``: end of the file).
 
     The header is line ``header``, or ``names``. A last line without an end may have been cut within a number; it is
-    omitted, as ``cut`` of the table says.
-
-    Raises:
-        SpectrumError: for a row with another number of cells than the header, or with fewer than two rows.
+    omitted, as ``cut`` of the table says. Raise SpectrumError for a row with another number of cells than the header,
+    or with fewer than two rows.
     """
     names = split(text.lines[header], mark) if header is not None else list(names) if names else None
     while names and not names[-1]:  # a separator at the end of the header
