@@ -13,7 +13,7 @@ operating point, where the tip sticks.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from math import pi, sqrt
 from typing import Any, get_args
