@@ -37,10 +37,7 @@ def find_compiler() -> str:
 
 
 def find_osdi_ngspice() -> str:
-    """Return the path of an ngspice that runs compiled modules: that on the PATH, or the one unpacked in ``.tools``.
-
-    Raise SimulationError if there is none.
-    """
+    """Return the path of an ngspice for compiled modules: on the PATH or in ``.tools``; else raise SimulationError."""
     ours = find_ngspice()
     found = version_of(ours)
     if int(found.partition(".")[0]) >= OLDEST_VERSION:

@@ -355,6 +355,7 @@ SETTINGS = {  # quantities that may change during a run, with their units
     "phase_deg": "deg",
     "load_torque": "N.m",
 }
+ANGLE = "Gposition 0 position shaft 0 1\nCposition position 0 1 ic=0\nRposition position 0 1t\n"  # of the shaft, rad
 Course = Sequence[tuple[float, float]]  # times in s and values; linear in between, constant before and after
 
 
@@ -393,7 +394,7 @@ def averaged_bench(
         circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
     else:
         circuit.I("load", "shaft", circuit.gnd, sources["load_torque"])
-    circuit.raw_spice += "Gposition 0 position shaft 0 1\nCposition position 0 1 ic=0\nRposition position 0 1t\n"
+    circuit.raw_spice += ANGLE
     if thermal is not None:
         add_cooling(circuit, thermal)
     pins = ("a_re", "a_im", "b_re", "b_im", "set_frequency", "shaft", "temperature", "heat")

@@ -99,10 +99,7 @@ def law_of(contact: ContactLaw | None) -> Law | None:
 
 
 def touching_law(contact: ContactLaw | None, reason: str) -> Law:
-    """Return the law for the argument ``contact`` of an analysis that needs a contact; the message gives the reason.
-
-    Raise ParameterError for an unknown law, or a free tip.
-    """
+    """Return the law for ``contact``. Raise ParameterError for an unknown law, and with the reason for a free tip."""
     law = law_of(contact)
     if law is None:
         raise ParameterError(f"contact = None (free tip) is not valid here: {reason} Give a law.")

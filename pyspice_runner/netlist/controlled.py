@@ -15,7 +15,7 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.model.drive import Load, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.averaged import averaged_bench, constant_settings
+from pyspice_runner.netlist.averaged import ANGLE, averaged_bench, constant_settings
 from pyspice_runner.netlist.source import Pins, UniformSource
 from pyspice_runner.netlist.sources import FREE, Bench, motor_bench
 from pyspice_runner.netlist.state import Discretisation
@@ -75,9 +75,7 @@ def controlled_bench(
         bench = motor_bench(
             motor, CommandedSource(drive), load=load, discretisation=Discretisation(step), thermal=thermal
         )
-        bench.circuit.raw_spice += (
-            "Gposition 0 position shaft 0 1\nCposition position 0 1 ic=0\nRposition position 0 1t\n"
-        )
+        bench.circuit.raw_spice += ANGLE
     # a trapezoid with a corner at each sample time, where ngspice takes a time point
     bench.circuit.raw_spice += (
         "Csum_re sum_re 0 1u ic=0\nRsum_re sum_re 0 1t\nCsum_im sum_im 0 1u ic=0\nRsum_im sum_im 0 1t\n"

@@ -158,7 +158,7 @@ def _similar(modes: int, mounted: bool, dry: bool, law: Law) -> Motor:
 
 def _compared(spice: OperatingPoint, compiled: OperatingPoint) -> dict[str, float]:
     """Run both and return the differences of their signals."""
-    times, columns = [], []
+    columns = []
     for setup in (spice, compiled):
         recording = setup.recording()
         vectors = [*recording.vectors(COMPARED), *setup.source.vectors]
@@ -169,9 +169,8 @@ def _compared(spice: OperatingPoint, compiled: OperatingPoint) -> dict[str, floa
                 raise
             shutil.rmtree(error.deck.parent, ignore_errors=True)
             return dict.fromkeys(COMPARED, inf)
-        waves = recording.columns(samples, COMPARED)
-        times.append(waves["time_s"])
-        columns.append(waves)
+        columns.append(recording.columns(samples, COMPARED))
+    times = [waves["time_s"] for waves in columns]
     inside = times[0] < times[1][-3]  # ngspice 46 divides the last step
     differences = {}
     for name in COMPARED:

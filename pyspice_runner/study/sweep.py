@@ -82,11 +82,8 @@ def sweep(
         ParameterError: for an invalid value.
         KeyboardInterrupt: when interrupted; the message gives the number of finished points and their folder.
     """
-    wanted: dict[str, Quantity] = (
-        dict(quantities)
-        if isinstance(quantities, Mapping)
-        else {name: name for name in ([quantities] if isinstance(quantities, str) else quantities)}
-    )
+    listed = [quantities] if isinstance(quantities, str) else quantities
+    wanted: dict[str, Quantity] = dict(listed) if isinstance(listed, Mapping) else {name: name for name in listed}
     functions = {name: function for name, function in wanted.items() if not isinstance(function, str)}
     origin = identity(analysis)
     paths = map(canonical, over)
