@@ -188,7 +188,7 @@ def _followed(family: _Family, points: int) -> tuple[list[_Node], str]:
         point.differentiate(traces[1:])
         if point.failed:
             return None
-        family.hashes |= {here[1].hashes()}
+        family.hashes |= {here[1].effort.hashes()}
         gap = (beside.states[:, -1] - beside.states[:, 0]) / scale
         return _Node(point, value, here[1], (gap - point.gap) * family.scale / nudge)
 

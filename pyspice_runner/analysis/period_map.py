@@ -13,10 +13,11 @@ import os
 import shutil
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import ceil
+from threading import Lock
 from time import perf_counter
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from pyspice_runner.run.kernel import run_bench, simulator
 from pyspice_runner.run.window import Array
 
 COPIES_PER_DECK = 30  # measured: beyond, the parse trees of the B-sources no longer fit the cache of a core
+_FEWEST = 4  # copies in a deck over one period; fewer take less time than the start of ngspice
 # steps; the first uniform step begins after less than two and lets a slider that slips forget its start, and ngspice 46
 # shortens the last two
 _LEAD = 5.5
@@ -61,6 +63,31 @@ class Trace:
 
 
 @dataclass
+class Effort:
+    """What the evaluations of a map took."""
+
+    evaluations: int = 0  # number of states that were mapped
+    simulated_s: float = 0.0  # simulated time in s, summed over the states
+    seconds: float = 0.0  # wall time in s that ngspice took, summed over the runs
+    ngspice_version: str = ""  # of the last run; empty before the first
+    _hashes: set[str] = field(default_factory=set, repr=False)
+    _lock: Lock = field(default_factory=Lock, repr=False)  # decks run in threads
+
+    def add(self, copies: int, duration: float, deck: str, seconds: float, ngspice_version: str) -> None:
+        """Add the run of a deck with a number of copies over a time in s."""
+        with self._lock:
+            self.evaluations += copies
+            self.simulated_s += copies * duration
+            self.seconds += seconds
+            self.ngspice_version = ngspice_version
+            self._hashes.add(hashlib.sha256(deck.encode()).hexdigest())
+
+    def hashes(self) -> str:
+        """Return the hashes of the circuits that were run, in an order that does not depend on their timing."""
+        return "".join(sorted(self._hashes))
+
+
+@dataclass
 class PeriodMap:
     """The map over one period of the drive."""
 
@@ -69,11 +96,7 @@ class PeriodMap:
     timeout: float | None = None  # wall time in s after which a run of ngspice is ended
     workers: int = field(default_factory=cores)  # number of decks that run at a time
     compiled: bool = False  # whether the motors are compiled modules
-    evaluations: int = 0  # number of states that were mapped
-    seconds: float = 0.0  # wall time in s that ngspice took, summed over the runs
-    simulated_s: float = 0.0  # simulated time in s, summed over the states
-    ngspice_version: str = ""  # of the last run; empty before the first
-    _hashes: set[str] = field(default_factory=set, repr=False)
+    effort: Effort = field(default_factory=Effort)
     _texts: dict[str, dict[str, str]] = field(default_factory=dict, repr=False)  # subcircuits of each motor, by name
 
     @property
@@ -89,6 +112,10 @@ class PeriodMap:
     def with_steps(self, steps: int) -> PeriodMap:
         """Return a map over the same period with another number of steps."""
         return PeriodMap(self.period, steps, self.timeout, self.workers, self.compiled)
+
+    def shared_by(self, threads: int) -> Self:
+        """Return the same map for one of several threads, with its share of the workers and a common effort."""
+        return replace(self, workers=max(1, self.workers // threads))
 
     def traces(self, copies: Sequence[Copy]) -> list[Trace | None]:
         """Return the traces of the copies over a period; ``None`` where ngspice does not find one.
@@ -109,10 +136,6 @@ class PeriodMap:
         ready = simulator(bench, self._vectors(0, copy.plant, whole=True))
         return str(ready.prepare("transient", **self._timing(self.period + _LEAD * self.step, whole=True)))
 
-    def hashes(self) -> str:
-        """Return the hashes of the circuits that were run, in an order that does not depend on their timing."""
-        return "".join(sorted(self._hashes))
-
     def _timing(self, duration: float, whole: bool) -> dict[str, Any]:
         return {
             "step_time": duration, "end_time": duration, "max_time": self.step, "use_initial_condition": True,
@@ -122,12 +145,11 @@ class PeriodMap:
     def _evaluated(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
         if not copies:
             return []
-        self.evaluations += len(copies)
-        self.simulated_s += len(copies) * duration
         self._write(copies)
         workers = self.workers
         decks = ceil(len(copies) / COPIES_PER_DECK)
-        decks = max(ceil(decks / workers) * workers if decks > 1 else 1, min(workers, len(copies) // 4))
+        least = _FEWEST if whole else 1  # a long run is worth a deck of its own
+        decks = max(ceil(decks / workers) * workers if decks > 1 else 1, min(workers, len(copies) // least))
         parts = [part.tolist() for part in np.array_split(np.arange(len(copies)), decks)]
 
         def evaluated(part: list[int]) -> list[Trace | None]:
@@ -161,12 +183,11 @@ class PeriodMap:
 
     def _run(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
         bench = self._bench(copies)
-        self._hashes.add(hashlib.sha256(str(bench.circuit.raw_spice).encode()).hexdigest())
         names = [self._vectors(number, copy.plant, whole=whole) for number, copy in enumerate(copies)]
         every = list(dict.fromkeys(name for own in names for name in own))
         outcome = run_bench(bench, every, self.timeout, "transient", self._timing(duration, whole))
-        self.seconds += outcome.seconds
-        self.ngspice_version = outcome.ngspice_version
+        deck = str(bench.circuit.raw_spice)
+        self.effort.add(len(copies), duration, deck, outcome.seconds, outcome.ngspice_version)
         return self._traces(copies, names, outcome.vectors(), whole=whole)
 
     def _bench(self, copies: Sequence[Copy]) -> Bench:

@@ -11,6 +11,8 @@ the damping. ``docs/steady_state.md`` has the derivation and what was measured.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass, replace
 from math import ceil, log, pi
 from typing import Any
@@ -305,11 +307,21 @@ class Shooting:
         self.map = period_map
 
     def solve(self, points: Sequence[Point] | None = None) -> None:
-        """Iterate until every point is solved or has failed. A point keeps its derivative while that is good."""
-        active = list(self.points if points is None else points)
-        for point in active:
+        """Iterate until every point is solved or has failed. A point keeps its derivative while that is good.
+
+        Each worker has its own points, so that none waits for the others after a step.
+        """
+        every = list(self.points if points is None else points)
+        for point in every:
             point.done = point.failed = point.damped = False
             point.damping, point.iterations = 1.0, 0
+        threads = max(min(self.map.workers, len(every)), 1)
+        part = copy(self)
+        part.map = self.map.shared_by(threads)
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(part._iterate, (every[first::threads] for first in range(threads))))
+
+    def _iterate(self, active: list[Point]) -> None:
         self._evaluate(active)
         for _ in range(2 * MOST_ITERATIONS):
             active = [point for point in active if not (point.done or point.failed)]

@@ -228,7 +228,8 @@ def steady_states(
         law = setup.law.to_dict().values() if setup.law else ()
         groups.setdefault((drive.period, setup.solver.compiled, *law), []).append(place)
     starts = starts or [None] * len(setups)
-    workers = max(1, cores() // max(len(groups), 1))  # of each group, since the groups run side by side
+    parts = [part for places in groups.values() for part in _parts(setups, places, ceil(cores() / len(groups)))]
+    workers = max(1, cores() // max(len(parts), 1))  # of each part, since the parts run side by side
 
     def solved(places: list[int]) -> list[SteadyState]:
         some = [setups[place] for place in places]
@@ -236,13 +237,26 @@ def steady_states(
 
     found: dict[int, SteadyState] = {}
     with ThreadPoolExecutor(cores()) as pool:
-        for places, states in zip(groups.values(), pool.map(solved, groups.values()), strict=True):
+        for places, states in zip(parts, pool.map(solved, parts), strict=True):
             found |= zip(places, states, strict=True)
     for places in behind.values():
         answers, maps = driven_answers([setups[place] for place in places])
         for place, answer in zip(places, answers, strict=True):
             found[place] = _result(setups[place], answer.point, answer, maps)
     return [found[place] for place in range(len(setups))]
+
+
+def _parts(setups: Sequence[OperatingPoint], places: Sequence[int], most: int) -> list[list[int]]:
+    """Divide operating points into up to ``most`` parts of similar size. The points of a curve stay together."""
+    curves: dict[str, list[int]] = {}
+    for place in places:
+        curves.setdefault(_plant(setups[place]).curve, []).append(place)
+    each = list(curves.values())
+    return [[place for curve in part for place in curve] for first in range(most) if (part := each[first::most])]
+
+
+def _plant(setup: OperatingPoint) -> Plant:
+    return Plant(setup.motor, _drive(setup), setup.load, setup.law)
 
 
 def _drive(setup: OperatingPoint) -> Drive:
@@ -286,7 +300,7 @@ def _solve(
     steps = 2 * ceil(0.5 * period / finest - 1e-9)
     coarse = max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
     maps = [PeriodMap(period, coarse, timeout, workers, setups[0].solver.compiled)]
-    points = [start_point(Plant(setup.motor, _drive(setup), setup.load, setup.law)) for setup in setups]
+    points = [start_point(_plant(setup)) for setup in setups]
     for point, start in zip(points, starts, strict=True):
         if start is not None:
             point.guess(start)
@@ -428,11 +442,11 @@ def _result(
         "motor": setup.motor.to_dict(),
         "drive": setup.source.to_dict(),
         "run": setup.to_dict(),
-        "ngspice_version": maps[0].ngspice_version,
-        "simulated_s": sum(period_map.simulated_s for period_map in maps) / points,
-        "deck_sha256": hashlib.sha256("".join(period_map.hashes() for period_map in maps).encode()).hexdigest(),
-        "period_maps": sum(period_map.evaluations for period_map in maps),
-        "solver_seconds": sum(period_map.seconds for period_map in maps),
+        "ngspice_version": maps[0].effort.ngspice_version,
+        "simulated_s": sum(period_map.effort.simulated_s for period_map in maps) / points,
+        "deck_sha256": hashlib.sha256("".join(period_map.effort.hashes() for period_map in maps).encode()).hexdigest(),
+        "period_maps": sum(period_map.effort.evaluations for period_map in maps),
+        "solver_seconds": sum(period_map.effort.seconds for period_map in maps),
         "audit": audit.to_dict(),
     }
     return SteadyState(
@@ -481,8 +495,8 @@ def _waveforms(setup: OperatingPoint, answer: Answer, provenance: dict[str, Any]
         energy=recording.energy(waves, samples),
         drive_period_s=period_map.period,
         rotor_radius_m=setup.motor.rotor.radius_m,
-        solver_seconds=period_map.seconds,
-        ngspice_version=period_map.ngspice_version,
+        solver_seconds=period_map.effort.seconds,
+        ngspice_version=period_map.effort.ngspice_version,
         provenance=provenance,
         deck=period_map.deck(Copy(plant, point.state, point.begun)),
     )

@@ -59,10 +59,8 @@ class BatchSimulator(CircuitSimulator):
 
     def save(self, *names: Any) -> None:
         """Add vectors to the ``.save`` line, in the order given."""
-        for name in names:
-            for item in [name] if isinstance(name, str) else name:
-                if str(item) not in self._saved_nodes:
-                    self._saved_nodes.append(str(item))
+        items = [str(item) for name in names for item in ([name] if isinstance(name, str) else name)]
+        self._saved_nodes = list(dict.fromkeys([*self._saved_nodes, *items]))
 
     def __str__(self) -> str:
         saved = list(self._saved_nodes)

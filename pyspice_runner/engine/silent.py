@@ -28,6 +28,9 @@ _OPTIONS = frozenset(
     )
 )
 
+_COMMENT = re.compile(r";|\s\$\s|//")
+_EQUALS = re.compile(r"\s*=\s*")
+
 
 def silent_fault(deck: str) -> str | None:
     """Return the first fault in a netlist that ngspice would ignore, as one sentence, or ``None``."""
@@ -36,13 +39,13 @@ def silent_fault(deck: str) -> str | None:
 
 
 def _statements(deck: str) -> list[str]:
-    """Return the lines that ngspice reads, without title, comments and control section, with continuations joined.
+    """Return the commands, instances and sources that ngspice reads, with continuations joined.
 
     They are in lower case; expressions in braces or quotes are replaced by 0.
     """
     joined: list[str] = []
     for raw in deck.split("\n")[1:]:
-        line = re.split(r";|\s\$\s|//", raw.lower(), maxsplit=1)[0].strip()
+        line = _COMMENT.split(raw.lower(), maxsplit=1)[0].strip()
         if line.startswith("+") and joined:
             joined[-1] += " " + line[1:]
         elif line and not line.startswith("*"):
@@ -53,9 +56,9 @@ def _statements(deck: str) -> list[str]:
             control = True
         elif line.startswith(".endc"):
             control = False
-        elif not control:
-            statements.append(re.sub(r"\s*=\s*", "=", _without_expressions(line)).strip())
-    return [statement for statement in statements if statement]
+        elif not control and line[0] in ".xvi":
+            statements.append(_EQUALS.sub("=", _without_expressions(line)).strip())
+    return statements
 
 
 def _without_expressions(line: str) -> str:

@@ -223,7 +223,7 @@ def copies_bench(
     sources: dict[tuple[Any, ...], int] = {}
     start: dict[str, float] = {}
     signals: dict[str, Signal] = {}
-    plants = [copy.plant for copy in copies]
+    plants = list({copy.plant.motor_name: copy.plant for copy in copies}.values())
     modules = {module_of(plant.motor, plant.law): None for plant in plants if compiled and plant.law}
     subcircuits = {part: text for plant in plants for part, text in texts[plant.motor_name].items()}
     lines = [*map(loading, modules), *subcircuits.values()]
@@ -255,7 +255,7 @@ def copies_bench(
         start |= {f"{instance}.{node}": value for node, value in inside.items()}
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name}")
     circuit.raw_spice += "\n".join(lines) + "\n"
-    tolerances = [transient_options(copy.plant.motor, first.law) for copy in copies]
+    tolerances = [transient_options(plant.motor, first.law) for plant in plants]
     options = tolerances[0] | {name: min((own[name] for own in tolerances), key=float) for name in ("vntol", "abstol")}
     return Bench(circuit, options, start, tuple(modules), signals)
 

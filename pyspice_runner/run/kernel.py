@@ -90,8 +90,7 @@ def simulator(bench: Bench, vectors: Sequence[str], timeout: float | None = None
     )  # fmt: skip
     ready.options(**bench.options)
     ready.initial_condition(**{node: voltage for node, voltage in bench.start.items() if voltage})
-    for name in vectors:
-        ready.save(*(bench.signals[name].terms if name in bench.signals else (name,)))
+    ready.save(*(bench.signals[name].terms if name in bench.signals else name for name in vectors))
     return ready
 
 
