@@ -228,16 +228,20 @@ def steady_states(
         law = setup.law.to_dict().values() if setup.law else ()
         groups.setdefault((drive.period, setup.solver.compiled, *law), []).append(place)
     starts = starts or [None] * len(setups)
-    parts = [part for places in groups.values() for part in _parts(setups, places, ceil(cores() / len(groups)))]
+    parts: list[tuple[list[int], tuple[int, int]]] = []
+    for places in groups.values():
+        steps = _steps([setups[place] for place in places])
+        parts += [(part, steps) for part in _parts(setups, places, ceil(cores() / len(groups)))]
     workers = max(1, cores() // max(len(parts), 1))  # of each part, since the parts run side by side
 
-    def solved(places: list[int]) -> list[SteadyState]:
+    def solved(part: tuple[list[int], tuple[int, int]]) -> list[SteadyState]:
+        places, steps = part
         some = [setups[place] for place in places]
-        return _solve(some, accuracy, waveforms, [starts[place] for place in places], workers)
+        return _solve(some, steps, accuracy, waveforms, [starts[place] for place in places], workers)
 
     found: dict[int, SteadyState] = {}
     with ThreadPoolExecutor(cores()) as pool:
-        for places, states in zip(parts, pool.map(solved, parts), strict=True):
+        for (places, _), states in zip(parts, pool.map(solved, parts), strict=True):
             found |= zip(places, states, strict=True)
     for places in behind.values():
         answers, maps = driven_answers([setups[place] for place in places])
@@ -289,16 +293,24 @@ def _drive(setup: OperatingPoint) -> Drive:
     return drive
 
 
-def _solve(
-    setups: Sequence[OperatingPoint], accuracy: float, waveforms: bool, starts: Sequence[Point | None], workers: int
-) -> list[SteadyState]:
-    """Solve points whose drives have the same period, under the same law."""
+def _steps(setups: Sequence[OperatingPoint]) -> tuple[int, int]:
+    """Return the numbers of fine and of coarse steps in the period of points whose drives have the same period."""
     period = _drive(setups[0]).period
-    finest = min(setup.step for setup in setups)
+    steps = 2 * ceil(0.5 * period / min(setup.step for setup in setups) - 1e-9)
     shortest = min(setup.shortest_period for setup in setups)
-    timeout = setups[0].solver.timeout
-    steps = 2 * ceil(0.5 * period / finest - 1e-9)
-    coarse = max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
+    return steps, max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
+
+
+def _solve(
+    setups: Sequence[OperatingPoint],
+    grids: tuple[int, int],
+    accuracy: float,
+    waveforms: bool,
+    starts: Sequence[Point | None],
+    workers: int,
+) -> list[SteadyState]:
+    """Solve points whose drives have the same period, under the same law, at the steps of :func:`_steps`."""
+    (steps, coarse), period, timeout = grids, _drive(setups[0]).period, setups[0].solver.timeout
     maps = [PeriodMap(period, coarse, timeout, workers, setups[0].solver.compiled)]
     points = [start_point(_plant(setup)) for setup in setups]
     for point, start in zip(points, starts, strict=True):
