@@ -49,7 +49,7 @@ def test_fit_prints_a_table_and_writes_the_requested_files(
     assert "clamped capacitance" in out
     assert err == ""
     assert "2 arms" in out
-    assert "main arm by one arm" in out
+    assert re.search(r"main arm by one arm +│ R1 1\.\d+\skΩ, L1 1\.\d+\sH, C1 50\.\d+\spF, Q 1\d\d", out)
     assert out.count("±") == 2 * 5 + 2 + 1  # five values of each arm, clamped capacitance, loss tangent, and the title
     assert ".subckt resonator p n" in targets[0].read_text(encoding="ascii")
     assert targets[1].stat().st_size > 20_000

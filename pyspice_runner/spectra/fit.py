@@ -56,6 +56,7 @@ class FittedArm:
 _LABELS = {
     "series_resonance_hz": "f", "quality_factor": "Q", "resistance_ohm": "R", "inductance_h": "L", "capacitance_f": "C",
 }  # fmt: skip
+_STANDARD_LABELS = {"resistance_ohm": "R1", "inductance_h": "L1", "capacitance_f": "C1", "quality_factor": "Q"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -182,9 +183,8 @@ class SpectrumFit(Result):
         for definition, main in circuit.definitions()[self.arms.index(self.main_arm)].items():
             if main is not None:
                 found[f"main arm by {definition}"] = ", ".join(
-                    f"{label} {engineering(main[name], unit_in(name).strip('1'))}"
-                    for name, label in _LABELS.items()
-                    if name in main
+                    f"{label} {engineering(main[name], unit_in(name).strip('1')).rstrip()}"
+                    for name, label in _STANDARD_LABELS.items()
                 )
         tried = (
             f"{item.arms}{' coupled' if item.rank else ''}{' with leads' if item.leads else ''} "
