@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -492,9 +493,10 @@ def test_a_sweep_that_is_killed_and_resumed_gives_the_same_file(kills: int, valu
         sweeping.communicate()
         assert wait_for(lambda: not at_work(sweeping.pid, tmp_path)), "workers outlive their sweep"  # noqa: B023
     assert 0 < stored() < 2 * values
-    together = [start(tmp_path, *words, "--store", "points", "--output", f"killed-{number}.nc") for number in (0, 1)]
-    for number, sweeping in enumerate(together):  # two at once, to end it
-        finish(sweeping)
+    other = start(tmp_path, *words, "--store", "points", "--output", "killed-0.nc")
+    in_this_process(tmp_path, *words, "--store", "points", "--output", "killed-1.nc")  # two at once, to end it
+    finish(other)
+    for number in (0, 1):
         assert (tmp_path / f"killed-{number}.nc").read_bytes() == (tmp_path / "alone.nc").read_bytes()
     assert stored() == 2 * values
 
@@ -559,12 +561,18 @@ def test_a_dask_cluster_gives_the_same_file_and_may_lose_a_worker(
 ) -> None:
     address, (lost, _) = cluster
     words = ["--over", "drive.voltage=10:50:16"]
-    sweeping = start(tmp_path, *words, "--store", "there", "--output", "there.nc", "--scheduler", address)
-    assert wait_for(lambda: list(tmp_path.glob("there/*/*.json")) or sweeping.poll() is not None)
-    lost.kill()
-    stored = len(list(tmp_path.glob("there/*/*.json")))
-    finish(sweeping)
-    assert 0 < stored < 16, "the worker was lost too late to matter"
+    stored = []
+
+    def lose() -> None:
+        wait_for(lambda: list(tmp_path.glob("there/*/*.json")))
+        lost.kill()
+        stored.append(len(list(tmp_path.glob("there/*/*.json"))))
+
+    losing = Thread(target=lose)
+    losing.start()
+    in_this_process(tmp_path, *words, "--store", "there", "--output", "there.nc", "--scheduler", address)
+    losing.join()
+    assert 0 < stored[0] < 16, "the worker was lost too late to matter"
     in_this_process(tmp_path, *words, "--store", "here", "--output", "here.nc", *ALONE)
     assert (tmp_path / "there.nc").read_bytes() == (tmp_path / "here.nc").read_bytes()
 
@@ -622,36 +630,16 @@ def test_a_simulator_that_fails_everywhere_ends_with_3(in_folder: Path, capsys: 
     assert in_folder.exists()
 
 
-def test_progress_shows_the_time_left(tmp_path: Path) -> None:
-    pseudo, terminal = os.openpty()
-    sweeping = subprocess.Popen(
-        [
-            sys.executable,
-            "-m",
-            "pyspice_runner",
-            *COMMAND,
-            "--over",
-            "drive.voltage=1:50:6",
-            "--store",
-            tmp_path,
-            *ALONE,
-        ],
-        env={**os.environ, "PYTHONPATH": str(ROOT), "TERM": "xterm", "COLUMNS": "100"},
-        stdout=subprocess.DEVNULL,
-        stderr=terminal,
-    )
-    os.close(terminal)
-    shown = b""
-    while True:
-        try:
-            shown += os.read(pseudo, 65536)
-        except OSError:  # so a pseudo-terminal says that its other end is closed
-            break
-    os.close(pseudo)
-    assert sweeping.wait(timeout=60.0) == 0
-    assert b"6/6" in shown
-    assert b"left" in shown
-    assert b"0:00:0" in shown
+def test_progress_shows_the_time_left(
+    in_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")  # which makes Rich take the captured stream for a terminal
+    monkeypatch.setenv("COLUMNS", "100")
+    assert run([*COMMAND, "--over", "drive.voltage=1:50:6", "--store", str(in_folder), *ALONE]) == 0
+    shown = capsys.readouterr().err
+    assert "6/6" in shown
+    assert "left" in shown
+    assert "0:00:0" in shown
 
 
 @pytest.mark.parametrize(

@@ -150,13 +150,7 @@ def test_no_button_of_a_chart_leaves_the_page(desktop: tuple[Page, list[str]]) -
     assert page.evaluate("[...document.querySelectorAll('.chart')].every(c => c._context.plotlyServerURL === '')")
 
 
-@pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_the_tool_bar_covers_nothing(
-    browser: Browser, desktop: tuple[Page, list[str]], page_file: Path, viewport: dict[str, int]
-) -> None:
-    page = desktop[0]
-    if viewport != DESKTOP:
-        page, _ = opened(browser, page_file, viewport=viewport, reduced_motion="reduce")
+def check_that_the_tool_bar_covers_nothing(page: Page) -> None:
     covered = """id => {
         const chart = document.getElementById(id), bar = chart.querySelector('.modebar').getBoundingClientRect();
         const over = b => b.left < bar.right && bar.left < b.right && b.top < bar.bottom && bar.top < b.bottom;
@@ -166,8 +160,10 @@ def test_the_tool_bar_covers_nothing(
     }"""
     for name in CHARTS:
         assert page.evaluate(covered, name) == [], name
-    if viewport != DESKTOP:
-        page.close()
+
+
+def test_the_tool_bar_covers_nothing(desktop: tuple[Page, list[str]]) -> None:
+    check_that_the_tool_bar_covers_nothing(desktop[0])
 
 
 def test_the_motion_plays_and_pauses_by_keyboard(desktop: tuple[Page, list[str]]) -> None:
@@ -208,6 +204,7 @@ def test_the_motion_starts_by_itself_where_none_objects(browser: Browser, page_f
         "before => [...document.querySelectorAll('#modes .trace path')].map(p => p.outerHTML).join() !== before",
         arg=before,
     )
+    check_that_the_tool_bar_covers_nothing(page)
     # readable on a phone, in the dark: nothing wider than the screen, the charts in the theme's colours
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(20, 24, 29)"
