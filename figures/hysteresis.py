@@ -48,7 +48,7 @@ def draw(folder: Path) -> list[str]:
         axis.legend(loc="upper left", fontsize=7)
         axis.set_ylim(-1.6, 2.1)
 
-    amplitudes = np.append(np.geomspace(0.05, 1.0, 4 if draft() else 13), (1.2, 1.5, 2.0))
+    amplitudes = np.append(np.geomspace(0.05, 1.0, 2 if draft() else 13), (1.5,) if draft() else (1.2, 1.5, 2.0))
     fine = np.geomspace(0.05, 2.0, 200)
     axes[1, 1].loglog(fine, microslip_loss(fine), color=BLACK, lw=4.0, alpha=0.25, label="Mindlin, exact")
     relative = {}

@@ -33,9 +33,9 @@ def draw(folder: Path) -> list[str]:
     figure, axes = canvas(1, 1, 5.6)
     axis = axes if not isinstance(axes, np.ndarray) else axes.flat[0]
     frequency = np.linspace(low, high, 1500)
-    for value in frequency:
-        found = amplitudes(mode, force, float(value)) * abs(mode.tip_x) * 1e6
-        axis.plot(np.full(len(found), 1e-3 * value), found, ".", color=BLACK, ms=3.0, alpha=0.25)
+    closed = [(value, found) for value in frequency for found in amplitudes(mode, force, float(value))]
+    at, found = np.transpose(closed) * np.array([[1e-3], [abs(mode.tip_x) * 1e6]])
+    axis.plot(at, found, ".", color=BLACK, ms=3.0, alpha=0.25)
     edges = np.linspace(0.0, 2.0 * duration, 801)
     peaks = np.array([x[(time >= a) & (time < b)].max() for a, b in pairwise(edges)])
     middle = 0.5 * (edges[1:] + edges[:-1])
