@@ -79,8 +79,7 @@ class MotorFrom(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the motor, the errors and the comparison, JSON-ready."""
         return {
-            "motor": self.motor.to_dict(),
-            **self._entries("standard_errors", "measured", "computed"),
+            **self._entries("motor", "standard_errors", "measured", "computed"),
             "provenance": {path: [origin.kind, origin.note] for path, origin in self.motor.provenance.items()},
             **self._entries("fit", "cautions"),
         }

@@ -8,7 +8,7 @@ the measured over the reference value less one.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import inf, isfinite
 from operator import attrgetter
 from pathlib import Path
@@ -123,12 +123,9 @@ class Comparison(_Tabulated):
         return {
             "measured": self.measured.source,
             "reference": self.reference.source,
-            "modes": [asdict(item) for item in self.modes],
-            "extra_hz": list(self.extra_hz),
+            **self._entries("modes", "extra_hz"),
             "clamped_capacitance_f": self.measured.circuit.clamped_capacitance_f,
-            "clamped_capacitance_deviation": self.clamped_capacitance_deviation,
-            "rms_deviation": self.rms_deviation,
-            "cautions": list(self.cautions),
+            **self._entries("clamped_capacitance_deviation", "rms_deviation", "cautions"),
         }
 
     def rows(self) -> list[list[str]]:
@@ -212,9 +209,7 @@ class Trend(_Tabulated):
         """Return all comparisons JSON-ready."""
         return {
             "reference": self.comparisons[0].reference.source,
-            "at": list(self.at),
-            "label": self.label,
-            "comparisons": [item.to_dict() for item in self.comparisons],
+            **self._entries("at", "label", "comparisons"),
             "drifts": self.drifts(),
         }
 

@@ -26,7 +26,7 @@ from pyspice_runner.export.motor import export_motor
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor, Provenance
 from pyspice_runner.model.refusal import unit_of
-from pyspice_runner.result import Audit, Result
+from pyspice_runner.result import Audit, Result, json_ready
 from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.spectra.admittance import Admittance
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum, State
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).parent
 INK, GRID = {"light": "#1b1f24", "dark": "#e6e8eb"}, {"light": "#d5d9de", "dark": "#3a4048"}
+_TABULATED = ("speed_rad_s", "torque_n_m", "shaft_power_w", "efficiency", "separated", "stick", "slip", "settled")
 _PERIODS = 3  # of the waveforms to download
 _SECTIONS = ("beam", "patches", "tip", "damping", "modes", "piezo", "contact", "rotor", "mount", "limits")
 
@@ -134,22 +135,11 @@ class Report(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the contents of the report without its curves over time, JSON-ready."""
         return {
-            "motor": self.motor.to_dict(),
-            "created": self.created,
-            "key_figures": self.key_figures,
-            "admittance": {state: result.to_dict() for state, result in self.spectra.items()},
-            "run": self.run.to_dict(),
-            "discretisation_error": self.discretisation_error,
+            **self._entries("motor", "created", "key_figures"),
+            "admittance": json_ready(self.spectra),
+            **self._entries("run", "discretisation_error"),
             "speed_torque": [
-                {
-                    "drive_share": share,
-                    "speed_rad_s": curve["speed_rad_s"].values.tolist(),
-                    **{
-                        name: [value if np.isfinite(value) else None for value in curve[name].values.tolist()]
-                        for name in ("torque_n_m", "shaft_power_w", "efficiency", "separated", "stick", "slip")
-                    },
-                    "settled": curve["settled"].values.tolist(),
-                }
+                {"drive_share": share, **{name: json_ready(curve[name].values) for name in _TABULATED}}
                 for share, curve in self.curves.items()
             ],
             "measured": None if self.measured is None else {"source": self.measured.source},
