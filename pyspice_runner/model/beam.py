@@ -274,14 +274,10 @@ def _section(beam: Beam, patches: Sequence[Patch], start: float, end: float) -> 
             force[group] += side * per_volt
             moment[group] += side * per_volt * middle
             capacitance[group] += clamped_permittivity * patch.layers**2 * patch.width_m / thickness
-    return _Section(
-        start=start,
-        end=end,
-        mass_per_length=mass,
-        bending_stiffness=bending - mixed**2 / axial,
-        moment_per_volt=moment - force * (mixed / axial),
-        capacitance_per_length=capacitance + force**2 / axial,
-    )
+    bending -= mixed**2 / axial
+    moment -= force * (mixed / axial)
+    capacitance += force**2 / axial
+    return _Section(start, end, mass, bending, moment, capacitance)
 
 
 def _sine_products(shapes: int, start: float, end: float, length: float) -> Array:

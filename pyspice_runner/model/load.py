@@ -63,14 +63,11 @@ class Arm(Parameters):
         """Return the mechanical arm: θ_A² = m/L, k = θ_A²/C, c = θ_A² R."""
         coupling_squared = self.mass_kg / self.inductance_h
         return Mode(
-            name=self.name,
-            mass_kg=self.mass_kg,
             damping_n_s_per_m=coupling_squared * self.resistance_ohm,
             stiffness_n_per_m=coupling_squared / self.capacitance_f,
             coupling_a_n_per_v=sqrt(coupling_squared),
             coupling_b_n_per_v=self.coupling_ratio * sqrt(coupling_squared),
-            tip_x=self.tip_x,
-            tip_y=self.tip_y,
+            **self.model_dump(include={"name", "mass_kg", "tip_x", "tip_y"}),
         )
 
 
@@ -85,18 +82,14 @@ class Materials(Parameters):
 
     def constants(self, rotor_radius_m: float) -> dict[str, float]:
         """Return K_N, K_t1 and K_t2 under the names of :class:`Contact`."""
-        modulus = contact_law.effective_modulus(
-            self.tip_youngs_modulus_pa, self.tip_poisson, self.rotor_youngs_modulus_pa, self.rotor_poisson
-        )
+        tip = self.tip_youngs_modulus_pa, self.tip_poisson
+        rotor = self.rotor_youngs_modulus_pa, self.rotor_poisson
+        modulus = contact_law.effective_modulus(*tip, *rotor)
         radius = contact_law.effective_radius(self.tip_radius_m, rotor_radius_m)
         return {
             "normal_stiffness_n_per_m15": contact_law.normal_stiffness(modulus, radius),
-            "tangential_compliance_tip_m_per_n23": contact_law.tangential_compliance(
-                self.tip_youngs_modulus_pa, self.tip_poisson, modulus, radius
-            ),
-            "tangential_compliance_rotor_m_per_n23": contact_law.tangential_compliance(
-                self.rotor_youngs_modulus_pa, self.rotor_poisson, modulus, radius
-            ),
+            "tangential_compliance_tip_m_per_n23": contact_law.tangential_compliance(*tip, modulus, radius),
+            "tangential_compliance_rotor_m_per_n23": contact_law.tangential_compliance(*rotor, modulus, radius),
         }
 
 

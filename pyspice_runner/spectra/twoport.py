@@ -126,6 +126,8 @@ class TwoPortFit(Result):
         masses, calibration = self._masses(mass_kg, velocity_per_current, connection, tips)
         base = base if isinstance(base, Motor) else load_motor(base)
         modes, provenance = [], dict[str, Provenance]()
+        fitted = Provenance("derived", f"fitted to {self.source} with the modal mass")
+        origins = {"mass_kg": calibration, "tip_x": origin, "tip_y": origin}
         for index, (mode, mass, (tip_x, tip_y)) in enumerate(zip(self.modes, masses, tips, strict=True)):
             omega = 2.0 * pi * mode.series_resonance_hz
             values = {
@@ -139,10 +141,7 @@ class TwoPortFit(Result):
                 "tip_y": float(tip_y),
             }
             modes.append(values)
-            fitted = Provenance("derived", f"fitted to {self.source} with the modal mass")
-            provenance |= {f"modes.{index}.{key}": fitted for key in values if key != "name"}
-            provenance[f"modes.{index}.mass_kg"] = calibration
-            provenance |= {f"modes.{index}.{key}": origin for key in ("tip_x", "tip_y")}
+            provenance |= {f"modes.{index}.{key}": origins.get(key, fitted) for key in values if key != "name"}
         measured = Provenance("derived", f"fitted to {self.source}")
         piezo = {name: getattr(self, name) for name in _PIEZO}
         provenance |= {f"piezo.{key}": measured for key in piezo}
