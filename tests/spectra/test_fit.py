@@ -7,6 +7,7 @@ import json
 import sys
 import time
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ BAND = np.linspace(8e3, 80e3, 1201)
 # --- values come back ---
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", mostly(pytest.mark.soak, range(5), [0, 1]))
 @pytest.mark.parametrize("arms", [1, 2, 3, 4, 5])
 def test_noise_free_values_come_back(arms: int, seed: int) -> None:
     circuit, frequency = random_resonator(100 * arms + seed, arms)
@@ -251,9 +252,17 @@ NOT_PIEZO = {
 }
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.01])
-@pytest.mark.parametrize("modes", [None, 1])
-@pytest.mark.parametrize("name", NOT_PIEZO)
+# each of them with noise, and without for a stated number of arms
+REFUSED = [
+    ("capacitor", None, 0.0),
+    *((name, None, 0.01) for name in NOT_PIEZO),
+    *((name, 1, 0.0) for name in NOT_PIEZO),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "modes", "noise"), mostly(pytest.mark.fuzz, product(NOT_PIEZO, (None, 1), (0.0, 0.01)), REFUSED)
+)
 def test_no_resonance_is_answered_so(name: str, modes: int | None, noise: float) -> None:
     rng = np.random.default_rng(1)
     y = NOT_PIEZO[name] * (1.0 + noise * (rng.standard_normal(len(S)) + 1j * rng.standard_normal(len(S))))
@@ -479,6 +488,7 @@ def test_thickness_mode_against_the_instruments_own_circuit() -> None:
 
 
 @needs_measured
+@pytest.mark.soak  # a stated number of arms is tested with the data of another instrument
 def test_modes_that_are_asked_for_are_found_in_a_part_of_the_band() -> None:
     measured = pr.read_spectrum(MEASURED / "e4990a_thickness_mode" / "MODULOFASEMODOTHICKNES.CSV").between(960e3, 1e6)
     assert fitted(measured, 2).rms_relative_error < fitted(measured, 1).rms_relative_error
@@ -486,6 +496,7 @@ def test_modes_that_are_asked_for_are_found_in_a_part_of_the_band() -> None:
 
 
 @needs_measured
+@pytest.mark.soak  # a further instrument
 def test_the_turned_phase_is_told_with_the_fit() -> None:
     fit = fitted(pr.read_spectrum(MEASURED / "hp4294a_admittance" / "sampleadmittance.txt"))
     assert fit.leads is None
@@ -502,7 +513,7 @@ def test_the_turned_phase_is_told_with_the_fit() -> None:
 
 @needs_measured
 @pytest.mark.filterwarnings("ignore::UserWarning", "ignore::RuntimeWarning")  # of scikit-rf's own fits
-@pytest.mark.parametrize("arms", [3, 5])
+@pytest.mark.parametrize("arms", mostly(pytest.mark.soak, [3, 5], [3]))
 def test_a_stated_number_of_arms_leaves_less_than_a_passive_vector_fit(arms: int) -> None:
     import skrf
     from skrf.vectorFitting import VectorFitting
@@ -539,6 +550,7 @@ def test_the_inductor_is_refused() -> None:
 
 
 @needs_measured
+@pytest.mark.soak  # a further instrument
 def test_the_weak_resonance_of_the_polymer() -> None:
     """No passive circuit without features narrower than the points follows it closer than 4.3 % (benchmarks/fit.py)."""
     fit = fitted(pr.read_spectrum(MEASURED / "nanovna_polymer" / "T61.csv"))
