@@ -28,7 +28,7 @@ def plants(friction: Sequence[float]) -> list[Plant]:
     return found
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.soak), 2])
 def test_many_motors_need_no_second_attempt(monkeypatch: pytest.MonkeyPatch, workers: int) -> None:
     monkeypatch.setattr(period_map, "cores", lambda: workers)
     monkeypatch.setattr(steady, "cores", lambda: workers)

@@ -21,6 +21,7 @@ from pyspice_runner.cli import run
 from pyspice_runner.model.drive import Load
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.operating_point import OperatingPoint
+from tests.runs import simulated
 
 pytestmark = pytest.mark.xdist_group("steady states")  # they are shared
 
@@ -76,10 +77,17 @@ def test_multipliers_of_a_free_linear_stator_are_those_of_its_equation_of_motion
 @pytest.mark.parametrize(
     ("motor", "drive", "speeds"),
     [
-        (PAPER, pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3), (-5.0, 3.0)),
+        (PAPER, pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3), (3.0,)),
+        pytest.param(PAPER, pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3), (-5.0,), marks=pytest.mark.soak),
         # as in test_speed_torque.py, at other speeds
         pytest.param(MOTOR.updated({"mount": None}), DRIVE, (-12.0, 18.0), marks=pytest.mark.soak),
-        (PAPER, pr.TwoToneDrive(voltage_1=20.0, frequency_1=27e3, voltage_2=50.0, frequency_2=54e3), (2.0,)),
+        # test_contact_laws.py has two tones, against the row of elements
+        pytest.param(
+            PAPER,
+            pr.TwoToneDrive(voltage_1=20.0, frequency_1=27e3, voltage_2=50.0, frequency_2=54e3),
+            (2.0,),
+            marks=pytest.mark.soak,
+        ),
     ],
 )
 def test_a_steady_state_is_what_a_run_settles_to(motor: pr.Motor, drive: pr.TwoPhaseDrive, speeds: list[float]) -> None:
@@ -112,7 +120,7 @@ def test_a_slider_that_slips_as_a_run_begins_leaves_no_trace_in_the_result() -> 
     assert np.ptp(largest) < 1e-4
 
 
-@pytest.mark.parametrize("law", ["brush", "coulomb"])
+@pytest.mark.parametrize("law", ["brush", pytest.param("coulomb", marks=pytest.mark.soak)])
 def test_every_contact_law_has_a_steady_state(law: Any) -> None:
     law = pr.Law(law, 3 if law == "brush" else None)
     motor = MOTOR.updated({"mount": None})  # on the mount it settles ten times as slowly
@@ -139,7 +147,7 @@ def test_a_free_rotor_runs_where_the_curve_of_held_ones_crosses_the_load() -> No
 def test_a_free_rotor_under_load_reaches_its_steady_speed() -> None:
     load, motor = 5e-3, MOTOR.updated({"mount": None})  # on the mount it settles ten times as slowly
     free = pr.steady_state(motor, DRIVE, load_torque=load)
-    run = pr.simulate(motor, DRIVE, duration=14e-3, load_torque=load, signals=("rotor_speed_rad_s",))
+    run = simulated(motor, DRIVE, duration=14e-3, load_torque=load, signals=("rotor_speed_rad_s",))
     late = run.time_s > 13e-3  # ten time constants of the rotor; 46 periods
     assert float(run.rotor_speed_rad_s[late].mean()) == pytest.approx(free.speed_rad_s, rel=0.01)  # required: 1 %
 
@@ -163,7 +171,9 @@ def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_t
 def test_a_disturbance_dies_out_at_the_rate_of_the_largest_multiplier() -> None:
     motor = MOTOR.updated({"mount": None})  # the carrier of the set is slower than the modes, and would be what is left
     largest = abs(pr.steady_state(motor, DRIVE, speed=6.0).floquet_multipliers[0])
-    bench = Dynamometer(off_beat(OperatingPoint(motor, DriveSource(DRIVE))))
+    usual = OperatingPoint(motor, DriveSource(DRIVE))
+    # a decay does not need fine steps: the modes are exact at resonance by any step
+    bench = Dynamometer(off_beat(usual.with_step(2.0 * usual.step)))
     motion = bench.rest(6.0)
     for _ in range(4):  # some decay times: near the steady state
         motion = bench.run(motion, 6.0, 0.0, meters=False).end
