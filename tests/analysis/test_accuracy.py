@@ -30,7 +30,7 @@ def accurate(name: str, accuracy: float) -> Waveforms:
 
 
 # all of the points passed when the estimate was made
-@pytest.mark.parametrize("name", mostly(pytest.mark.soak, [*POINTS, *MORE], [*POINTS, *MORE][::6]))
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, [*POINTS, *MORE], [*POINTS, *MORE][::9]))
 def test_the_estimated_error_is_the_true_one_within_a_factor_of_three(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -45,10 +45,16 @@ def test_the_estimated_error_is_the_true_one_within_a_factor_of_three(
     assert true <= 0.006
 
 
-@pytest.mark.parametrize("accuracy", mostly(pytest.mark.soak, [0.02, 0.0005], [0.0005]))
-def test_a_finer_accuracy_is_kept_too(accuracy: float) -> None:
-    run = accurate("two tones, hammering", accuracy)
-    assert trajectory_error("two tones, hammering", run) < 1.2 * accuracy
+HARD = "two tones, hammering"
+
+
+@pytest.mark.parametrize(
+    ("name", "accuracy"),
+    mostly(pytest.mark.soak, [(HARD, 0.02), (HARD, 0.0005), ("mostly slip", 0.0005)], [("mostly slip", 0.0005)]),
+)
+def test_a_finer_accuracy_is_kept_too(name: str, accuracy: float) -> None:
+    run = accurate(name, accuracy)
+    assert trajectory_error(name, run) < 1.2 * accuracy
 
 
 def test_a_step_that_is_too_coarse_is_refused_with_the_largest_that_would_do() -> None:
@@ -99,11 +105,11 @@ def test_a_default_run_that_is_not_within_one_per_cent_says_so() -> None:
     """17.9 kHz and 100 V, the tip off the rotor for most of the time: the tip is accurate, the speed is not."""
     motor = pr.load_motor("andersen2002").updated({"mount": None})
     drive = pr.TwoPhaseDrive(voltage=100.0, frequency=17.9e3, phase_deg=90.0)
-    run = pr.simulate(motor, drive, duration=5e-3)
+    run = pr.simulate(motor, drive, duration=3e-3)
     assert run.error_estimate is not None
     assert run.error_estimate < 0.01
     assert run.accurate is False
     assert any("estimated error exceeds 1 %: the mean rotor speed" in caution for caution in run.cautions)
-    fine = pr.simulate(motor, drive, duration=5e-3, step=run.provenance["run"]["step_s"] / 4.0)
+    fine = pr.simulate(motor, drive, duration=3e-3, step=run.provenance["run"]["step_s"] / 4.0)
     assert run.speed_error_rad_s is not None
     assert abs(fine.mean_rotor_speed_rad_s - run.mean_rotor_speed_rad_s) <= run.speed_error_rad_s

@@ -103,7 +103,7 @@ def test_the_contact_resonance_is_the_preloaded_resonance_of_a_plus_b() -> None:
     assert resonance.fs == pytest.approx(F_CONTACT, rel=1e-6)
 
 
-@pytest.mark.parametrize("voltage", [20.0, 200.0])
+@pytest.mark.parametrize("voltage", mostly(pytest.mark.soak, [20.0, 200.0], [200.0]))
 def test_off_resonance_eq_2_is_almost_unaffected(voltage: float) -> None:
     """Finding (c, d): far above both resonances |D| is some ten times the contact's s, which therefore counts a tenth.
 
@@ -119,7 +119,14 @@ def test_off_resonance_eq_2_is_almost_unaffected(voltage: float) -> None:
     assert 1.0 < ratio(drive, "tip_x_m") < bound_x * (1 + SETTLED)
 
 
-@pytest.mark.parametrize("drive", [at_f1, at_contact_resonance, between, off_resonance])
+@pytest.mark.parametrize(
+    "drive",
+    mostly(
+        pytest.mark.soak,
+        [at_f1, at_contact_resonance, between, off_resonance],
+        [at_f1, at_contact_resonance, off_resonance],
+    ),
+)
 def test_stick_dominates_at_small_amplitude(drive: Callable[[float], pr.TwoPhaseDrive | pr.TwoToneDrive]) -> None:
     _, small = free_and_held(drive(0.2 if drive is at_contact_resonance else 2.0))
     _, large = free_and_held(drive(200.0))
@@ -136,7 +143,11 @@ FIGURE_5 = {  # drive: the voltage at which figures/figure_5.py draws it
 }
 
 
-@pytest.mark.parametrize(("drive", "voltage"), FIGURE_5.items(), ids=lambda item: getattr(item, "__name__", None))
+@pytest.mark.parametrize(
+    ("drive", "voltage"),
+    mostly(pytest.mark.soak, FIGURE_5.items(), [(off_resonance, 200.0)]),  # where the tip sticks least
+    ids=lambda item: getattr(item, "__name__", None),
+)
 def test_stick_dominates_at_the_figures_voltages_on_the_mount(
     drive: Callable[[float], pr.TwoPhaseDrive | pr.TwoToneDrive], voltage: float
 ) -> None:

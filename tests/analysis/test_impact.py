@@ -23,6 +23,7 @@ from pyspice_runner.netlist.contact import LIBRARIES, Law
 from tests.reference.row import PSIS as PSIS_OF_TABLE
 from tests.reference.row import TABLE
 from tests.reference.row import throw as exact_throw
+from tests.selection import mostly
 
 pytestmark = pytest.mark.xdist_group("impact")
 
@@ -104,7 +105,7 @@ def worst(law: str, poisson: float, sliders: int | None = None) -> float:
     return max(abs(rebound(law, psi, poisson, sliders).psi_2 - exact(psi, poisson)) for psi in PSIS)
 
 
-@pytest.mark.parametrize("poisson", POISSONS)
+@pytest.mark.parametrize("poisson", mostly(pytest.mark.soak, POISSONS, [0.0, 0.3, 0.4]))
 def test_brush_of_eight_sliders_rebounds_as_the_theory_says(poisson: float) -> None:
     assert worst("brush", poisson) < 0.0065  # required 0.02; measured 0.0051 to 0.0057
 
@@ -211,7 +212,7 @@ def kharaz(law: str, angle: float, quantity: str) -> float:
         "half_space_youngs_modulus_pa": 70e9, "half_space_poisson": 0.25,
     }  # fmt: skip
     throw = Throw(psi=tan(turned) / Throw(**common).limit_ratio, **common)
-    result = impact(throw, law)
+    result = impact(throw, law, steps=250)  # 4e-4 in ψ: 16 times the error of the usual steps
     if quantity == "restitution":
         return result.centre_velocity_m_s / (SPEED * sin(turned))
     if quantity == "spin":

@@ -31,9 +31,9 @@ def motor() -> pr.Motor:
 def test_the_first_milliseconds_are_those_of_the_full_motor(motor: pr.Motor) -> None:
     """3 % RMS of the speed reached; the frequency within 0.1 %, a few of the steps by which an edge is seen late."""
     chosen = tracker(motor, offset=0.03)
-    full, averaged = (pr.track(motor, chosen, duration=4e-3, averaged=averaged) for averaged in (False, True))
+    full, averaged = (pr.track(motor, chosen, duration=3.2e-3, averaged=averaged) for averaged in (False, True))
     assert averaged.locked
-    at = np.linspace(0.3e-3, 3.9e-3, 100)
+    at = np.linspace(0.3e-3, 3.1e-3, 100)
     speeds = [np.interp(at, found.time_s, found.rotor_speed_rad_s) for found in (full, averaged)]
     assert np.sqrt(np.mean((speeds[0] - speeds[1]) ** 2)) <= 0.03 * speeds[0].max()
     frequencies = [np.interp(at, found.time_s, found.frequency_hz) for found in (full, averaged)]

@@ -134,6 +134,7 @@ def test_deck_of_the_phase_locked_loop_locks(tmp_path: Path) -> None:
     assert found["in_phase_va"] > 0.99 * found["force_rms_v"] * found["motional_rms_a"]
 
 
+@pytest.mark.soak  # test_track.py has an observer that locks
 def test_deck_of_the_observer_stays_about_the_greatest_current(tmp_path: Path) -> None:
     found = run_with("tracker_observer", {"stop": "9m"}, tmp_path)  # there after 7 steps, 5.6 ms; means of 2 ms
     mode = MOTOR.modes[1]

@@ -148,7 +148,9 @@ def _motor(modes, p, tones_a, tones_b, step, stride, elements, reach, samples):
         friction = spring * _slide(u, gap, depth, mu * ratio, moved)
         normal = hertz * depth**1.5 if depth > 0.0 else 0.0
         if k % stride == 0:
-            samples[:, k // stride] = x, y, normal, friction, speed
+            place = k // stride  # one by one: numba takes 2 s to compile the assignment of a slice
+            samples[0, place], samples[1, place], samples[2, place] = x, y, normal
+            samples[3, place], samples[4, place] = friction, speed
         kick = step if k > 0 else 0.5 * step
         force = theta_a * _voltage(tones_a, k * step) + theta_b * _voltage(tones_b, k * step) - stiffness * r
         force += tip_x * (normal * ex - friction * ey) - tip_y * (normal * ey + friction * ex)

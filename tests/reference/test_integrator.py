@@ -372,7 +372,8 @@ def _projection(columns, x_2, voltage, frequency, dt, steps, every, hertz, compl
         r += 0.5 * dt * v
         if (i + 1) % every == 0:
             limit = kappa * max(radius - np.sqrt((x_2 * r[1]) ** 2 + (gap - r[0]) ** 2), 0.0)
-            out[(i + 1) // every] = x_2 * r[1], r[0], min(max(u, -limit), limit), speed
+            row = (i + 1) // every
+            out[row, 0], out[row, 1], out[row, 2], out[row, 3] = x_2 * r[1], r[0], min(max(u, -limit), limit), speed
     return out
 
 
