@@ -22,12 +22,14 @@ CHAINS = {  # kind, network, settings
     "full bridge + LLCC": ("full-bridge", "llcc", {"bridge.level": 0.5}),
 }
 SHOWN = ("half bridge + inductor", "half bridge + LLCC")
+DRAWN = ("linear amplifier", *SHOWN) if draft() else tuple(CHAINS)
 
 
 def draw(folder: Path) -> list[str]:
     motor = pr.load_motor("andersen2002")
     reports = {}
-    for name, (kind, network, settings) in CHAINS.items():
+    for name in DRAWN:
+        kind, network, settings = CHAINS[name]
         driver = pr.Driver(kind=kind, network=network, voltage=VOLTAGE, frequency=FREQUENCY, settings=settings)
         match = "running" if network != "none" else None
         reports[name] = pr.drive_report(motor, driver, duration=DURATION, match=match, proposals=False)

@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 import sys
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.cli import run
 from tests.resonators import resonator, spectrum
+from tests.selection import mostly
 
 CIRCUIT = resonator([20e3, 33e3], [120.0, 300.0], [0.05, 0.02], reference=25e3)
 SPECTRA = Path(__file__).parent / "data" / "spectra"
@@ -156,8 +158,13 @@ def test_a_note_begins_its_own_line(
     assert screen.count("note: ") == len(re.findall(r"^note: ", screen, re.MULTILINE)) > 0
 
 
-@pytest.mark.parametrize("size", [1e-300, 1e-160, 1e-27, 1e27, 1e160, 1e290])
-@pytest.mark.parametrize("frequency", [1e-300, 1e-160, 1.0, 1e6])
+SIZES = list(product([1e-300, 1e-160, 1e-27, 1e27, 1e160, 1e290], [1e-300, 1e-160, 1.0, 1e6]))
+
+
+@pytest.mark.parametrize(
+    ("size", "frequency"),
+    mostly(pytest.mark.fuzz, SIZES, [(1e-300, 1e6), (1e290, 1.0), (1e-27, 1e-300), (1e-27, 1.0), (1e27, 1e6)]),
+)
 def test_values_of_any_size_end_in_a_result_or_one_sentence(
     size: float, frequency: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

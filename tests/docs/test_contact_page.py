@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.analysis.test_impact import worst
+from tests.selection import mostly
 from tests.tools.test_hysteresis import loss, worst_force, worst_loss
 from tools.benches.traction import microslip_loss
 
@@ -17,7 +18,7 @@ pytestmark = pytest.mark.xdist_group("impact")
 PAGE = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs" / "contact.md").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("sliders", [4, 8, 16])
+@pytest.mark.parametrize("sliders", mostly(pytest.mark.soak, [4, 8, 16], [4]))
 def test_errors_by_the_number_of_sliders(sliders: int) -> None:
     found = (
         f"{100 * worst_force(sliders):.2f} % | {100 * worst_loss(sliders):.2f} % | {worst('brush', 0.0, sliders):.4f} |"
