@@ -78,7 +78,7 @@ def test_commands(page: Path, tmp_path: Path) -> None:
 def test_python(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """In this process, since an interpreter that begins anew loads the libraries for a second each time."""
     for number, snippet in enumerate(snippets(page)):
-        if re.search(r"^import ", snippet, re.M):  # a snippet without imports continues the one before it
+        if re.search(r"^(import|from) ", snippet, re.M):  # a snippet without imports continues the one before it
             names: dict[str, object] = {"__name__": "__main__"}
         with warnings.catch_warnings():
             warnings.simplefilter("error")
