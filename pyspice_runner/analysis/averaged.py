@@ -145,13 +145,14 @@ class AveragedRun(Result):
                 "stick": max(0.0, 1.0 - last["separated"] - last["slip"]),
                 "slip": last["slip"],
             },
-            **self._entries("energy_residual", "trusted", "cautions"),
+            **self._entries("energy_residual", "trusted"),
             "greatest_check": float(self.curves["check"].max()),
             "greatest_separated": float(self.curves["separated"].max()),
             "end": last,
             "points": len(self.curves["time_s"]),
             **self._entries("solver_seconds", "ngspice_version", "audit"),
             **self.provenance,
+            **self._entries("cautions"),  # in place of those of the operating point alone
         }
 
 

@@ -240,9 +240,9 @@ def fit_spectrum(
     outcome = select(whole.thinned(), modes, leads is True, progress)
     if not model.stated:  # the residuals of the fit give a better estimate than neighbouring points
         problem, best = outcome.problem, outcome.best
-        fitted = problem.admittance(best) * problem.unit_s
+        fitted, measured = problem.admittance(best) * problem.unit_s, problem.y * problem.unit_s
         white = errors.independent(problem, best) > 0.5 * len(problem.w)
-        better = model.refined(fitted, problem.y * problem.unit_s, white)
+        better = model.refined(fitted, measured - fitted, white, measured)
         if not same_shape(better, model, fitted):
             whole = whole.reweighted(better, whole.admittance(best) * whole.unit_s)
             outcome = select(whole.thinned(), modes, leads is True, progress)

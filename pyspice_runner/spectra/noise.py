@@ -48,13 +48,13 @@ class Noise:
         """Return the standard deviation of Y in S at admittances in S."""
         return np.sqrt(sum((sigma * _shape(kind, y)) ** 2 for kind, sigma in self.sigma.items()))
 
-    def refined(self, fitted: Complexes, measured: Complexes, white: bool) -> Noise:
-        """Return the error model by the residuals of a fit; correlated residuals count as a share of the magnitude."""
+    def refined(self, fitted: Complexes, residuals: Complexes, white: bool, magnitude: Complexes) -> Noise:
+        """Return the error model by the residuals of a fit; correlated residuals count as a share of a magnitude."""
         if self.stated:
             return self
         if white:
-            return estimate(fitted, measured - fitted)
-        return Noise({"proportional": max(rms(fitted / measured - 1.0), _LEAST)})
+            return estimate(fitted, residuals)
+        return Noise({"proportional": max(rms(residuals / magnitude), _LEAST)})
 
 
 def noise_of(noise: Mapping[str, float] | None, y: Complexes) -> Noise:

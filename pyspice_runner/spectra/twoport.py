@@ -323,8 +323,9 @@ class _Problem:
         for name, spectrum in self.ports.items():
             measured = spectrum.admittance_s
             fitted = self.model(parameters, name, spectrum.frequency_hz)[0] * self.unit_s
-            white = independent_points((measured - fitted) / fitted) > 0.5 * len(measured)
-            self.noise[name] = self.noise[name].refined(fitted, measured, white)
+            residuals = measured - fitted
+            white = independent_points(residuals / fitted) > 0.5 * len(measured)
+            self.noise[name] = self.noise[name].refined(fitted, residuals, white, fitted)
             self.deviation[name] = self._deviation(name, fitted)
 
     def descend(self, start: Vector) -> Vector:

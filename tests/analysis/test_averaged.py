@@ -165,3 +165,10 @@ def test_a_loss_without_an_averaged_model_is_an_error(name: str, value: float) -
     lossy = pr.load_motor("bimodal40").updated({name: value})
     with pytest.raises(pr.ParameterError, match=f"{name} = {value:g} has no averaged model"):
         pr.simulate_averaged(lossy, pr.default_drive(lossy), 1e-3)
+
+
+def test_the_json_has_the_cautions_of_the_averaged_model() -> None:
+    opening = pr.load_motor("bimodal40")
+    run = simulate_averaged(opening, pr.default_drive(opening), 2e-3)
+    assert any("open for up to" in caution for caution in run.cautions)
+    assert run.to_dict()["cautions"] == list(run.cautions)

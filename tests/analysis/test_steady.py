@@ -197,6 +197,7 @@ def test_one_period_of_waveforms_closes_and_balances() -> None:
         assert signal[-1] == pytest.approx(signal[0], abs=1e-3 * np.ptp(signal)), name
     assert waves.energy_residual < 1e-3
     assert waves.mean_torque_n_m == pytest.approx(held(6.0).torque_n_m, abs=2e-3 * friction_torque(MOTOR))
+    assert isinstance(waves.to_dict()["cautions"], list)
 
 
 def test_tones_without_a_common_period_are_refused_with_what_to_do() -> None:

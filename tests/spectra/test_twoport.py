@@ -251,6 +251,12 @@ def test_intervals_of_a_two_port_hold_as_often_as_they_say(two_port: pr.Spectrum
     assert np.abs(np.mean(deviations, axis=0)).max() < 0.5
 
 
+def test_a_spectrum_that_the_modes_do_not_follow_keeps_its_two_modes() -> None:
+    fit = pr.fit_two_port(pr.read_spectrum(Path(__file__).parents[1] / "data" / "spectra" / "two_port.s2p"))
+    assert len(fit.modes) == 2  # both resonances of the file, although 45 to 86 % remain
+    assert any("residuals of up to 86 %" in caution for caution in fit.cautions)
+
+
 def test_a_mode_that_is_stated_but_not_there_is_not_significant(two_port: pr.Spectrum) -> None:
     rng = np.random.default_rng(5)
     ports = {name: with_error(two_port.driven(name), "proportional", 3e-3, rng) for name in CONNECTIONS}
