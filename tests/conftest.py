@@ -3,6 +3,7 @@
 
 import gc
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,8 +11,9 @@ import pytest
 # before NumPy loads: two workers with two threads each would wait for each other on two cores
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# each Python that a test starts would compile the package again, which takes 0.1 s
+# each Python that a test starts would compile the package again, which takes 0.1 s, and this one its assertions: 3 s
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 gc.disable()  # while the tests are collected, which makes many objects and little garbage: half of the time
 
