@@ -30,7 +30,9 @@ def accurate(name: str, accuracy: float) -> Waveforms:
 
 
 # all of the points passed when the estimate was made
-@pytest.mark.parametrize("name", mostly(pytest.mark.soak, [*POINTS, *MORE], [*POINTS, *MORE][::9]))
+@pytest.mark.parametrize(
+    "name", mostly(pytest.mark.soak, [*POINTS, *MORE], ["stick only", "sprung, mostly slip", "slippery"])
+)
 def test_the_estimated_error_is_the_true_one_within_a_factor_of_three(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -105,11 +107,11 @@ def test_a_default_run_that_is_not_within_one_per_cent_says_so() -> None:
     """17.9 kHz and 100 V, the tip off the rotor for most of the time: the tip is accurate, the speed is not."""
     motor = pr.load_motor("andersen2002").updated({"mount": None})
     drive = pr.TwoPhaseDrive(voltage=100.0, frequency=17.9e3, phase_deg=90.0)
-    run = pr.simulate(motor, drive, duration=3e-3)
+    run = pr.simulate(motor, drive, duration=2e-3)
     assert run.error_estimate is not None
     assert run.error_estimate < 0.01
     assert run.accurate is False
     assert any("estimated error exceeds 1 %: the mean rotor speed" in caution for caution in run.cautions)
-    fine = pr.simulate(motor, drive, duration=3e-3, step=run.provenance["run"]["step_s"] / 4.0)
+    fine = pr.simulate(motor, drive, duration=2e-3, step=run.provenance["run"]["step_s"] / 4.0)
     assert run.speed_error_rad_s is not None
     assert abs(fine.mean_rotor_speed_rad_s - run.mean_rotor_speed_rad_s) <= run.speed_error_rad_s

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Sequence
 from functools import cache
 from math import atan2, cos, degrees, pi, radians, sin, sqrt, tan
 from pathlib import Path
@@ -101,17 +102,17 @@ POISSONS = (0.0, 0.1, 0.2, 0.3, 0.4)
 PSIS = (0.3, 0.8, 1.2, 1.7, 2.3, 3.0, 3.8, 4.6, 5.4, 6.5)
 
 
-def worst(law: str, poisson: float, sliders: int | None = None) -> float:
-    return max(abs(rebound(law, psi, poisson, sliders).psi_2 - exact(psi, poisson)) for psi in PSIS)
+def worst(law: str, poisson: float, sliders: int | None = None, psis: Sequence[float] = PSIS) -> float:
+    return max(abs(rebound(law, psi, poisson, sliders).psi_2 - exact(psi, poisson)) for psi in psis)
 
 
-@pytest.mark.parametrize("poisson", mostly(pytest.mark.soak, POISSONS, [0.0, 0.3, 0.4]))
+@pytest.mark.parametrize("poisson", mostly(pytest.mark.soak, POISSONS, [0.0, 0.4]))
 def test_brush_of_eight_sliders_rebounds_as_the_theory_says(poisson: float) -> None:
     assert worst("brush", poisson) < 0.0065  # required 0.02; measured 0.0051 to 0.0057
 
 
 def test_error_of_the_brush_falls_with_the_square_of_the_sliders() -> None:
-    errors = np.array([worst("brush", 0.3, sliders) for sliders in (2, 4, 8, 16)])
+    errors = np.array([worst("brush", 0.3, sliders, PSIS[::2]) for sliders in (2, 4, 8, 16)])
     orders = np.log2(errors[:-1] / errors[1:])
     assert orders == pytest.approx(2.0, abs=0.25)
 
@@ -123,7 +124,7 @@ def test_single_spring_slider_is_far_off_and_coulomb_farther() -> None:
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("poisson", POISSONS)
+@pytest.mark.parametrize("poisson", mostly(pytest.mark.soak, POISSONS, [0.0, 0.4]))
 def test_gross_slip_is_exact(law: str, poisson: float) -> None:
     """ψ₂ = ψ₁ − 7 G*/E*: the whole impulse is μ times the normal one. It slips throughout from ψ₁ = 7 G*/E* on."""
     for psi in (7.3 / ratio(poisson), 20.0):

@@ -10,6 +10,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.speed_torque import operating_point
+from pyspice_runner.analysis.track import running_resonance
 from pyspice_runner.run.waveforms import Waveforms
 from tests.runs import simulated
 
@@ -120,10 +121,8 @@ def test_speed_torque_behind_a_half_bridge() -> None:
 def test_a_loop_tracks_through_an_amplifier() -> None:
     tracker = pr.Tracker(kind="pll", voltage=50.0, ratio_b=2.0, frequency=54e3, offset=0.01)
     amplifier = pr.Driver(kind="linear", voltage=50.0, ratio_b=2.0, frequency=54e3)
-    straight, through = (
-        pr.track(MOTOR, tracker, driver=one, duration=2.7e-3, step=1.8e-7) for one in (None, amplifier)
-    )
-    assert straight.locked
+    through = pr.track(MOTOR, tracker, driver=amplifier, duration=2.7e-3, step=1.8e-7)
     assert through.locked
-    assert through.end_frequency_hz == pytest.approx(straight.end_frequency_hz, rel=2e-3)
+    # where harmonic balance has it, as test_track.py finds of the loop without an amplifier
+    assert through.end_frequency_hz == pytest.approx(running_resonance(MOTOR, tracker).resonance_hz, rel=2e-3)
     assert through.to_dict()["driver"]["kind"] == "linear"

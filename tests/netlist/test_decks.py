@@ -133,10 +133,10 @@ def test_admittance_decks_find_resonance_and_conductance(name: str, preloaded: b
             "figure_eight",
             "andersen2002",
             pr.TwoToneDrive(voltage_1=50.0, frequency_1=25e3, voltage_2=50.0, frequency_2=50e3),
-            3e-3,
+            2e-3,
             0.0,
         ),
-        ("spin_up", "bimodal40", pr.default_drive(pr.load_motor("bimodal40")), 6e-3, 5e-3),
+        ("spin_up", "bimodal40", pr.default_drive(pr.load_motor("bimodal40")), 3e-3, 5e-3),
     ],
 )
 def test_transient_decks_agree_with_simulate(
@@ -262,7 +262,7 @@ def test_first_resonance_hammers(tmp_path: Path) -> None:
 def test_dynamometer_deck_integrates_what_the_waveforms_of_simulate_hold(tmp_path: Path) -> None:
     motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)
-    stop = 120 * drive.period
+    stop = 60 * drive.period
     result = run_with("dynamometer", {"stop": repr(stop), "periods": "20"}, tmp_path)
     run = simulated(motor, drive, duration=stop, speed=10.0)
     # both over the last 20 periods, so that it need not have settled; the deck is without the exact resonance
