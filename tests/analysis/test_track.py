@@ -29,7 +29,7 @@ pytestmark = pytest.mark.xdist_group("trackers")
 
 COARSE = 1.0 / (100.0 * 55.4e3)  # s, a hundredth of the shortest period: edges are seen 3.6° late at worst
 FINE = COARSE / 8.0  # s; edges 0.45° late: at 3.6° the overshoot of a step by 20° scatters by a tenth of itself
-FAST = {"period_s": 0.5e-3, "step_hz": 100.0}
+FAST = {"period_s": 0.8e-3, "step_hz": 100.0}
 
 
 @cache
@@ -66,11 +66,15 @@ def test_the_phase_locked_loop_locks_from_three_per_cent(offset: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "offset"), [pytest.param("observe-current", -0.03, marks=pytest.mark.soak), ("observe-power", 0.03)]
+    ("kind", "offset", "period", "duration"),
+    [
+        pytest.param("observe-current", -0.03, FAST["period_s"], 17e-3, marks=pytest.mark.soak),
+        ("observe-power", 0.03, 0.5e-3, 11e-3),  # the same number of steps
+    ],
 )
-def test_observers_lock_from_three_per_cent(kind: str, offset: float) -> None:
-    chosen = tracker(kind, contact=False, offset=offset, **FAST)
-    found = pr.track(motor(), chosen, contact=None, duration=11e-3, step=COARSE)
+def test_observers_lock_from_three_per_cent(kind: str, offset: float, period: float, duration: float) -> None:
+    chosen = tracker(kind, contact=False, offset=offset, **{**FAST, "period_s": period})
+    found = pr.track(motor(), chosen, contact=None, duration=duration, step=COARSE)
     assert found.locked
     # never at rest: two steps to either side at most; coarse steps lower the resonance by (2π/100)²/12
     assert found.end_frequency_hz == pytest.approx((1.0 - 3.3e-4) * resonance(contact=False), abs=2.0 * FAST["step_hz"])

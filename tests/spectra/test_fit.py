@@ -31,7 +31,7 @@ BAND = np.linspace(8e3, 80e3, 1201)
 # --- values come back ---
 
 
-@pytest.mark.parametrize("seed", mostly(pytest.mark.soak, range(5), [0, 1]))
+@pytest.mark.parametrize("seed", mostly(pytest.mark.soak, range(5), [0]))
 @pytest.mark.parametrize("arms", [1, 2, 3, 4, 5])
 def test_noise_free_values_come_back(arms: int, seed: int) -> None:
     circuit, frequency = random_resonator(100 * arms + seed, arms)
