@@ -177,7 +177,7 @@ def test_supply_is_losses_and_motor_within_one_per_cent() -> None:
         # the next test has this state by hand
         pytest.param("free", driver(), {"contact": None, "duration": 2.5e-3}, marks=pytest.mark.soak),
         # the two-port is linear; so is a contact whose limit of slip, in proportion to the friction, is far away
-        ("preloaded", driver(voltage=0.2, frequency=PRELOADED), {"duration": 3e-3, "friction": 5.0}),
+        ("preloaded", driver(voltage=0.2, frequency=PRELOADED), {"duration": 2e-3, "friction": 5.0}),
         ("running", driver(), {"duration": 2e-3}),
     ],
 )

@@ -92,14 +92,14 @@ def test_a_loss_that_is_not_stated_follows_from_the_powers(tmp_path: Path) -> No
     assert own.gate_power_w == 0.0
 
 
-def test_a_copy_of_the_mosfet_gives_the_same_bridge(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", [pytest.param("irf610", marks=pytest.mark.soak), "turned"])
+def test_a_copy_of_the_mosfet_gives_the_same_bridge(name: str, tmp_path: Path) -> None:
     (model,) = re.findall(r"^\.model irf610 .*$", (data_path("behavioral") / "driver_mosfet.lib").read_text(), re.M)
     path = tmp_path / "my.lib"
     path.write_text(f"{model}\n.subckt turned s g d\nM1 d g s irf610\n.ends\n")
-    for name in ("irf610", "turned"):
-        own = report(driver("half-bridge", network="inductor", mosfet=f"{path}:{name}"))
-        assert own.losses_w == pytest.approx(half_bridge().losses_w, rel=1e-9)
-        assert own.driver["mosfet"] == f"{path}:{name}"
+    own = report(driver("half-bridge", network="inductor", mosfet=f"{path}:{name}"))
+    assert own.losses_w == pytest.approx(half_bridge().losses_w, rel=1e-9)
+    assert own.driver["mosfet"] == f"{path}:{name}"
 
 
 @pytest.mark.parametrize("kind", ["half-bridge", "full-bridge", built_in("driver_half_bridge")])
