@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 .DEFAULT_GOAL := help
-.PHONY: help setup demo figures docs test soak fuzz bench lint format clean fresh kicad ngspice46 verilog-a
+.PHONY: help setup demo figures docs test pytest soak fuzz bench lint format clean fresh kicad ngspice46 verilog-a
 
 PY := .venv/bin/python
-JOBS ?= 2
+JOBS ?= 3
 RELEASE ?=
 TARGETS ?= demo test
 
@@ -25,7 +25,10 @@ docs: ## build the documentation site in site/
 	@NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --quiet
 	@echo "site/index.html"
 
-test: lint ## run the linters, then the tests, including those of the wheel
+test: setup ## run the linters beside the tests, including those of the wheel
+	@$(MAKE) --no-print-directory -j 2 lint pytest
+
+pytest: setup
 	$(PY) -m pytest -n $(JOBS) --dist loadgroup
 
 fuzz: setup ## run all tests of invalid input, and 10,000 random inputs at every entry point (20 minutes)

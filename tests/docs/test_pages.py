@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the pages show is run: their commands and their Python, from an empty directory, one page after the other.
+"""The commands, the Python and the decks of the pages are run from an empty directory, one page after the other.
 
-test_readme.py runs the commands that the README and the page of tasks show too.
+`make soak` runs those of the pages named in LONG; `make test` only parses their commands. test_readme.py runs the
+commands that the README and the page of tasks show too.
 """
 
 from __future__ import annotations
@@ -11,11 +12,14 @@ import re
 import shlex
 import subprocess
 import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 
-from pyspice_runner.cli import run
+from pyspice_runner.cli import app, run
 from tests.test_readme import COMMANDS as README_COMMANDS
 
 ROOT = Path(__file__).parents[2]
@@ -43,17 +47,30 @@ def snippets(page: Path) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
 
 
-LIKE = ("tracking", "tutorial_impedance")  # their commands are those of tutorial_tracking and impedance, other values
+# pages whose commands or Python take 4 to 12 s
+LONG = {"drive", "impedance", "steady_state", "tracking"}
+LONG |= {"tutorial_driver", "tutorial_impedance", "tutorial_speed_loop", "tutorial_tracking"}
 
 
-@pytest.mark.parametrize(
-    "page",
-    [
-        pytest.param(page, marks=[pytest.mark.soak] if page.stem in LIKE else [], id=page.stem)
+def pages_with(parts: Callable[[Path], list[str]]) -> list[Any]:
+    """Return the pages that have such parts; those that take long are marked."""
+    return [
+        pytest.param(page, marks=[pytest.mark.soak] if page.stem in LONG else [], id=page.stem)
         for page in PAGES
-        if commands(page)
-    ],
-)
+        if parts(page)
+    ]
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.stem in LONG], ids=lambda page: page.stem)
+def test_commands_of_long_pages_are_valid(page: Path) -> None:
+    group = typer.main.get_command(app)
+    for command in commands(page):
+        with group.make_context("piezomotor", []) as context:
+            name, *words = shlex.split(command)[1:]
+            group.get_command(context, name).make_context(name, words, parent=context).close()
+
+
+@pytest.mark.parametrize("page", pages_with(commands))
 def test_commands(page: Path, tmp_path: Path) -> None:
     for command in commands(page):
         words = shlex.split(command)[1:]
@@ -74,7 +91,7 @@ def test_commands(page: Path, tmp_path: Path) -> None:
             assert abs(float(measured[name])) > 0.0
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if snippets(page)], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", pages_with(snippets))
 def test_python(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """In this process, since an interpreter that begins anew loads the libraries for a second each time."""
     for number, snippet in enumerate(snippets(page)):

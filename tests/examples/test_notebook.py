@@ -15,7 +15,7 @@ SHOWN = ("Motor", "Waveforms", "Admittance", "SpectrumFit", "TwoPortFit", "Trend
          "Tracking", "Impact")  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_notebook_shows_every_main_result_with_a_table_and_a_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
