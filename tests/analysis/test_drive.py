@@ -146,6 +146,7 @@ def test_half_bridge_gives_a_square_wave() -> None:
     assert found.gate_power_w > 0.0
 
 
+@pytest.mark.soak  # its deck is run by tests/netlist/test_decks.py; its balance settles for 4 ms
 def test_full_bridge_of_three_steps_has_no_third_harmonic() -> None:
     found = full_bridge()
     for group in ("a", "b"):

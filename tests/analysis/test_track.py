@@ -244,7 +244,8 @@ def averaged_step(
     return vectors["time"], np.degrees(vectors["v(phase)"])
 
 
-@pytest.mark.parametrize("bandwidth", [*(pytest.param(one, marks=pytest.mark.soak) for one in (500.0, 1000.0)), 2000.0])
+@pytest.mark.soak  # test_track_averaged.py compares a loop with the full motor too
+@pytest.mark.parametrize("bandwidth", [500.0, 1000.0, 2000.0])
 def test_the_averaged_loop_steps_like_the_full_transient(bandwidth: float) -> None:
     """From −10° to 10°, where the stator's phase is linear to 3 %, with a phase margin of 45° to see an overshoot."""
     chosen = free(bandwidth, 1.0, target_deg=-10.0)
