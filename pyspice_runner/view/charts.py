@@ -277,11 +277,9 @@ def speed_torque(curves: Mapping[float, xarray.Dataset]) -> go.Figure:
 
 
 def _efficiency_range(curves: Mapping[float, xarray.Dataset]) -> list[float]:
-    """Return the range of efficiencies in %, −100 to 100 at most: it has no limit where hardly any power is drawn."""
-    values = 100.0 * np.concatenate([np.ravel(curve["efficiency"].values) for curve in curves.values()])
-    low, high = (float(value) for value in (np.nanmin([0.0, *values]), np.nanmax([0.0, *values])))
-    room = 0.05 * max(high - low, 1e-9)
-    return [max(low - room, -100.0), min(high + room, 100.0)]
+    """Return the range of efficiencies in %: from a tenth of the best below zero, or to -100 if the shaft is driven."""
+    best = 100.0 * max(float(np.nanmax([0.0, *curve["efficiency"].values.ravel()])) for curve in curves.values())
+    return [-0.1 * best, min(1.05 * best, 100.0)] if best else [-100.0, 0.0]
 
 
 def spin_up(run: Waveforms) -> go.Figure:

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pyspice_runner.analysis.steady import SteadyState
 from pyspice_runner.datasets import Curves
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.export.motor import export_motor
@@ -65,6 +66,8 @@ class Report(Result):
         run: the motor from rest.
         coarse: the same run at twice the time step, from which the error is estimated.
         curves: share of the drive's voltage → speed–torque curve.
+        free: the steady state of the rotor without load, at the highest of these shares; ``None`` where dry friction of
+            the bearing stops it.
         measured: a measured spectrum to draw over the computed ones.
         connection: how the groups were connected when it was measured, if it is a one-port.
         created: when the report was made, ISO 8601.
@@ -76,6 +79,7 @@ class Report(Result):
     run: Waveforms
     coarse: Waveforms
     curves: dict[float, xarray.Dataset]
+    free: SteadyState | None
     measured: Spectrum | None = None
     connection: Connection = "A"
     created: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
@@ -109,27 +113,27 @@ class Report(Result):
 
     @property
     def key_figures(self) -> dict[str, float | None]:
-        """The values at the top of a data sheet; ``None`` for a value that the curves do not reach."""
+        """The values at the top of a data sheet, at the highest drive; ``None`` for a value that is not settled.
+
+        Speed, currents and powers without load are those of the free rotor's steady state; stall torque and best
+        efficiency are those of settled points of the curve.
+        """
         curve = self.curves[max(self.curves)]
-        speed, torque = curve["speed_rad_s"].values, curve["torque_n_m"].values
-        forward = np.where(curve["shaft_power_w"].values > 0.0, curve["efficiency"].values, -np.inf)
+        speed, settled = curve["speed_rad_s"].values, curve["settled"].values
+        forward = np.where(settled & (curve["shaft_power_w"].values > 0.0), curve["efficiency"].values, -np.inf)
         best = int(np.argmax(forward))
-        crossings = np.flatnonzero(torque[:-1] * torque[1:] < 0.0)
-        no_load = None
-        if len(crossings):  # by a straight line between the points around the first zero
-            x, y = (values[crossings[0] : crossings[0] + 2] for values in (speed, torque))
-            no_load = float(x[0] - y[0] * (x[1] - x[0]) / (y[1] - y[0]))
-        run = self.run
+        stall = curve["torque_n_m"].values[settled & (speed == 0.0)]
+        free = self.free if self.free is not None and self.free.stable else None
         return {
-            "stall_torque_n_m": float(torque[speed == 0.0][0]) if (speed == 0.0).any() else None,
-            "no_load_speed_rad_s": no_load,
+            "stall_torque_n_m": float(stall[0]) if len(stall) else None,
+            "no_load_speed_rad_s": free.speed_rad_s if free else None,
             "best_efficiency": float(forward[best]) if np.isfinite(forward[best]) else None,
             "best_efficiency_speed_rad_s": float(speed[best]) if np.isfinite(forward[best]) else None,
-            "run_speed_rad_s": run.mean_rotor_speed_rad_s,
-            "current_a_rms_a": float(np.sqrt(run.mean(run.current_a_a**2))),
-            "current_b_rms_a": float(np.sqrt(run.mean(run.current_b_a**2))),
-            "power_a_w": run.mean(run.voltage_a_v * run.current_a_a),
-            "power_b_w": run.mean(run.voltage_b_v * run.current_b_a),
+            **{
+                name: getattr(free, name) if free else None
+                for name in ("current_a_rms_a", "current_b_rms_a", "power_a_w", "power_b_w")
+            },
+            "electrical_power_w": free.power_a_w + free.power_b_w if free else None,
         }
 
     def to_dict(self) -> dict[str, Any]:
@@ -165,9 +169,10 @@ class Report(Result):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Cautions of the run and of the curves."""
+        """Cautions of the run, of the free rotor's steady state, and of the curves."""
         curves = (caution for curve in self.curves.values() for caution in Curves(curve).cautions)
-        return tuple(dict.fromkeys((*self.run.cautions, *curves)))
+        free = ("Dry friction of the bearing stops the rotor.",) if self.free is None else self.free.cautions
+        return tuple(dict.fromkeys((*self.run.cautions, *free, *curves)))
 
     def summary(self) -> dict[str, str]:
         """Return motor, drive, key figures and errors."""
@@ -180,7 +185,7 @@ class Report(Result):
             "stall torque": engineering(figures["stall_torque_n_m"], "N·m"),
             "no-load speed": engineering(figures["no_load_speed_rad_s"], "rad/s"),
             "best efficiency": "–" if best is None else f"{100.0 * best:.3g} %",
-            "electrical power": engineering((figures["power_a_w"] or 0.0) + (figures["power_b_w"] or 0.0), "W"),
+            "electrical power, no load": engineering(figures["electrical_power_w"], "W"),
             "error by the step": f"{self.discretisation_error['tip_path']:.1e} of the tip's path",
             "energy residual": f"{self.run.energy_residual:.1e}",
         }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The data sheet of a motor: spectra, a run from rest, and speed–torque curves."""
+"""The data sheet of a motor: spectra, a run from rest, steady states of the free rotor, and speed–torque curves."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from pydantic import SkipValidation
 from pyspice_runner.analysis.settling import Progress
 from pyspice_runner.analysis.simulate import simulate
 from pyspice_runner.analysis.speed_torque import axis, speed_torque
+from pyspice_runner.analysis.steady import SteadyState, steady_state
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import write_netcdf
 from pyspice_runner.model import contact as contact_law
@@ -31,7 +32,8 @@ if TYPE_CHECKING:
     import xarray
 
 LEVELS = (0.5, 1.0)
-SPEEDS = 4  # of a curve, by default
+SPEEDS = 8  # of a curve, by default
+BEYOND = 1.1  # end of a curve over the speed without load
 PATIENCE = 16  # blocks; a point that has not settled by then is marked
 _POINTS_PER_BANDWIDTH = 10
 _FEWEST_POINTS, _MOST_POINTS = 600, 20_000
@@ -60,7 +62,8 @@ def report(
         motor: the motor.
         drive: the voltages of both groups.
         duration: of the run from rest, s.
-        speeds: of the speed–torque curves, rad/s; by default from standstill to slightly beyond no load.
+        speeds: of the speed–torque curves, rad/s; by default from standstill to slightly beyond no load, at each level
+            that of its own free rotor.
         levels: shares of the drive's voltage at which a curve is measured.
         measured: a measured spectrum to draw over the computed ones.
         connection: how the groups were connected when it was measured, if it is a one-port.
@@ -79,7 +82,7 @@ def report(
     scaled = {
         level: drive.updated({name: value * level for name, value in voltages.items()}) for level in sorted(levels)
     }
-    done, total = 0, _RUNS + len(scaled) * (SPEEDS if speeds is None else np.size(speeds)) + (speeds is None)
+    done, total = 0, _RUNS + len(scaled) * (1 + (SPEEDS if speeds is None else np.size(speeds)))
     tell = progress or (lambda *_: None)
 
     def advance(count: int = 1) -> None:
@@ -103,21 +106,21 @@ def report(
         # only for the estimate of the error: the audit of the finer run counts
         coarse = simulate(motor, drive, duration=duration, step=2.0 * step, timeout=timeout, audit=False)
         advance()
-        if speeds is None:
-            speeds = _speeds(motor, drive, run, 2.0 * step, timeout)
-            advance()
         for level, at_level in scaled.items():
+            free = _free_rotor(motor, at_level, timeout)
+            advance()
+            at = _speeds(motor, free, run) if speeds is None else speeds
             curves[level] = speed_torque(
-                motor, at_level, speeds=speeds, step=2.0 * step, patience=PATIENCE, timeout=timeout
+                motor, at_level, speeds=at, step=2.0 * step, patience=PATIENCE, timeout=timeout
             )
             finished[f"speed_torque_{100.0 * level:g}.nc"] = partial(write_netcdf, dataset=curves[level])
-            advance(np.size(speeds))
+            advance(np.size(at))
     except SimulationError as error:
         if error.partial is not None:  # of a curve
             finished["speed_torque_incomplete.nc"] = partial(write_netcdf, dataset=error.partial)
         error.partial = finished
         raise
-    return Report(motor, drive, spectra, run, coarse, curves, measured, connection)
+    return Report(motor, drive, spectra, run, coarse, curves, free, measured, connection)
 
 
 def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:
@@ -136,32 +139,25 @@ def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:
     return replace(result, frequency_hz=frequency[kept], matrix_s=result.matrix_s[kept])
 
 
-def _speeds(motor: Motor, drive: Drive, run: Waveforms, step: float, timeout: float | None) -> Array:
+def _free_rotor(motor: Motor, drive: Drive, timeout: float | None) -> SteadyState | None:
+    """Return the steady state without load; ``None`` if dry friction, a constant torque, stops the rotor."""
+    dry = motor.rotor.bearing_friction_n_m
+    motor = motor.updated({"rotor.bearing_friction_n_m": 0.0})
+    free = steady_state(motor, drive, timeout=timeout)
+    if not dry or not free.stable:
+        return free
+    braked = steady_state(motor, drive, load_torque=float(np.copysign(dry, free.speed_rad_s)), timeout=timeout)
+    return braked if braked.speed_rad_s * free.speed_rad_s > 0.0 else None
+
+
+def _speeds(motor: Motor, free: SteadyState | None, run: Waveforms) -> Array:
     """Return speeds from standstill to slightly beyond no load, in the direction in which the motor turns.
 
-    The rotor cannot overtake the tip: the no-load speed is below the tip's largest speed along the rotor.
+    Without a stable steady state they end at the tip's largest speed along the rotor, which the rotor cannot exceed.
     """
     window = run.window()
-    fastest = float(np.abs(np.gradient(run.tip_x_m[window], run.time_s[window])).max()) / motor.rotor.radius_m
-    fastest = max(fastest, 1e-3)
-    direction = 1.0 if run.mean_rotor_speed_rad_s >= 0.0 else -1.0
-    probe = 0.5 * fastest * direction
-
-    def torques(speeds: list[float]) -> list[float]:
-        curve = speed_torque(motor, drive, speeds=speeds, step=step, patience=PATIENCE, timeout=timeout)
-        return list(curve["torque_n_m"].values.tolist())
-
-    stall, torque = torques([0.0, probe])
-    if stall * direction <= 0.0:
-        return direction * np.linspace(0.0, abs(probe), SPEEDS)
-    probe = _no_load(stall, torque, probe, fastest)
-    # the curve bends: a second straight line from standstill to where the first one ended
-    (torque,) = torques([probe])
-    reach = min(1.2 * abs(_no_load(stall, torque, probe, fastest)), fastest)
-    return direction * np.linspace(0.0, reach, SPEEDS)
-
-
-def _no_load(stall: float, torque: float, speed: float, fastest: float) -> float:
-    """Return where a straight line through the torques at standstill and at a speed is zero, at most ``fastest``."""
-    drop = (stall - torque) / stall
-    return float(np.copysign(min(abs(speed) / drop, fastest) if drop > 0.0 else fastest, speed))
+    tip = float(np.abs(np.gradient(run.tip_x_m[window], run.time_s[window])).max()) / motor.rotor.radius_m
+    if free is None or not free.stable:
+        return np.linspace(0.0, np.copysign(max(tip, 1e-3), run.mean_rotor_speed_rad_s), SPEEDS)
+    reach = max(BEYOND * abs(free.speed_rad_s), 0.01 * tip, 1e-3)
+    return np.linspace(0.0, np.copysign(reach, free.speed_rad_s), SPEEDS)
