@@ -20,7 +20,7 @@ from rich.text import Text
 
 import pyspice_runner as pr
 from pyspice_runner.commands.admittance import admittance
-from pyspice_runner.commands.common import INTERRUPTED, complain, say, say_versions, silence, written
+from pyspice_runner.commands.common import INTERRUPTED, OnceCommand, complain, say, say_versions, silence, written
 from pyspice_runner.commands.compare import compare
 from pyspice_runner.commands.drive import drive
 from pyspice_runner.commands.fit import fit
@@ -46,8 +46,8 @@ COMMANDS = (
     motor_from, export, report, live,
 )  # fmt: skip
 for command in COMMANDS:
-    app.command()(command)
-app.command(name="map")(map_points)
+    app.command(cls=OnceCommand)(command)
+app.command(name="map", cls=OnceCommand)(map_points)
 
 FIRST_STEPS = {
     "Try first": {"report bimodal40": "a motor on one page"},

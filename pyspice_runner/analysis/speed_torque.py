@@ -350,6 +350,15 @@ def axis(name: str, values: Any) -> Array:
     return given
 
 
+def check_distinct(axes: Mapping[str, Array]) -> None:
+    """Raise ParameterError for a value that an axis has twice: its points would be solved twice."""
+    for path, values in axes.items():
+        kept, counts = np.unique(values, return_counts=True)
+        if counts.max() > 1:
+            name = "speeds" if path == SPEED else path
+            raise ParameterError(f"{name} has the value {kept[counts.argmax()]:g} more than once. Give it once.")
+
+
 def _axes(speeds: Any, over: Mapping[str, Any]) -> dict[str, Array]:
     """Return the axes of a curve, that of the speed last."""
     given = {path: values for path, values in over.items() if canonical(path) == "load.speed"}
@@ -377,6 +386,7 @@ def _check(axes: Mapping[str, Array], drive: Drive | Driver, mode: str, follow: 
     count = int(np.prod([len(axis) for axis in axes.values()]))
     if count > _MOST_POINTS:
         raise ParameterError(f"The curve has {count} points; at most {_MOST_POINTS} are allowed.")
+    check_distinct({path: values for path, values in axes.items() if path != follow})  # it may go up and down again
 
 
 def _dynamometer(point: OperatingPoint) -> Dynamometer:

@@ -18,7 +18,7 @@ from pydantic import SkipValidation
 from pyspice_runner.analysis.branch import dataset_of
 from pyspice_runner.analysis.dynamometer import UNITS
 from pyspice_runner.analysis.shooting import Point, between
-from pyspice_runner.analysis.speed_torque import axis, coordinates
+from pyspice_runner.analysis.speed_torque import axis, check_distinct, coordinates
 from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive
@@ -83,7 +83,7 @@ def working_points(
         over: dotted path → values, as in :func:`speed_torque`: ``drive.frequency``, ``drive.phase_deg``,
             ``drive.ratio_b``, ``drive.voltage``, ``contact.preload_n``, ``load.speed``, ``load.torque``.
         objective: quantity that the best point maximises: ``"torque"``, ``"speed"``, ``"efficiency"``, or
-            ``"power"`` at the shaft.
+            ``"power"`` at the shaft; not the speed or the torque if ``speed`` or ``load_torque`` fixes it.
         limits: name of a quantity → greatest absolute value allowed, such as ``{"current_a": 0.1}``: ``voltage_v``,
             ``current_a``, ``temperature_c`` or a quantity of :func:`speed_torque`, as ``ceramic_stress_pa``.
         speed: at which the shaft is held, rad/s. Without speed and load torque it is held still for the torque, free
@@ -109,10 +109,22 @@ def working_points(
     count = prod(len(values) for values in axes.values())
     if not axes or count > MOST_POINTS:
         raise ParameterError(f"over has {count if axes else 0} points: it must have 1 to {MOST_POINTS}.")
+    check_distinct(axes)
     law = touching_law(contact, "A free tip has no torque and moves no rotor.")
     base = OperatingPoint.of(
         motor, drive, speed=speed, load_torque=load_torque, contact=law, step=step, timeout=timeout, audit=False
     )
+    stated = {"load.speed": speed is not None, "load.torque": load_torque != 0.0}
+    paths = [*map(canonical, axes), *(path for path, given in stated.items() if given)]
+    twice = next((path for path in paths if paths.count(path) > 1), None)
+    if twice:
+        raise ParameterError(f"{twice} is given twice. Give it once.")
+    fixed = {"speed": stated["load.speed"], "torque": stated["load.torque"]}
+    if fixed.get(objective):
+        raise ParameterError(
+            f"objective = {objective!r} is not valid: the load fixes the {objective} of every point. Leave it out, or "
+            "choose another objective."
+        )
     if base.load == FREE and not LOADS.keys() & set(map(canonical, axes)):
         base = base.updated({"load.speed": _usual_speed(base, objective, accuracy)})
     shape = tuple(len(values) for values in axes.values())

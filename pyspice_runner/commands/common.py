@@ -94,6 +94,21 @@ AuditOption = Annotated[
 ]
 
 
+class OnceCommand(typer.core.TyperCommand):
+    """A command whose options are given once, except those that are repeatable; typer would take the last value."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the command line. Raise ParameterError for a repeated option."""
+        given = list(args)
+        rest = super().parse_args(ctx, args)
+        if not ctx.resilient_parsing:  # which completes words by Tab
+            order = self.make_parser(ctx).parse_args(args=given)[2]
+            for option in order:
+                if not getattr(option, "multiple", False) and order.count(option) > 1:
+                    raise pr.ParameterError(f"{max(option.opts, key=len)} is given twice. Give it once.")
+        return rest
+
+
 def refuse_idle(context: typer.Context, reason: str, *names: str) -> None:
     """Raise ParameterError for the first of these options on the command line: it has no effect, for a reason."""
     for parameter in context.command.params:
@@ -147,12 +162,20 @@ def axes_of(texts: list[str] | None, option: str = "--over") -> dict[str, list[f
 def pairs_of(
     option: str, texts: list[str] | None, told: str = "has no values; write PATH=VALUES."
 ) -> Iterator[tuple[str, str]]:
-    """Yield path and value of the texts of an option. Raise ParameterError, with what is told, for one without "="."""
+    """Yield path and value of the texts of an option.
+
+    Raise ParameterError, with what is told, for a text without "=", and for a path that is given twice.
+    """
+    paths: set[str] = set()
     for text in texts or ():
         path, equals, value = text.partition("=")
+        path = path.strip()
         if not equals:
             raise pr.ParameterError(f"{option} {text!r} {told}")
-        yield path.strip(), value
+        if path in paths:
+            raise pr.ParameterError(f"{option} {path} is given twice. Give it once.")
+        paths.add(path)
+        yield path, value
 
 
 def check_targets(

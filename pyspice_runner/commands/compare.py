@@ -66,8 +66,8 @@ def compare(
     _refuse_idle(context, spectra, against, at)
     with common.busy("fitting", "spectrum {} of {}") as progress:
         trend = pr.compare(
-            spectra, against, connection=connection, state=state, leads=leads.known, label=label, progress=progress,
-            at=common.grid("--at", at) if at is not None else None, **fitting.settings,
+            spectra, against, connection=connection, state=state, leads=leads.known(context), label=label,
+            progress=progress, at=common.grid("--at", at) if at is not None else None, **fitting.settings,
         )  # fmt: skip
     outside = [item.outside(tolerances) if tolerances else () for item in trend.comparisons]
     document = trend.to_dict()
@@ -109,8 +109,12 @@ def _tolerances(given: list[str] | None) -> dict[str, float]:
     from pyspice_runner.spectra.compare import Comparison
 
     found: dict[str, float] = {}
+    named: set[str] = set()  # what a tolerance is given for; empty for all quantities
     for text in given or []:
         name, equals, value = text.rpartition("=")
+        if name in named:
+            raise pr.ParameterError(f"--tolerance {name or 'of all quantities'} is given twice. Give it once.")
+        named.add(name)
         if equals and name not in Comparison.QUANTITIES:
             raise pr.ParameterError(f"--tolerance has no {name!r}; there are {', '.join(Comparison.QUANTITIES)}.")
         try:

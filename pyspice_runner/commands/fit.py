@@ -69,7 +69,7 @@ def _fit_one_port(
     targets.check(*CIRCUIT_FORMATS, ".json", ".csv", inputs=[file, *parts.values()])
     if options.load is None:
         common.refuse_idle(context, "without --load", "load_ohm")
-    settings = {"leads": options.known, **fit.settings}
+    settings = {"leads": options.known(context), **fit.settings}
     with common.busy("reading"):
         spectrum = source.one_port(context, file)
         read = measured.reader(source.columns, source.through)

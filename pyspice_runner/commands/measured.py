@@ -105,9 +105,10 @@ class LeadOptions(Options):
     ] = "auto"
     no_leads: Annotated[bool, typer.Option("--no-leads", help="The same as --leads none.")] = False
 
-    @property
-    def known(self) -> bool | tuple[float, float]:
-        """The argument ``leads`` of a fit."""
+    def known(self, context: typer.Context) -> bool | tuple[float, float]:
+        """Return the argument ``leads`` of a fit. Raise ParameterError for --leads beside --no-leads."""
+        if self.no_leads:
+            common.refuse_idle(context, "beside --no-leads", "leads")
         return leads_of("none" if self.no_leads else self.leads)
 
 
@@ -186,6 +187,8 @@ def noise_of(text: str | None) -> dict[str, float] | None:
     found = {}
     for part in text.split(","):
         kind, _, value = part.partition("=")
+        if kind.strip() in found:
+            raise pr.ParameterError(f"--noise {text!r} gives {kind.strip()} twice. Give it once.")
         try:
             found[kind.strip()] = float(value.removesuffix("%")) * (0.01 if value.endswith("%") else 1.0)
         except ValueError:

@@ -112,7 +112,7 @@ def map_points(
     """
     targets.check(".nc", ".csv", ".json")
     loaded = common.load_changed(motor, changes)
-    limits = dict(_limit(text) for text in limit or ())
+    limits = _limits(limit)
     with common.points_progress() as progress:
         dataset = pr.working_points(
             loaded, drive.stated(loaded), over=common.axes_of(over), objective=objective, limits=limits,
@@ -123,12 +123,15 @@ def map_points(
     targets.deliver(result, dataset.attrs["title"])
 
 
-def _limit(text: str) -> tuple[str, float]:
-    name, _, value = text.partition("=")
-    try:
-        return name.strip(), float(value)
-    except ValueError:
-        raise pr.ParameterError(f"--limit {text!r} is not NAME=VALUE; write it as current_a=0.1.") from None
+def _limits(texts: list[str] | None) -> dict[str, float]:
+    told = "is not NAME=VALUE; write it as current_a=0.1."
+    found = {}
+    for name, value in common.pairs_of("--limit", texts, told):
+        try:
+            found[name] = float(value)
+        except ValueError:
+            raise pr.ParameterError(f"--limit {f'{name}={value}'!r} {told}") from None
+    return found
 
 
 @with_options
@@ -140,7 +143,8 @@ def speed_torque(
         str, typer.Option(help="Speeds in rad/s: 0,2.5,5 or -5:10:7 for seven from -5 to 10; write --speeds=-5:10:7.")
     ] = "-5:10:7",
     over: Annotated[
-        str | None, typer.Option(metavar="PATH=VALUES", help="A further axis, as drive.voltage=40,60,80.")
+        list[str] | None,
+        typer.Option(metavar="PATH=VALUES", help="A further axis, as drive.voltage=40,60,80. Repeatable."),
     ] = None,
     mode: Annotated[
         Literal["steady", "settle", "ramp"], typer.Option(help="steady: solve; settle: run until settled; ramp.")
@@ -171,7 +175,7 @@ def speed_torque(
                 loaded,
                 excitation,
                 speeds=common.grid("--speeds", speeds),
-                over=common.axes_of([over] if over else None),
+                over=common.axes_of(over),
                 mode=mode,
                 follow=follow,
                 tolerance=tolerance,

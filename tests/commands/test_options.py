@@ -3,9 +3,14 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
+import numpy as np
 import pytest
 from rich.table import Table
 
+import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.commands.common import load_changed, say
 
@@ -52,6 +57,70 @@ def test_an_option_without_effect_is_an_error(words: list[str], says: str, capsy
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.startswith(f"piezomotor: {says}")
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with two spectra."""
+    folder = tmp_path_factory.mktemp("measured")
+    spectrum = pr.admittance(pr.load_motor("andersen2002"), start=10e3, stop=20e3, points=50)
+    for name in ("A.csv", "B.csv"):
+        spectrum.save(folder / name)
+    return folder
+
+
+VOLTS = ["--over", "drive.voltage=50"]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["steady", "bimodal40", "--voltage", "50", "--voltage", "60"], "--voltage is given twice"),
+        (["steady", "bimodal40", "--audit", "--no-audit"], "--audit is given twice"),
+        (["map", "bimodal40", *VOLTS, "--over", "drive.voltage=60"], "--over drive.voltage is given twice"),
+        (["speed-torque", "bimodal40", *VOLTS, "--over", "drive.voltage=60"], "--over drive.voltage is given twice"),
+        (["map", "bimodal40", *VOLTS, "--limit", "current_a=1e-9", "--limit", "current_a=10"], "--limit current_a is"),
+        (
+            ["show", "bimodal40", "--set", "contact.friction=1", "--set", "contact.friction =2"],
+            "--set contact.friction is",
+        ),
+        (
+            ["drive", "bimodal40", "--part", "amplifier.headroom=1", "--set", "driver.x=1", "--set", "driver.x=2"],
+            "--part driver.x is given twice",
+        ),
+        (["fit", "A.csv", "--no-leads", "--leads", "auto"], "--leads has no effect beside --no-leads"),
+        (["fit", "A.csv", "--noise", "z=1,z=2"], "--noise 'z=1,z=2' gives z twice"),
+        (["compare", "A.csv", "B.csv", "--tolerance", "5%", "--tolerance", "9%"], "--tolerance of all quantities is"),
+        (["map", "bimodal40", *VOLTS, "--speed", "3", "--over", "speed=4"], "load.speed is given twice"),
+        (["map", "bimodal40", *VOLTS, "--objective", "speed", "--speed", "3"], "objective = 'speed' is not valid: the"),
+        (
+            ["map", "bimodal40", *VOLTS, "--load", "1e-3"],
+            "objective = 'torque' is not valid: the load fixes",
+        ),
+        (["map", "bimodal40", "--over", "drive.voltage=5,6,5"], "drive.voltage has the value 5 more than once"),
+        (["speed-torque", "bimodal40", "--speeds=5,5,5"], "speeds has the value 5 more than once"),
+    ],
+)
+def test_what_is_given_twice_or_is_fixed_is_an_error(
+    words: list[str], says: str, measured: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(measured)
+    assert run(words) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(f"piezomotor: {says}")
+
+
+def test_help_is_shown_beside_a_repeated_option(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["steady", "--voltage", "50", "--voltage", "60", "--help"]) == 0
+    assert "Usage" in capsys.readouterr().out
+
+
+def test_speed_torque_takes_two_further_axes(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["speed-torque", "andersen2002", "--speeds=0", "--over", "drive.voltage=40,50"]
+    assert run([*words, "--over", "contact.preload_n=4,5,6", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert np.shape(document["torque_n_m"]) == (2, 3, 1)
 
 
 def test_the_table_of_a_run_shows_its_drive(capsys: pytest.CaptureFixture[str]) -> None:
