@@ -279,5 +279,5 @@ def test_a_pipe_a_device_and_a_huge_file_are_rejected(loads: Callable[[Path], ob
     path.unlink()
     with path.open("wb") as file:
         file.truncate(2**40)  # a sparse file of a terabyte
-    with watched(folder), pytest.raises(pr.ParameterError, match="the limit is 4 MiB"):
+    with watched(folder), pytest.raises(pr.ParameterError, match=r"the limit is 0\.25 MiB"):
         loads(path)

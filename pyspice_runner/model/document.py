@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from pyspice_runner.errors import ParameterError
 
 Content = TypeVar("Content", str, bytes)
-MOST_BYTES = 4 * 2**20  # a motor has a few kB, a fit about ten
+MOST_BYTES = 2**18  # a motor has a few kB, a fit about ten; a MiB of tables would take the parser seconds
 MOST_PARTS = 32  # of a dotted key; a motor's longest key has four
 
 _NO_KEY = re.compile(  # strings and comments of TOML; a string that is not closed ends with its line or the file
@@ -29,12 +29,12 @@ _NO_KEY = re.compile(  # strings and comments of TOML; a string that is not clos
 _LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{MOST_PARTS}}}")
 
 
-def read_document(path: Path, wanted: str) -> str:
-    """Return the text of a file; a message proposes the kind of file that is ``wanted``.
+def read_document(path: Path, wanted: str, most: int = MOST_BYTES) -> str:
+    """Return the text of a file of at most ``most`` bytes; a message proposes the kind of file that is ``wanted``.
 
     Raise ParameterError if the file is not a regular file, is too large, is not text, or cannot be read.
     """
-    return _read(path, str(path), wanted, MOST_BYTES, lambda file: file.read_text(encoding="utf-8"))
+    return _read(path, str(path), wanted, most, lambda file: file.read_text(encoding="utf-8"))
 
 
 def read_bytes(path: str, what: str, most: int) -> bytes:

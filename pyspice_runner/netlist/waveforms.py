@@ -7,6 +7,7 @@ The voltages are functions of time in behavioural sources, which set no breakpoi
 from __future__ import annotations
 
 import csv
+import io
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -17,11 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.document import read_document
 from pyspice_runner.model.drive import TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.source import UniformSource
 
 MOST_POINTS = 20_000  # ngspice searches them at every step
+_MOST_BYTES = 2**25  # of a file: that many points with all signals of a run
 MOST_BURSTS = 100
 EDGE = 0.05  # of a period: a jump would charge the clamped capacitances by an infinite current
 COLUMNS = ("time_s", "voltage_a_v", "voltage_b_v")
@@ -174,10 +177,10 @@ def read_waveform(path: str | Path, frequency: float) -> Waveform:
     Raises:
         ParameterError: for a file that cannot be read, lacks a column, or has a cell that is not a number.
     """
+    text = read_document(Path(path), "a .csv file", _MOST_BYTES).removeprefix("\ufeff")
     try:
-        with Path(path).open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        rows = list(csv.reader(io.StringIO(text)))
+    except csv.Error as error:
         raise ParameterError(f"{path} cannot be read as a waveform: {error}.") from None
     header = [name.strip() for name in rows[0]] if rows else []
     missing = [name for name in COLUMNS if name not in header]

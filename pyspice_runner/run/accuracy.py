@@ -22,6 +22,7 @@ from pyspice_runner.run.window import Array, Window
 TIP = ("tip_x_m", "tip_y_m")
 JUDGED = (*TIP, "rotor_speed_rad_s", "friction_force_n")
 COST = 0.75  # of the run whose error is estimated: half of its steps and a quarter
+_ROUNDING = 1e-9  # of the tip's place; less is no motion, but the rounding of a solver
 _SECOND_ORDER = 2.5  # ratio of the distances from twice to four times the step; 4 where the error is of second order
 
 
@@ -67,9 +68,12 @@ def estimate_errors(
         coarser.append(recording.columns(samples, names))
     if not coarser:
         return None
-    first = _distance(waves, coarser[0])
+    rested = record_from == 0.0
+    first = _distance(waves, coarser[0], rested)
     opens = setup.law is not None and bool((waves.get("normal_force_n", np.ones(1)) <= 0.0).any())
-    second_order = len(coarser) == 2 and not opens and _distance(coarser[0], coarser[1]) >= _SECOND_ORDER * first
+    second_order = (
+        len(coarser) == 2 and not opens and _distance(coarser[0], coarser[1], rested) >= _SECOND_ORDER * first
+    )
     speed, force = (_of_mean(name, [waves, *coarser], setup.source.period) for name in JUDGED[2:])
     return Errors(
         first / 3.0 if second_order else first,
@@ -88,8 +92,12 @@ def _of_mean(name: str, runs: list[Mapping[str, Array]], period: float) -> float
     return float(sum(weight * abs(a - b) for weight, a, b in zip(weights, means[:-1], means[1:], strict=False)))
 
 
-def _distance(fine: Mapping[str, Array], coarse: Mapping[str, Array]) -> float:
-    """Return the RMS distance of two tips over the RMS of the motion."""
+def _distance(fine: Mapping[str, Array], coarse: Mapping[str, Array], rested: bool) -> float:
+    """Return the RMS distance of two tips over the RMS of the motion; 0 for a tip that does not move.
+
+    The place of rest under the preload depends a little on the step. Where the runs began at ``rested``, motions are
+    counted from there; they are otherwise a multiple of themselves apart where the drive is weak.
+    """
     from scipy.interpolate import CubicSpline
 
     time = fine["time_s"]
@@ -98,6 +106,7 @@ def _distance(fine: Mapping[str, Array], coarse: Mapping[str, Array]) -> float:
     away, motion = 0.0, 0.0
     for name in TIP:
         ours = fine[name][first : first + len(time)]
-        away += float(np.mean((ours - CubicSpline(coarse["time_s"], coarse[name])(time)) ** 2))
-        motion += float(np.var(ours))
+        difference = ours - CubicSpline(coarse["time_s"], coarse[name])(time)
+        away += float(np.mean((difference - (difference[0] if rested else 0.0)) ** 2))
+        motion += float(np.var(ours)) if np.std(ours) > _ROUNDING * abs(np.mean(ours)) else 0.0
     return sqrt(away / motion) if motion > 0.0 else 0.0

@@ -138,10 +138,10 @@ class Comparison(_Tabulated):
             "measured": self.measured.source,
             "reference": self.reference.source,
             "RMS deviation": f"{100.0 * self.rms_deviation:.3g} %",
-            "clamped capacitance": f"{100.0 * self.clamped_capacitance_deviation:+.3g} %",
+            "clamped capacitance": _percent(self.clamped_capacitance_deviation),
         }
         for item in self.modes:
-            shown = (f"{name.replace('_', ' ')} {100.0 * value:+.3g} %" for name, value in item.deviations.items())
+            shown = (f"{name.replace('_', ' ')} {_percent(value)}" for name, value in item.deviations.items())
             frequency = engineering((item.measured or {}).get("frequency"), "Hz")
             found[f"mode {item.mode}"] = ", ".join((frequency, *shown)) if item.measured else "missing"
         if self.extra_hz:
@@ -325,6 +325,7 @@ def _compare(measured: SpectrumFit, reference: SpectrumFit) -> Comparison:
     frequency, y = measured.frequency_hz[inside], measured.measured_s[inside]
     ratio = y / reference.admittance(frequency) - 1.0
     capacitances = [fit.circuit.clamped_capacitance_f for fit in (measured, reference)]
+    apart = [] if pairs else [f"No resonance is common: {_listed(measured)}; {_listed(reference)}."]
     return Comparison(
         measured=measured,
         reference=reference,
@@ -332,8 +333,19 @@ def _compare(measured: SpectrumFit, reference: SpectrumFit) -> Comparison:
         extra_hz=tuple(arm.series_resonance_hz for k, arm in enumerate(found) if k not in pairs.values()),
         clamped_capacitance_deviation=capacitances[0] / capacitances[1] - 1.0,
         rms_deviation=rms(ratio),
-        cautions=tuple(f"{fit.source}: {text}" for fit in (measured, reference) for text in fit.cautions),
+        cautions=(*apart, *(f"{fit.source}: {text}" for fit in (measured, reference) for text in fit.cautions)),
     )
+
+
+def _percent(deviation: float) -> str:
+    """Return a deviation in percent, with its sign unless it is 0."""
+    return f"{100.0 * deviation:+.3g} %" if deviation else "0 %"
+
+
+def _listed(fit: SpectrumFit) -> str:
+    """Return the resonances of a spectrum in words."""
+    found = " and ".join(engineering(arm.series_resonance_hz, "Hz") for arm in fit.resonances) or "none"
+    return f"{fit.source or 'the spectrum'} has {found}".replace("\N{NO-BREAK SPACE}", " ")
 
 
 def _pairs(wanted: Sequence[FittedArm], found: Sequence[FittedArm]) -> dict[int, int]:

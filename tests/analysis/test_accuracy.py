@@ -115,3 +115,17 @@ def test_a_default_run_that_is_not_within_one_per_cent_says_so() -> None:
     fine = pr.simulate(motor, drive, duration=2e-3, step=run.provenance["run"]["step_s"] / 4.0)
     assert run.speed_error_rad_s is not None
     assert abs(fine.mean_rotor_speed_rad_s - run.mean_rotor_speed_rad_s) <= run.speed_error_rad_s
+
+
+@pytest.mark.parametrize("name", ["bimodal40", "andersen2002"])
+def test_a_weak_drive_has_the_relative_error_of_a_stronger_one(name: str) -> None:
+    """A tip that sticks moves in proportion to the voltage, to 1e-3 at 0.1 V; the place of rest does not count."""
+    motor = pr.load_motor(name)
+    runs = [
+        pr.simulate(motor, pr.TwoPhaseDrive(voltage=voltage, frequency=motor.modes[-1].frequency_hz), duration=3e-4)
+        for voltage in (0.0, 1e-4, 0.1)
+    ]
+    resting, weak, stronger = (run.error_estimate for run in runs)
+    assert resting == 0.0
+    assert weak == pytest.approx(stronger, rel=0.01)
+    assert not any("exceeds" in caution for run in runs for caution in run.cautions)

@@ -85,8 +85,10 @@ def test_a_malformed_file_is_an_error_that_names_the_place(text: str, message: s
 def test_a_file_that_is_missing_or_binary_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
     for name in ("missing.csv", "binary.csv"):
-        with pytest.raises(pr.ParameterError, match=f"{name} cannot be read as a waveform"):
+        with pytest.raises(pr.ParameterError, match=f"Cannot read .*{name}: .*Give a .csv file"):
             read_waveform(tmp_path / name, 54e3)
+    with pytest.raises(pr.ParameterError, match="Cannot read /dev/zero: it is not a regular file"):
+        read_waveform("/dev/zero", 54e3)
 
 
 @pytest.mark.parametrize(

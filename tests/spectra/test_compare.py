@@ -199,3 +199,19 @@ def test_one_is_drawn_over_its_reference_and_many_as_a_trend(files: Path, capsys
 def test_refused(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["compare", *words]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_spectra_without_a_common_resonance_are_told_with_those_of_both() -> None:
+    other = measured("other", frequencies=[26e3, 41.5e3])
+    found = one(other)
+    assert found.extra_hz == pytest.approx((26e3, 41.5e3), rel=1e-6)
+    told = "No resonance is common: other has 26 kHz and 41.5 kHz; reference has 20 kHz and 33 kHz."
+    assert found.cautions == (told,)
+    assert one(REFERENCE).cautions == ()
+
+
+def test_a_spectrum_against_itself_has_deviations_without_a_sign() -> None:
+    same = one(REFERENCE).summary()
+    assert same["clamped capacitance"] == "0 %"
+    assert same["mode 1"].endswith("frequency 0 %, quality factor 0 %, coupling factor 0 %, resistance 0 %")
+    assert "frequency +1 %" in one(measured("part", frequencies=[20.2e3, 33e3])).summary()["mode 1"]
