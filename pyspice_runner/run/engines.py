@@ -23,7 +23,13 @@ from typing import Literal
 import numpy as np
 
 from pyspice_runner.engine.ngspice import version_of
-from pyspice_runner.engine.openvaf import compiler_version, find_compiler, find_osdi_ngspice
+from pyspice_runner.engine.openvaf import (
+    compiler_version,
+    find_compiler,
+    find_osdi_ngspice,
+    is_private,
+    make_private,
+)
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.model.drive import Load, TwoPhaseDrive
@@ -121,12 +127,13 @@ def _verdict(shape: tuple[int, bool, bool], law: Law, used: str, folder: Path) -
     told = "\n".join((used, module_of(motor, law).source, *texts))
     path = folder / "verdicts" / f"{hashlib.sha256(told.encode()).hexdigest()[:32]}.json"
     with suppress(OSError, ValueError, TypeError, KeyError):
-        known = json.loads(path.read_text(encoding="utf-8"))
+        known = json.loads(path.read_text(encoding="utf-8")) if is_private(path) else {}
         return {name: float(known[name]) for name in COMPARED}
     found = _compared(*setups)
     with suppress(OSError, ParameterError):  # a verdict that cannot be stored is measured again
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_private(path.parent)
         save_by_ending(path, {".json": lambda file: file.write_text(json.dumps(found), encoding="utf-8")})
+        path.chmod(0o600)
     return found
 
 

@@ -45,11 +45,18 @@ class Store:
             raise self._refusal("permission denied")
 
     def get(self, content: Mapping[str, Any]) -> dict[str, Any] | None:
-        """Return the result for a content; ``None`` if it is missing, damaged, or belongs to another content."""
+        """Return the result for a content; ``None`` if it is missing, damaged, or belongs to another content.
+
+        Raise ParameterError if something else than a file is in its place, which a result could not replace.
+        """
         try:
             entry = json.loads(self._path(content).read_bytes())
             result: dict[str, Any] = entry["result"]
             whole = entry["seal"] == fingerprint([content, result])
+        except (IsADirectoryError, NotADirectoryError) as error:
+            raise ParameterError(
+                f"Cannot read the entry {error.filename} of the store: {error.strerror}. Remove what is in its place."
+            ) from error
         except (OSError, ValueError, TypeError, KeyError, RecursionError):
             return None
         return result if whole else None

@@ -70,3 +70,26 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path, monkeypatch: p
     (tmp_path / "file").touch()
     with pytest.raises(SimulationError, match=r"Cannot write the compiled module to .*: Not a directory\. Set XDG"):
         openvaf.compile_module("m", "module m; endmodule", tmp_path / "file")
+
+
+@pytest.mark.parametrize(("what", "mode"), [("file", 0o722), ("file", 0o720), ("folder", 0o777)])
+def test_a_module_that_others_can_write_is_compiled_again(
+    what: str, mode: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = use(monkeypatch, tmp_path, COMPILES)
+    place = openvaf.compile_module("m", "module m; endmodule", tmp_path / "cache")
+    place.write_text("planted")
+    (place if what == "file" else place.parent).chmod(mode)
+    assert openvaf.compile_module("m", "module m; endmodule", tmp_path / "cache").read_text() == "module m; endmodule"
+    assert log.read_text().count("compiled") == 2
+    assert [one.stat().st_mode & 0o777 for one in (place, place.parent)] == [0o700, 0o700]
+
+
+def test_a_module_of_another_user_is_compiled_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = use(monkeypatch, tmp_path, COMPILES)
+    place = openvaf.compile_module("m", "module m; endmodule", tmp_path / "cache")
+    assert openvaf.is_private(place)
+    monkeypatch.setattr(openvaf.os, "getuid", lambda: place.stat().st_uid + 1)
+    assert not openvaf.is_private(place)
+    openvaf.compile_module("m", "module m; endmodule", tmp_path / "cache")
+    assert log.read_text().count("compiled") == 2

@@ -6,7 +6,9 @@ The comparison itself takes a compiler: ``make verilog-a`` has its tests.
 
 from __future__ import annotations
 
+import json
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -31,6 +33,19 @@ def test_without_a_compiler_compiled_is_an_error_and_auto_takes_the_b_sources(mo
         pr.simulate(MOTOR, DRIVE, duration=1e-4, engine="compiled")
     run = pr.simulate(MOTOR, DRIVE, duration=1e-4, engine="auto")
     assert run.to_dict()["run"]["engine"] == "spice"
+
+
+def test_a_verdict_that_others_can_write_is_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    measured = []
+    monkeypatch.setattr(engines, "_compared", lambda *_: measured.append(1) or BAD)
+    known = ((2, True, False), Law(), "tools", tmp_path)
+    assert [engines._verdict.__wrapped__(*known) for _ in range(2)] == [BAD, BAD]
+    assert len(measured) == 1
+    (path,) = tmp_path.rglob("*.json")
+    path.write_text(json.dumps(GOOD), encoding="utf-8")
+    assert engines._verdict.__wrapped__(*known) == GOOD  # by the user
+    path.chmod(0o666)
+    assert engines._verdict.__wrapped__(*known) == BAD
 
 
 @pytest.mark.parametrize("engine", ["compiled", "auto"])

@@ -92,6 +92,20 @@ def test_a_file_that_is_not_an_entry_counts_as_missing(store: Store, text: str) 
     assert store.get(CONTENT) is None
 
 
+def test_a_folder_in_the_place_of_an_entry_is_named_before_the_run(store: Store) -> None:
+    store.put(CONTENT, RESULT)
+    path = entry(store)
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(pr.ParameterError, match=f"{path} of the store: Is a directory. Remove what is in its place"):
+        store.get(CONTENT)
+    path.rmdir()
+    path.parent.rmdir()
+    path.parent.touch()
+    with pytest.raises(pr.ParameterError, match=f"{path} of the store: Not a directory. Remove"):
+        store.get(CONTENT)
+
+
 def test_an_entry_is_readable_json(store: Store) -> None:
     store.put(CONTENT, {"torque_n_m": 0.5})
     assert json.loads(entry(store).read_text(encoding="utf-8"))["content"] == CONTENT
