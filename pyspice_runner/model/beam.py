@@ -67,6 +67,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.parameters import Beam, Damping, Mode, Patch, Tip
 from pyspice_runner.model.roots import root
 
@@ -120,6 +121,7 @@ class Resonator:
         return _without_round_off(self.deflection(self.tip.position_m), 1.0)
 
 
+@one_thread  # the modes enter decks and the addresses of stored points
 def solve_resonator(
     beam: Beam, patches: Sequence[Patch], tip: Tip, *, count: int = 2, shapes: int = SHAPES
 ) -> Resonator:

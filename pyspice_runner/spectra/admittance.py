@@ -26,6 +26,7 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.equivalent import MotionalArm
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.parameters import Mode
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.sources import Bench
@@ -33,7 +34,6 @@ from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_two_port
 from pyspice_runner.run.kernel import Outcome, run_bench
 from pyspice_runner.run.two_port import Swept, sweep_two_port, two_port, two_port_bench
-from pyspice_runner.spectra.identify.descent import one_thread
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, State, band_of, columns_of, connect
 from pyspice_runner.units import engineering
 

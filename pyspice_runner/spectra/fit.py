@@ -19,11 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.model.equivalent import Characteristics, EquivalentCircuit
+from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
 from pyspice_runner.spectra.identify import errors
 from pyspice_runner.spectra.identify.arms import GLOBALS
-from pyspice_runner.spectra.identify.descent import Vector, one_thread, rms
+from pyspice_runner.spectra.identify.descent import Vector, rms
 from pyspice_runner.spectra.identify.problem import Problem
 from pyspice_runner.spectra.identify.selection import Candidate, fit_arms, missing, select
 from pyspice_runner.spectra.noise import noise_of, same_shape

@@ -28,11 +28,12 @@ import numpy as np
 
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.model.equivalent import MotionalArm
+from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
 from pyspice_runner.spectra.fit import SpectrumFit, fit_spectrum, misfit
 from pyspice_runner.spectra.identify import descent
-from pyspice_runner.spectra.identify.descent import FINEST, Complexes, Vector, one_thread, rms
+from pyspice_runner.spectra.identify.descent import FINEST, Complexes, Vector, rms
 from pyspice_runner.spectra.noise import estimate
 from pyspice_runner.spectra.spectrum import Spectrum
 

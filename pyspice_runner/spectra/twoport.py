@@ -26,11 +26,12 @@ from pyspice_runner.files import save_by_ending
 from pyspice_runner.model.dielectric import LARGEST_LOSS_TANGENT, lossy_capacitance
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor, Provenance, assemble
+from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
 from pyspice_runner.spectra.fit import FittedArm, fit_spectrum
 from pyspice_runner.spectra.identify import descent
-from pyspice_runner.spectra.identify.descent import FINEST, Complexes, Vector, independent_points, one_thread, rms
+from pyspice_runner.spectra.identify.descent import FINEST, Complexes, Vector, independent_points, rms
 from pyspice_runner.spectra.identify.errors import RESONANT_QUALITY, UNDETERMINED
 from pyspice_runner.spectra.noise import noise_of
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum

@@ -3,8 +3,12 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -476,3 +480,23 @@ def test_shapes_of_the_arrays() -> None:
     assert resonator.slope([0.01]).shape == (1, 3)
     assert resonator.deflection(0.01).shape == (3,)
     np.testing.assert_allclose(resonator.deflection([0.0, 0.03]), 0.0, atol=1e-12)
+
+
+ADDRESSES = """
+import pyspice_runner as pr
+from pyspice_runner.study.store import fingerprint
+print(*(fingerprint(pr.load_motor(name).to_dict()) for name in pr.available_motors()))
+"""
+
+
+def test_the_number_of_threads_does_not_change_a_motor() -> None:
+    """Two threads of BLAS add in another order; a stored point would have another address."""
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", ADDRESSES], env={**os.environ, "OPENBLAS_NUM_THREADS": number},
+            stdout=subprocess.PIPE, check=True, timeout=60, cwd=Path(__file__).parents[2],
+        ).stdout
+        for number in ("1", "2", "4")
+    ]  # fmt: skip
+    assert len(said[0].split()) >= 3
+    assert said[1:] == [said[0]] * 2

@@ -28,7 +28,7 @@ from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.cli import run
 from pyspice_runner.study.store import Store
 from pyspice_runner.study.task import Task, versions_here
-from tests import points
+from tests import points, processes
 
 ROOT = Path(__file__).resolve().parents[2]
 DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
@@ -611,6 +611,23 @@ def test_sweep_prints_one_json_object_and_writes_the_requested_files(
     assert (in_folder / "cache" / "piezomotor" / "points").is_dir()
     assert run([*words, "--quantity", "state_fractions.slip"]) == 0
     assert "state_fractions.slip" in capsys.readouterr().out
+
+
+FROM_PYTHON = """
+import sys
+import pyspice_runner as pr
+motor = pr.load_motor("bimodal40")
+pr.sweep(motor, pr.default_drive(motor), over={"drive.voltage": [10.0]}, duration=5e-5, speed=1.0, store=sys.argv[1],
+         workers=1, progress=lambda done, total: print(done, total))
+"""
+
+
+def test_a_sweep_stored_by_the_command_is_found_from_python_with_more_threads(in_folder: Path) -> None:
+    words = ["sweep", "bimodal40", "--duration", "5e-5", "--speed", "1", "--over", "drive.voltage=10", *ALONE]
+    assert processes.command(*words, "--store", "points", cwd=in_folder, OPENBLAS_NUM_THREADS="1")[0] == 0
+    script = [sys.executable, "-c", FROM_PYTHON, "points"]
+    status, said, _ = processes.command(*script, cwd=in_folder, shell=True, OPENBLAS_NUM_THREADS="2")
+    assert (status, said) == (0, "1 1\n")  # finished before it begins
 
 
 def test_a_failing_point_shows_in_the_exit_status(in_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,9 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import wraps
 from math import sqrt
-from typing import ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +12,6 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 NormalEquations = tuple[float, Vector, Vector]  # sum of squares, half its gradient, half its Hessian
-_Parameters = ParamSpec("_Parameters")
-_Result = TypeVar("_Result")
 
 FINEST = 1e-8  # relative accuracy that no measurement exceeds
 _STEP = 1e-6  # of central differences of functions that are smooth over 1
@@ -114,16 +110,3 @@ def variance(cost: float, points: int, free: int, independent: float, stated: bo
 def rms(ratio: Complexes) -> float:
     """Return the root mean square of the magnitude of complex numbers."""
     return float(np.sqrt(np.mean(np.abs(ratio) ** 2)))
-
-
-def one_thread(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
-    """Limit BLAS to one thread: more are never faster for small matrices, and wait for each other on a busy machine."""
-
-    @wraps(function)
-    def limited(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> _Result:
-        from threadpoolctl import threadpool_limits
-
-        with threadpool_limits(limits=1, user_api="blas"):
-            return function(*args, **kwargs)
-
-    return limited
