@@ -3,6 +3,7 @@
 
 import gc
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -14,6 +15,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # each Python that a test starts would compile the package again, which takes 0.1 s, and this one its assertions: 3 s
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+# a shell without job control starts `make test &` with SIGINT ignored, and so would all processes of the tests be
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 gc.disable()  # while the tests are collected, which makes many objects and little garbage: half of the time
 

@@ -303,6 +303,8 @@ def test_a_two_port_is_fitted_over_a_part_of_its_band(bench: Path, capsys: pytes
 @pytest.mark.parametrize(
     ("words", "says"),
     [
+        (["fit", "A.csv", "--mass-kg", ""], "--mass-kg, --velocity-per-current and --tip belong to --two-port or --b"),
+        (["fit", "both.csv", "--two-port", "--mass-kg", ""], "--mass-kg: '' is not valid"),
         (["fit", "A.csv", "--connection", "B"], "--connection has no effect on A.csv, which has one port"),
         (["compare", "A.csv", "B.csv", "--connection", "B"], "--connection has no effect on spectra of one port"),
         (["compare", "A.csv", "B.csv", "--state", "preloaded"], "--state has no effect on a spectrum"),

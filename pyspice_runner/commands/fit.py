@@ -47,7 +47,7 @@ def fit(
             raise pr.ParameterError("--plot draws one connection; leave out --two-port and choose a --connection.")
         _fit_two_port(context, file, source, groups, fitting, targets)
         return
-    if groups.mass or groups.velocity or groups.tips:
+    if any(option is not None for option in (groups.mass, groups.velocity, groups.tips)):
         raise pr.ParameterError("--mass-kg, --velocity-per-current and --tip belong to --two-port or --b; add one.")
     common.refuse_idle(context, "without --two-port or --b", "base")
     if series.series or series.voltages is not None or series.temperatures is not None:

@@ -6,10 +6,13 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import shutil
 import signal
 import subprocess
 import tempfile
+import threading
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +51,9 @@ def new_folder() -> Path:
 def start(command: Sequence[str], folder: Path, **streams: Any) -> subprocess.Popen[bytes]:
     """Start ngspice in a folder, as the leader of a process group of its own.
 
+    Only the main thread receives signals (:func:`.held`); a run of another thread ends with that thread, where
+    ``setpriv`` of util-linux is installed.
+
     Without a HOME ngspice 39 crashes; the user's own start-up file must not be read.
     """
     own = ("SPICE", "NGSPICE", "LC_")
@@ -55,7 +61,19 @@ def start(command: Sequence[str], folder: Path, **streams: Any) -> subprocess.Po
     environment |= {"LC_ALL": "C", "HOME": str(folder)}
     if (folder / "spinit").exists():
         environment["SPICE_SCRIPTS"] = str(folder)
+    if threading.current_thread() is not threading.main_thread():
+        command = [*_ending_with_thread(), *command]
     return subprocess.Popen(command, cwd=folder, env=environment, start_new_session=True, **streams)
+
+
+@cache
+def _ending_with_thread() -> tuple[str, ...]:
+    """Return the words before a command by which Linux kills it at the end of the thread that started it."""
+    words = (shutil.which("setpriv") or "", "--pdeathsig", "KILL")
+    with contextlib.suppress(OSError):
+        if subprocess.run([*words, "true"], capture_output=True, check=False).returncode == 0:
+            return words
+    return ()
 
 
 def end(process: subprocess.Popen[bytes]) -> None:
