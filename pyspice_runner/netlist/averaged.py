@@ -315,6 +315,9 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
         f"* OMITS  {'' if thermal else 'temperature, '}{read_library(_PHASE).omits}",
         f"* REVISION {REVISION}",
         f"* TESTED WITH {read_library(_PHASE).tested_with}",
+        "* NOTE   an XSPICE device (A...) in the deck makes ngspice set trtol = 1, against .options: several times as",
+        "*        many time steps. Use a B source instead, or put these three lines into the deck:",
+        *(f"*          {line}" for line in KEEP_TRTOL),
         "*",
         "* USE    the first line of a deck is its title, so put these after a title",
         f"*   Va a_re 0 {drive.voltage:g}",
@@ -348,6 +351,8 @@ def add_averaged_motor(
 # Gear damps what the averages leave out, such as the ringing of a mode far from the drive; the trapezoidal
 # rule does not. ngspice chooses the step; with trtol = 50 the error of the speed is a few tenths of a per cent.
 OPTIONS = {"method": "gear", "trtol": "50", "reltol": "1e-3", "vntol": "1e-6", "abstol": "1e-9"}
+# an XSPICE device makes ngspice set trtol = 1 while it reads the circuit; this variable has to be set before that
+KEEP_TRTOL = (".control", f"pre_set xtrtol={OPTIONS['trtol']}", ".endc")
 SETTINGS = {  # quantities that may change during a run, with their units
     "frequency": "Hz",
     "voltage_a": "V",

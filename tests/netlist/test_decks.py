@@ -354,6 +354,28 @@ def test_the_averaged_speed_loop_reaches_its_targets(tmp_path: Path) -> None:
     assert loop["lowest_loaded_rad_s"] > 25.0
 
 
+def test_an_xspice_device_in_an_averaged_deck_costs_no_steps_with_the_lines_of_the_header(tmp_path: Path) -> None:
+    deck = deck_texts()["averaged_speed_loop.cir"].replace("../behavioral", str(data_path("behavioral")))
+    for name, value in {"stepped": "0.03", "loaded": "0.04", "stop": "0.05"}.items():
+        deck = re.sub(rf"^\.param {name}=\S+", f".param {name}={value}", deck, flags=re.M)
+    device = "Etap raw 0 shaft 0 1\nAtap raw tap gain\n.model gain gain(gain=1)\nRtap tap 0 1k\n"
+    library = (data_path("behavioral") / "piezomotor_averaged.lib").read_text(encoding="utf-8")
+    lines = re.search(r"^\* +\.control\n(?:\*.*\n)+?\* +\.endc\n", library, re.M)
+    assert lines
+    control = re.sub(r"^\* +", "", lines[0], flags=re.M)
+
+    def iterations(more: str) -> int:
+        (tmp_path / "deck.cir").write_text(deck.replace(".end\n", f".options acct\n{more}.end\n"), encoding="ascii")
+        done = subprocess.run(
+            ["ngspice", "-b", "deck.cir"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=True
+        )
+        return int(re.findall(r"^Transient iterations = (\d+)", done.stdout, re.M)[0])
+
+    alone = iterations("")
+    assert iterations(device) > 5 * alone  # ngspice sets trtol = 1
+    assert iterations(device + control) <= 1.05 * alone
+
+
 @pytest.mark.soak
 def test_the_averaged_position_loop_reaches_its_target(tmp_path: Path) -> None:
     place = measured("averaged_position_loop", tmp_path)
