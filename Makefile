@@ -14,7 +14,8 @@ setup: ## install ngspice and, in .venv, the package with its test tools; skip w
 	@sh scripts/setup.sh test dev
 
 demo: ## run the motor and plot the results into demo/
-	@sh scripts/setup.sh report
+	@echo "demo: about half a minute on an idle machine; before, what is missing is installed, once, in a minute or two"
+	@sh scripts/setup.sh
 	@$(PY) figures/demo.py --output demo
 
 figures: setup ## plot every figure of figures/ again

@@ -15,7 +15,20 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from style import BLACK, GREY, canvas, draft, drive_words, main, motor_words, recent, state_handles, state_path, write
+from style import (
+    BLACK,
+    GREY,
+    canvas,
+    draft,
+    drive_words,
+    main,
+    motor_words,
+    recent,
+    simulated,
+    state_handles,
+    state_path,
+    write,
+)
 
 import pyspice_runner as pr
 from pyspice_runner.run.waveforms import Waveforms
@@ -33,8 +46,8 @@ def draw(folder: Path) -> list[str]:
         pr.TwoPhaseDrive(voltage=50.0, frequency=f_1, phase_deg=-90.0),
         pr.TwoPhaseDrive(voltage=50.0, frequency=f_c, phase_deg=-90.0),
     ]
-    free = [pr.simulate(motor, drive, duration=DURATION, contact=None) for drive in drives]
-    held = [pr.simulate(motor, drive, duration=DURATION, speed=0.0) for drive in drives]
+    free = [simulated(motor, drive, duration=DURATION, contact=None) for drive in drives]
+    held = [simulated(motor, drive, duration=DURATION, speed=0.0) for drive in drives]
     spans = [(np.ptp(_path(a)[1]), np.ptp(_path(b)[1])) for a, b in zip(free, held, strict=True)]
 
     figure, axes = canvas(3, 2, 9.4)

@@ -23,6 +23,7 @@ from style import (
     main,
     motor_words,
     recent,
+    simulated,
     state_handles,
     state_path,
     write,
@@ -38,8 +39,8 @@ PERIODS = 3
 def draw(folder: Path) -> list[str]:
     motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)
-    run = pr.simulate(motor, drive, duration=DURATION)
-    loaded = pr.simulate(motor, drive, duration=DURATION, load_torque=LOAD)
+    run = simulated(motor, drive, duration=DURATION)
+    loaded = simulated(motor, drive, duration=DURATION, load_torque=LOAD)
 
     figure, axes = canvas(4, 1, 8.8, height_ratios=(1.4, 1.0, 1.0, 1.0))
     axes[0].plot(1e3 * run.time_s, run.rotor_speed_rad_s, color=PURPLE, label="no load")

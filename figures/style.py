@@ -21,6 +21,8 @@ from matplotlib.lines import Line2D
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.controlled import ControlledRun
+from pyspice_runner.model.drive import Drive
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.view.plot_runs import state_path as coloured_path
 from pyspice_runner.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, STATES, VERMILION
@@ -155,6 +157,12 @@ def farthest(averaged: ControlledRun, full: ControlledRun, name: str) -> float:
 def draft() -> bool:
     """Whether the picture is a draft (``--draft``) with few points, as in the tests."""
     return "--draft" in sys.argv
+
+
+def simulated(motor: pr.Motor, drive: Drive, **settings: Any) -> Waveforms:
+    """Simulate with the default step, which is stated, so that no two more runs estimate the error."""
+    step = OperatingPoint.of(motor, drive, contact=settings.get("contact", "spring-slider")).step
+    return pr.simulate(motor, drive, step=step, **settings)
 
 
 def main(work: Callable[[Path], list[str]], what: str | None) -> None:

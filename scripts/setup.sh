@@ -4,7 +4,7 @@
 # Installs what is missing and nothing else: ngspice, Python's venv module, this package (editable) in .venv, and for
 # the tests Chromium and a C compiler.
 #
-#   scripts/setup.sh report     what `make demo` needs
+#   scripts/setup.sh            what `make demo` needs
 #   scripts/setup.sh docs       what `make docs` needs
 #   scripts/setup.sh test dev   the package with these extras of pyproject.toml
 #
