@@ -19,7 +19,7 @@ demo: ## run the motor and plot the results into demo/
 	@$(PY) figures/demo.py --output demo
 
 figures: setup ## plot every figure of figures/ again
-	@set -e; for script in $(filter-out %/style.py %/demo.py,$(wildcard figures/*.py)); do echo "$$script:"; $(PY) $$script; done
+	@set -e; for script in $(filter-out %/diagram.py %/style.py %/demo.py,$(wildcard figures/*.py)); do echo "$$script:"; $(PY) $$script; done
 
 docs: ## build the documentation site in site/
 	@sh scripts/setup.sh docs

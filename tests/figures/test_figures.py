@@ -21,10 +21,10 @@ FIGURES = Path(__file__).resolve().parents[2] / "figures"
 DEMO = ["admittance", "figure_5", "patch_position", "spin_up"]  # the others are `make figures`
 # their kinds of curves, contact laws and controllers are those of the others, which `make soak` draws
 ALWAYS = [
-    "contact_patch", "control_speed", "drivers", "figure_6_region", "fit", "hysteresis", "softening", "speed_torque",
-    "work_precision",
+    "contact_patch", "control_speed", "diagram_motor", "drivers", "figure_6_region", "fit", "hysteresis", "softening",
+    "speed_torque", "work_precision",
 ]  # fmt: skip
-SCRIPTS = sorted(path for path in FIGURES.glob("*.py") if path.stem not in ("style", "demo"))
+SCRIPTS = sorted(path for path in FIGURES.glob("*.py") if path.stem not in ("diagram", "style", "demo"))
 
 
 def run_script(name: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
@@ -42,7 +42,7 @@ def run_script(name: str, *arguments: str | Path) -> subprocess.CompletedProcess
 def check(picture: Path) -> None:
     """A picture of good size, neither blank nor a smear, nothing cut off at an edge, in colours."""
     pixels = matplotlib.image.imread(picture)[..., :3]
-    assert pixels.shape[0] > 800
+    assert pixels.shape[0] > 600
     assert pixels.shape[1] > 1000
     drawn = (pixels < 0.99).any(axis=2)
     assert 0.02 < drawn.mean() < 0.5
