@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import SkipValidation
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import Drive, Load, TwoPhaseDrive, check_together
+from pyspice_runner.model.drive import Drive, Load, TwoPhaseDrive, check_together, too_fast
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.strength import peak_of_amplitudes, temperature_rise
@@ -106,12 +106,13 @@ class AveragedRun(Result):
 
     @property
     def trusted(self) -> bool:
-        """Whether the model's own check passes throughout the run.
+        """Whether the model's own check passes throughout the run, and the rotor keeps its limit of speed.
 
         It passes where the harmonics of the model are enough and the contact stays closed. Where it does not, speed and
         torque may be off by more than 2 % of the friction torque μ F₀ R.
         """
-        return not self._model_cautions
+        fastest = float(np.abs(self.curves["rotor_speed_rad_s"]).max())
+        return not (self._model_cautions or too_fast(self.provenance["motor"]["rotor"]["radius_m"], fastest))
 
     @property
     def _model_cautions(self) -> tuple[str, ...]:
@@ -271,7 +272,7 @@ def averaged_ceramic(motor: Motor, samples: Mapping[str, Array], harmonics: int)
         ]
         amplitudes.append(abs(mode.tip_y) * normal / mode.stiffness_n_per_m + 1e-6 * float(sum(moves)))
     rise = temperature_rise(motor, float(samples["v(heat)"][-1]))
-    return stated(motor, {**peak_of_amplitudes(motor, amplitudes), "temperature_rise_k": rise})
+    return stated(motor, {**peak_of_amplitudes(motor, amplitudes), "temperature_rise_k": rise}, samples["v(shaft)"])
 
 
 def _settings(drive: TwoPhaseDrive, load: Load, courses: Mapping[str, ArrayLike]) -> dict[str, Course]:

@@ -22,7 +22,7 @@ import numpy as np
 
 from pyspice_runner.engine.session import Session
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import FASTEST_DRIVE, SLOWEST_DRIVE, Load, TwoPhaseDrive
+from pyspice_runner.model.drive import FASTEST_DRIVE, SLOWEST_DRIVE, Load, TwoPhaseDrive, too_fast
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
@@ -112,6 +112,12 @@ class ControlledRun(Result):
     def columns(self) -> Mapping[str, Array]:
         """Return the samples over time."""
         return self.samples
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Whether the rotor exceeds its limit of speed."""
+        fastest = float(np.abs(self.samples["speed_rad_s"]).max())
+        return too_fast(self.provenance["motor"]["rotor"]["radius_m"], fastest)
 
     def summary(self) -> dict[str, str]:
         """Return the last sample."""

@@ -24,7 +24,7 @@ from pyspice_runner.analysis.period_map import PeriodMap, cores
 from pyspice_runner.analysis.period_means import current, extrapolated, means, quantities, speed, tip
 from pyspice_runner.analysis.shooting import Point, Shooting, start_point
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import Drive
+from pyspice_runner.model.drive import Drive, too_fast
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.strength import exceeded
@@ -123,13 +123,14 @@ class SteadyState(Quantities, Result):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit; failed convergence, instability, and exceeded limits of the ceramic."""
+        """Findings of the audit; failed convergence, instability, and exceeded limits of ceramic and rotor."""
         found = list(self.audit.findings)
         if not self.converged:
-            found.append("No steady state was found.")
+            found.append("No steady state was found. Run simulate to see how the motor moves.")
         elif not self.stable:
             found.append(f"The steady state is not stable: {self.instability}.")
-        return (*found, *exceeded(self.motor, self.ceramic_stress_pa, self.temperature_rise_k))
+        limits = exceeded(self.motor, self.ceramic_stress_pa, self.temperature_rise_k)
+        return (*found, *limits, *too_fast(self.motor.rotor.radius_m, self.speed_rad_s))
 
     def summary(self) -> dict[str, str]:
         """Return speed, torque, forces, powers, stability and how the state was found."""

@@ -21,7 +21,7 @@ from pyspice_runner.analysis.shooting import Point, between
 from pyspice_runner.analysis.speed_torque import axis, check_distinct, coordinates
 from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.model.drive import Drive
+from pyspice_runner.model.drive import Drive, too_fast
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked, quoted
 from pyspice_runner.netlist.contact import ContactLaw, touching_law
@@ -226,4 +226,5 @@ def _row(state: SteadyState, limits: Mapping[str, float]) -> dict[str, Any]:
         "stable": state.stable,
     }
     within = all(abs(row[name]) <= limit for name, limit in limits.items())
+    within = within and not too_fast(state.motor.rotor.radius_m, state.speed_rad_s)
     return {**row, "allowed": bool(state.stable and not state.audit.findings and within)}

@@ -83,7 +83,7 @@ def simulate(
                 loaded, excitation, duration, contact=contact, speed=speed, load_torque=load_torque,
                 progress=progress, timeout=timeout,
             )  # fmt: skip
-        common.warn_of(mean.cautions)
+        common.caution(mean)
         targets.deliver(mean, f"{loaded.name}, averaged, {excitation.label}, {duration:.6g} s")
         return
     if targets.plot is not None and signals is not None:

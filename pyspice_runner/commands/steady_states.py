@@ -41,14 +41,9 @@ def steady(
             loaded, drive.stated(loaded), speed=speed, load_torque=load, accuracy=accuracy, **period.settings,
             **engine.settings,
         )  # fmt: skip
-    common.warn_of(result.audit.findings)
+    common.caution(result)
     targets.deliver(result, f"{loaded.name}: {result.drive.label}")
-    if not result.converged:
-        common.complain("piezomotor: no steady state was found. Run simulate to see how the motor moves.")
-        return 3
-    if not result.stable:
-        common.complain(f"piezomotor: the steady state is not stable ({result.instability}).", style="yellow")
-    return 0
+    return 0 if result.converged else 3
 
 
 @with_options

@@ -209,6 +209,15 @@ def check_together(motor: Motor, drive: Drive) -> None:
         )
 
 
+def too_fast(radius_m: float, speed: float) -> tuple[str, ...]:
+    """Return in a sentence that a rotor turns faster, in rad/s, than a shaft may be held; nothing if it does not."""
+    highest = min(FASTEST_SHAFT, FASTEST_SURFACE / radius_m)
+    if not abs(speed) > highest:
+        return ()
+    told = f"The rotor turns at {speed:.4g} rad/s; the limit is {highest:.3g} rad/s, above which its rim bursts."
+    return (f"{told} Lower the load torque.",)
+
+
 @dataclass(frozen=True)
 class Load:
     """Load of the shaft: none, a torque, or a held speed."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strain, stress and steady temperature of the ceramic from the vectors of a run, and exceeded limits."""
+"""Strain, stress and steady temperature of the ceramic from the vectors of a run, and exceeded limits of the motor."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pyspice_runner.model.drive import too_fast
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.strength import exceeded, peak_of_motion, temperature_rise
 from pyspice_runner.netlist.source import GROUPS, Source
@@ -39,10 +40,12 @@ def ceramic(
         force = mode.coupling_a_n_per_v * samples["v(a)"] + mode.coupling_b_n_per_v * samples["v(b)"]
         heat += window.mean((mode.damping_n_s_per_m * velocity - force) * velocity)
     found = {**peak_of_motion(motor, displacement), "temperature_rise_k": temperature_rise(motor, heat)}
-    return stated(motor, found)
+    return stated(motor, found, samples["v(shaft)"])
 
 
-def stated(motor: Motor, found: Mapping[str, float]) -> dict[str, Any]:
-    """Return strain, stress and temperature rise, JSON-ready, with ``cautions``."""
+def stated(motor: Motor, found: Mapping[str, float], speed_rad_s: Array) -> dict[str, Any]:
+    """Return strain, stress and temperature rise, JSON-ready, with ``cautions``, also of the course of the speed."""
     known = {name: value if np.isfinite(value) else None for name, value in found.items()}
-    return {**known, "cautions": list(exceeded(motor, found["ceramic_stress_pa"], found["temperature_rise_k"]))}
+    limits = exceeded(motor, found["ceramic_stress_pa"], found["temperature_rise_k"])
+    fastest = float(speed_rad_s[np.abs(speed_rad_s).argmax()])
+    return {**known, "cautions": [*limits, *too_fast(motor.rotor.radius_m, fastest)]}

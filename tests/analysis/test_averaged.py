@@ -67,6 +67,16 @@ def test_the_shaft_turns_by_the_integral_of_its_speed(spin_up: AveragedRun) -> N
     assert spin_up.rotor_position_rad[-1] == pytest.approx(angle, rel=0.01)  # ngspice's own steps
 
 
+def test_a_rotor_that_bursts_is_not_trusted(motor: pr.Motor) -> None:
+    run = simulate_averaged(motor, FAST, 2e-3, load_torque=100.0)
+    assert run.rotor_speed_rad_s[-1] < -1e5  # 1 km/s at the rim
+    assert not run.trusted
+    assert any("the limit is 1e+05 rad/s" in caution for caution in run.cautions)
+    run = simulate_averaged(motor, FAST, 5e-4, load_torque=100.0)
+    assert run.rotor_speed_rad_s[-1] == pytest.approx(-100.0 * 5e-4 / motor.rotor.inertia_kg_m2, rel=0.01)
+    assert not any("The rotor turns" in caution for caution in run.cautions)
+
+
 def test_a_course_changes_the_frequency_during_the_run(motor: pr.Motor) -> None:
     run = simulate_averaged(motor, FAST, 6e-3, courses={"frequency": [(2e-3, 54e3), (3e-3, 55.5e3)]})
     assert run.frequency_hz[0] == 54e3

@@ -152,6 +152,16 @@ def test_a_free_rotor_under_load_reaches_its_steady_speed() -> None:
     assert float(run.rotor_speed_rad_s[late].mean()) == pytest.approx(free.speed_rad_s, rel=0.01)  # required: 1 %
 
 
+def test_a_load_that_bursts_the_rotor_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["steady", "andersen2002", "--load", "100"]) == 0
+    # the closed form of a rotor that slips: (μ F₀ R − load) / damping of the bearing; at most 1 km/s over the radius
+    speed = (friction_torque(PAPER) - 100.0) / PAPER.rotor.bearing_damping_n_m_s
+    assert f"The rotor turns at {speed:.4g} rad/s; the limit is 1e+05 rad/s" in capsys.readouterr().err
+    drive = pr.default_drive(PAPER)
+    chart = pr.working_points(PAPER, drive, over={"load.torque": [0.0, 100.0]}, objective="speed")
+    assert chart.allowed.values.tolist() == [True, False]
+
+
 def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_take() -> None:
     mount = {"mount.stiffness_n_per_m": 2e4, "mount.mass_kg": 0.05, "mount.damping_n_s_per_m": 50.0}
     motor = PAPER.updated(mount)
