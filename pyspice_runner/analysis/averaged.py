@@ -108,8 +108,8 @@ class AveragedRun(Result):
     def trusted(self) -> bool:
         """Whether the model's own check passes throughout the run, and the rotor keeps its limit of speed.
 
-        It passes where the harmonics of the model are enough and the contact stays closed. Where it does not, speed and
-        torque may be off by more than 2 % of the friction torque μ F₀ R.
+        The check passes where the harmonics of the model are enough and the contact stays closed. Where it does not,
+        speed and torque may be off by more than 2 % of the friction torque μ F₀ R.
         """
         fastest = float(np.abs(self.curves["rotor_speed_rad_s"]).max())
         return not (self._model_cautions or too_fast(self.provenance["motor"]["rotor"]["radius_m"], fastest))
@@ -234,7 +234,7 @@ def simulate_averaged(
         duration=duration, timeout=timeout,
         progress=progress and progress_callback(progress, duration),
     )  # fmt: skip
-    columns, residual = _columns(motor, outcome, harmonics)
+    columns, residual = _columns(motor, outcome, harmonics, None if speed is not None else settings["load_torque"])
     missing = (
         f"The energy balance misses {100.0 * residual:.3g} % of the energy put in; the time steps explain up to "
         f"{100.0 * BALANCE_BOUND:g} %."
@@ -326,8 +326,13 @@ def _vectors(motor: Motor, harmonics: int, thermal: Thermal | None) -> list[str]
     return names
 
 
-def _columns(motor: Motor, outcome: Outcome, harmonics: int) -> tuple[dict[str, Array], float]:
-    """Return the columns in SI units, and the residual of the energy balance."""
+def _columns(
+    motor: Motor, outcome: Outcome, harmonics: int, load_torque: Course | None
+) -> tuple[dict[str, Array], float]:
+    """Return the columns in SI units, and the residual of the energy balance.
+
+    ``load_torque`` is its course, or ``None`` for a held shaft, which draws the torque that the bearing leaves.
+    """
     samples = outcome.vectors()
     time = samples["time"]
 
@@ -352,7 +357,11 @@ def _columns(motor: Motor, outcome: Outcome, harmonics: int) -> tuple[dict[str, 
     heat = samples["v(heat)"]
     put_in = float(np.trapezoid(np.maximum(electrical, 0.0) + np.maximum(-contact, 0.0), time))
     missing = float(np.trapezoid(electrical - heat - contact, time) - (stored[-1] - stored[0]))
-    zeros = np.zeros(len(time))
+    torque = motor.rotor.radius_m * samples["v(xmotor.friction)"]
+    if load_torque is None:
+        drawn = torque - motor.rotor.bearing_damping_n_m_s * samples["v(shaft)"]
+    else:
+        drawn = np.interp(time, *np.transpose(load_torque))
     columns = {
         "time_s": time,
         "frequency_hz": samples["v(set_frequency)"],
@@ -367,13 +376,13 @@ def _columns(motor: Motor, outcome: Outcome, harmonics: int) -> tuple[dict[str, 
         "tip_x_amplitude_m": 1e-6 * np.abs(amplitude("v(xmotor.x_{}1)")),
         "tip_y_amplitude_m": 1e-6 * np.abs(amplitude("v(xmotor.y_{}1)")),
         "normal_force_n": samples["v(xmotor.normal)"],
-        "torque_n_m": motor.rotor.radius_m * samples["v(xmotor.friction)"],
-        "load_torque_n_m": zeros,
+        "torque_n_m": torque,
+        "load_torque_n_m": drawn,
         "rotor_speed_rad_s": samples["v(shaft)"],
         "rotor_position_rad": samples["v(position)"],
         "separated": np.clip(samples["v(xmotor.open)"], 0.0, 1.0),
         "slip": np.clip(samples["v(xmotor.slip)"], 0.0, 1.0),
-        "temperature_k": samples.get("v(temperature)", zeros),
+        "temperature_k": samples.get("v(temperature)", np.zeros(len(time))),
         "check": samples["v(xmotor.check)"],
     }
     return {name: columns[name] for name in COLUMNS}, abs(missing) / put_in if put_in > 0.0 else abs(missing)

@@ -512,4 +512,5 @@ def _waveforms(setup: OperatingPoint, answer: Answer, provenance: dict[str, Any]
         ngspice_version=period_map.effort.ngspice_version,
         provenance=provenance,
         deck=period_map.deck(Copy(plant, point.state, point.begun)),
+        periodic=True,
     )

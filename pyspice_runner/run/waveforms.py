@@ -107,6 +107,7 @@ class Waveforms(Result):
         speed_error_rad_s: estimated error of the mean rotor speed.
         torque_error_n_m: estimated error of the mean torque.
         complete: whether the run reached its end; false for an interrupted run.
+        periodic: whether it is one period of a steady state, which repeats.
     """
 
     time_s: Array
@@ -134,6 +135,7 @@ class Waveforms(Result):
     speed_error_rad_s: float | None = None
     torque_error_n_m: float | None = None
     complete: bool = True
+    periodic: bool = False
 
     units = COLUMNS | HEATED
 
@@ -290,7 +292,7 @@ class Waveforms(Result):
         """By how much each mean would still change if the run went on, relative (:func:`.window.change_to_come`).
 
         The torque is taken relative to itself and a fiftieth of what friction can transmit: of a small torque the rest
-        is noise. A value is ``None`` where the run is too short to tell.
+        is noise. A value is ``None`` where the run is too short to tell. Nothing changes in a steady state.
         """
         found: dict[str, float] = {}
         if hasattr(self, "rotor_speed_rad_s") and self._free:
@@ -302,6 +304,8 @@ class Waveforms(Result):
             contact = self.provenance["motor"]["contact"]
             friction = self.rotor_radius_m * contact["friction"] * contact["preload_n"]
             found["mean_torque_n_m"] = change / (abs(self.mean_torque_n_m) + SMALL_TORQUE * friction)
+        if self.periodic:
+            return dict.fromkeys(found, 0.0)
         return {name: share if isfinite(share) else None for name, share in found.items()}
 
     @property

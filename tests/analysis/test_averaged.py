@@ -77,6 +77,20 @@ def test_a_rotor_that_bursts_is_not_trusted(motor: pr.Motor) -> None:
     assert not any("The rotor turns" in caution for caution in run.cautions)
 
 
+def test_the_load_torque_is_that_of_the_course_or_of_the_holding_shaft(motor: pr.Motor) -> None:
+    run = simulate_averaged(motor, FAST, 2e-3, load_torque=1e-3)
+    assert run.load_torque_n_m == pytest.approx(1e-3)
+    run = simulate_averaged(motor, FAST, 2e-3, courses={"load_torque": [(5e-4, 0.0), (1e-3, 2e-3)]})
+    assert run.load_torque_n_m == pytest.approx(np.interp(run.time_s, [5e-4, 1e-3], [0.0, 2e-3]))
+    # J dω/dt = torque − load − damping ω, integrated over the run
+    rotor = motor.rotor
+    left = run.torque_n_m - run.load_torque_n_m - rotor.bearing_damping_n_m_s * run.rotor_speed_rad_s
+    gained = rotor.inertia_kg_m2 * run.rotor_speed_rad_s[-1]
+    assert np.trapezoid(left, run.time_s) == pytest.approx(gained, rel=0.02)  # ngspice's own steps
+    run = simulate_averaged(motor, FAST, 2e-3, speed=4.0)
+    assert run.load_torque_n_m == pytest.approx(run.torque_n_m - 4.0 * rotor.bearing_damping_n_m_s)
+
+
 def test_a_course_changes_the_frequency_during_the_run(motor: pr.Motor) -> None:
     run = simulate_averaged(motor, FAST, 6e-3, courses={"frequency": [(2e-3, 54e3), (3e-3, 55.5e3)]})
     assert run.frequency_hz[0] == 54e3

@@ -162,6 +162,15 @@ def test_a_load_that_bursts_the_rotor_is_told(capsys: pytest.CaptureFixture[str]
     assert chart.allowed.values.tolist() == [True, False]
 
 
+def test_a_period_of_a_steady_state_counts_as_settled() -> None:
+    for state in (held(6.0), pr.steady_state(MOTOR, DRIVE)):
+        waves = state.waveforms
+        assert waves is not None
+        assert waves.settled
+        assert not waves.cautions
+        assert "not settled" not in str(waves.summary())
+
+
 def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_take() -> None:
     mount = {"mount.stiffness_n_per_m": 2e4, "mount.mass_kg": 0.05, "mount.damping_n_s_per_m": 50.0}
     motor = PAPER.updated(mount)
