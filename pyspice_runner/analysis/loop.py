@@ -63,7 +63,7 @@ def loop_design(
     """
     if signals is not None:
         frequency = signals.modulation_hz
-        stator = -signals.transfer("motional_phase_a_rad", "frequency") / (2.0 * pi)
+        stator = -signals.transfer("motional_phase_a_deg", "frequency") / 360.0
         impedance = np.vectorize(loop_filter.impedance)(2j * pi * frequency)
         gain = tracker.pump_current_a * tracker.gain_hz_per_v * impedance * stator
         return _crossing(tracker, loop_filter, frequency, gain)

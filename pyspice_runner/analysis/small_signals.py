@@ -6,7 +6,8 @@ deviation x of the state therefore satisfies x(t + T) = e^{jωT} x(t). Over one 
 deviation at the start of the run makes of it, which is the derivative of the map, and of what the input adds. The
 latter is found in the same way, with copies that have a small sine in addition to the drive; no transient is needed.
 R. Telichevesky, K. Kundert, J. White, "Efficient AC and noise analysis of two-tone RF circuits", DAC 1996. As in the
-steady state, the mean over copies whose steps lie between each other's removes most of the effect of late events.
+steady state, the mean over copies whose steps lie between each other's removes most of the effect of late events; what
+two halves of them differ by tells the error.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from pyspice_runner.analysis.period_map import PeriodMap, Trace
 from pyspice_runner.analysis.period_means import current, speed
 from pyspice_runner.analysis.shooting import Point, Shooting
 from pyspice_runner.analysis.speed_torque import axis
-from pyspice_runner.analysis.steady import OFFSETS, SteadyState, steady_state
+from pyspice_runner.analysis.steady import SteadyState, steady_state
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive, Tone, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
@@ -39,11 +40,11 @@ from pyspice_runner.run.operating_point import OperatingPoint
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-INPUTS = {"amplitude": "V", "phase_rad": "rad", "frequency": "Hz", "load_torque": "N·m"}
+INPUTS = {"amplitude": "V", "phase_deg": "deg", "frequency": "Hz", "load_torque": "N·m"}
 OUTPUTS = {
     "speed": "rad/s", "torque": "N·m", "current_amplitude_a": "A", "current_amplitude_b": "A",
-    "current_phase_a_rad": "rad", "current_phase_b_rad": "rad", "motional_phase_a_rad": "rad",
-    "motional_phase_b_rad": "rad",
+    "current_phase_a_deg": "deg", "current_phase_b_deg": "deg", "motional_phase_a_deg": "deg",
+    "motional_phase_b_deg": "deg",
 }  # fmt: skip
 # Both are large enough that a change of contact moves over whole steps, and are taken with both signs, so that the
 # curvature drops out. On a motor that slips, the transfer functions are then within 2 % of those of finite modulation.
@@ -51,6 +52,8 @@ OUTPUTS = {
 SWING = 3e-3  # of the scale of a state
 PROBE = 0.1  # of the drive's amplitude, and of the friction torque; within one period it moves the state by some 1e-3
 FINER = 2  # steps in one of the steady state
+OFFSETS = 4  # copies whose steps lie between each other's
+ACCURATE = 0.05  # error of a transfer function, relative to its magnitude, above which there is a caution
 HIGHEST = 0.45  # of the drive's frequency
 _SIGNALS = ("speed", "friction", "current_a", "current_b", "motional_a", "motional_b")
 _CURRENTS = slice(2, 4)  # of the signals
@@ -66,13 +69,14 @@ class SmallSignals(Result):
     Attributes:
         state: the steady state.
         modulation_hz: frequencies of the modulation, Hz.
-        transfers: (output, input) → complex transfer function, in SI units; a load torque is an input of a free shaft
-            only. Inputs are ``amplitude`` (of group A; that of B in proportion), ``phase_rad`` (of group B),
-            ``frequency`` and ``load_torque``.
+        transfers: (output, input) → complex transfer function, in the units of :data:`OUTPUTS` and :data:`INPUTS`.
+            Inputs are ``amplitude`` (of group A; that of B in proportion), ``phase_deg`` (of group B), ``frequency``
+            and, of a free shaft, ``load_torque``.
         probe_hz: frequencies of an additional small voltage, the drive's less and plus those of the modulation.
         hot_admittance_s: admittance matrix of the running motor for it, shape (frequencies, 2, 2).
         cold_admittance_s: that of the stator at rest and free, beside it.
         image_admittance_s: current at twice the drive's frequency less that of the voltage, over the conjugate voltage.
+        errors: (output, input) → estimated error of the transfer function by the time step, in its unit.
     """
 
     state: SteadyState
@@ -82,6 +86,7 @@ class SmallSignals(Result):
     hot_admittance_s: Complex
     cold_admittance_s: Complex
     image_admittance_s: Complex = field(repr=False)
+    errors: dict[tuple[str, str], Array] = field(repr=False)
 
     def transfer(self, output: str, of: str) -> Complex:
         """Return the transfer function from an input to an output, over :attr:`modulation_hz`.
@@ -97,10 +102,20 @@ class SmallSignals(Result):
         return self.transfers[output, of]
 
     def columns(self) -> Mapping[str, Array]:
-        """Return real and imaginary part of each transfer function over the modulation frequency."""
+        """Return real and imaginary part of each transfer function and its error over the modulation frequency."""
         found = {"modulation_frequency_hz": self.modulation_hz}
         for (output, of), values in self.transfers.items():
-            found |= {f"{output}_per_{of}_re": values.real, f"{output}_per_{of}_im": values.imag}
+            name = f"{output}_per_{of}"
+            found |= {f"{name}_re": values.real, f"{name}_im": values.imag, f"{name}_error": self.errors[output, of]}
+        return found
+
+    @property
+    def units(self) -> dict[str, tuple[str, str]]:  # type: ignore[override]
+        """Unit and meaning of each column."""
+        found = {"modulation_frequency_hz": ("Hz", "frequency of the modulation")}
+        for output, of in self.transfers:
+            for part, words in (("re", "real part"), ("im", "imaginary part"), ("error", "estimated error")):
+                found[f"{output}_per_{of}_{part}"] = (unit(output, of), f"{output} per {of}, {words}")
         return found
 
     def to_dict(self) -> dict[str, Any]:
@@ -108,17 +123,31 @@ class SmallSignals(Result):
         return {
             "modulation_frequency_hz": self.modulation_hz.tolist(),
             "transfers": {f"{output}_per_{of}": json_ready(values) for (output, of), values in self.transfers.items()},
+            "errors": {f"{output}_per_{of}": values.tolist() for (output, of), values in self.errors.items()},
             "units": {f"{output}_per_{of}": unit(output, of) for output, of in self.transfers},
             "probe_frequency_hz": self.probe_hz.tolist(),
             **self._entries("hot_admittance_s", "cold_admittance_s"),
             "steady_state": self.state.to_dict(),
+            **self._entries("cautions"),
         }
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Cautions of the steady state, and transfer functions that are not accurate."""
+        told = []
+        for (output, of), values in self.transfers.items():
+            share = self.errors[output, of] / np.maximum(np.abs(values), np.finfo(float).tiny)
+            worst = int(np.argmax(share))
+            if share[worst] > ACCURATE:
+                told.append(f"{output} per {of} ({100.0 * share[worst]:.2g} % at {self.modulation_hz[worst]:.4g} Hz)")
+        words = f"The estimated error of transfer functions exceeds {100.0 * ACCURATE:g} %: {', '.join(told)}."
+        return (*self.state.cautions, *([f"{words} Give a step < {self.state.step_s:.2g} s."] if told else []))
 
     def summary(self) -> dict[str, str]:
         """Return the transfer functions at the lowest frequency, and the admittances next to the drive's."""
         found = {"modulation": f"{self.modulation_hz[0]:.4g} to {self.modulation_hz[-1]:.4g} Hz"}
         for (output, of), values in self.transfers.items():
-            found[f"{output} per {of}"] = f"{abs(values[0]):.4g} {unit(output, of)}"
+            found[f"{output} per {of}"] = f"{abs(values[0]):.4g} ± {self.errors[output, of][0]:.1g} {unit(output, of)}"
         near = int(np.argmin(np.abs(self.probe_hz - self.state.drive.frequencies[0])))
         for words, matrix in (("hot", self.hot_admittance_s), ("cold", self.cold_admittance_s)):
             for place, group in enumerate("AB"):
@@ -156,7 +185,7 @@ def small_signals(
         contact: law of the contact, as in :func:`simulate`.
         step: longest time step in s; by default that of :func:`simulate`. A finer step also makes the
             additional voltages, torques and deviations smaller. Where two effects almost cancel, transfer functions
-            need a step that is finer by 16 to 64.
+            need a finer step; ``cautions`` names those that are not accurate.
         timeout: wall time in s after which a run of ngspice is ended.
 
     Raises:
@@ -178,21 +207,23 @@ def small_signals(
         raise SimulationError("There is no stable steady state about which small signals would be defined.")
     usual = OperatingPoint.of(motor, drive, contact=law).step
     fineness = sqrt(min(1.0, step / usual)) if step is not None else 1.0
+    map_step = state.step_s / FINER
     every = [
-        _Linear.about(state.solution.moved(number / OFFSETS * state.step_s), state.step_s, fineness, timeout).responses(
-            modulation
-        )
+        _Linear.about(
+            state.solution.moved(number / OFFSETS * map_step, map_step), map_step, fineness, timeout
+        ).responses(modulation)
         for number in range(OFFSETS)
     ]
     transfers, hot, image = (
-        {name: np.mean([one[name] for one in several], axis=0) for name in several[0]}
-        for several in zip(*every, strict=True)
+        {name: np.array([one[name] for one in several]) for name in several[0]} for several in zip(*every, strict=True)
     )
+    errors = {pair: np.abs(np.mean(copies[::2] - copies[1::2], axis=0)) / 2 for pair, copies in transfers.items()}
     probed = np.array(sorted(hot))
     return SmallSignals(
-        state, modulation, transfers, probed, np.array([hot[at] for at in probed.tolist()]),
+        state, modulation, {pair: copies.mean(axis=0) for pair, copies in transfers.items()}, probed,
+        np.array([hot[at].mean(axis=0) for at in probed.tolist()]),
         np.array([_cold(state.solution.plant, at) for at in probed.tolist()]),
-        np.array([image[at] for at in probed.tolist()]),
+        np.array([image[at].mean(axis=0) for at in probed.tolist()]), errors,
     )  # fmt: skip
 
 
@@ -214,9 +245,9 @@ class _Linear:
 
     @classmethod
     def about(cls, point: Point, step: float, fineness: float, timeout: float | None) -> _Linear:
-        """Solve a point at a time step, and measure the derivatives there."""
+        """Solve a point at a time step in s, and measure the derivatives there."""
         period = point.plant.drive.period
-        period_map = PeriodMap(period, FINER * round(period / step), timeout)
+        period_map = PeriodMap(period, round(period / step), timeout)
         shooting = Shooting([point], period_map)
         shooting.solve()
         if not point.done or point.trace is None:
@@ -334,7 +365,7 @@ class _Linear:
         below = {group: down[group] * volts[group].conjugate() for group in "ab"}
         turned = {group: 0.5 * (above[group] + below[group]) for group in "ab"}
         grown = (above["a"] - below["a"] + above["b"] - below["b"]) * (-0.5j / drive.voltage)
-        found = {"amplitude": grown, "phase_rad": turned["b"], "frequency": turned["a"] + turned["b"]}
+        found = {"amplitude": grown, "phase_deg": radians(1.0) * turned["b"], "frequency": turned["a"] + turned["b"]}
         return found if shaft is None else found | {"load_torque": -shaft}
 
 
@@ -348,8 +379,9 @@ def _outputs(response: Complex, carriers: Mapping[str, complex], of: str, plant:
             _, above, below = at[f"{kind}_{group}"]
             if kind == "current":
                 found[f"current_amplitude_{group}"] = (above * carrier.conjugate() + below * carrier) / abs(carrier)
-            own = {"phase_rad": float(group == "b"), "frequency": 1.0}.get(of, 0.0)
-            found[f"{kind}_phase_{group}_rad"] = -1j * above / carrier + 1j * below / carrier.conjugate() - own
+            own = {"phase_deg": radians(group == "b"), "frequency": 1.0}.get(of, 0.0)
+            turned = -1j * above / carrier + 1j * below / carrier.conjugate() - own
+            found[f"{kind}_phase_{group}_deg"] = turned / radians(1.0)
     return {name: found[name] for name in OUTPUTS}
 
 

@@ -19,7 +19,7 @@ import pyspice_runner as pr
 from pyspice_runner.analysis.loop import loop_design
 from pyspice_runner.analysis.matching import propose_matching
 from pyspice_runner.analysis.period_map import PeriodMap
-from pyspice_runner.analysis.small_signals import INPUTS, SmallSignals, small_signals
+from pyspice_runner.analysis.small_signals import ACCURATE, INPUTS, SmallSignals, small_signals
 from pyspice_runner.cli import run
 from pyspice_runner.model.drive import Tone
 from pyspice_runner.model.tracking import propose_filter, stator_lag
@@ -34,7 +34,7 @@ DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0)
 LOAD = 5e-3  # N·m
 PERIODS = (10, 60, 300)  # of the drive in one of the modulation: 4600, 767 and 153 Hz
 SLOW = (0.05, 0.5)  # Hz, far below the rotor's and the mount's time constants
-STRENGTH = {"amplitude": 0.5, "phase_rad": 1e-2, "load_torque": 2e-4}  # 0.5 V, 10 mrad, 0.2 mN·m
+STRENGTH = {"amplitude": 0.5, "phase_deg": degrees(1e-2), "load_torque": 2e-4}  # 0.5 V, 10 mrad, 0.2 mN·m
 
 
 @cache
@@ -61,10 +61,10 @@ def side_bands(of: str, at: float, sign: float) -> tuple[Probe, ...]:
         if of == "amplitude":  # m cos(ωt) sin(Ωt + φ) = m/2 [sin((Ω+ω)t + φ) + sin((Ω−ω)t + φ)]
             half = 0.5 * ratio * size
             bands = ((half, at, phase), (half, -at, phase))
-        elif of == "phase_rad" and group == "a":
+        elif of == "phase_deg" and group == "a":
             continue
-        elif of == "phase_rad":  # ψ cos(ωt) cos(Ωt + φ)
-            half = 0.5 * ratio * DRIVE.voltage * size
+        elif of == "phase_deg":  # ψ cos(ωt) cos(Ωt + φ)
+            half = 0.5 * ratio * DRIVE.voltage * radians(size)
             bands = ((half, at, phase + 0.5 * pi), (half, -at, phase + 0.5 * pi))
         else:  # the phase is (δf/f_m) sin(ωt): ψ sin(ωt) cos(Ωt + φ) = ψ/2 [sin((Ω+ω)t + φ) − sin((Ω−ω)t + φ)]
             half = 0.5 * ratio * DRIVE.voltage * size / at
@@ -128,7 +128,9 @@ def modulated(of: str, numbers: Sequence[int], rest: int, window: int) -> dict[t
             couplings = np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in MOTOR.modes])
             carrier = component(couplings @ mean[2:], DRIVE.frequency)
             above, below = (component(couplings @ change[2:], DRIVE.frequency + side) for side in (at, -at))
-            result[f"motional_phase_{group}_rad", number] = -1j * (above / carrier - (below / carrier).conjugate())
+            result[f"motional_phase_{group}_deg", number] = (
+                degrees(1) * -1j * (above / carrier - (below / carrier).conjugate())
+            )
             # the copies have no clamped capacitances, whose currents the known voltages determine
             first, second = (voltage(group, copy) for copy in copies)
             clamped = [
@@ -140,7 +142,9 @@ def modulated(of: str, numbers: Sequence[int], rest: int, window: int) -> dict[t
                 )
             ]
             carrier, above, below = (one + two for one, two in zip((carrier, above, below), clamped, strict=True))
-            result[f"current_phase_{group}_rad", number] = -1j * (above / carrier - (below / carrier).conjugate())
+            result[f"current_phase_{group}_deg", number] = (
+                degrees(1) * -1j * (above / carrier - (below / carrier).conjugate())
+            )
             grown = above * carrier.conjugate() + below.conjugate() * carrier
             result[f"current_amplitude_{group}", number] = grown / abs(carrier)
     return {(name, number): value / strength(of, frequencies[number]) for (name, number), value in result.items()}
@@ -151,7 +155,10 @@ def compare(of: str, numbers: Sequence[int], rest: int, window: int) -> None:
         place = int(np.argmin(np.abs(signals().modulation_hz - DRIVE.frequency / number)))
         ours = complex(signals().transfer(output, of)[place])
         if "_phase_" in output:  # the transient shows it against the drive without modulation
-            ours += {"phase_rad": float("_b_" in output), "frequency": number / (1j * DRIVE.frequency)}.get(of, 0.0)
+            ours += {
+                "phase_deg": float("_b_" in output),
+                "frequency": degrees(1) * number / (1j * DRIVE.frequency),
+            }.get(of, 0.0)
         assert abs(ours - value) < 0.02 * abs(value), (of, number, output, ours, value)  # required
 
 
@@ -179,9 +186,29 @@ def test_slow_modulation_follows_the_steady_states() -> None:
     inertia = 2j * pi * 0.5 * MOTOR.rotor.inertia_kg_m2
     assert torque - (bearing + inertia) * speed == pytest.approx(1.0, rel=1e-3)
     # the phase of both groups changes nothing, so that the slow response to a frequency does not grow with its integral
-    for output in ("speed", "current_phase_a_rad"):
+    for output in ("speed", "current_phase_a_deg"):
         near, far = slow.transfer(output, "frequency")[:2]
         assert near == pytest.approx(far, rel=0.02)
+
+
+def test_where_effects_cancel_a_transfer_function_is_that_of_steady_states_within_its_error() -> None:
+    """Two modes meet: the drive of the set is near the frequency of the greatest speed."""
+    motor = pr.load_motor("bimodal40")
+    drive = pr.default_drive(motor)
+    assert isinstance(drive, pr.TwoPhaseDrive)
+    found = small_signals(motor, drive, frequencies=[0.5])
+    up, down = (
+        pr.steady_state(motor, drive.updated({"frequency": drive.frequency + shift}), accuracy=2e-5).speed_rad_s
+        for shift in (8.0, -8.0)
+    )
+    ours, error = found.transfer("speed", "frequency")[0], found.errors["speed", "frequency"][0]
+    # 4 %: the differences of steady states over ±2 and ±8 Hz differ by as much
+    assert ours.real == pytest.approx((up - down) / 16.0, rel=0.04)
+    assert abs(ours.real - (up - down) / 16.0) < error
+    assert ACCURATE * abs(ours) < error < 0.2 * abs(ours)
+    assert f"speed per frequency ({100.0 * error / abs(ours):.2g} % at 0.5 Hz)" in found.cautions[-1]
+    assert found.units["speed_per_phase_deg_re"] == ("rad/s/deg", "speed per phase_deg, real part")
+    assert found.to_xarray()["current_phase_a_deg_per_frequency_error"].attrs["units"] == "deg/Hz"
 
 
 def test_the_hot_admittance_of_a_motor_that_sticks_is_that_of_the_preloaded_stator() -> None:
@@ -237,5 +264,5 @@ def test_the_command_prints_transfers_and_admittances(capsys: pytest.CaptureFixt
     document = json.loads(capsys.readouterr().out)
     assert np.shape(document["hot_admittance_s"]) == (2, 2, 2, 2)
     assert np.shape(document["transfers"]["torque_per_amplitude"]) == (1, 2)
-    assert document["units"]["speed_per_phase_rad"] == "rad/s/rad"
+    assert document["units"]["speed_per_phase_deg"] == "rad/s/deg"
     assert (tmp_path / "bode.png").stat().st_size > 10_000
