@@ -106,10 +106,11 @@ class Point:
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Whether each state is one of Newton's unknowns: all but a slider whose start has no influence."""
+        """Whether each state is one of Newton's unknowns: all but sliders whose start has no influence."""
         free = self.felt
-        if self.at_start is not None and self.plant.slider is not None:
-            free[self.plant.slider] &= self.at_start[self.plant.slider, self.plant.slider] > FELT
+        if self.at_start is not None:
+            sliders = self.plant.where("contact")
+            free[sliders] &= np.diag(self.at_start)[sliders] > FELT
         return free
 
     @property

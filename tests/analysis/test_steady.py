@@ -171,6 +171,18 @@ def test_a_period_of_a_steady_state_counts_as_settled() -> None:
         assert "not settled" not in str(waves.summary())
 
 
+@pytest.mark.slow
+def test_sliders_that_slip_add_no_multipliers() -> None:
+    motor = pr.load_motor("bimodal40")
+    drive = pr.default_drive(motor)
+    few, many = (pr.steady_state(motor, drive, speed=45.0, contact=pr.Law("brush", count)) for count in (8, 32))
+    assert many.stable
+    assert many.method == "newton"
+    # the finer row changes the contact a little
+    assert np.abs(many.floquet_multipliers[:2]) == pytest.approx(np.abs(few.floquet_multipliers[:2]), rel=1e-3)
+    assert many.torque_n_m == pytest.approx(few.torque_n_m, abs=0.01 * friction_torque(motor))
+
+
 def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_take() -> None:
     mount = {"mount.stiffness_n_per_m": 2e4, "mount.mass_kg": 0.05, "mount.damping_n_s_per_m": 50.0}
     motor = PAPER.updated(mount)
