@@ -15,7 +15,7 @@ from pydantic import SkipValidation
 
 from pyspice_runner.analysis.settling import Progress
 from pyspice_runner.analysis.simulate import simulate
-from pyspice_runner.analysis.speed_torque import axis, speed_torque
+from pyspice_runner.analysis.speed_torque import axis, check_distinct, speed_torque
 from pyspice_runner.analysis.steady import SteadyState, steady_state
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import write_netcdf
@@ -77,7 +77,9 @@ def report(
     """
     if not levels or not all(0.0 < level <= 1.0 for level in levels):
         raise ParameterError(f"levels = {list(levels)} is not valid: it must be numbers > 0 and ≤ 1.")
-    speeds = None if speeds is None else axis("speeds", speeds)
+    if speeds is not None:
+        speeds = axis("speeds", speeds)
+        check_distinct({"speeds": speeds})
     voltages = {name: value for name, value in drive.model_dump().items() if name.startswith("voltage")}
     scaled = {
         level: drive.updated({name: value * level for name, value in voltages.items()}) for level in sorted(levels)

@@ -99,6 +99,7 @@ VOLTS = ["--over", "drive.voltage=50"]
         ),
         (["map", "bimodal40", "--over", "drive.voltage=5,6,5"], "drive.voltage has the value 5 more than once"),
         (["speed-torque", "bimodal40", "--speeds=5,5,5"], "speeds has the value 5 more than once"),
+        (["report", "bimodal40", "--speeds=5,0,5"], "speeds has the value 5 more than once"),
     ],
 )
 def test_what_is_given_twice_or_is_fixed_is_an_error(
