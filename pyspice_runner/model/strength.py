@@ -20,6 +20,13 @@ from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.motor import Motor, Structure
 
 Array = NDArray[np.float64]
+STRESSED = (
+    "The ceramic is stressed to {stress:.3g} MPa; its rated dynamic strength is {strength:.3g} MPa. Lower the voltage."
+)
+HEATED = (
+    "In the steady state the losses heat the stator by {rise:.3g} K to {temperature:.3g} °C; the limit is {most:.3g} "
+    "°C, half the Curie temperature. Lower the voltage, or drive it for a short time."
+)
 _POINTS = 41  # along each patch
 
 
@@ -36,6 +43,12 @@ def _outer_strain(structure: Structure) -> tuple[Array, Array]:
         strains.append((0.5 * structure.beam.thickness_m + patch.thickness_m) * curvature)
         moduli.append(np.full(_POINTS, patch.youngs_modulus_pa))
     return np.concatenate(strains), np.concatenate(moduli)
+
+
+def stress_of_modes(structure: Structure, modes: int) -> Array:
+    """Return the stress of the outer fibres per displacement of the first modes in Pa/m, (points, modes)."""
+    strain, modulus = _outer_strain(structure)
+    return modulus[:, None] * strain[:, :modes]
 
 
 def peak_of_motion(motor: Motor, displacement_m: Array) -> dict[str, float]:
@@ -77,14 +90,8 @@ def exceeded(motor: Motor, stress_pa: float, rise_k: float) -> tuple[str, ...]:
         return ()
     found = []
     if stress_pa > limits.dynamic_strength_pa:
-        found.append(
-            f"The ceramic is stressed to {1e-6 * stress_pa:.3g} MPa; its rated dynamic strength is "
-            f"{1e-6 * limits.dynamic_strength_pa:.3g} MPa. Lower the voltage."
-        )
+        found.append(STRESSED.format(stress=1e-6 * stress_pa, strength=1e-6 * limits.dynamic_strength_pa))
     temperature, most = limits.ambient_c + rise_k, 0.5 * limits.curie_temperature_c
     if temperature > most:
-        found.append(
-            f"In the steady state the losses heat the stator by {rise_k:.3g} K to {temperature:.3g} °C; the limit is "
-            f"{most:.3g} °C, half the Curie temperature. Lower the voltage, or drive it for a short time."
-        )
+        found.append(HEATED.format(rise=rise_k, temperature=temperature, most=most))
     return tuple(found)

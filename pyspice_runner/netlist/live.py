@@ -11,6 +11,7 @@ it is written, with the values of the motor's parameter set, by ``ngspice -b``. 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from math import pi, sqrt
 
 from pyspice_runner.errors import ParameterError
@@ -19,7 +20,7 @@ from pyspice_runner.model.drive import TwoPhaseDrive, default_drive
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.averaged import OPTIONS as AVERAGED_OPTIONS
-from pyspice_runner.netlist.averaged import AveragedSubCircuit
+from pyspice_runner.netlist.averaged import AveragedSubCircuit, require_averaged
 from pyspice_runner.netlist.benches import AC_OPTIONS, transient_options
 from pyspice_runner.netlist.contact import LIBRARIES, PAPER_LAW, Law
 from pyspice_runner.netlist.motor import Assembly, MotorSubCircuit
@@ -72,13 +73,16 @@ def live_decks(motor: Motor) -> dict[str, str]:
     """Return name → text of every deck of a motor.
 
     The names are ``averaged MOUNT``, ``curve MOUNT``, ``response MOUNT``, ``cycles MOUNT LAW``, ``driver MOUNT LAW``
-    and ``admittance``, with a mount from :func:`mounts` and a law from :func:`laws`.
+    and ``admittance``, with a mount from :func:`mounts` and a law from :func:`laws`. A motor with a loss that the
+    averaged motor leaves out has only the last three.
     """
     decks = {"admittance": _admittance(motor)}
     for mount, moved in mounts(motor).items():
-        decks[f"averaged {mount}"] = _averaged(moved, "run")
-        decks[f"curve {mount}"] = _averaged(moved, "curve")
-        decks[f"response {mount}"] = _averaged(moved, "response")
+        with suppress(ParameterError):  # a motor with a loss that the averaged one leaves out
+            require_averaged(motor)
+            decks[f"averaged {mount}"] = _averaged(moved, "run")
+            decks[f"curve {mount}"] = _averaged(moved, "curve")
+            decks[f"response {mount}"] = _averaged(moved, "response")
         for law in laws(motor):
             decks[f"cycles {mount} {law}"] = _cycles(moved, law, driver=False)
             decks[f"driver {mount} {law}"] = _cycles(moved, law, driver=True)
@@ -206,12 +210,12 @@ def _averaged(motor: Motor, kind: str) -> str:
     else:
         frequency = default_drive(motor).frequencies[-1]
         extra = {
-            "lowest": (_number(0.97 * frequency), "Hz, last frequency"),
-            "highest": (_number(1.04 * frequency), "Hz, first frequency"),
-            "stop": ("0.3", "s, end of the ramp"),
+            "first_frequency": (_number(1.04 * frequency), "Hz, at which the ramp begins"),
+            "last_frequency": (_number(0.97 * frequency), "Hz, at which it ends"),
+            "stop": ("1", "s, end of the ramp"),
         }
-        drive = "PWL(0 {highest} {0.1*stop} {highest} {stop} {lowest})"
-        analysis = ".tran {stop/1000} {stop} 0 {stop/120} uic"
+        drive = "PWL(0 {first_frequency} {0.1*stop} {first_frequency} {stop} {last_frequency})"
+        analysis = ".tran {stop/1000} {stop} 0 {stop/240} uic"
     vectors = [
         *(f"v({node})" for node in ("a_re", "a_im", "b_re", "b_im", "f", "shaft", "heat")),
         *(f"i(v{node})" for node in ("a_re", "a_im", "b_re", "b_im")),

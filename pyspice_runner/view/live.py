@@ -21,6 +21,7 @@ import numpy as np
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model import strength
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.drive import TwoToneDrive, default_drive
 from pyspice_runner.model.load import available_motors, load_motor
@@ -113,9 +114,12 @@ def _motor(motor: Motor) -> dict[str, Any]:
     assert sprung is not None
     # the stiffness in the netlist, by which a displacement follows from the force of a mode's spring
     modes = [
-        {"name": mode.name, "stiffness": Discretisation(step).mode(mode)[1], "frequency": mode.frequency_hz}
+        {
+            "name": mode.name, "stiffness": Discretisation(step).mode(mode)[1], "frequency": mode.frequency_hz,
+            "damping": mode.damping_n_s_per_m, "coupling": (mode.coupling_a_n_per_v, mode.coupling_b_n_per_v),
+        }
         for mode in motor.modes
-    ]
+    ]  # fmt: skip
     defaults, limits, sliders = _settings(motor, sprung.stiffness_n_per_m)
     return {
         "name": motor.name,
@@ -139,10 +143,27 @@ def _motor(motor: Motor) -> dict[str, Any]:
         "slider": live.SLIDER_AT_START,
         "carrierTime": 1.0 / sprung.frequency_hz,
         "thermalResistance": (motor.limits or Thermal()).thermal_resistance_k_per_w,
+        "rated": _rated(motor),
         "defaults": defaults,
         "limits": limits,
         "sliders": sliders,
         "beam": _beam(motor),
+    }
+
+
+def _rated(motor: Motor) -> dict[str, Any] | None:
+    """Return limits in MPa and °C, their cautions, and the stress of the ceramic per modal displacement in MPa/µm."""
+    limits, structure = motor.limits, motor.structure
+    if limits is None:
+        return None
+    stress = strength.stress_of_modes(structure, len(motor.modes)) if structure else np.empty((0, 0))
+    return {
+        "strength": 1e-6 * limits.dynamic_strength_pa,
+        "ambient": limits.ambient_c,
+        "most": 0.5 * limits.curie_temperature_c,
+        "stress": [[float(f"{1e-12 * value:.5g}") for value in point] for point in stress],
+        "stressed": strength.STRESSED,
+        "heated": strength.HEATED,
     }
 
 

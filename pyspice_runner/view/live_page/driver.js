@@ -2,15 +2,16 @@
 // A user's own SPICE lines. Only circuit elements and their models reach ngspice: no control language, no file.
 
 const ELEMENT = /^[rlckvideefghbsqmjwtx][\w.]*\s/i;
-const CARDS = /^\.(model|param|subckt|ends)\b/i;
+const CARDS = /^\.(model|param|subckt|ends)(?=\s|$)/i;
+const PINS = ["source_a", "source_b", "a", "b", "0"];
 const MOST_LINES = 200, MOST_CHARACTERS = 300;
 
-/** Return the faults of SPICE lines: {line, message} each, lines counted from 0. */
-function driverFaults(text) {
-  const faults = [];
+/** Return the faults of SPICE lines before they come into a deck: {line, message} each, lines counted from 0. */
+function driverFaults(text, deck) {
+  const faults = [], names = namesOf(deck);
   const lines = text.split("\n");
   if (lines.length > MOST_LINES) faults.push({ line: MOST_LINES, message: `At most ${MOST_LINES} lines are allowed.` });
-  let open = 0, before = false;
+  let open = 0, joined = "", told = false;
   lines.slice(0, MOST_LINES).forEach((line, number) => {
     const words = line.trim();
     const wrong = (message) => faults.push({ line: number, message });
@@ -20,27 +21,58 @@ function driverFaults(text) {
     else if (/[\\`$;"']/.test(words)) wrong("The characters \\ ` $ ; \" ' are not allowed; use { } for expressions.");
     else if (/\b(file|pwlfile|include|wavefile)\b/i.test(words)) wrong("Files are not available.");
     else if (words.startsWith("+")) {
-      if (!before) wrong("A line that starts with + continues the line before; there is none.");
-    } else if (words.startsWith(".")) {
-      if (!CARDS.test(words)) wrong("Only .model, .param, .subckt and .ends are allowed.");
-      else if (/^\.subckt\b/i.test(words)) open += 1;
-      else if (/^\.ends\b/i.test(words)) open -= 1;
-      if (open < 0) wrong(".ends has no .subckt.");
-      if (/^\.param\b/i.test(words)) {
-        const taken = words.match(/\b(\w+)\s*=/g)?.find((name) => RESERVED.has(name.replace(/\s*=$/, "").toLowerCase()));
-        if (taken) wrong(`The parameter ${taken.replace(/\s*=$/, "")} belongs to the deck; choose another name.`);
-      }
-    } else if (!ELEMENT.test(`${words} `)) wrong("A line must be a circuit element: R L C K V I D E F G H B S W Q M J T X.");
-    else if (/^(va2?|vb2?|vpin_[ab]|vheld|iload|gheld|xmotor)\s/i.test(words)) wrong("This name is taken; choose another.");
-    before = true;
+      if (!joined) wrong("A line that starts with + continues the line before; there is none.");
+      else joined += ` ${words.slice(1)}`;
+    } else {
+      [joined, told] = [words, false];
+      if (words.startsWith(".")) {
+        if (!CARDS.test(words)) wrong("Only .model, .param, .subckt and .ends are allowed.");
+        else if (/^\.subckt/i.test(words)) open += 1;
+        else if (/^\.ends/i.test(words)) open -= 1;
+        if (open < 0) wrong(".ends has no .subckt.");
+      } else if (!ELEMENT.test(`${words} `)) wrong("A line must be a circuit element: R L C K V I D E F G H B S W Q M J T X.");
+    }
+    const clash = told ? "" : clashOf(joined, names);
+    if (clash) wrong(clash);
+    told ||= clash !== "";
   });
   if (open > 0) faults.push({ line: lines.length - 1, message: ".subckt needs its .ends." });
   return faults;
 }
 
-const RESERVED = new Set(
-  "voltage frequency phase preload friction torque grip held inertia mount_stiffness voltage_2 frequency_2 phase_2 stop window step radians radians_2 slider carrier speed".split(" "),
-);
+/** Return the names that a deck has without its driver: parameters; elements, subcircuits and models; nodes. */
+function namesOf(deck) {
+  const [mark, end] = DATA.marks, parameters = new Set(), parts = new Set(), nodes = new Set();
+  let depth = 0;
+  for (const line of (deck.slice(0, deck.indexOf(mark)) + deck.slice(deck.indexOf(end))).toLowerCase().split("\n")) {
+    const words = line.split(/\s+/);
+    if (words[0] === ".param") parameters.add(words[1].split("=")[0]);
+    if (words[0] === ".subckt" || words[0] === ".model") parts.add(words[1]);
+    if (depth === 0 && /^[a-z]/.test(line)) {
+      parts.add(words[0]);
+      words.slice(1, /^[vi]/.test(line) ? 3 : 5).forEach((node) => nodes.add(node));
+    }
+    depth += { ".subckt": 1, ".ends": -1 }[words[0]] ?? 0;
+  }
+  PINS.forEach((pin) => nodes.delete(pin));
+  return { parameters, parts, nodes };
+}
+
+/** Return in words which name of a line, joined with those that continue it, belongs to the deck; empty if none. */
+function clashOf(joined, { parameters, parts, nodes }) {
+  const [first, second = ""] = joined.toLowerCase().split(/\s+/);
+  if (first === ".param") {
+    if (/\w\s*\([^=]*\)\s*=(?!=)/.test(joined)) return "Functions are not available: a parameter is a name and a value.";
+    const assigned = [...joined.toLowerCase().matchAll(/([\w.]+)\s*=(?!=)/g)].map(([, name]) => name);
+    const taken = assigned.find((name) => parameters.has(name));
+    return taken ? `The parameter ${taken} belongs to the deck; choose another name.` : "";
+  }
+  const [name] = /^[\w.]*/.exec(first.startsWith(".") ? second : first);
+  if (parts.has(name)) return `The name ${name} is taken; choose another.`;
+  const words = first.startsWith(".") ? [] : joined.toLowerCase().match(/[\w.]+/g) ?? [];
+  const inner = words.find((word) => nodes.has(word) || /(^|\.)xmotor\./.test(word));
+  return inner ? `${inner} is inside the motor or the deck: the driver connects ${PINS.join(", ")}.` : "";
+}
 
 /** Return a deck with the user's lines between its marks. */
 function withDriver(deck, text) {

@@ -27,6 +27,7 @@ const CHOICES = {
 };
 const TEXT = { driver: 6000 };
 const SECTIONS = ["numbers", "path", "motor", "forces", "electrical", "torque", "response", "impedance", "driver", "deck"];
+const APART = 0.15; // of the greatest speed, from which falling and rising frequency are told apart; the lag of a ramp is less
 const FRAME_MS = 30, IDLE_MS = 350, SLOW_SECONDS = 8, MOST_UNDO = 200;
 
 const page = {
@@ -134,6 +135,9 @@ function progress(share) {
   $("progress").value = share;
 }
 
+/** Whether the averaged motor has all losses of a motor. */
+const hasAveraged = (motor) => Object.hasOwn(motor.decks, "averaged held");
+
 async function compute() {
   const serial = (page.serial += 1);
   const slot = page.slot, s = { ...current() }, motor = motorOf(s);
@@ -143,7 +147,7 @@ async function compute() {
   const began = performance.now();
   const still = () => serial === page.serial;
   const result = (page.results[slot] = { settings: s });
-  const faults = driverFaults(s.driver);
+  const faults = driverFaults(s.driver, motor.decks[`driver ${s.mount} ${s.law}`]);
   showFaults(faults);
   if (faults.length) {
     busy(false);
@@ -153,7 +157,7 @@ async function compute() {
   delete root.dataset.picture;
   delete root.dataset.further;
   try {
-    if (s.kind === "two-phase") {
+    if (s.kind === "two-phase" && hasAveraged(motor)) {
       try {
         result.quick = await averaged(page.main, motor, s);
       } catch (error) {
@@ -186,7 +190,8 @@ async function further(slot, motor, s, result, still) {
   const jobs = [["admittance", () => admittance(page.side, motor, s)]];
   if (result.quick && s.law === "spring-slider" && !s.driver.trim()) {
     jobs.unshift(["curve", () => speedTorque(page.side, motor, s, result.quick)]);
-    jobs.push(["response", () => response(page.side, motor, s, result.quick, [0.97 * s.frequency, 1.04 * s.frequency])]);
+    const low = 0.97 * s.frequency, high = 1.04 * s.frequency;
+    jobs.push(["response", () => response(page.side, motor, s, result.quick, high, low)], ["rising", () => response(page.side, motor, s, result.quick, low, high)]);
   }
   root.dataset.further = "running";
   for (const [name, job] of jobs) {
@@ -224,7 +229,7 @@ function si(value, unit) {
 
 const percent = (share) => `${(100 * share).toFixed(1)} %`;
 
-function rows(motor, found, heat) {
+function rows(motor, found) {
   const shaft = found.torque * found.speed, input = found.power_a + found.power_b;
   return [
     ["speed", `${Number(found.speed.toPrecision(4))} rad/s`],
@@ -236,13 +241,14 @@ function rows(motor, found, heat) {
     ["power to the rotor", si(shaft, "W")],
     ["efficiency", shaft > 0 && input > 0 ? percent(shaft / input) : "–"],
     ["losses, stator and contact", si(input - shaft, "W")],
-    ["heat of the stator", Number.isFinite(heat) ? `${si(heat, "W")}, +${(heat * motor.thermalResistance).toFixed(0)} K` : "–"],
+    ["heat of the stator", `${si(found.heat, "W")}, +${(found.heat * motor.thermalResistance).toFixed(0)} K`],
     ["contact open · slip · stick", [found.open, found.slip, Math.max(0, 1 - found.open - found.slip)].map(percent).join(" · ")],
   ];
 }
 
 function show(slot, result, found, began) {
   result.found = found;
+  result.cautions = exceeded(motorOf(result.settings), found);
   root.dataset.speed = String(found.speed);
   root.dataset.model = found.model;
   root.dataset.state = "ready";
@@ -264,9 +270,8 @@ function showNumbers() {
   const slots = ["A", "B"].filter((slot) => page.slots[slot]);
   $("column-b").hidden = !page.slots.B;
   const columns = slots.map((slot) => {
-    const { found, quick, settings } = page.results[slot] ?? {};
-    const heat = settings?.driver.trim() || settings?.law !== "spring-slider" ? NaN : quick?.heat;
-    return found ? rows(motorOf(page.slots[slot]), found, heat) : null;
+    const { found } = page.results[slot] ?? {};
+    return found ? rows(motorOf(page.slots[slot]), found) : null;
   });
   const names = columns.find(Boolean)?.map(([name]) => name) ?? [];
   names.forEach((name, row) => {
@@ -282,6 +287,8 @@ function showNumbers() {
     }
     body.append(line);
   });
+  const cautions = slotsShown().flatMap((slot) => page.results[slot].cautions.map((caution) => (page.slots.B ? `${slot}: ` : "") + caution));
+  if ($("limits").textContent !== cautions.join(" ")) $("limits").textContent = cautions.join(" ");
 }
 
 // --- pictures ---
@@ -365,17 +372,20 @@ function drawResponse() {
   if (!isShown("response")) return;
   const lines = [], points = [];
   for (const slot of slotsShown()) {
-    const { response: over, found, settings } = page.results[slot];
-    if (over) lines.push({ x: over.frequency.map((f) => f / 1e3), y: over.speed, name: `speed ${slot}`, colour: slot === "A" ? COLOURS[0] : COLOURS[2], dash: dashed(slot) });
+    const { response: falling, rising, found, settings } = page.results[slot], colour = slot === "A" ? COLOURS[0] : COLOURS[2];
+    const line = (over, name, dash) => over && lines.push({ x: over.frequency.map((f) => f / 1e3), y: over.speed, name: `${name} ${slot}`, colour, dash });
+    line(falling, "falling", dashed(slot));
+    line(rising, "rising", "2 4");
     points.push({ x: settings.frequency / 1e3, y: found.speed, name: slot, colour: COLOURS[1] });
   }
-  const over = page.results[page.slot]?.response;
+  const { response: over, rising } = page.results[page.slot] ?? {};
   let label = "Speed over frequency.";
   if (over) {
     const signs = over.speed.map(Math.sign);
     const turn = signs.findIndex((sign, i) => i > 0 && sign !== signs[i - 1] && Math.abs(over.speed[i]) > 1e-3);
     const best = over.speed.reduce((most, speed, i) => (Math.abs(speed) > Math.abs(over.speed[most]) ? i : most), 0);
-    label = `Speed over frequency: greatest ${si(over.speed[best], "rad/s")} at ${si(over.frequency[best], "Hz")}${turn > 0 ? `; it reverses near ${si(over.frequency[turn], "Hz")}` : ""}.`;
+    const apart = rising ? over.frequency.filter((f, i) => Math.abs(over.speed[i] - interpolated(rising.frequency, rising.speed, f)) > APART * Math.abs(over.speed[best])) : [];
+    label = `Speed over frequency: greatest ${si(over.speed[best], "rad/s")} at ${si(over.frequency[best], "Hz")}${turn > 0 ? `; it reverses near ${si(over.frequency[turn], "Hz")}` : ""}${apart.length ? `; from ${si(Math.min(...apart), "Hz")} to ${si(Math.max(...apart), "Hz")} it depends on the direction` : ""}.`;
   }
   chart($("response-chart"), { lines, points, xLabel: "frequency in kHz", yLabel: "speed in rad/s", label });
   $("response-note").textContent = label;
@@ -548,15 +558,13 @@ function showControls() {
   for (const option of $("law-choice").options) option.disabled = !motor.laws.includes(option.value);
   for (const [key, , , scale] of CONTROLS) {
     const slide = $(`${key}-slider`), number = $(`${key}-number`), [low, high, step] = motor.sliders[key];
-    slide.min = Math.min(low, s[key]) / scale;
+    const shown = String(Number((s[key] / scale).toPrecision(8))), below = Math.max(0, Math.floor((s[key] - low) / step + 1e-9));
+    slide.min = Number((Number(shown) - (below * step) / scale).toPrecision(8)); // so that the value is one of the slider's
     slide.max = Math.max(high, s[key]) / scale;
-    slide.step = step / scale;
-    number.step = step / scale;
+    slide.step = number.step = Number((step / scale).toPrecision(8));
     number.min = motor.limits[key][0] / scale;
     number.max = motor.limits[key][1] / scale;
-    const shown = String(Number((s[key] / scale).toPrecision(8)));
-    if (document.activeElement !== slide) slide.value = shown;
-    number.value = shown;
+    slide.value = number.value = shown;
   }
   const two = s.kind === "two-tone";
   $("phase-control").hidden = two;
@@ -570,7 +578,7 @@ function showControls() {
   for (const slot of ["A", "B"]) $(`slot-${slot.toLowerCase()}`).setAttribute("aria-pressed", String(slot === page.slot));
   $("slot-b").hidden = !page.slots.B;
   $("slot-a").hidden = !page.slots.B;
-  $("motor-note").textContent = motor.description;
+  $("motor-note").textContent = hasAveraged(motor) ? motor.description : `${motor.description}. The averaged motor leaves out a loss of this motor: all numbers come cycle by cycle, without curves over speed and frequency.`;
 }
 
 function showFaults(faults, words = []) {

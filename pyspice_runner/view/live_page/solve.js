@@ -199,6 +199,7 @@ const BLOCK = 40, WINDOW = 20; // periods of the drive in a run, and of them tho
 const DRIVER_BLOCK = 100, COLD_BLOCK = 120; // with a driver, whose own state starts anew; from rest
 const MOST_BLOCKS = 24;
 const LIGHT = 20; // periods in which the speed of a light rotor settles, for a run from rest
+const RESONANT_VELOCITY = 1.3; // m/s, of the tip of bimodal40 at resonance; a lighter rotor lags less behind a ramp
 const SETTLED = 0.001; // change of the speed that is left, over the speed
 
 /**
@@ -290,15 +291,32 @@ function reduced(motor, s, v, window, deck, own) {
   const power_b = over((i) => sign * v["v(b)"][i] * v[ib][i]);
   const torque = motor.radius * over((i) => friction[i]);
   const speed = over((i) => shaft[i]);
+  // the power that does not come to the modes is the dielectric loss
+  let heat = power_a + power_b;
+  motor.modes.forEach(({ damping, coupling: [a, b] }, n) => {
+    const velocity = v[`i(v.xmotor.xmode${n + 1}.vvelocity)`];
+    heat += over((i) => velocity[i] * (damping * velocity[i] - a * v["v(a)"][i] - b * v["v(b)"][i]));
+  });
   const base = 1 / period(s);
   const many = Math.max(1, Math.round(window * base));
   return {
     model: "cycles", speed, torque, measured: torque, normal: over((i) => v["v(xmotor.normal)"][i]), current_a: rms(ia), current_b: rms(ib),
-    power_a, power_b, gain: last(shaft) - at(from, (i) => shaft[i]),
+    power_a, power_b, heat, gain: last(shaft) - at(from, (i) => shaft[i]),
     open: over((i) => (state[i] < 0.5 ? 1 : 0)), slip: over((i) => clamp(state[i] - 1, 0, 1)),
     harmonics_a: spectrum(time, v[ia], base, many), harmonics_b: spectrum(time, v[ib], base, many),
     harmonics_u: spectrum(time, v["v(a)"], base, many), base, waves: tail(motor, v, base, ia, ib, sign), deck,
   };
+}
+
+/** Return the sentences of the package on the limits that a result exceeds: stress of the ceramic and temperature. */
+function exceeded({ rated, thermalResistance }, { heat, waves }) {
+  if (!rated) return [];
+  const { strength, ambient, most } = rated, rise = heat * thermalResistance, temperature = ambient + rise;
+  const at = (point, i) => Math.abs(point.reduce((sum, part, n) => sum + part * waves.modes[n][i], 0));
+  const stress = waves ? Math.max(0, ...rated.stress.map((point) => waves.time.reduce((top, _, i) => Math.max(top, at(point, i)), 0))) : 0;
+  const values = { stress, strength, rise, temperature, most };
+  const written = (sentence) => sentence.replace(/\{(\w+):\.3g\}/g, (_, name) => String(Number(values[name].toPrecision(3))));
+  return [...(stress > strength ? [written(rated.stressed)] : []), ...(temperature > most ? [written(rated.heated)] : [])];
 }
 
 const spectrum = (time, values, base, many) => harmonics(time, values, base, many, 9).map(([re, im]) => Math.hypot(re, im));
@@ -333,8 +351,9 @@ async function speedTorque(engine, motor, s, quick) {
   };
 }
 
-async function response(engine, motor, s, quick, [lowest, highest]) {
-  const values = { ...parameters(motor, s), inertia: quickInertia(motor, s, firstSlope(motor, s, quick.tipVelocity)), lowest, highest };
+async function response(engine, motor, s, quick, first_frequency, last_frequency) {
+  const inertia = quickInertia(motor, s, firstSlope(motor, s, Math.max(quick.tipVelocity, RESONANT_VELOCITY)));
+  const values = { ...parameters(motor, s), inertia, first_frequency, last_frequency };
   const v = await engine.run(filled(motor.decks[`response ${s.mount}`], values));
   const first = v.time.findIndex((time) => time > 0.1 * last(v.time));
   const part = (name) => Array.from(v[name].subarray(first));
@@ -352,6 +371,13 @@ async function admittance(engine, motor, s) {
   const impedance = (state) =>
     frequency.map((_, i) => 1 / Math.hypot(v[`i(va_${state}_a)`][2 * i], v[`i(va_${state}_a)`][2 * i + 1]));
   return { frequency, free: impedance("free"), pressed: impedance("pressed") };
+}
+
+/** Value at x of a line over ascending xs. */
+function interpolated(xs, ys, x) {
+  if (x >= last(xs)) return last(ys);
+  const next = Math.max(1, xs.findIndex((other) => other >= x)), share = clamp((x - xs[next - 1]) / (xs[next] - xs[next - 1]), 0, 1);
+  return ys[next - 1] + share * (ys[next] - ys[next - 1]);
 }
 
 const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
