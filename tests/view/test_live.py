@@ -302,7 +302,7 @@ def test_speed_over_frequency_shows_hysteresis(desktop: tuple[Page, list[str]]) 
     assert len(page.query_selector_all("#response-chart path.line")) == 2
     note = page.inner_text("#response-note")
     low, high = map(float, re.findall(r"from (\S+) kHz to (\S+) kHz it depends on the direction", note)[0])
-    answered(page, lambda: page.select_option("#preset-choice", label="bimodal40: recommended drive"))
+    answered(page, lambda: page.select_option("#preset-choice", label="bimodal40: recommended drive"), settled=True)
     motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor).updated({"frequency": 40e3})
     folds = pr.steady_branch(motor, drive, follow="drive.frequency", start=40e3, stop=39.2e3).piezomotor.folds
