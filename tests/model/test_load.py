@@ -370,7 +370,7 @@ TOML = "mine.toml is not valid TOML:"
         (b"a = " + b"[" * 5000, "mine.toml nests its values too deeply. Use the structure of a motor's TOML."),
         (b".".join([b"a"] * 40_000) + b" = 1", "mine.toml has a key of more than 32 dotted parts. {hint}"),
         (
-            b"[" + b" . ".join([b'"a.b"', b"c"] * 40_000) + b"]",
+            b"[" + b" . ".join([b'"a.b"', b"c"] * 20_000) + b"]",
             "mine.toml has a key of more than 32 dotted parts. {hint}",
         ),
         (b"", "mine.toml must state its modes by exactly one of [beam], [[modes]] or [[arms]]; it has none of them."),
