@@ -45,7 +45,7 @@ class Sheet:
         self.names: list[Name] = []
 
     def write(self, path: Path, title: str, caption: str) -> list[str]:
-        """Write the picture; return what the script prints."""
+        """Write the picture and return the text to print."""
         self.drawing.draw(show=False)
         with mpl.rc_context({"savefig.dpi": 220}):
             write(self.figure, path, title, caption)

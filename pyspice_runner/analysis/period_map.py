@@ -64,7 +64,7 @@ class Trace:
 
 @dataclass
 class Effort:
-    """What the evaluations of a map took."""
+    """Cost of the evaluations of a map."""
 
     evaluations: int = 0  # number of states that were mapped
     simulated_s: float = 0.0  # simulated time in s, summed over the states
