@@ -10,7 +10,7 @@ from math import pi, sqrt
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pyspice_runner.errors import ParameterError
@@ -331,6 +331,7 @@ UNITS = {
 
 
 @settings(max_examples=200, deadline=None)
+@example(changes={". A": None})
 @given(
     changes=st.dictionaries(
         st.one_of(

@@ -8,6 +8,9 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+# a name as repr writes it, which may hold blanks and full stops; a long one ends in …
+QUOTED = r"""(?<!\w)(['"])(?:\\.|(?!\1).)*?(?:\1|…)"""
+
 
 def toml(document: Mapping[str, Any]) -> str:
     """One line for each entry; tables are written inline."""
@@ -32,12 +35,13 @@ def _key(key: str) -> str:
 
 def reads_well(sentence: str) -> bool:
     """One or two sentences on one line, short enough to be read aloud, with nothing of Python's in it."""
-    ends = re.findall(r"[.?!](?= [A-Z]|$)", sentence)
+    plain = re.sub(QUOTED, "''", sentence)
+    ends = re.findall(r"[.?!](?= [A-Z]|$)", plain)
     return (
         sentence.isprintable()
         and sentence[-1] in ".?"
         and 1 <= len(ends) <= 2
         and len(sentence) <= 400
         and not re.search(r"Traceback|pydantic|validation error|<class|None of|\bInput should\b", sentence)
-        and "  " not in re.sub(r"'.*?'", "''", sentence)  # a name that is quoted may have blanks
+        and "  " not in plain
     )
