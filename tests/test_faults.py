@@ -170,7 +170,7 @@ def test_lack_of_memory_for_the_command_is_reported(folder: Path) -> None:
 import resource, sys
 from pathlib import Path
 from pyspice_runner.cli import run
-words = ["simulate", "andersen2002", "--duration", "4e-3"]
+words = ["simulate", "andersen2002", "--duration", "4e-3", "--step", "2e-7"]
 assert run([*words, "--json"]) == 0
 used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (used + 1_000_000, -1))

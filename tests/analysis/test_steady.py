@@ -171,11 +171,11 @@ def test_a_period_of_a_steady_state_counts_as_settled() -> None:
         assert "not settled" not in str(waves.summary())
 
 
-@pytest.mark.slow
-def test_sliders_that_slip_add_no_multipliers() -> None:
+@pytest.mark.parametrize("sliders", [16, pytest.param(32, marks=[pytest.mark.slow, pytest.mark.soak])])
+def test_sliders_that_slip_add_no_multipliers(sliders: int) -> None:
     motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)
-    few, many = (pr.steady_state(motor, drive, speed=45.0, contact=pr.Law("brush", count)) for count in (8, 32))
+    few, many = (pr.steady_state(motor, drive, speed=45.0, contact=pr.Law("brush", count)) for count in (8, sliders))
     assert many.stable
     assert many.method == "newton"
     # the finer row changes the contact a little
