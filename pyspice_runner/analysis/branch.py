@@ -32,6 +32,7 @@ from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.copies import Copy, Plant
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.paths import canonical
 from pyspice_runner.run.window import Array
 
 if TYPE_CHECKING:
@@ -95,6 +96,8 @@ def steady_branch(
         ParameterError: for an invalid value.
         SimulationError: if there is no steady state at ``start``, or ngspice fails.
     """
+    if canonical(follow) in ({"load.speed"} if speed is not None else {"load.torque"} if load_torque else ()):
+        raise ParameterError(f"{canonical(follow)} is given twice. Give it once.")
     point = OperatingPoint.of(
         motor, drive, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=False
     )

@@ -38,6 +38,7 @@ from pyspice_runner.files import save_by_ending, write_json, write_rows
 from pyspice_runner.model.load import changed_motor
 from pyspice_runner.result import Result as _Result
 from pyspice_runner.run.engines import Engine
+from pyspice_runner.run.paths import LOADS, canonical
 
 Writing = tuple[Path | None, Callable[[Path], object]]  # a file that may be asked for, and what writes it
 
@@ -82,6 +83,9 @@ SetOption = Annotated[
     ),
 ]
 MOST_VALUES = 1_000_000  # of an axis
+_OPTIONS = {  # path of an axis → options that state its value, where they have another name than the path ends in
+    "drive.phase_deg": ("phase",), "load.torque": ("load", "load_torque"),
+}  # fmt: skip
 TimeoutOption = Annotated[float | None, typer.Option(help="Stop ngspice after this time, s.")]
 
 
@@ -111,11 +115,30 @@ class OnceCommand(typer.core.TyperCommand):
 
 def refuse_idle(context: typer.Context, reason: str, *names: str) -> None:
     """Raise ParameterError for the first of these options on the command line: it has no effect, for a reason."""
+    for option in _stated(context, *names):
+        raise pr.ParameterError(f"{option} has no effect {reason}. Leave it out.")
+
+
+def _stated(context: typer.Context, *names: str) -> Iterator[str]:
+    """Yield those of the options that are on the command line, as they are written there."""
     for parameter in context.command.params:
         source = context.get_parameter_source(parameter.name) if parameter.name in names else None
         if source is not None and source.name == "COMMANDLINE":
-            option = max(parameter.opts, key=len)
-            raise pr.ParameterError(f"{option} has no effect {reason}. Leave it out.")
+            yield max(parameter.opts, key=len)
+
+
+def refuse_covered(context: typer.Context, axes: Iterable[str]) -> None:
+    """Raise ParameterError for an option, or a path of ``--set`` or ``--part``, whose value an axis replaces."""
+    changes = {
+        f"{prefix}{change.partition('=')[0].strip()}": option
+        for option, name, prefix in (("--set", "changes", ""), ("--part", "part", "drive."))
+        for change in context.params.get(name) or ()
+    }
+    for name in map(canonical, axes):
+        section, _, key = name.partition(".")
+        names = _OPTIONS.get(name, (key,)) if section in ("drive", "run") or name in LOADS else ()
+        for option in [*_stated(context, *names), *([changes[name]] if name in changes else [])]:
+            raise pr.ParameterError(f"{name} is given twice, by {option} and as an axis. Give it once.")
 
 
 def load_changed(motor: str, changes: list[str] | None) -> pr.Motor:

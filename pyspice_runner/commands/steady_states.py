@@ -13,6 +13,7 @@ from pyspice_runner.commands import common
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import EngineOptions, LoadOption, PeriodOptions, SpeedOption, Targets, with_options
 from pyspice_runner.errors import Interrupted
+from pyspice_runner.run.paths import LOADS, canonical
 
 _SHOWN = ["torque_n_m", "normal_force_n", "shaft_power_w", "efficiency", "separated", "stick", "slip", "settled"]
 
@@ -77,6 +78,7 @@ def small_signals(
 
 @with_options
 def map_points(
+    context: typer.Context,
     motor: common.MotorArgument,
     drive: DriveOptions,
     *,
@@ -107,10 +109,13 @@ def map_points(
     """
     targets.check(".nc", ".csv", ".json")
     loaded = common.load_changed(motor, changes)
-    limits = _limits(limit)
+    limits, axes = _limits(limit), common.axes_of(over)
+    free = speed is None and not load and not LOADS.keys() & set(map(canonical, axes))
+    if not (free and objective in ("efficiency", "power")):  # whose speed is found under the given drive
+        common.refuse_covered(context, axes)
     with common.points_progress() as progress:
         dataset = pr.working_points(
-            loaded, drive.stated(loaded), over=common.axes_of(over), objective=objective, limits=limits,
+            loaded, drive.stated(loaded), over=axes, objective=objective, limits=limits,
             speed=speed, load_torque=load, accuracy=accuracy, progress=progress, **period.settings,
         )  # fmt: skip
     result = dataset.piezomotor
@@ -131,6 +136,7 @@ def _limits(texts: list[str] | None) -> dict[str, float]:
 
 @with_options
 def speed_torque(
+    context: typer.Context,
     motor: common.MotorArgument,
     drive: DriveOptions,
     *,
@@ -162,7 +168,8 @@ def speed_torque(
     """
     targets.check(".nc", ".csv", ".json")
     loaded = common.load_changed(motor, changes)
-    excitation = drive.stated(loaded)
+    excitation, axes = drive.stated(loaded), common.axes_of(over)
+    common.refuse_covered(context, axes)
     status = 0
     with common.points_progress() as progress:
         try:
@@ -170,7 +177,7 @@ def speed_torque(
                 loaded,
                 excitation,
                 speeds=common.grid("--speeds", speeds),
-                over=common.axes_of(over),
+                over=axes,
                 mode=mode,
                 follow=follow,
                 tolerance=tolerance,

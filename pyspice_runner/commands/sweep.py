@@ -93,6 +93,7 @@ def sweep(
     stated = drive.stated(loaded)
     excitation = driver_of(driver or "linear", two_phase(stated), of_parts, mosfet) if driven else stated
     axes: dict[str, Any] = {**common.axes_of(over)}
+    common.refuse_covered(context, axes)
     for path, text in common.pairs_of("--tolerance", tolerance):
         if path in axes:
             raise pr.ParameterError(f"{path} is given to --over and to --tolerance. Give it to one of them.")
@@ -102,7 +103,8 @@ def sweep(
     run = {name: value for name, value in settings.items() if value is not None}
     if law.contact != DEFAULT_LAW:  # which is the default of the run
         run["contact"] = contact
-    how = _question(analysis, excitation, quantity) | run
+    usual = _question(analysis, excitation, quantity)
+    how = {name: value for name, value in usual.items() if f"run.{name}" not in axes} | run
     with _cluster(scheduler, workers) as executor, common.points_progress() as progress:
         try:
             dataset = pr.sweep(

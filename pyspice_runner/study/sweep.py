@@ -86,9 +86,15 @@ def sweep(
     wanted: dict[str, Quantity] = dict(listed) if isinstance(listed, Mapping) else {name: name for name in listed}
     functions = {name: function for name, function in wanted.items() if not isinstance(function, str)}
     origin = identity(analysis)
-    paths = map(canonical, over)
-    swept = {LOADS[path][0] if path in LOADS else path[4:] for path in paths if path in LOADS or path[:4] == "run."}
-    _check_settings(swept | set(run), set(run), analysis)
+    swept = {
+        LOADS[path][0] if path in LOADS else path[4:]: given
+        for given, path in zip(over, map(canonical, over), strict=True)
+        if path in LOADS or path[:4] == "run."
+    }
+    for name, path in swept.items():
+        if name in run and not isinstance(over[path], Tolerance):
+            raise ParameterError(f"{canonical(path)} is given twice, by {name} and as an axis. Give it once.")
+    _check_settings(swept.keys() | set(run), set(run), analysis)
     for name, value in plain(run).items():
         try:
             fingerprint(value)

@@ -126,5 +126,7 @@ def test_wrong_requests_say_what_is_allowed() -> None:
         pr.steady_branch(MOTOR, DRIVE, follow="drive.voltage", start=30.0, stop=30.0)
     with pytest.raises(pr.ParameterError, match="points = 1 is not valid: it must be a whole number from 2 to 400"):
         pr.steady_branch(MOTOR, DRIVE, follow="drive.voltage", start=30.0, stop=20.0, points=1)
+    with pytest.raises(pr.ParameterError, match=r"load.speed is given twice. Give it once."):
+        pr.steady_branch(MOTOR, DRIVE, follow="load.speed", start=0.0, stop=2.0, speed=1.0)
     with pytest.raises(pr.ParameterError, match="speed_rad_s has 2 values: a branch"):
         pr.speed_torque(MOTOR, DRIVE, speeds=[0.0, 1.0], over={"drive.voltage": [30.0, 20.0]}, follow="drive.voltage")

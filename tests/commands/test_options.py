@@ -72,6 +72,35 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
 VOLTS = ["--over", "drive.voltage=50"]
 
 
+COVERED = [
+    # words, axis, what is given twice, and by which option
+    ("sweep --speed 3", "load.speed=4,5", "load.speed", "--speed"),
+    ("sweep --load-torque 1", "run.load_torque=4", "load.torque", "--load-torque"),
+    ("sweep --duration 1", "run.duration=4", "run.duration", "--duration"),
+    ("sweep --voltage 60", "drive.voltage=50", "drive.voltage", "--voltage"),
+    ("sweep --drive two-tone --frequency-1 4e4 --frequency-2 8e4", "drive.frequency_1=3e4", "drive.frequency_1",
+     "--frequency-1"),
+    ("sweep --analysis drive --part amplifier.headroom=1", "drive.amplifier.headroom=2", "drive.amplifier.headroom",
+     "--part"),
+    ("map --voltage 60", "drive.voltage=50", "drive.voltage", "--voltage"),
+    ("map --load 2", "load.torque=1", "load.torque", "--load"),
+    ("map --objective power --speed 5 --phase 60", "drive.phase_deg=50", "drive.phase_deg", "--phase"),
+    ("map --set contact.friction=0.2", "contact.friction=0.3", "contact.friction", "--set"),
+    ("speed-torque --ratio-b 1", "drive.ratio_b=1,2", "drive.ratio_b", "--ratio-b"),
+    ("speed-torque --follow drive.frequency --frequency 4e4", "drive.frequency=4e4,4.1e4", "drive.frequency",
+     "--frequency"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("words", "over", "path", "option"), COVERED)
+def test_an_option_that_an_axis_replaces_is_an_error(
+    words: str, over: str, path: str, option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command, *options = words.split()
+    assert run([command, "bimodal40", *options, "--over", over]) == 2
+    assert f"{path} is given twice, by {option} and as an axis. Give it once." in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [

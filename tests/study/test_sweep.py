@@ -35,7 +35,8 @@ DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
 MOTOR = pr.load_motor("andersen2002")
 NOMINAL = MOTOR.contact
 SHORT = {"duration": 2e-4, "speed": 1.0}  # of real runs, 0.1 s each
-COMMAND = ["sweep", "andersen2002", "--duration", "5e-5", "--speed", "1"]
+AT_SPEED = ["sweep", "andersen2002", "--speed", "1"]
+COMMAND = [*AT_SPEED, "--duration", "5e-5"]
 ALONE = ["--workers", "1"]  # where a second process would show no more and takes a second to load
 
 
@@ -63,7 +64,9 @@ def quick(threads: Executor, tmp_path: Path) -> dict[str, Any]:
 def test_each_point_is_the_run_that_simulate_does(threads: Executor, tmp_path: Path) -> None:
     over = {"contact.preload_n": [4.0, 9.0], "drive.voltage": [20.0, 60.0], "run.speed": [0.5]}
     names = ["mean_torque_n_m", "state_fractions.stick", "energy_j.damping"]
-    found = pr.sweep(MOTOR, DRIVE, over=over, quantities=names, executor=threads, store=tmp_path, **SHORT)
+    found = pr.sweep(
+        MOTOR, DRIVE, over=over, quantities=names, executor=threads, store=tmp_path, duration=SHORT["duration"]
+    )
     assert found["mean_torque_n_m"].dims == ("contact.preload_n", "drive.voltage", "run.speed")
     for preload in over["contact.preload_n"]:
         for voltage in over["drive.voltage"]:
@@ -326,6 +329,13 @@ def test_a_seed_below_zero_is_rejected(quick: dict[str, Any]) -> None:
 def test_a_setting_that_cannot_be_stored_is_rejected(quick: dict[str, Any]) -> None:
     with pytest.raises(pr.ParameterError, match=r"run.speed = 1j is not valid: it must be numbers, texts, and lists"):
         pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": [5.0]}, speed=1j, **quick)
+
+
+@pytest.mark.parametrize("path", ["load.speed", "run.speed", "speed"])
+def test_a_setting_that_an_axis_replaces_is_rejected(path: str, quick: dict[str, Any]) -> None:
+    with pytest.raises(pr.ParameterError, match=r"load.speed is given twice, by speed and as an axis. Give it once."):
+        pr.sweep(MOTOR, DRIVE, over={path: [1.0, 2.0]}, speed=3.0, **quick)
+    assert pr.sweep(MOTOR, DRIVE, over={"run.duration": pr.Tolerance(0.1)}, samples=2, **quick).sizes == {"sample": 2}
 
 
 def test_a_sweep_of_nothing_but_refused_points_is_rejected(quick: dict[str, Any]) -> None:
@@ -631,7 +641,7 @@ def test_a_sweep_stored_by_the_command_is_found_from_python_with_more_threads(in
 
 
 def test_a_failing_point_shows_in_the_exit_status(in_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = [*COMMAND, "--over", "run.duration=5e-5,1e-8", "--json", "--output", "sweep.nc", *ALONE]
+    words = [*AT_SPEED, "--over", "run.duration=5e-5,1e-8", "--json", "--output", "sweep.nc", *ALONE]
     assert run(words) == 3
     captured = capsys.readouterr()
     assert "1 of 2 points failed; the first: duration = 1e-08 s is shorter" in captured.err
