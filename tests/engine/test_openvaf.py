@@ -6,6 +6,7 @@ A shell script stands in for it; ``make verilog-a`` has the tests with the compi
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -93,3 +94,19 @@ def test_a_module_of_another_user_is_compiled_again(tmp_path: Path, monkeypatch:
     assert not openvaf.is_private(place)
     openvaf.compile_module("m", "module m; endmodule", tmp_path / "cache")
     assert log.read_text().count("compiled") == 2
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can give a file to another user")
+@pytest.mark.parametrize("what", ["file", "folder"])
+def test_root_compiles_a_module_of_another_user_again(
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = use(monkeypatch, tmp_path, COMPILES)
+    place = openvaf.compile_module("m", "module m; endmodule", tmp_path / "cache")
+    for planted in ("planted", "planted again"):
+        place.write_text(planted)
+        os.chown(place if what == "file" else place.parent, 65534, 65534)
+        assert not openvaf.is_private(place)
+        assert openvaf.compile_module("m", "module m; endmodule", tmp_path / "cache").read_text() != planted
+        assert place.stat().st_uid == 0
+    assert log.read_text().count("compiled") == 3

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.engine import openvaf
 from pyspice_runner.netlist.compiled import module_of
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.run import engines
@@ -35,7 +36,10 @@ def test_without_a_compiler_compiled_is_an_error_and_auto_takes_the_b_sources(mo
     assert run.to_dict()["run"]["engine"] == "spice"
 
 
-def test_a_verdict_that_others_can_write_is_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("what", ["file", "folder", "owner"])
+def test_a_verdict_that_others_can_write_is_measured_again(
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     measured = []
     monkeypatch.setattr(engines, "_compared", lambda *_: measured.append(1) or BAD)
     known = ((2, True, False), Law(), "tools", tmp_path)
@@ -44,8 +48,14 @@ def test_a_verdict_that_others_can_write_is_measured_again(tmp_path: Path, monke
     (path,) = tmp_path.rglob("*.json")
     path.write_text(json.dumps(GOOD), encoding="utf-8")
     assert engines._verdict.__wrapped__(*known) == GOOD  # by the user
-    path.chmod(0o666)
+    if what == "owner":
+        monkeypatch.setattr(openvaf.os, "getuid", lambda: path.stat().st_uid + 1)
+    else:
+        (path if what == "file" else path.parent).chmod(0o666 if what == "file" else 0o777)
     assert engines._verdict.__wrapped__(*known) == BAD
+    monkeypatch.undo()
+    assert json.loads(path.read_text(encoding="utf-8")) == BAD
+    assert openvaf.is_private(path)
 
 
 @pytest.mark.parametrize("engine", ["compiled", "auto"])
