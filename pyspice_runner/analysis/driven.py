@@ -183,12 +183,12 @@ class DrivenPoint(Point):
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
-        """Floquet multipliers, the largest first, without the 1 of a contact that sticks."""
+        """Floquet multipliers, the largest first, without the 1 of sliders that stick."""
         assert self.at_start is not None
         assert self.measured_end is not None
         values = np.linalg.eigvals(self.measured_end @ np.linalg.pinv(self.at_start, rcond=FADED)).astype(complex)
-        if self.sticks:
-            values = np.delete(values, np.argmin(np.abs(values - 1.0)))
+        values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self.sticks])
+        values = values[np.abs(values - 1.0) > self.lasting]
         return np.asarray(values[np.argsort(-np.abs(values))])
 
     def _update(self, step: Array, gap: Array) -> None:

@@ -37,6 +37,8 @@ GROWTH, FREE_STEPS = 3.0, 3  # by which the first few steps may grow: they pass 
 CHORD = 0.7  # contraction of steps by which an old derivative may still be good enough
 NEAR = 0.1  # of the size of the motion, how far from the solution its derivative may have been measured
 FELT = 0.1  # of a slider's displacement at the start of a run, what must be left of it at the beginning of the period
+GROSS = 0.999  # of the contact's state, from stick to where all sliders slip, or to separation
+SLOWEST = 50.0  # s, time constant beyond which a disturbance stays; a slider that sticks leaks in 1000 s
 SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs before Newton's method begins anew
 
 
@@ -75,14 +77,16 @@ class Point:
     def newton_step(self) -> Array:
         """Return the step of the scaled state that closes the gap.
 
-        Where the contact sticks, the step is the shortest one. A slider that is not free goes to where it is a period
-        later.
+        Where the contact sticks, the step is the shortest one: sliders that stick keep their distances. A slider that
+        is not free goes to where it is a period later.
         """
         assert self.at_start is not None
         assert self.at_end is not None
         free = self.free
         left, sizes, right = np.linalg.svd((self.at_end - self.at_start)[np.ix_(free, free)])
-        kept = (sizes > 1e-10 * sizes[0]) & (np.arange(len(sizes)) < len(sizes) - self.sticks)
+        turning = self.plant.turns & (right[:, -1] ** 2 > 0.5)  # a heavy rotor is slow, and has its steady speed
+        kept = sizes > np.where(turning, 1e-10 * sizes[0], self.lasting)
+        kept &= np.arange(len(sizes)) < len(sizes) - self.sticks
         assert self.trace is not None
         time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
         later = np.array([np.interp(self.begun + period, time, values) for values in self.trace.states])
@@ -114,10 +118,25 @@ class Point:
         return free
 
     @property
-    def sticks(self) -> bool:
-        """Whether the contact sticks for the whole period: then a held shaft can have any torque, and keeps it."""
-        held = self.plant.law is not None and self.plant.law.name == "spring-slider" and self.plant.load.speed == 0.0
-        return held and self.trace is not None and bool(np.all(np.abs(self.trace.contact_state - 1.0) < 0.5))
+    def sticks(self) -> int:
+        """Number of directions in which a contact that sticks for the whole period keeps its state.
+
+        Sliders that stick keep their distances from the innermost one. On a shaft that is held still, all together also
+        keep any torque.
+        """
+        law, sliders = self.plant.law, self.plant.where("contact")
+        if law is None or not law.sliding or self.trace is None:
+            return 0
+        if np.any(np.abs(self.trace.contact_state - 1.0) > GROSS):
+            return 0
+        apart = (self.trace.states[sliders] - self.trace.states[sliders.start]) / self.scale[sliders, np.newaxis]
+        together = (np.ptp(apart, axis=1) < TOLERANCE) & self.free[sliders]
+        return int(np.count_nonzero(together)) - int(self.plant.load.speed != 0.0)
+
+    @property
+    def lasting(self) -> float:
+        """Part of a disturbance below whose loss in a period it stays, as that of a slider that sticks."""
+        return self.plant.drive.period / SLOWEST
 
     def remaining(self, step: Array) -> float:
         """Return the size of a Newton step: of the state, the gap that it leaves, and its change of the mean forces."""
@@ -230,7 +249,7 @@ class Point:
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
-        """Floquet multipliers, the largest first, without the 1 of a contact that sticks and keeps its mean torque.
+        """Floquet multipliers, the largest first, without the 1 of sliders that stick and stay where they are.
 
         They are those of the derivative as it was last measured. The corrections of :meth:`_update` serve Newton's step
         along one direction and would mix the modes.
@@ -242,8 +261,8 @@ class Point:
         monodromy = np.zeros_like(self.at_start)
         monodromy[free] = self.measured_end[free] @ np.linalg.pinv(self.at_start[free], rcond=1e-8)
         values = np.linalg.eigvals(monodromy).astype(complex)
-        if self.sticks:
-            values = np.delete(values, np.argmin(np.abs(values - 1.0)))
+        values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self.sticks])
+        values = values[np.abs(values - 1.0) > self.lasting]
         return np.asarray(values[np.argsort(-np.abs(values))])
 
 
@@ -281,9 +300,9 @@ def start_point(plant: Plant) -> Point:
     energy = max(energy, np.finfo(float).tiny * 1e100)
     fastest = np.sqrt(2.0 * energy / masses)
     slide = contact_law.limit_ratio(motor.contact) * contact_law.static_penetration(motor.contact)
-    if plant.slider is not None:  # where it does not slip it has followed the tip since rest
+    if plant.law and plant.law.sliding:  # where they do not slip they have followed the tip since rest
         followed = sum(mode.tip_x * (r - rest) for mode, r, rest in zip(motor.modes, state, _rest(plant), strict=False))
-        state[plant.slider] = float(np.clip(followed, -slide, slide))
+        state[plant.where("contact")] = np.clip(followed, -slide, slide) * plant.law.touching
     along = max(abs(mode.tip_x) * v for mode, v in zip(motor.modes, fastest, strict=True))
     towards = max(abs(mode.tip_y) * v for mode, v in zip(motor.modes, fastest, strict=True))
     carrier = []

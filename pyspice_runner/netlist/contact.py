@@ -11,7 +11,11 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from functools import cache
+from math import sqrt
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
@@ -83,6 +87,18 @@ class Law:
             return ()
         nodes = re.findall(r"^C\w+ (\w+) 0 ", contact_library(self).subcircuit, re.M | re.I)
         return tuple(node if node in PINS else f"xcontact.{node}" for node in map(str.lower, nodes))
+
+    @property
+    def sliding(self) -> bool:
+        """Whether the states of the law are sliders."""
+        return self.name in ("spring-slider", "brush")
+
+    @property
+    def touching(self) -> NDArray[np.float64]:
+        """Share of each slider that touches at preloaded rest, from the inner one; of ``spring-slider`` 1."""
+        sliders = self.sliders or 1
+        edge = sliders / sqrt(REACH) if self.name == "brush" else 1.0
+        return np.clip(edge - np.arange(sliders), 0.0, 1.0)
 
     def to_dict(self) -> dict[str, object]:
         """Return the law as in the results, JSON-ready."""

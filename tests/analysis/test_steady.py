@@ -15,9 +15,11 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.dynamometer import UNITS, Dynamometer, off_beat
+from pyspice_runner.analysis.shooting import FELT
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.cli import run
+from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Load
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.operating_point import OperatingPoint
@@ -181,6 +183,42 @@ def test_sliders_that_slip_add_no_multipliers(sliders: int) -> None:
     # the finer row changes the contact a little
     assert np.abs(many.floquet_multipliers[:2]) == pytest.approx(np.abs(few.floquet_multipliers[:2]), rel=1e-3)
     assert many.torque_n_m == pytest.approx(few.torque_n_m, abs=0.01 * friction_torque(motor))
+
+
+def linear_multipliers(motor: pr.Motor, period: float, *, turns: bool) -> np.ndarray:
+    """e^(λT) of modes, carrier and rotor on the springs of a contact that sticks under the preload."""
+    contact, rotor, mount = motor.contact, motor.rotor, motor.mount
+    assert mount is not None
+    springs = [*motor.modes, mount]
+    mass = np.array([*(spring.mass_kg for spring in springs), rotor.inertia_kg_m2])
+    along = np.array([*(mode.tip_x for mode in motor.modes), 0.0, -rotor.radius_m])
+    towards = np.array([*(mode.tip_y for mode in motor.modes), 1.0, 0.0])
+    stiffness = np.diag([*(spring.stiffness_n_per_m for spring in springs), 0.0])
+    stiffness += contact_law.tangential_stiffness_at_preload(contact) * np.outer(along, along)
+    stiffness += contact_law.normal_stiffness_at_preload(contact) * np.outer(towards, towards)
+    damping = np.diag([*(spring.damping_n_s_per_m for spring in springs), rotor.bearing_damping_n_m_s])
+    damping += contact_law.normal_damping(contact) * contact.preload_n * np.outer(towards, towards)
+    count = len(mass) - (not turns)
+    rates = [-(matrix / mass[:, np.newaxis])[:count, :count] for matrix in (stiffness, damping)]
+    system = np.block([[np.zeros((count, count)), np.eye(count)], rates])
+    return np.exp(np.linalg.eigvals(system) * period)
+
+
+@pytest.mark.parametrize("name", ["andersen2002", "bimodal40"])
+@pytest.mark.parametrize("speed", [0.0, None])
+def test_a_row_of_sliders_that_stick_has_the_multipliers_of_one_spring(name: str, speed: float | None) -> None:
+    motor = pr.load_motor(name)
+    drive = pr.default_drive(motor).updated({"voltage": 0.1})
+    state = pr.steady_state(motor, drive, speed=speed, contact=pr.Law("brush", 16))
+    assert state.stable
+    assert state.method in ("newton", "damped")
+    exact = linear_multipliers(motor, drive.period, turns=speed is None)
+    found, others = np.split(state.floquet_multipliers, [len(exact)])
+    # second order: the trapezoidal rule delays the stiffness of the contact by (2π/71)²/12 of an angle of 2π at most,
+    # 4e-3; measured 6e-4
+    assert max(np.abs(found - one).min() for one in exact) < 2e-3
+    assert np.abs(found) == pytest.approx(np.sort(np.abs(exact))[::-1], abs=2e-4)
+    assert np.abs(others).max(initial=0.0) < FELT  # sliders at the edge, which slip
 
 
 def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_take() -> None:
