@@ -216,7 +216,8 @@ class WorkingPoints(DatasetResult):
         total = self.dataset["stable"].size
         found = [f"{count} of {total} points {words}." for count, words in
                  ((lost, "have no steady state"), (unstable, "are not stable")) if count]  # fmt: skip
-        return (*found, *(() if self.best else ("No point is stable and within the limits.",)))
+        found += [] if self.best else ["No point is stable and within the limits."]
+        return (*found, *json.loads(self.dataset.attrs.get("cautions", "[]")))
 
     def summary(self) -> dict[str, str]:
         """Return the axes and the best point."""

@@ -86,14 +86,14 @@ def case(seed: int, index: int, subject: str = "motors") -> Case:
         return found
     while True:
         try:
-            motor = _motor(rng)
+            motor = random_motor(rng)
             drive = _drive(rng, motor)
-        except _FruitlessError:
+        except FruitlessError:
             continue
         return _asked(rng, motor, drive)
 
 
-class _FruitlessError(Exception):
+class FruitlessError(Exception):
     """What was drawn first leaves hardly room for the rest."""
 
 
@@ -104,7 +104,7 @@ def _accepted(draw: Callable[[], Any]) -> Any:
             return draw()
         except (ValidationError, pr.ParameterError):
             continue
-    raise _FruitlessError
+    raise FruitlessError
 
 
 def value(rng: np.random.Generator, schema: Mapping[str, Any]) -> float:
@@ -141,7 +141,7 @@ def _schema(kind: type[Parameters]) -> dict[str, Any]:
     return dict(kind.model_json_schema()["properties"])
 
 
-def _motor(rng: np.random.Generator) -> Motor:
+def random_motor(rng: np.random.Generator) -> Motor:
     rotor, piezo = Rotor(**_values(rng, Rotor)), Piezo(**_values(rng, Piezo))
     contact = _accepted(lambda: Contact(**_values(rng, Contact)))
     count = min(1 + int(rng.exponential(1.5)), 20)

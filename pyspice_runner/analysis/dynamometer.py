@@ -73,6 +73,17 @@ class Quantities:
         return {name: getattr(self, name) for name in UNITS}
 
 
+STUCK = (
+    "The contact sticks throughout the period. Friction holds the standing shaft at any torque up to its limit: "
+    "torque, normal force and powers depend on how the shaft came to rest."
+)
+
+
+def stuck(speed_rad_s: float, outcome: Mapping[str, Any]) -> bool:
+    """Whether a held shaft stands and its contact neither slips nor opens, for an outcome by names of quantities."""
+    return speed_rad_s == 0.0 and outcome["slip"] == 0.0 and outcome["separated"] == 0.0
+
+
 UNITS = {item.name: (str(item.metadata["unit"]), str(item.metadata["meaning"])) for item in fields(Quantities)}
 
 

@@ -52,7 +52,8 @@ OUTPUTS = {
 SWING = 3e-3  # of the scale of a state
 PROBE = 0.1  # of the drive's amplitude, and of the friction torque; within one period it moves the state by some 1e-3
 FINER = 2  # steps in one of the steady state
-OFFSETS = 4  # copies whose steps lie between each other's
+OFFSETS = 4  # copies whose steps lie between each other's; their difference is one part of the error
+SMALLER = 0.5  # of the deviations: the change by it is the other part
 ACCURATE = 0.05  # error of a transfer function, relative to its magnitude, above which there is a caution
 HIGHEST = 0.45  # of the drive's frequency
 _SIGNALS = ("speed", "friction", "current_a", "current_b", "motional_a", "motional_b")
@@ -71,12 +72,13 @@ class SmallSignals(Result):
         modulation_hz: frequencies of the modulation, Hz.
         transfers: (output, input) → complex transfer function, in the units of :data:`OUTPUTS` and :data:`INPUTS`.
             Inputs are ``amplitude`` (of group A; that of B in proportion), ``phase_deg`` (of group B), ``frequency``
-            and, of a free shaft, ``load_torque``.
+            and, of a free shaft, ``load_torque``. Phases of a current that is zero are left out.
         probe_hz: frequencies of an additional small voltage, the drive's less and plus those of the modulation.
         hot_admittance_s: admittance matrix of the running motor for it, shape (frequencies, 2, 2).
         cold_admittance_s: that of the stator at rest and free, beside it.
         image_admittance_s: current at twice the drive's frequency less that of the voltage, over the conjugate voltage.
-        errors: (output, input) → estimated error of the transfer function by the time step, in its unit.
+        errors: (output, input) → estimated error of the transfer function by the time step and by the size of the
+            deviations from the steady state, in its unit.
     """
 
     state: SteadyState
@@ -92,12 +94,12 @@ class SmallSignals(Result):
         """Return the transfer function from an input to an output, over :attr:`modulation_hz`.
 
         Raises:
-            ParameterError: for a name that is not known, or the load torque of a held shaft.
+            ParameterError: for a name that is not known, the load torque of a held shaft, or the phase of no current.
         """
         if (output, of) not in self.transfers:
             raise ParameterError(
                 f"There is no transfer from {of} to {output}: inputs are {', '.join(INPUTS)} (the last of a free "
-                f"shaft), outputs are {', '.join(OUTPUTS)}."
+                f"shaft), outputs are {', '.join(OUTPUTS)} (the phases only where there is a current)."
             )
         return self.transfers[output, of]
 
@@ -208,16 +210,19 @@ def small_signals(
     usual = OperatingPoint.of(motor, drive, contact=law).step
     fineness = sqrt(min(1.0, step / usual)) if step is not None else 1.0
     map_step = state.step_s / FINER
-    every = [
-        _Linear.about(
-            state.solution.moved(number / OFFSETS * map_step, map_step), map_step, fineness, timeout
-        ).responses(modulation)
-        for number in range(OFFSETS)
-    ]
+    starts = [state.solution.moved(number / OFFSETS * map_step, map_step) for number in range(OFFSETS)]
+    every = [_Linear.about(start, map_step, fineness, timeout).responses(modulation) for start in starts]
+    smaller = [_Linear.about(start, map_step, SMALLER * fineness, timeout).responses(modulation) for start in starts]
     transfers, hot, image = (
         {name: np.array([one[name] for one in several]) for name in several[0]} for several in zip(*every, strict=True)
     )
-    errors = {pair: np.abs(np.mean(copies[::2] - copies[1::2], axis=0)) / 2 for pair, copies in transfers.items()}
+    errors = {
+        pair: np.hypot(
+            np.abs(np.mean(copies[::2] - copies[1::2], axis=0)) / 2,
+            np.abs(np.mean(copies - np.array([one[pair] for one, *_ in smaller]), axis=0)),
+        )
+        for pair, copies in transfers.items()
+    }
     probed = np.array(sorted(hot))
     return SmallSignals(
         state, modulation, {pair: copies.mean(axis=0) for pair, copies in transfers.items()}, probed,
@@ -376,13 +381,15 @@ def _outputs(response: Complex, carriers: Mapping[str, complex], of: str, plant:
     for kind in ("current", "motional"):
         for group in "ab":
             carrier = carriers[f"{kind}_{group}"]
+            if not carrier:  # such as the motional current of a group that moves no mode
+                continue
             _, above, below = at[f"{kind}_{group}"]
             if kind == "current":
                 found[f"current_amplitude_{group}"] = (above * carrier.conjugate() + below * carrier) / abs(carrier)
             own = {"phase_deg": radians(group == "b"), "frequency": 1.0}.get(of, 0.0)
             turned = -1j * above / carrier + 1j * below / carrier.conjugate() - own
             found[f"{kind}_phase_{group}_deg"] = turned / radians(1.0)
-    return {name: found[name] for name in OUTPUTS}
+    return {name: found[name] for name in OUTPUTS if name in found}
 
 
 def _signals(plant: Plant, trace: Trace) -> Array:

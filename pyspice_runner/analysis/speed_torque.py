@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
 from pyspice_runner.analysis.branch import dataset_of, followed_branch
-from pyspice_runner.analysis.dynamometer import UNITS, Dynamometer, off_beat
+from pyspice_runner.analysis.dynamometer import STUCK, UNITS, Dynamometer, off_beat, stuck
 from pyspice_runner.analysis.settling import PATIENCE, TOLERANCE, Progress, Settling, outcomes_of, run_tasks, tasks_of
 from pyspice_runner.analysis.steady import steady_states
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
@@ -152,7 +152,7 @@ def speed_torque(
     dataset = dataset_of(
         base, ", ".join(["speed and torque", *label]), OUTCOME, outcomes, coordinates(base, axes),
         (outcome["deck_sha256"] for outcome in outcomes),
-        audit=Audit(tuple(findings)).to_dict(), cautions=list(exceeded(motor, stress, rise)),
+        audit=Audit(tuple(findings)).to_dict(), cautions=[*exceeded(motor, stress, rise), *_stuck(points, outcomes)],
         method=[outcome["method"] for outcome in outcomes],
         run={
             "mode": mode, "follow": follow, **law.to_dict(), "step_s": step, "tolerance": tolerance,
@@ -270,9 +270,16 @@ def _reported(bench: Dynamometer, outcome: dict[str, Any]) -> dict[str, Any]:
     motor = bench.motor
     compiled = bench.setup.solver.compiled and outcome["method"] != "settle"
     kept = {name: value for name, value in outcome.items() if name not in ("audit_passed", "findings")}
-    cautions = list(exceeded(motor, outcome["ceramic_stress_pa"], outcome["temperature_rise_k"]))
+    cautions = [
+        *exceeded(motor, outcome["ceramic_stress_pa"], outcome["temperature_rise_k"]), *_stuck([bench], [outcome])
+    ]  # fmt: skip
     engine = "compiled" if compiled else "spice"
     return {**kept, "engine": engine, "cautions": cautions, "audit": Audit(outcome["findings"]).to_dict()}
+
+
+def _stuck(benches: Sequence[Dynamometer], outcomes: Sequence[Mapping[str, Any]]) -> list[str]:
+    found = any(stuck(bench.speed, outcome) for bench, outcome in zip(benches, outcomes, strict=True))
+    return [STUCK] if found else []
 
 
 # --- points ---
@@ -391,8 +398,15 @@ def _check(axes: Mapping[str, Array], drive: Drive | Driver, mode: str, follow: 
 
 def _dynamometer(point: OperatingPoint) -> Dynamometer:
     """Return the dynamometer of a point. Raise ParameterError for a step with which a block has too many points."""
-    finest = Dynamometer(point).duration / MOST_POINTS
+    block = Dynamometer(point).duration
+    finest = block / MOST_POINTS
     if point.step < finest:
+        if point.solver.step is None:
+            raise ParameterError(
+                f"The motor is too stiff for a curve: a block of {block:.3g} s, in which the slowest mode decays, "
+                f"takes {block / point.step:.3g} steps for the motion of {1.0 / point.shortest_period:.4g} Hz; at most "
+                f"{MOST_POINTS:g} are allowed. Use steady_state at each speed."
+            )
         raise ParameterError(
             f"step = {point.step:g} s is not valid for a motion of {1.0 / point.shortest_period:.4g} Hz: it must be "
             f">= {finest:.3g} s."

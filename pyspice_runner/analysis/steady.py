@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.analysis.driven import Answer, check_driven, driven_answers
-from pyspice_runner.analysis.dynamometer import Quantities
+from pyspice_runner.analysis.dynamometer import STUCK, Quantities, stuck
 from pyspice_runner.analysis.period_map import PeriodMap, cores
 from pyspice_runner.analysis.period_means import current, extrapolated, means, quantities, speed, tip
 from pyspice_runner.analysis.shooting import Point, Shooting, start_point
@@ -93,6 +93,11 @@ class SteadyState(Quantities, Result):
         return self.converged and bool(np.all(np.abs(self.floquet_multipliers) < 1.0))
 
     @property
+    def held_by_friction(self) -> bool:
+        """Whether the shaft is held at a standstill by a contact that sticks throughout: its torque is not unique."""
+        return self.provenance["run"]["speed_rad_s"] is not None and stuck(self.speed_rad_s, self.quantities)
+
+    @property
     def instability(self) -> str:
         """How a small disturbance grows, empty if it decays.
 
@@ -129,6 +134,8 @@ class SteadyState(Quantities, Result):
             found.append("No steady state was found. Run simulate to see how the motor moves.")
         elif not self.stable:
             found.append(f"The steady state is not stable: {self.instability}.")
+        elif self.held_by_friction:
+            found.append(STUCK)
         limits = exceeded(self.motor, self.ceramic_stress_pa, self.temperature_rise_k)
         return (*found, *limits, *too_fast(self.motor.rotor.radius_m, self.speed_rad_s))
 

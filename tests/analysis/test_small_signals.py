@@ -228,6 +228,14 @@ def test_the_hot_admittance_of_a_motor_that_sticks_is_that_of_the_preloaded_stat
     assert np.abs(running - cold).max() > 0.02 * np.abs(cold).max()
 
 
+def test_a_group_that_moves_no_mode_has_no_phase_of_its_motional_current() -> None:
+    silent = {f"modes.{place}.coupling_b_n_per_v": 0.0 for place in range(len(MOTOR.modes))}
+    found = small_signals(MOTOR.updated(silent), DRIVE, frequencies=[100.0], load_torque=LOAD)
+    assert {"motional_phase_a_deg", "current_phase_b_deg"} <= {output for output, _ in found.transfers}
+    with pytest.raises(pr.ParameterError, match="the phases only where there is a current"):
+        found.transfer("motional_phase_b_deg", "amplitude")
+
+
 def test_wrong_requests_say_what_is_allowed() -> None:
     with pytest.raises(
         pr.ParameterError, match=r"frequencies has 30000 Hz: the modulation must be > 0 and ≤ 2.07e\+04"

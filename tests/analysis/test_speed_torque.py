@@ -368,6 +368,12 @@ def test_errors_say_what_is_allowed(settings: dict[str, object], says: str) -> N
     assert says in str(refusal.value)
 
 
+def test_a_motor_that_is_too_stiff_for_a_curve_is_named_so() -> None:
+    light = MOTOR.updated({"modes.0.quality_factor": 9e5})
+    with pytest.raises(pr.ParameterError, match=r"too stiff for a curve: .* at most 2e\+07 are allowed\. Use"):
+        pr.speed_torque(light, drive(46e3), speeds=[0.0])
+
+
 def test_a_failure_ends_the_other_points_at_once() -> None:
     with pytest.raises(pr.SimulationError, match=r"did not finish within 0\.05 s"):
         pr.speed_torque(MOTOR, drive(46e3), speeds=np.linspace(0.0, 1.0, 50), timeout=0.05)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.dynamometer import UNITS, Dynamometer, off_beat
+from pyspice_runner.analysis.dynamometer import STUCK, UNITS, Dynamometer, off_beat
 from pyspice_runner.analysis.shooting import FELT
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.analysis.steady import SteadyState, steady_states
@@ -351,3 +351,18 @@ def test_drivers_without_a_steady_state_by_shooting_are_refused_with_what_to_do(
     half = pr.Driver(kind="half-bridge", voltage=100.0, frequency=46e3)
     with pytest.raises(pr.ParameterError, match="contact = None is not valid behind a driver"):
         pr.steady_state(HELD, half, speed=6.0, contact=None)
+
+
+def test_a_contact_that_sticks_at_a_standstill_has_no_unique_torque_and_every_result_says_so() -> None:
+    motor = pr.load_motor("andersen2002")
+    weak = pr.default_drive(motor).updated({"voltage": 2.0})
+    held = pr.steady_state(motor, weak, speed=0.0)
+    assert (held.stick, held.stable) == (1.0, True)
+    free = pr.steady_state(motor, weak)
+    curve, table = (
+        pr.speed_torque(motor, weak, speeds=[0.0]),
+        pr.working_points(motor, weak, over={"drive.voltage": [2.0]}, speed=0.0),
+    )
+    for cautions in (held.cautions, curve.cautions, table.cautions, pr.operating_point(motor, weak)["cautions"]):
+        assert list(cautions) == [STUCK]
+    assert STUCK not in (*free.cautions, *pr.steady_state(motor, weak, speed=1.0).cautions)

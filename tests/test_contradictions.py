@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A small part of ``python -m tests.contradictions``, and checks that it can fail."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import pyspice_runner as pr
+from tests import contradictions
+
+CASE = contradictions.Case(
+    (motor := pr.load_motor("andersen2002")).updated({"limits": None}), pr.default_drive(motor), "spring-slider", 5.0
+)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [("steady", "speed-torque", "averaged"), pytest.param(tuple(contradictions.POINTS), marks=pytest.mark.soak)],
+)
+def test_the_analyses_agree_on_the_papers_motor(names: tuple[str, ...]) -> None:
+    answers = {name: contradictions.POINTS[name](CASE) for name in names}
+    found = list(contradictions.differences(CASE, answers))
+    assert {one["kind"] for one in found} == {"agree"}
+    assert len(found) >= 3 * (len(names) - 1)
+
+
+def compared(torque: float, doubts: list[str]) -> list[dict[str, Any]]:
+    friction = CASE.scales["torque_n_m"]
+    one = contradictions.Answer({"torque_n_m": 0.5 * friction}, {"torque_n_m": 0.02 * friction})
+    other = contradictions.Answer({"torque_n_m": torque * friction}, doubts=doubts)
+    return list(contradictions.differences(CASE, {"one": one, "other": other}))
+
+
+def test_a_difference_beyond_one_per_cent_and_the_stated_error_must_be_explained() -> None:
+    assert [one["kind"] for one in compared(0.529, [])] == ["agree"]
+    assert [one["kind"] for one in compared(0.531, [])] == ["contradiction"]
+    (found,) = compared(0.531, ["settled"])
+    assert (found["kind"], found["said"]) == ("explained", ["other: settled"])
