@@ -54,7 +54,8 @@ def tracker(kind: str = "pll", *, contact: bool = True, **values: Any) -> pr.Tra
 # --- locking -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("offset", [-0.03, pytest.param(0.03, marks=pytest.mark.soak)])
+@pytest.mark.soak  # test_track_averaged.py has one that locks
+@pytest.mark.parametrize("offset", [-0.03, 0.03])
 def test_the_phase_locked_loop_locks_from_three_per_cent(offset: float) -> None:
     found = pr.track(motor(), tracker(offset=offset), duration=3.3e-3)
     assert found.locked

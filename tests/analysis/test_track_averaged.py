@@ -33,6 +33,12 @@ def test_the_first_milliseconds_are_those_of_the_full_motor(motor: pr.Motor) -> 
     chosen = tracker(motor, offset=0.03)
     full, averaged = (pr.track(motor, chosen, duration=3.2e-3, averaged=averaged) for averaged in (False, True))
     assert averaged.locked
+    assert full.locked
+    assert full.lock_time_s is not None
+    assert full.lock_time_s < 3e-3
+    # harmonic balance leaves out the other mode and the turning rotor; 1/200 of a period is 1.8°, or 18 Hz
+    assert full.end_frequency_hz == pytest.approx(chosen.frequency, abs=30.0)
+    assert abs(full.residual_detuning_hz) < 20.0
     at = np.linspace(0.3e-3, 3.1e-3, 100)
     speeds = [np.interp(at, found.time_s, found.rotor_speed_rad_s) for found in (full, averaged)]
     assert np.sqrt(np.mean((speeds[0] - speeds[1]) ** 2)) <= 0.03 * speeds[0].max()
