@@ -159,7 +159,11 @@ def _transient(
     motor: Motor, drive: TwoPhaseDrive | TwoToneDrive, what: str, *, duration: float, load_torque: float = 0.0
 ) -> str:
     bench = motor_bench(
-        motor, DriveSource(drive), load=Load(torque=load_torque), title=f"{motor.name}: {what.split('.')[0]}"
+        motor,
+        DriveSource(drive),
+        load=Load(torque=load_torque),
+        title=f"{motor.name}: {what.split('.')[0]}",
+        check=True,
     )
     if isinstance(drive, TwoPhaseDrive):
         parameters, sources, start = _two_phases(drive), _two_phase_sources(), _plate_b("voltage")
@@ -226,7 +230,8 @@ def _spin_up(motor: Motor) -> str:
 
 def _dynamometer(motor: Motor) -> str:
     drive = _recommended(motor)
-    bench = dynamometer_bench(motor, DriveSource(drive), speed=10.0, title=f"{motor.name}: dynamometer")
+    title = f"{motor.name}: dynamometer"
+    bench = dynamometer_bench(motor, DriveSource(drive), speed=10.0, title=title, check=True)
     integrals = {
         "torque_mean_n_m": ("xbrake.v_friction", motor.rotor.radius_m),
         "load_torque_mean_n_m": ("xbrake.v_taken", 1.0),
@@ -361,7 +366,8 @@ def _hysteresis(motor: Motor, swing: float, what: str, remark: str) -> str:
 def _thermal_drift(motor: Motor) -> str:
     drive = TwoPhaseDrive(voltage=20.0, frequency=51.7e3, phase_deg=180.0)
     thermal = Thermal(heat_capacity_j_per_k=2.1e-5)
-    bench = motor_bench(motor, DriveSource(drive), law=None, thermal=thermal, title=f"{motor.name}: thermal drift")
+    title = f"{motor.name}: thermal drift"
+    bench = motor_bench(motor, DriveSource(drive), law=None, thermal=thermal, title=title, check=True)
     early = f"FROM=1m TO={{1m+{_TAIL_PERIODS}/frequency}}"
     measures = {
         "current_a_rms_early_a": f"RMS i(va) {early}",
@@ -402,7 +408,7 @@ _FILTERS = {
 
 
 def _driver(motor: Motor, driver: Driver, what: str) -> str:
-    bench = motor_bench(motor, driver, title=f"{motor.name}: {what.split('.')[0]}")
+    bench = motor_bench(motor, driver, title=f"{motor.name}: {what.split('.')[0]}", check=True)
     supplies = [(f"v({rail}_{g})", f"i(vv{rail[1]}_{g})") for g in GROUPS for rail in ("vp", "vn")]
     parts = [part for group in GROUPS for part in driver.parts(group)]
     losses = [f"v(x{part.instance}.loss_{name})" for part in parts for name, _ in part.library.losses]
@@ -479,6 +485,7 @@ def _tracker(motor: Motor, kind: str, duration: float, what: str) -> str:
     bench = motor_bench(
         motor, TrackedSource(tracker, 1, loop_filter), law=law,
         discretisation=Discretisation(_STEP, exact_resonance=False), title=f"{motor.name}: {what.split('.')[0]}",
+        check=True,
     )  # fmt: skip
     tail = "FROM={stop-2m} TO={stop}"
     measures = {
@@ -696,6 +703,9 @@ def _deck(
     simulation.options(**bench.options)
     if start:
         simulation.initial_condition(**start)
+    if "Xcheck " in str(bench.circuit):
+        measures = {**measures, "check": "MAX v(xmotor.check)"}
+        description += " The greatest v(xmotor.check) is 0 if parameters, step and pins are right."
     for name, what in measures.items():
         simulation.measure(analysis[1:].split()[0], name, what)
     title, _, body = str(simulation).partition("\n")

@@ -31,6 +31,7 @@ from pyspice_runner.netlist.motor import (
     REVISION,
     Assembly,
     mode_values,
+    outside,
     require_linear,
     rounded,
     spring_values,
@@ -252,7 +253,10 @@ class AveragedSubCircuit(Assembly):
         self._put("contact", library, nodes, values, ["normal_stiffness", "radius", "preload"])
 
     def _add_check(self, motor: Motor, harmonics: int) -> None:
-        """Add the node ``check``: motion at the harmonics left out, over the static penetration and limit of stick."""
+        """Add the node ``check``: motion at the harmonics left out, over the static penetration and limit of stick.
+
+        It is at least 1 if a parameter of the X line is out of its range.
+        """
         depth = "(1e6*(preload/normal_stiffness)**(2/3))"
         softness = contact_law.limit_ratio(motor.contact) / motor.contact.friction
         softness /= motor.contact.normal_stiffness_n_per_m15 ** (2.0 / 3.0)
@@ -264,7 +268,8 @@ class AveragedSubCircuit(Assembly):
                     node = f"left_{axis}_{part}{order}"
                     self.R(f"sum_{node}", node, self.gnd, 1)
                     squares.append(f"(V({node})/{{{limit}}})**2")
-        self.raw_spice += f"Bcheck check 0 V=sqrt({'+'.join(squares)}+1e-24)\n"
+        self.raw_spice += f".param outside={outside(self.settable)}\n"
+        self.raw_spice += f"Bcheck check 0 V=sqrt({'+'.join(squares)}+{{1e-24+outside}})\n"
 
 
 def default_two_phase(motor: Motor) -> TwoPhaseDrive:
@@ -309,7 +314,8 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
         "* PIN  heat         out    W      heat of the losses; it may stay open",
     ]
     notes = [
-        "* NODES inside, to plot: normal friction (N), open slip (share of the period), check (accurate below 0.02)",
+        "* NODES inside, to plot: normal friction (N), open slip (share of the period), check (accurate below 0.02,",
+        "*        1 or more for a parameter out of its range)",
         "*",
         "* SOURCE generalised averaging of the motor of Andersen, Helbo, Blanke, 2002; docs/averaged.md",
         f"* OMITS  {'' if thermal else 'temperature, '}{read_library(_PHASE).omits}",

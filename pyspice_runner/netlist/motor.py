@@ -137,8 +137,9 @@ class MotorSubCircuit(Assembly):
     :attr:`.State.parameter`, with which a run with ``uic`` starts from a motion; their defaults are preloaded rest,
     where a run starts otherwise. ``thermal`` is the drift with the pin ``temperature`` (1 V = 1 K), and adds a pin
     ``heat`` (1 V = 1 W). With open pins nothing drifts. The last pin may be ``approach`` (1 V = 1 um), by which the
-    tip, or the far end of the mount's springs, moves towards the rotor. ``plates`` are the clamped capacitances. The
-    names of the parts begin with ``prefix``, by default the name; motors with the same law may share parts.
+    tip, or the far end of the mount's springs, moves towards the rotor. ``plates`` are the clamped capacitances. With
+    ``check`` there is a node of that name (``piezomotor_check``). The names of the parts begin with ``prefix``, by
+    default the name; motors with the same law may share parts.
     """
 
     def __init__(
@@ -151,6 +152,7 @@ class MotorSubCircuit(Assembly):
         thermal: Thermal | None = None,
         approach: bool = False,
         plates: bool = True,
+        check: bool = False,
         name: str = "",
         prefix: str = "",
     ) -> None:
@@ -178,6 +180,7 @@ class MotorSubCircuit(Assembly):
         super().__init__(name or (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT), *pins, **defaults)
         self.prefix, self._starts = prefix or self.name, starts
         self._motor, self._discretisation, self._thermal = motor, discretisation, thermal
+        self._common = "common" if check else "com"
         if plates:
             self._add_groups(warm)
         self._add_modes(warm, preload if law else 0.0)
@@ -193,13 +196,16 @@ class MotorSubCircuit(Assembly):
             self.R("free_fy", "fy", self.gnd, 1)
         self._put("rotor", rotor, ("shaft",), turning, tuple(turning))
         self._add_dry_bearing()
+        if check:
+            limits: dict[str, float | str] = {"step": coarsest_step(motor), "outside": outside(self.settable)}
+            self._put("check", "piezomotor_check", ("a", "com", self._common, "check"), limits)
 
     def _add_groups(self, warm: tuple[str, ...]) -> None:
         piezo, thermal = self._motor.piezo, self._thermal
         drift = {"capacitance_drift": thermal.capacitance_drift_per_k} if thermal else {}
         for group, capacitance in (("a", piezo.capacitance_a_f), ("b", piezo.capacitance_b_f)):
             values = {"capacitance": capacitance, "loss": _loss_tangent(self._motor)}
-            nodes = (group, "com", *plate_nodes(group), *warm)
+            nodes = (group, self._common, *plate_nodes(group), *warm)
             self._put(f"group_{group}", f"piezomotor_group{'_thermal' if thermal else ''}", nodes, values | drift)
 
     def _add_modes(self, warm: tuple[str, ...], preload: float) -> None:
@@ -207,7 +213,7 @@ class MotorSubCircuit(Assembly):
         for index, mode in enumerate(self._motor.modes, start=1):
             part, more = _mode_part(self._motor, mode, self._thermal)
             values = mode_values(mode, self._discretisation) | {"preload": preload}
-            nodes = ("a", "b", "com", "fx", "fy", "x", "y", "vx", "vy", f"xmode{index}.elastic", *warm)
+            nodes = ("a", "b", self._common, "fx", "fy", "x", "y", "vx", "vy", f"xmode{index}.elastic", *warm)
             self._put(f"mode{index}", part, nodes, values | more, ["preload"] if preload else [])
         for node in ("x", "y", "vx", "vy", *(("heat",) if warm else ())):
             self.R(f"sum_{node}", node, self.gnd, 1)
@@ -281,6 +287,12 @@ def _settable(law: Library | None, values: Mapping[str, float]) -> list[LibraryP
     ]
 
 
+def outside(settable: Sequence[LibraryParameter]) -> str:
+    """Return an expression that is 1 if a parameter of the X line is out of its range, else 0."""
+    distances = (f"max(0,max({item.least:g}-{item.name},{item.name}-{item.greatest:g}))" for item in settable)
+    return f"{{min(1,1e30*({'+'.join(distances)}))}}"
+
+
 def spring_values(part: Mode | Mount, discretisation: Discretisation | None = None) -> dict[str, float]:
     """Return mass, damping and stiffness of a mode or a carrier as parameters of its subcircuit."""
     mass, stiffness = written(part, discretisation)
@@ -319,9 +331,9 @@ def contact_nodes(motor: Motor) -> dict[str, str]:
 
 
 def coarsest_step(motor: Motor) -> float:
-    """Return the coarsest time step in s at which an exported motor gives right results."""
+    """Return the coarsest time step in s at which an exported motor gives right results, with two digits."""
     resonances = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor)
-    return 1.0 / (_POINTS * max(*(mode.frequency_hz for mode in motor.modes), *map(float, resonances)))
+    return float(f"{1.0 / (_POINTS * max(*(mode.frequency_hz for mode in motor.modes), *map(float, resonances))):.2g}")
 
 
 def add_motor(
@@ -335,6 +347,7 @@ def add_motor(
     start: Motion | None = None,
     thermal: Thermal | None = None,
     approach: bool = False,
+    check: bool = False,
     name: str = "",
     settings: Mapping[str, float | str] | None = None,
 ) -> None:
@@ -343,13 +356,14 @@ def add_motor(
     ``nodes`` are those of the pins a, b, com, shaft, then temperature, heat and approach if the motor has them. A run
     with ``uic`` begins with the motion ``start``, by default preloaded rest; the initial voltages of the plates and the
     cells of a brush are not set here. ``settings`` are parameters of the X line, such as ``{"preload": 8}``; a text
-    such as ``"{preload}"`` is an expression. A second, different motor in one circuit needs another name. Raise
+    such as ``"{preload}"`` is an expression. A run of the package is without the node ``check``: parameters, step and
+    drive are checked before it. A second, different motor in one circuit needs another name. Raise
     ParameterError if the circuit already has a different motor of that name, or for a setting that the motor does not
     have or whose value is out of range.
     """
     definition = MotorSubCircuit(
         motor, law=law, discretisation=discretisation, startable=start is not None, thermal=thermal,
-        approach=approach, name=name,
+        approach=approach, check=check, name=name,
     )  # fmt: skip
     name = definition.name
     present = [str(subcircuit) for subcircuit in circuit.subcircuits if subcircuit.name == name]
@@ -384,7 +398,7 @@ def motor_library(
         ParameterError: for an invalid law or name.
     """
     law = touching_law(contact, "The library contains the rotor.")
-    circuit = MotorSubCircuit(motor, law=law, thermal=thermal, name=check_name(name) if name else "")
+    circuit = MotorSubCircuit(motor, law=law, thermal=thermal, check=True, name=check_name(name) if name else "")
     name = circuit.name
     step = coarsest_step(motor)
     pins = [("shaft", "rad/s", "rotor speed; a current fed into the pin is a driving torque")]
@@ -416,11 +430,16 @@ def motor_library(
         ),
         _mount_line(motor),
         "* NODES inside, to plot: x y slider (um), vx vy (m/s), normal friction (N), state (0 open, 1 stick, 2 slip)",
+        "* CHECK  the node check is 0, or 1 for a parameter out of its range, a step longer than STEP and, after",
+        f"*        {550 * step:.2g} s of .tran, pins that carry no alternating drive, as when com floats. If the drive",
+        "*        begins later, measure check from then on. It does not see a misspelt parameter, ignored by ngspice:",
+        "*        `listing param` in .control prints the values that the motor has. Nor does it see pins in a wrong",
+        "*        order if com carries an alternating current, or the method and tolerances of the simulator.",
         "*",
         '* SOURCE Andersen, Helbo, Blanke, "Modelling and Experiments of a Standing Wave Piezomotor", 2002, corrected',
         f"* OMITS  {'' if thermal else 'temperature, '}piezoelectric hysteresis, {library.omits}",
         f"* REVISION {REVISION}",
-        f"* STEP   at most {step:.2g} s; with a coarser one currents and speed are wrong, and no simulator warns",
+        f"* STEP   at most {step:.2g} s; with a coarser one currents and speed are wrong, and v(check) is 1",
         f"* TESTED WITH {library.tested_with}",
         "*",
         "* USE    the first line of a deck is its title; then:",
@@ -428,6 +447,7 @@ def motor_library(
         f"*   Xmotor a b 0 shaft {'0 heat ' if thermal else ''}{name}",
         "*   .tran 100n 500u 0 100n uic",
         "*   .measure tran speed_rad_s FIND v(shaft) AT=499u",
+        "*   .measure tran check MAX v(xmotor.check)",
     ]
     return circuit.library(about, notes)
 

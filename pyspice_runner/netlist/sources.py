@@ -93,14 +93,15 @@ def motor_bench(
     begun: float = 0.0,
     title: str = "",
     compiled: bool = False,
+    check: bool = False,
 ) -> Bench:
     """Return the bench of a motor with source and load; the motor is ``Xmotor`` on the nodes a, b, 0, shaft.
 
     A source ``Vshaft`` holds the speed of the load, a source ``Iload`` draws its torque. A law of ``None`` is a free
     tip. With ``thermal`` the losses heat the motor through ``Xcooling`` on the nodes heat and temperature. ``start`` is
     by default preloaded rest, with the plates at the first voltages of the source, which has been on for ``begun``
-    seconds. A compiled module (:mod:`.compiled`) has no drift and no disturbance. Raise ParameterError for a source
-    that does not suit the motor.
+    seconds. A compiled module (:mod:`.compiled`) has no drift and no disturbance. With ``check`` the motor has the node
+    ``check``. Raise ParameterError for a source that does not suit the motor.
     """
     source.check(motor)
     circuit = Circuit(title or f"{motor.name}: transient")
@@ -127,7 +128,7 @@ def motor_bench(
     add_motor(
         circuit, motor, ("a", "b", circuit.gnd, "shaft", *nodes),
         law=law, discretisation=discretisation, start=start,
-        thermal=thermal, approach=disturbance is not None and disturbance.kind == "preload",
+        thermal=thermal, approach=disturbance is not None and disturbance.kind == "preload", check=check,
     )  # fmt: skip
     return Bench(circuit, source.options(motor, law), _start(motor, source, law, start, discretisation))
 
@@ -144,14 +145,15 @@ def dynamometer_bench(
     start: Motion | None = None,
     begun: float = 0.0,
     title: str = "",
+    check: bool = False,
 ) -> Bench:
     """Return the bench of a motor with dynamometer and, if asked for, meters of power, losses and states.
 
     The integrals are the nodes ``xbrake.v_*``, and with meters ``xcontactmeter.v_*``, ``xmeter_a.v_*``,
     ``xmeter_b.v_*``, ``xheat_*.v_heat``. The motor is ``Xmotor``. The brake holds a speed in rad/s, or with ``None``
     draws only the load torque in N·m. The meters take two fifths of the run time, and their time constants from the
-    discretisation. ``start`` and ``begun`` are those of :func:`motor_bench`. Raise ParameterError for a source that
-    does not suit the motor.
+    discretisation. ``start``, ``begun`` and ``check`` are those of :func:`motor_bench`. Raise ParameterError for a
+    source that does not suit the motor.
     """
     source.check(motor)
     circuit = Circuit(title or f"{motor.name}: dynamometer")
@@ -160,7 +162,7 @@ def dynamometer_bench(
     add_set_speed(circuit, speed)
     add_motor(
         circuit, motor, ("a", "b", circuit.gnd, "shaft"),
-        law=law, discretisation=discretisation, start=start,
+        law=law, discretisation=discretisation, start=start, check=check,
     )  # fmt: skip
     connect_brake(circuit, load_torque, grips=speed is not None)
     if meters:

@@ -88,7 +88,7 @@ def test_commands(page: Path, tmp_path: Path) -> None:
         assert done.returncode == 0, done.stdout + done.stderr
         measured = dict(re.findall(r"^(\w+)\s*=\s*(\S+)", done.stdout, re.M))
         for name in re.findall(r"^meas \w+ (\w+)", deck, re.M):
-            assert abs(float(measured[name])) > 0.0
+            assert (float(measured[name]) == 0.0) == (name == "check")
 
 
 @pytest.mark.parametrize("page", pages_with(snippets))

@@ -22,7 +22,8 @@ FUNCTIONS = {"ABS": 1, "ATAN": 1, "COS": 1, "EXP": 1, "LN": 1, "SIN": 1, "SQRT":
              "MAX": 2, "MIN": 2}  # fmt: skip
 RESERVED = {"time", "freq", "vt", "temp", "gmin"}  # section on .PARAM
 SUFFIX = re.compile(r"(?<![A-Za-z_])(\d+\.?\d*|\.\d+)(meg|[tgkmunpf])\b", re.I)
-VALUE = r"(?:-?\d\S*|\{[^{}]+\})"
+VALUE = r"(?:-?\d[^\s)]*|\{[^{}]+\})"
+WAVE = rf"(?:SIN|EXP)\((?:{VALUE} ){{5}}{VALUE}\)"  # section on V and I devices: six numbers each
 NAME = r"[A-Za-z]\w*"
 NODE = r"(?:0|[A-Za-z]\w*)"
 DEVICES = {
@@ -30,7 +31,8 @@ DEVICES = {
     "R": rf"R\w+ {NODE} {NODE} {VALUE}",
     "C": rf"C\w+ {NODE} {NODE} {VALUE}(?: ic={VALUE})?",
     "L": rf"L\w+ {NODE} {NODE} {VALUE}(?: ic={VALUE})?",
-    "V": rf"V\w+ {NODE} {NODE} (?:DC )?{VALUE}",
+    "V": rf"V\w+ {NODE} {NODE} (?:(?:DC )?{VALUE}|{WAVE})",
+    "I": rf"I\w+ {NODE} {NODE} {WAVE}",
     "E": rf"E\w+(?: {NODE}){{4}} {VALUE}",
     "G": rf"G\w+(?: {NODE}){{4}} {VALUE}",
     "F": rf"F\w+ {NODE} {NODE} V\w+ {VALUE}",

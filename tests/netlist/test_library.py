@@ -260,6 +260,7 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
         "carrier_um": (_carrier()[0], 1e-4),
         "carrier_m_s": (_carrier()[1], 1e-4),
     },  # of a step of 1 us
+    "piezomotor_check": {"check": (1.0, 1e-9)},
     "piezomotor_rotor": {"speed_after_one_time_constant": (1e-3 / 1e-4 * (1 - 1 / e), 1e-5)},
     # U_A U_B cos φ / 2; the ends of the mean fall between points: 1/10000 of a period of ten
     "driver_source": {"mean_product_v2": (0.5 * 2.0 * 3.0 * 0.5, 1e-4)},
