@@ -1,13 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What all tests share."""
 
+from __future__ import annotations
+
 import gc
 import os
+import shutil
 import signal
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 # before NumPy loads: two workers with two threads each would wait for each other on two cores
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -37,3 +45,16 @@ def pytest_collection_finish() -> None:
     """Collect garbage from here on, but do not search what is needed to the end."""
     gc.freeze()
     gc.enable()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Chromium for the tests of a file. Its event loop would disturb further tests of the process if it stayed."""
+    from playwright.sync_api import sync_playwright
+
+    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    assert found, "There is no Chromium here; `make setup` installs one."
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield running
+        running.close()

@@ -6,15 +6,13 @@ from __future__ import annotations
 import os
 import re
 import runpy
-import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import typer
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser
 
 import pyspice_runner as pr
 from pyspice_runner.cli import app
@@ -103,18 +101,9 @@ def test_formulas_are_mathml(site: Path) -> None:
 FIGURES = ["physics", *(pytest.param(name, marks=pytest.mark.soak) for name in ("contact", "tracking", "drive"))]
 
 
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        yield running
-        running.close()
-
-
 @pytest.mark.parametrize("name", FIGURES)
-def test_the_live_figure_of_a_page_runs_offline(site: Path, chromium: Browser, name: str) -> None:
-    page = chromium.new_page(offline=True)
+def test_the_live_figure_of_a_page_runs_offline(site: Path, browser: Browser, name: str) -> None:
+    page = browser.new_page(offline=True)
     page.goto((site / f"{name}.html").as_uri())
     assert "Try it." in page.inner_text("article")
     page.locator("iframe.live").scroll_into_view_if_needed()
@@ -132,8 +121,8 @@ MEASURE = """async () => {
 }"""
 
 
-def test_no_page_is_wider_than_a_phone_and_no_command_is_cut(site: Path, chromium: Browser) -> None:
-    page = chromium.new_page(offline=True, viewport={"width": 390, "height": 844})
+def test_no_page_is_wider_than_a_phone_and_no_command_is_cut(site: Path, browser: Browser) -> None:
+    page = browser.new_page(offline=True, viewport={"width": 390, "height": 844})
     page.route("**/playground.html*", lambda route: route.abort())  # ngspice runs in it; see test_live.py
     page.route("**/search/**", lambda route: route.abort())  # each page would build the index of the search again
     found = {}

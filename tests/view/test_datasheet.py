@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import subprocess
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
 import pyspice_runner as pr
 from pyspice_runner.model.motor import Provenance
@@ -53,16 +52,6 @@ def report(measured: pr.Spectrum) -> Report:
 @pytest.fixture(scope="module")
 def page_file(report: Report, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return report.save(tmp_path_factory.mktemp("report") / "report.html")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    assert found, "There is no Chromium here; `make setup` installs one."
-    with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        yield running
-        running.close()
 
 
 def opened(browser: Browser, file: Path, **settings: Any) -> tuple[Page, list[str]]:
@@ -359,6 +348,7 @@ def test_the_motor_to_play_with_runs_in_the_report(report: Report, desktop: tupl
     frame.wait_for(state="attached", timeout=60_000)
     assert report.motor.name in page.frame_locator("#live iframe").locator("#motor-choice option").inner_text()
     assert float(frame.get_attribute("data-speed") or "nan") != 0.0
+    page.evaluate("document.querySelector('#live iframe').remove()")  # its further curves take 14 s of a processor
 
 
 def test_the_files_name_each_other(report: Report) -> None:
