@@ -274,6 +274,7 @@ Bset set 0 V=min(max(({{proportional}})*V(error)+V(sum),0),({{voltage}}))
 .measure tran lowest_loaded_rad_s MIN v(shaft) FROM={{loaded}} TO={{stop}}
 .measure tran last_speed_rad_s FIND v(shaft) AT={{stop-1m}}
 .measure tran greatest_speed_rad_s MAX v(shaft) FROM=0 TO={{stepped}}
+.measure tran greatest_check MAX v(xmotor.check) FROM=1m TO={{stop}}
 """,
     )  # fmt: skip
 
@@ -307,6 +308,7 @@ Bset set 0 V=(({{dead}})+({{voltage-dead}})*abs(V(command)))*tanh(abs(V(command)
 .measure tran reached_rad FIND v(position) AT={{returned}}
 .measure tran greatest_rad MAX v(position)
 .measure tran returned_rad FIND v(position) AT={{stop-1m}}
+.measure tran greatest_check MAX v(xmotor.check) FROM=1m TO={{stop}}
 """,
     )  # fmt: skip
 

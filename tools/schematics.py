@@ -17,7 +17,7 @@ from pyspice_runner.export.symbols import MOTOR_PINS, TESTED, UNTESTED, kicad_sy
 from pyspice_runner.model.drive import Tone, default_drive
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.netlist.motor import SUBCIRCUIT, motor_library
+from pyspice_runner.netlist.motor import SUBCIRCUIT, editable_parameters, motor_library
 
 MOTOR = "bimodal40"
 NAME = "motor"  # name of all files, by which they refer to each other
@@ -35,7 +35,8 @@ def example_texts() -> dict[str, str]:
     motor = load_motor(MOTOR)
     title = f"standing-wave piezomotor {motor.name}"
     library = motor_library(motor)
-    symbol = kicad_symbol(SUBCIRCUIT, MOTOR_PINS, f"{NAME}.lib", title)
+    described = (SUBCIRCUIT, MOTOR_PINS, f"{NAME}.lib", title, editable_parameters(motor))
+    symbol = kicad_symbol(*described)
     symbols = f"{symbol.rstrip().removesuffix(')').rstrip()}\n{_SOURCE}\n)\n"  # the library of the project
     table = f'(lib (name "{NAME}")(type "KiCad")(uri "${{KIPRJMOD}}/{NAME}.kicad_sym")(options "")(descr ""))'
     project = {
@@ -51,7 +52,7 @@ def example_texts() -> dict[str, str]:
         "kicad/sym-lib-table": f"(sym_lib_table\n  (version 7)\n  {table}\n)\n",
         f"kicad/{NAME}.lib": library,
         f"ltspice/{NAME}_example.asc": ltspice_schematic(motor),
-        f"ltspice/{NAME}.asy": ltspice_symbol(SUBCIRCUIT, MOTOR_PINS, f"{NAME}.lib", title),
+        f"ltspice/{NAME}.asy": ltspice_symbol(*described),
         f"ltspice/{NAME}.lib": library,
     }
 
@@ -142,7 +143,10 @@ def kicad_schematic(motor: Motor, symbol: str) -> str:
             f"(uuid {_id(note)}))"
         )
     pins = " ".join(f"{number}={pin}" for number, pin in enumerate(MOTOR_PINS, start=1))
-    fields = {"Sim.Device": "SUBCKT", "Sim.Library": f"{NAME}.lib", "Sim.Name": SUBCIRCUIT, "Sim.Pins": pins}
+    fields = {
+        "Sim.Device": "SUBCKT", "Sim.Library": f"{NAME}.lib", "Sim.Name": SUBCIRCUIT, "Sim.Pins": pins,
+        "Sim.Params": editable_parameters(motor),
+    }  # fmt: skip
     parts.append(_placed(f"{NAME}:{SUBCIRCUIT}", "X1", SUBCIRCUIT, (127.0, 76.2), fields, len(MOTOR_PINS)))
     for number, (name, tone) in enumerate(_tones(motor)):
         waveform = f"dc=0 ampl={tone.amplitude:g} f={tone.frequency:.6g} td=0 theta=0 phase={degrees(tone.phase):.6g}"

@@ -23,7 +23,7 @@ from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import averaged_library, check_averaged
 from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.library import check_name
-from pyspice_runner.netlist.motor import SUBCIRCUIT, THERMAL_SUBCIRCUIT, motor_library
+from pyspice_runner.netlist.motor import SUBCIRCUIT, THERMAL_SUBCIRCUIT, editable_parameters, motor_library
 from pyspice_runner.netlist.veriloga import motor_module
 from pyspice_runner.run.two_port import stator_two_port
 
@@ -132,7 +132,8 @@ def _unit(export: MotorExport) -> dict[str, str]:
 def _symbol(symbol: Callable[..., str], export: MotorExport, path: Path) -> str:
     name = check_name(export.name) if export.name else (THERMAL_SUBCIRCUIT if export.thermal else SUBCIRCUIT)
     pins = {**MOTOR_PINS, **(THERMAL_PINS if export.thermal else {})}
-    return symbol(name, pins, library_name(path), f"standing-wave piezomotor {export.motor.name}")
+    title = f"standing-wave piezomotor {export.motor.name}"
+    return symbol(name, pins, library_name(path), title, editable_parameters(export.motor))
 
 
 def _stator(export: MotorExport, _: Path) -> str:

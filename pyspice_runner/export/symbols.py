@@ -24,8 +24,11 @@ THERMAL_PINS: Pins = {"temperature": "right", "heat": "right"}
 RESONATOR_PINS: Pins = {"p": "left", "n": "right"}
 
 
-def ltspice_symbol(name: str, pins: Pins, library: str, title: str) -> str:
-    """Return an LTspice symbol of ``.subckt NAME``, whose library is beside the schematic, its pins in their order."""
+def ltspice_symbol(name: str, pins: Pins, library: str, title: str, parameters: str = "") -> str:
+    """Return an LTspice symbol of ``.subckt NAME``, whose library is beside the schematic, its pins in their order.
+
+    ``parameters`` of the X line, such as ``preload=5 friction=0.3``, can be edited on the schematic.
+    """
     title = ascii_line(title, '"\\').rstrip(". ")
     rows = _rows(pins)
     bottom = 32 * max(rows) + 32
@@ -39,6 +42,7 @@ def ltspice_symbol(name: str, pins: Pins, library: str, title: str) -> str:
         f"SYMATTR Value {name}",
         "SYMATTR Prefix X",
         f"SYMATTR ModelFile {library}",
+        *([f"SYMATTR SpiceLine {parameters}"] if parameters else []),
         f"SYMATTR Description {title}. {usage}. {UNTESTED}.",
     ]
     for order, ((pin, side), row) in enumerate(zip(pins.items(), rows, strict=True), start=1):
@@ -47,8 +51,11 @@ def ltspice_symbol(name: str, pins: Pins, library: str, title: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def kicad_symbol(name: str, pins: Pins, library: str, title: str) -> str:
-    """Return a KiCad symbol library (format of KiCad 7, which later versions read) with its simulation fields."""
+def kicad_symbol(name: str, pins: Pins, library: str, title: str, parameters: str = "") -> str:
+    """Return a KiCad symbol library (format of KiCad 7, which later versions read) with its simulation fields.
+
+    ``parameters`` are those of :func:`ltspice_symbol`.
+    """
     title = ascii_line(title, '"\\').rstrip(". ")
     rows = _rows(pins)
     bottom = -2.54 * (max(rows) + 1)
@@ -61,6 +68,7 @@ def kicad_symbol(name: str, pins: Pins, library: str, title: str) -> str:
         ("Sim.Library", library, 0.0, True),
         ("Sim.Name", name, 0.0, True),
         ("Sim.Pins", " ".join(f"{number}={pin}" for number, pin in enumerate(pins, start=1)), 0.0, True),
+        *([("Sim.Params", parameters, 0.0, True)] if parameters else []),
         ("ki_description", f"{title}. {TESTED}.", 0.0, True),
         ("Usage", f"Put {library} beside the schematic; Inspect, Simulator runs it.", 0.0, True),
     ]

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import degrees, pi
 
+from numpy import format_float_positional
 from PySpice.Spice.Netlist import Netlist, SubCircuit
 
 from pyspice_runner.errors import ParameterError
@@ -450,6 +451,18 @@ def motor_library(
         "*   .measure tran check MAX v(xmotor.check)",
     ]
     return circuit.library(about, notes)
+
+
+def editable_parameters(motor: Motor) -> str:
+    """Return the parameters of the X line that a motor has with each contact law, with their values.
+
+    The values have no exponent: KiCad would round them to six digits.
+    """
+    return " ".join(
+        f"{item.name}={format_float_positional(item.default, trim='-')}"
+        for item in MotorSubCircuit(motor).settable
+        if item.name in (*_OF_CONTACT, "inertia", "bearing")
+    )
 
 
 def source_lines(drive: Drive) -> list[str]:

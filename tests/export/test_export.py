@@ -80,6 +80,12 @@ def test_symbols_name_the_library_and_its_pins_in_order(
     attributes, found = asy(ltspice)
     assert (attributes["Prefix"], attributes["Value"], attributes["ModelFile"]) == ("X", name, "stator.lib")
     assert [pin[:2] for pin in found] == [(pin, order) for order, pin in enumerate(pins, start=1)]
+    settings, defaults = (
+        {key: float(value) for key, value in re.findall(r"(\w+)=(\S+)", text)}
+        for text in (attributes.get("SpiceLine", ""), declared)
+    )
+    assert settings.items() <= defaults.items()
+    assert ({"preload", "friction", "inertia"} <= set(settings)) is (kind == "motor")
     assert "Untested" in attributes["Description"]
     assert "Use:" in attributes["Description"]
 
@@ -87,6 +93,7 @@ def test_symbols_name_the_library_and_its_pins_in_order(
     fields = {item.key: item.value for item in symbol.properties}
     assert symbol.entryName == name
     assert (fields["Sim.Device"], fields["Sim.Library"], fields["Sim.Name"]) == ("SUBCKT", "stator.lib", name)
+    assert fields.get("Sim.Params", "") == attributes.get("SpiceLine", "")
     assert fields["Sim.Pins"] == " ".join(f"{number}={pin}" for number, pin in enumerate(pins, start=1))
     drawn = [pin for unit in symbol.units for pin in unit.pins]
     assert [(pin.name, pin.number) for pin in drawn] == [(pin, str(order)) for order, pin in enumerate(pins, start=1)]

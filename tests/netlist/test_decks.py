@@ -98,6 +98,15 @@ def test_decks_are_written_to_the_given_folder(tmp_path: Path) -> None:
     assert sorted(path.name for path in write_decks(tmp_path)) == [f"{name}.cir" for name in NAMES]
 
 
+def test_every_transient_deck_with_a_motor_measures_its_check() -> None:
+    without = {"hysteresis", "hysteresis_varying", "impact"}  # a contact alone
+    without |= {"softening"}  # its modes are adapted to its step, which is longer than the coarsest of a motor
+    for name in NAMES:
+        text = deck_texts()[f"{name}.cir"]
+        if re.search(r"^\.tran", text, re.M) and name not in without and name not in AVERAGED:
+            assert ".meas TRAN check MAX v(xmotor.check)\n" in text, name
+
+
 @pytest.mark.parametrize(("name", "preloaded"), [("free_admittance", False), ("preloaded_admittance", True)])
 def test_admittance_decks_find_resonance_and_conductance(name: str, preloaded: bool, tmp_path: Path) -> None:
     motor = pr.load_motor("andersen2002")
@@ -234,6 +243,7 @@ def test_a_value_of_the_parameters_changes_the_result(name: str, tmp_path: Path)
     change, *short = CHANGES[name].items()
     before, after = (run_with(name, dict(values), tmp_path) for values in (short, [change, *short]))
     assert before.keys() == after.keys()
+    assert before.get("check", 0.0) < 0.02, "parameters, step and pins of a deck are right"
     assert any(after[key] != pytest.approx(value, rel=1e-4, abs=1e-12) for key, value in before.items()), (
         before,
         after,

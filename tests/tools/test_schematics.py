@@ -72,7 +72,8 @@ def from_ltspice(folder: Path) -> tuple[dict[str, list[str]], list[str]]:
         pins = [(float(x) + dx, float(y) + dy) for dx, dy in own]
         at = nodes(wires, names, pins)
         model = value or re.search(r"^SYMATTR Value (\w+)", symbol, re.M)[1]  # type: ignore[index]
-        parts[name] = [*(at[pin] for pin in pins), model]
+        line = re.search(r"^SYMATTR SpiceLine (.+)$", symbol, re.M)[1] if kind == "motor" else ""  # type: ignore[index]
+        parts[name] = [*(at[pin] for pin in pins), model, *line.split()]
     return parts, re.findall(r"^TEXT .*!(.+)$", text, re.M)
 
 
@@ -90,10 +91,12 @@ def from_kicad(folder: Path) -> tuple[dict[str, list[str]], list[str]]:
         order = [pair.split("=")[0] for pair in fields["Sim.Pins"].split()]
         pins = [(round(place.X + own[n].X, 6), round(place.Y - own[n].Y, 6)) for n in order]
         at = nodes(wires, names, pins)
-        given = dict(re.findall(r"(\w+)=(\S+)", fields.get("Sim.Params", "")))
-        wave = [given[key] for key in ("dc", "ampl", "f", "td", "theta", "phase")] if given else []
-        model = f"SINE({' '.join(wave)})" if wave else fields["Sim.Name"]
-        parts[fields["Reference"]] = [*(at[pin] for pin in pins), model]
+        given = dict(re.findall(r"(\w+)=(\S+)", fields["Sim.Params"]))
+        if fields["Sim.Device"] == "SUBCKT":
+            model = [fields["Sim.Name"], *fields["Sim.Params"].split()]
+        else:
+            model = [f"SINE({' '.join(given[key] for key in ('dc', 'ampl', 'f', 'td', 'theta', 'phase'))})"]
+        parts[fields["Reference"]] = [*(at[pin] for pin in pins), *model]
     return parts, [item.text for item in sheet.texts if item.text.startswith(".")]
 
 
@@ -108,7 +111,9 @@ def test_both_drawings_show_the_same_circuit() -> None:
     ltspice, _ = from_ltspice(EXAMPLES / "ltspice")
     kicad, _ = from_kicad(EXAMPLES / "kicad")
     assert ltspice == kicad
-    assert ltspice["X1"] == ["a", "b", "0", "shaft", "piezomotor"]
+    assert ltspice["X1"][:5] == ["a", "b", "0", "shaft", "piezomotor"]
+    names = [word.partition("=")[0] for word in ltspice["X1"][5:]]
+    assert names == ["preload", "friction", "normal_stiffness", "compliance", "radius", "inertia", "bearing"]
     assert [ltspice[name][:2] for name in ("V1", "V2")] == [["a", "0"], ["b", "0"]]
 
 
@@ -133,6 +138,25 @@ def test_the_circuit_of_a_drawing_runs_as_simulate_does(tool: str, read: object,
     # The exported motor keeps its own parameters, so that the trapezoidal rule at h = 100 ns lets it ring low by
     # (omega h)^2/12 = 9e-5; at resonance, with 2 Q = 118, that turns the motion by 1 %. Twice that is allowed.
     assert speed == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize(("tool", "read"), [("ltspice", from_ltspice), ("kicad", from_kicad)])
+def test_a_parameter_that_is_edited_on_the_drawing_changes_the_motor(tool: str, read: object, tmp_path: Path) -> None:
+    parts, _ = read(EXAMPLES / tool)  # type: ignore[operator]
+    motor = pr.load_motor("bimodal40")
+    forces = []
+    for preload in (motor.contact.preload_n, 4.0):
+        x1 = " ".join(parts["X1"]).replace(f"preload={motor.contact.preload_n!r} ", f"preload={preload!r} ")
+        lines = ["edited", f".include {EXAMPLES / tool / 'motor.lib'}", f"X1 {x1}"]
+        lines += ["V1 a 0 SIN(0 110 40.1k)", "V2 b 0 SIN(0 110 40.1k 0 0 120)", ".tran 100n 20u 0 100n uic"]
+        lines += [".measure tran normal FIND v(x1.normal) AT=50n", ".end"]
+        (tmp_path / "deck.cir").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        done = subprocess.run(
+            ["ngspice", "-b", "deck.cir"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
+        )
+        forces.append(float(re.search(r"normal\s*=\s*(\S+)", done.stdout)[1]))  # type: ignore[index]
+    # the first step after rest: the normal force is the preload
+    assert forces == pytest.approx([motor.contact.preload_n, 4.0], rel=1e-3)
 
 
 def test_the_files_of_the_project_find_each_other() -> None:
