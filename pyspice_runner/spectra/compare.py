@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import hypot, inf, isfinite, sqrt
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -54,6 +54,7 @@ class ModeDeviation:
     measured: dict[str, float] | None  # the same as measured; ``None`` if the mode is missing
     standard_errors: dict[str, float | None]  # of ``measured``; ``None`` if not determined
     deviations: dict[str, float]  # measured over reference less one
+    deviation_errors: dict[str, float | None]  # their standard errors, from both fits; ``None`` if not determined
 
 
 class _Tabulated(Result):
@@ -91,6 +92,7 @@ class Comparison(_Tabulated):
     modes: tuple[ModeDeviation, ...]  # the reference's modes in the common band, by rising frequency
     extra_hz: tuple[float, ...]  # frequencies of measured modes that the reference does not have
     clamped_capacitance_deviation: float  # measured over reference less one
+    clamped_capacitance_deviation_error: float | None  # its standard error; ``None`` if not determined
     rms_deviation: float  # root mean square of |Y/Y_reference − 1| over the common band
     cautions: tuple[str, ...] = ()  # limits of the deviations
 
@@ -100,6 +102,13 @@ class Comparison(_Tabulated):
             (name, item.mode): item.deviations.get(name, inf) for item in self.modes for name in self.QUANTITIES[:-1]
         }
         return found | {("clamped_capacitance", None): self.clamped_capacitance_deviation}
+
+    def errors(self) -> dict[tuple[str, int | None], float | None]:
+        """Return quantity and mode → standard error of the deviation, from both fits; ``None`` if not determined."""
+        found: dict[tuple[str, int | None], float | None] = {
+            (name, item.mode): item.deviation_errors.get(name) for item in self.modes for name in self.QUANTITIES[:-1]
+        }
+        return found | {("clamped_capacitance", None): self.clamped_capacitance_deviation_error}
 
     def outside(self, tolerances: Mapping[str, float]) -> tuple[str, ...]:
         """Return the deviations outside of tolerances, one sentence each.
@@ -125,7 +134,8 @@ class Comparison(_Tabulated):
             "reference": self.reference.source,
             **self._entries("modes", "extra_hz"),
             "clamped_capacitance_f": self.measured.circuit.clamped_capacitance_f,
-            **self._entries("clamped_capacitance_deviation", "rms_deviation", "cautions"),
+            **self._entries("clamped_capacitance_deviation", "clamped_capacitance_deviation_error", "rms_deviation"),
+            **self._entries("cautions"),
         }
 
     def rows(self) -> list[list[str]]:
@@ -138,10 +148,15 @@ class Comparison(_Tabulated):
             "measured": self.measured.source,
             "reference": self.reference.source,
             "RMS deviation": f"{100.0 * self.rms_deviation:.3g} %",
-            "clamped capacitance": _percent(self.clamped_capacitance_deviation),
+            "clamped capacitance": _percent(
+                self.clamped_capacitance_deviation, self.clamped_capacitance_deviation_error
+            ),
         }
         for item in self.modes:
-            shown = (f"{name.replace('_', ' ')} {_percent(value)}" for name, value in item.deviations.items())
+            errors = item.deviation_errors
+            shown = (
+                f"{name.replace('_', ' ')} {_percent(value, errors[name])}" for name, value in item.deviations.items()
+            )
             frequency = engineering((item.measured or {}).get("frequency"), "Hz")
             found[f"mode {item.mode}"] = ", ".join((frequency, *shown)) if item.measured else "missing"
         if self.extra_hz:
@@ -194,6 +209,7 @@ class Trend(_Tabulated):
         names = Comparison.QUANTITIES
         header = ["spectrum", "at", "mode", "frequency_hz", "quality_factor", "coupling_factor", "resistance_ohm"]
         header += ["clamped_capacitance_f", *(f"{name}_deviation" for name in names), "rms_deviation"]
+        header += [f"{name}_deviation_error" for name in names]
         rows = [header]
         for item, at in zip(self.comparisons, self.at, strict=True):
             capacitance = {"clamped_capacitance": item.measured.circuit.clamped_capacitance_f}
@@ -202,7 +218,10 @@ class Trend(_Tabulated):
                 deviations = mode.deviations | {"clamped_capacitance": item.clamped_capacitance_deviation}
                 cells = [f"{values[name]:.9g}" if name in values else "" for name in names]
                 cells += [f"{deviations[name]:.6g}" if name in deviations else "" for name in names]
-                rows.append([item.measured.source, f"{at:g}", str(mode.mode), *cells, f"{item.rms_deviation:.6g}"])
+                cells.append(f"{item.rms_deviation:.6g}")
+                errors = mode.deviation_errors | {"clamped_capacitance": item.clamped_capacitance_deviation_error}
+                cells += ["" if errors.get(name) is None else f"{errors[name]:.3g}" for name in names]
+                rows.append([item.measured.source, f"{at:g}", str(mode.mode), *cells])
         return rows
 
     def to_dict(self) -> dict[str, Any]:
@@ -320,26 +339,38 @@ def _compare(measured: SpectrumFit, reference: SpectrumFit) -> Comparison:
         [arm for arm in fit.resonances if low <= arm.series_resonance_hz <= high] for fit in (reference, measured)
     )
     pairs = _pairs(wanted, found)
-    modes = tuple(_deviation(k + 1, arm, found[pairs[k]] if k in pairs else None) for k, arm in enumerate(wanted))
+    modes = tuple(
+        _deviation(k + 1, (reference, arm), (measured, found[pairs[k]]) if k in pairs else None)
+        for k, arm in enumerate(wanted)
+    )
     inside = (measured.frequency_hz >= low) & (measured.frequency_hz <= high)
     frequency, y = measured.frequency_hz[inside], measured.measured_s[inside]
     ratio = y / reference.admittance(frequency) - 1.0
     capacitances = [fit.circuit.clamped_capacitance_f for fit in (measured, reference)]
+    deviation = capacitances[0] / capacitances[1] - 1.0
+    shares = [
+        _share(fit.standard_errors["clamped_capacitance_f"], of)
+        for fit, of in zip((measured, reference), capacitances, strict=True)
+    ]
     apart = [] if pairs else [f"No resonance is common: {_listed(measured)}; {_listed(reference)}."]
     return Comparison(
         measured=measured,
         reference=reference,
         modes=modes,
         extra_hz=tuple(arm.series_resonance_hz for k, arm in enumerate(found) if k not in pairs.values()),
-        clamped_capacitance_deviation=capacitances[0] / capacitances[1] - 1.0,
+        clamped_capacitance_deviation=deviation,
+        clamped_capacitance_deviation_error=_error(deviation, *shares),
         rms_deviation=rms(ratio),
         cautions=(*apart, *(f"{fit.source}: {text}" for fit in (measured, reference) for text in fit.cautions)),
     )
 
 
-def _percent(deviation: float) -> str:
-    """Return a deviation in percent, with its sign unless it is 0."""
-    return f"{100.0 * deviation:+.3g} %" if deviation else "0 %"
+def _percent(deviation: float, error: float | None) -> str:
+    """Return a deviation in percent, with its sign unless it is 0, and its standard error."""
+    value = f"{100.0 * deviation:+.3g}" if deviation else "0"
+    if not error:
+        return f"{value} %"
+    return f"{value} ± {100.0 * error:.1g} %{' (within the error)' if abs(deviation) <= error else ''}"
 
 
 def _listed(fit: SpectrumFit) -> str:
@@ -363,12 +394,45 @@ def _pairs(wanted: Sequence[FittedArm], found: Sequence[FittedArm]) -> dict[int,
     }
 
 
-def _deviation(number: int, reference: FittedArm, measured: FittedArm | None) -> ModeDeviation:
-    wanted = {name: attrgetter(path)(reference) for name, path in _VALUES.items()}
+def _deviation(
+    number: int, reference: tuple[SpectrumFit, FittedArm], measured: tuple[SpectrumFit, FittedArm] | None
+) -> ModeDeviation:
+    wanted = {name: attrgetter(path)(reference[1]) for name, path in _VALUES.items()}
     if measured is None:
-        return ModeDeviation(number, wanted, None, {}, {})
-    found = {name: attrgetter(path)(measured) for name, path in _VALUES.items()}
-    errors = {
-        name: measured.standard_errors[path] for name, path in _VALUES.items() if path in measured.standard_errors
-    }
-    return ModeDeviation(number, wanted, found, errors, {name: found[name] / wanted[name] - 1.0 for name in wanted})
+        return ModeDeviation(number, wanted, None, {}, {}, {})
+    found = {name: attrgetter(path)(measured[1]) for name, path in _VALUES.items()}
+    errors = measured[1].standard_errors
+    deviations = {name: found[name] / wanted[name] - 1.0 for name in wanted}
+    shares = _shares(*measured), _shares(*reference)
+    return ModeDeviation(
+        number, wanted, found, {name: errors[path] for name, path in _VALUES.items() if path in errors}, deviations,
+        {name: _error(deviation, *(one[name] for one in shares)) for name, deviation in deviations.items()},
+    )  # fmt: skip
+
+
+def _shares(fit: SpectrumFit, arm: FittedArm) -> dict[str, float | None]:
+    """Return the relative standard errors of the quantities of an arm.
+
+    That of the coupling factor follows from k² = C/(C + C₀), with the correlation of both capacitances.
+    """
+    errors = arm.standard_errors
+    found = {name: _share(errors[path], getattr(arm, path)) for name, path in _VALUES.items() if path in errors}
+    arm_share = _share(errors["capacitance_f"], arm.capacitance_f)
+    clamped_share = _share(fit.standard_errors["clamped_capacitance_f"], fit.circuit.clamped_capacitance_f)
+    share = None
+    if arm_share is not None and clamped_share is not None:
+        place = next(number for number, one in enumerate(fit.arms) if one is arm)
+        names = (f"arms.{place}.capacitance_f", "clamped_capacitance_f")
+        common = fit.correlation[tuple(map(fit.correlation_names.index, names))]
+        spread = arm_share**2 + clamped_share**2 - 2.0 * common * arm_share * clamped_share
+        share = 0.5 * (1.0 - arm.characteristics.coupling_factor**2) * sqrt(max(spread, 0.0))
+    return found | {"coupling_factor": share}
+
+
+def _share(error: float | None, value: float) -> float | None:
+    return None if error is None else abs(error / value)
+
+
+def _error(deviation: float, measured: float | None, reference: float | None) -> float | None:
+    """Return the standard error of a deviation from the relative ones of both values."""
+    return None if measured is None or reference is None else (1.0 + deviation) * hypot(measured, reference)

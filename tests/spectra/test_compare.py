@@ -13,7 +13,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.spectra.compare import Comparison
+from pyspice_runner.spectra.compare import Comparison, _error
 from tests.resonators import resonator, spectrum
 
 BAND = np.linspace(15e3, 45e3, 801)
@@ -210,8 +210,38 @@ def test_spectra_without_a_common_resonance_are_told_with_those_of_both() -> Non
     assert one(REFERENCE).cautions == ()
 
 
-def test_a_spectrum_against_itself_has_deviations_without_a_sign() -> None:
-    same = one(REFERENCE).summary()
-    assert same["clamped capacitance"] == "0 %"
-    assert same["mode 1"].endswith("frequency 0 %, quality factor 0 %, coupling factor 0 %, resistance 0 %")
-    assert "frequency +1 %" in one(measured("part", frequencies=[20.2e3, 33e3])).summary()["mode 1"]
+def test_a_spectrum_against_itself_has_deviations_without_a_sign_within_their_errors() -> None:
+    noisy = measured("noisy", noise=0.01)
+    same = one(noisy, noisy).summary()
+    assert same["clamped capacitance"] == "0 ± 0.04 % (within the error)"
+    for name, error in (("frequency", "0.002"), ("quality factor", "0.3"), ("coupling factor", "0.05")):
+        assert f"{name} 0 ± {error} % (within the error)" in same["mode 1"]
+    part = measured("part", noise=0.01, frequencies=[20.2e3, 33e3])
+    assert "frequency +1 ± 0.002 %, quality" in one(part, noisy).summary()["mode 1"]
+
+
+def test_deviations_of_one_device_scatter_as_their_errors_say() -> None:
+    pairs = [[measured("same", noise=0.01, seed=2 * number + side) for side in (1, 2)] for number in range(16)]
+    found = [one(*pair, modes=2) for pair in pairs]
+    for key in found[0].deviations():
+        errors = [item.errors()[key] or 0.0 for item in found]
+        scatter = [item.deviations()[key] / error for item, error in zip(found, errors, strict=True)]
+        # χ² of 16: 1 ± 0.18, so that one of a thousand leaves this range; measured 0.77 to 1.30
+        assert 0.45 < float(np.sqrt(np.mean(np.square(scatter)))) < 1.6, key
+    mode = found[0].to_dict()["modes"][0]
+    assert mode["deviation_errors"].keys() == mode["deviations"].keys()
+    header, row, *_ = found[0].rows()
+    written = dict(zip(header, row, strict=True))
+    assert float(written["frequency_deviation_error"]) == pytest.approx(mode["deviation_errors"]["frequency"], rel=1e-2)
+
+
+def test_the_error_of_a_deviation_from_a_value_at_its_limit_is_not_known() -> None:
+    fit = one(REFERENCE)
+    assert _error(0.1, None, 1e-3) is None
+    assert _error(0.1, 3e-3, 4e-3) == pytest.approx(1.1 * 5e-3)
+    assert (
+        "frequency 0 %, quality"
+        in replace(
+            fit, modes=tuple(replace(mode, deviation_errors=dict.fromkeys(mode.deviations)) for mode in fit.modes)
+        ).summary()["mode 1"]
+    )
