@@ -79,6 +79,7 @@ class SmallSignals(Result):
         image_admittance_s: current at twice the drive's frequency less that of the voltage, over the conjugate voltage.
         errors: (output, input) → estimated error of the transfer function by the time step and by the size of the
             deviations from the steady state, in its unit.
+        hot_admittance_error_s: estimated error of each entry of the hot admittance by the same, S.
     """
 
     state: SteadyState
@@ -89,6 +90,7 @@ class SmallSignals(Result):
     cold_admittance_s: Complex
     image_admittance_s: Complex = field(repr=False)
     errors: dict[tuple[str, str], Array] = field(repr=False)
+    hot_admittance_error_s: Array = field(repr=False)
 
     def transfer(self, output: str, of: str) -> Complex:
         """Return the transfer function from an input to an output, over :attr:`modulation_hz`.
@@ -128,7 +130,7 @@ class SmallSignals(Result):
             "errors": {f"{output}_per_{of}": values.tolist() for (output, of), values in self.errors.items()},
             "units": {f"{output}_per_{of}": unit(output, of) for output, of in self.transfers},
             "probe_frequency_hz": self.probe_hz.tolist(),
-            **self._entries("hot_admittance_s", "cold_admittance_s"),
+            **self._entries("hot_admittance_s", "hot_admittance_error_s", "cold_admittance_s"),
             "steady_state": self.state.to_dict(),
             **self._entries("cautions"),
         }
@@ -142,6 +144,13 @@ class SmallSignals(Result):
             worst = int(np.argmax(share))
             if share[worst] > ACCURATE:
                 told.append(f"{output} per {of} ({100.0 * share[worst]:.2g} % at {self.modulation_hz[worst]:.4g} Hz)")
+        for place, group in enumerate("AB"):
+            own = (slice(None), place, place)
+            share = self.hot_admittance_error_s[own] / np.abs(self.hot_admittance_s[own])
+            worst = int(np.argmax(share))
+            if share[worst] > ACCURATE:
+                at = f"{self.probe_hz[worst]:.4g} Hz"
+                told.append(f"hot admittance of {group} ({100.0 * share[worst]:.2g} % at {at})")
         words = f"The estimated error of transfer functions exceeds {100.0 * ACCURATE:g} %: {', '.join(told)}."
         return (*self.state.cautions, *([f"{words} Give a step < {self.state.step_s:.2g} s."] if told else []))
 
@@ -154,7 +163,8 @@ class SmallSignals(Result):
         for words, matrix in (("hot", self.hot_admittance_s), ("cold", self.cold_admittance_s)):
             for place, group in enumerate("AB"):
                 value = 1e3 * complex(matrix[near, place, place])
-                found[f"{words} admittance of {group}"] = f"{value.real:.4g} {value.imag:+.4g}j mS"
+                error = f" ± {1e3 * self.hot_admittance_error_s[near, place, place]:.1g}" if words == "hot" else ""
+                found[f"{words} admittance of {group}"] = f"{value.real:.4g} {value.imag:+.4g}j{error} mS"
         return found
 
 
@@ -213,23 +223,28 @@ def small_signals(
     starts = [state.solution.moved(number / OFFSETS * map_step, map_step) for number in range(OFFSETS)]
     every = [_Linear.about(start, map_step, fineness, timeout).responses(modulation) for start in starts]
     smaller = [_Linear.about(start, map_step, SMALLER * fineness, timeout).responses(modulation) for start in starts]
-    transfers, hot, image = (
-        {name: np.array([one[name] for one in several]) for name in several[0]} for several in zip(*every, strict=True)
-    )
-    errors = {
-        pair: np.hypot(
-            np.abs(np.mean(copies[::2] - copies[1::2], axis=0)) / 2,
-            np.abs(np.mean(copies - np.array([one[pair] for one, *_ in smaller]), axis=0)),
-        )
-        for pair, copies in transfers.items()
-    }
+    transfers, hot, image = map(_stacked, zip(*every, strict=True))
+    transfers_smaller, hot_smaller, _ = map(_stacked, zip(*smaller, strict=True))
     probed = np.array(sorted(hot))
     return SmallSignals(
         state, modulation, {pair: copies.mean(axis=0) for pair, copies in transfers.items()}, probed,
         np.array([hot[at].mean(axis=0) for at in probed.tolist()]),
         np.array([_cold(state.solution.plant, at) for at in probed.tolist()]),
-        np.array([image[at].mean(axis=0) for at in probed.tolist()]), errors,
+        np.array([image[at].mean(axis=0) for at in probed.tolist()]),
+        {pair: _error(copies, transfers_smaller[pair]) for pair, copies in transfers.items()},
+        np.array([_error(hot[at], hot_smaller[at]) for at in probed.tolist()]),
     )  # fmt: skip
+
+
+def _stacked(several: Sequence[Mapping[Any, Any]]) -> dict[Any, Complex]:
+    """Return the values by name, with those of the several copies along the first axis."""
+    return {name: np.array([one[name] for one in several]) for name in several[0]}
+
+
+def _error(copies: Complex, smaller: Complex) -> Array:
+    """Return the error of the mean of copies: by what halves of them and copies with smaller deviations differ."""
+    halves = np.abs(np.mean(copies[::2] - copies[1::2], axis=0)) / 2
+    return np.asarray(np.hypot(halves, np.abs(np.mean(copies - smaller, axis=0))))
 
 
 Matrices = dict[float, Complex]  # by frequency

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from math import atan, degrees, pi, radians
 from pathlib import Path
@@ -224,6 +225,8 @@ def test_the_hot_admittance_of_a_motor_that_sticks_is_that_of_the_preloaded_stat
         assert np.abs(found.hot_admittance_s[place] - preloaded).max() < 1e-2 * np.abs(preloaded).max()
         free = pr.admittance(MOTOR, state="free", **band).matrix_s[1]
         assert np.abs(found.cold_admittance_s[place] - free).max() < 1e-4 * np.abs(free).max()
+        error = found.hot_admittance_error_s[place].max()
+        assert 0.0 < error < 1e-3 * np.abs(preloaded).max()  # nothing slips, so that no event is late
     running, cold = signals(FAST).hot_admittance_s, signals(FAST).cold_admittance_s
     assert np.abs(running - cold).max() > 0.02 * np.abs(cold).max()
 
@@ -234,6 +237,25 @@ def test_a_group_that_moves_no_mode_has_no_phase_of_its_motional_current() -> No
     assert {"motional_phase_a_deg", "current_phase_b_deg"} <= {output for output, _ in found.transfers}
     with pytest.raises(pr.ParameterError, match="the phases only where there is a current"):
         found.transfer("motional_phase_b_deg", "amplitude")
+
+
+@pytest.mark.soak
+def test_the_error_of_the_hot_admittance_is_that_of_the_time_step() -> None:
+    motor = pr.load_motor("bimodal40")
+    drive, at = pr.default_drive(motor), [100.0, 1000.0]
+    found = small_signals(motor, drive, frequencies=at)
+    finer = small_signals(motor, drive, frequencies=at, step=0.5 * found.state.step_s)
+    size, change, error, small = (
+        np.abs(values).max(axis=(1, 2))
+        for values in (
+            found.hot_admittance_s, found.hot_admittance_s - finer.hot_admittance_s, found.hot_admittance_error_s,
+            finer.hot_admittance_error_s,
+        )
+    )  # fmt: skip
+    assert np.all(change < 3.0 * (error + small))  # both are the spread of a few copies; measured 1.0 times at most
+    assert np.all(error < 1e-3 * size)  # measured 4e-4 next to the resonance, against a quarter of the step 8e-4
+    worse = replace(found, hot_admittance_error_s=np.abs(0.06 * found.hot_admittance_s))
+    assert "hot admittance of A (6 % at " in worse.cautions[-1]
 
 
 def test_wrong_requests_say_what_is_allowed() -> None:
@@ -273,6 +295,7 @@ def test_the_command_prints_transfers_and_admittances(capsys: pytest.CaptureFixt
     assert run([*words, "--frequencies", "1000", "--json", "--plot", str(tmp_path / "bode.png")]) == 0
     document = json.loads(capsys.readouterr().out)
     assert np.shape(document["hot_admittance_s"]) == (2, 2, 2, 2)
+    assert np.shape(document["hot_admittance_error_s"]) == (2, 2, 2)
     assert np.shape(document["transfers"]["torque_per_amplitude"]) == (1, 2)
     assert document["units"]["speed_per_phase_deg"] == "rad/s/deg"
     assert (tmp_path / "bode.png").stat().st_size > 10_000
