@@ -99,13 +99,14 @@ class Point:
         """Whether the period depends on each state at the start of the run.
 
         A uniform step takes a slider that slips, or touches nothing, to its limit, wherever it was before. So the
-        period does not depend on where the slider starts if it slips there a period later.
+        period does not depend on where the slider starts if it slips there a period later. Of a brush all sliders slip
+        then; one that slips beside others that stick is told by its derivative.
         """
         felt = np.ones(self.plant.order, dtype=bool)
-        if self.trace is not None and self.plant.slider is not None:
+        if self.trace is not None and self.plant.law is not None and self.plant.law.sliding:
             time = self.trace.time
             later = time > self.begun + (time[-1] - time[0]) - 1.01 * (time[1] - time[0])
-            felt[self.plant.slider] = np.any(np.abs(self.trace.contact_state[later] - 1.0) < 0.5)
+            felt[self.plant.where("contact")] = np.any(np.abs(self.trace.contact_state[later] - 1.0) < GROSS)
         return felt
 
     @property
