@@ -48,6 +48,9 @@ def show(motor: common.MotorArgument, changes: common.SetOption = None, *, targe
     targets.write(document, table, lambda path: common.write_table(path, document, rows), loaded.plot)
 
 
+_OF_MOTORS = ("contact", "sliders", "thermal", "averaged", "dialect", "rotational")  # options of export for motors
+
+
 @with_options
 def export(
     context: typer.Context,
@@ -68,6 +71,9 @@ def export(
         bool, typer.Option("--averaged", help="Write the motor averaged over the drive's period (.lib, .fmu).")
     ] = False,
     dialect: Annotated[str, typer.Option(help="Dialect of the .lib: spice (ngspice, LTspice) or xyce.")] = "spice",
+    rotational: Annotated[
+        bool, typer.Option("--rotational", help="Give the .va a shaft pin of the discipline rotational_omega.")
+    ] = False,
     changes: common.SetOption = None,
     *,
     targets: Targets,
@@ -80,14 +86,14 @@ def export(
 
     Example: piezomotor export bimodal40 --output motor.lib
     """
-    from pyspice_runner.export.motor import FORMATS, MotorExport, endings
+    from pyspice_runner.export.motor import FORMATS, MotorExport, check_rotational, endings
     from pyspice_runner.export.xyce import Dialect, check_dialect
     from pyspice_runner.model.circuit_file import is_circuit_file
     from pyspice_runner.model.thermal import Thermal
 
     output = targets.output
     if is_circuit_file(source):
-        common.refuse_idle(context, "on the circuit of a fit", "contact", "sliders", "thermal", "averaged", "dialect")
+        common.refuse_idle(context, "on the circuit of a fit", *_OF_MOTORS)
         if output is not None and output.suffix in (".s1p", ".toml"):
             common.refuse_idle(context, f"on a {output.suffix}, which names no subcircuit", "name")
         _export_circuit(source, changes, targets, name or "resonator")
@@ -95,11 +101,12 @@ def export(
     contact = law.law
     targets.check(*endings(averaged), inputs=[source])
     check_dialect(dialect, output)
+    check_rotational(rotational, output)
     ending = output.suffix if output is not None else ".lib"
     common.refuse_idle(context, f"on a {ending}", *FORMATS[ending].idle)
     loaded = common.load_changed(source, changes)
     drift = Thermal.of(loaded) if thermal else None
-    exported = MotorExport(loaded, contact, name, drift, averaged, cast(Dialect, dialect))
+    exported = MotorExport(loaded, contact, name, drift, averaged, cast(Dialect, dialect), rotational)
 
     def save(path: Path) -> None:
         with common.busy("writing"):

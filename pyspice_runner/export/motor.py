@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from pyspice_runner.errors import ParameterError
 from pyspice_runner.export.fmu import fmu_archive, fmu_texts
 from pyspice_runner.export.symbols import MOTOR_PINS, THERMAL_PINS, kicad_symbol, library_name, ltspice_symbol
 from pyspice_runner.export.touchstone import touchstone
@@ -40,6 +41,7 @@ class MotorExport:
     thermal: Thermal | None = None
     averaged: bool = False
     dialect: Dialect = "spice"
+    rotational: bool = False
 
     def text(self, ending: str) -> str:
         """Return the netlist of a format, of an ``.fmu`` its model description, of other formats the ``.lib``."""
@@ -48,6 +50,7 @@ class MotorExport:
     def save(self, path: str | Path) -> Path:
         """Write the file, in the format of its ending, and return its path."""
         check_dialect(self.dialect, path)
+        check_rotational(self.rotational, path)
         return save_by_ending(path, dict.fromkeys(endings(self.averaged), self._write))
 
     def _write(self, path: Path) -> None:
@@ -82,6 +85,7 @@ def export_motor(
     thermal: Thermal | None = None,
     averaged: bool = False,
     dialect: Dialect = "spice",
+    rotational: bool = False,
 ) -> Path:
     """Write a motor, by the ending of the file.
 
@@ -100,12 +104,20 @@ def export_motor(
         averaged: whether to write the averaged motor, ``.subckt piezomotor_averaged``, as a ``.lib``; a ``.fmu``
             always contains it.
         dialect: ``"spice"`` writes the ``.lib`` for ngspice and LTspice, ``"xyce"`` for Xyce.
+        rotational: whether the shaft of the ``.va`` is a pin of the discipline ``rotational_omega`` (rad/s, N·m)
+            instead of an electrical one.
 
     Raises:
         ParameterError: for another ending, a place that cannot be written, or a name that is not possible.
         SimulationError: if ngspice fails to compute the two-port, or there is no C compiler for a ``.fmu``.
     """
-    return MotorExport(motor, contact, name, thermal, averaged, dialect).save(path)
+    return MotorExport(motor, contact, name, thermal, averaged, dialect, rotational).save(path)
+
+
+def check_rotational(rotational: bool, path: str | Path | None) -> None:
+    """Raise ParameterError for a rotational shaft in a file that is not a ``.va``, as for :func:`check_dialect`."""
+    if rotational and (path is None or Path(path).suffix != ".va"):
+        raise ParameterError("A rotational shaft is for Verilog-A: give a file name that ends in .va.")
 
 
 # --- formats ---
@@ -121,7 +133,9 @@ def _library(export: MotorExport) -> str:
 
 
 def _module(export: MotorExport) -> str:
-    return motor_module(export.motor, contact=export.contact, name=export.name, thermal=export.thermal)
+    return motor_module(
+        export.motor, contact=export.contact, name=export.name, thermal=export.thermal, rotational=export.rotational
+    )
 
 
 def _unit(export: MotorExport) -> dict[str, str]:

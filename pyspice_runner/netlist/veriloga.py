@@ -26,6 +26,8 @@ _OF_RUN = ("deflection", "start")  # parameters of the contact that rest and the
 # nodes of the contact with other names outside; those that are not listed get the prefix contact_
 _NODES = {"y": "contact_y", "vy": "contact_vy", "shaft": "V(shaft)", "slider": "V(slider)", "friction": "tangential"}
 _NODES |= {name: name for name in ("x", "vx", "fx", "fy", "normal", "delta", "state")}
+_ROTATIONAL = "electrical a, b, com, temperature;\n    rotational_omega shaft;"
+_ACCESS = {"V": "Omega", "I": "Tau"}  # functions of the discipline electrical → of rotational_omega
 _ITERATIONS = 5  # of an equation that contains its own node; each reduces the error by penetration over radius
 
 
@@ -35,10 +37,13 @@ def motor_module(
     contact: ContactLaw | None = "spring-slider",
     name: str = "",
     thermal: Thermal | None = None,
+    rotational: bool = False,
 ) -> str:
     """Return a motor as the Verilog-A ``module piezomotor(a, b, com, shaft, temperature)``.
 
-    ``thermal`` is the drift per kelvin at the pin ``temperature``; without it nothing drifts.
+    ``thermal`` is the drift per kelvin at the pin ``temperature``; without it nothing drifts. A ``rotational`` shaft
+    has the discipline ``rotational_omega``, with the speed in rad/s as potential and the torque in N·m as flow; else it
+    is electrical, 1 V = 1 rad/s and 1 A = 1 N·m.
 
     Raises:
         ParameterError: for a law that the module does not have, or an invalid name.
@@ -57,6 +62,10 @@ def motor_module(
         assert count == 1, parameter
     module = check_name(name) if name else SUBCIRCUIT
     text = text.replace(f"module {SUBCIRCUIT}(", f"module {module}(", 1)
+    if rotational:
+        text = text.replace("electrical a, b, com, shaft, temperature;", _ROTATIONAL, 1)
+        text = re.sub(r"\b([VI])\(shaft\)", lambda found: f"{_ACCESS[found[1]]}(shaft)", text)
+        text = text.replace("1 V = 1 rad/s", "Omega, rad/s").replace("1 A = 1 N.m", "Tau, N.m")
     title = f"// {module}: standing-wave piezomotor {motor.name}"
     text = text.replace(f"// {SUBCIRCUIT}: standing-wave piezomotor bimodal40", title, 1)
     return re.sub(

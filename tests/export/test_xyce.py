@@ -173,6 +173,9 @@ def test_the_command_writes_the_dialect(tmp_path: Path, capsys: pytest.CaptureFi
     assert "*   .options timeint method=gear\n" in xyce_library(averaged_library(BIMODAL))
     assert run(["export", "bimodal40", "--dialect", "xyce", "--output", str(tmp_path / "motor.va")]) == 2
     assert run(["export", "bimodal40", "--dialect", "hspice"]) == 2
+    assert run(["export", "bimodal40", "--rotational", "--output", str(target)]) == 2
+    assert run(["export", "bimodal40", "--rotational", "--output", str(target.with_suffix(".va"))]) == 0
+    assert "    rotational_omega shaft;\n" in target.with_suffix(".va").read_text(encoding="utf-8")
     said = capsys.readouterr().err
     assert "dialect = 'xyce' has no effect on 'motor.va': give a file name that ends in .lib." in said
     assert "dialect = 'hspice' is not known: it must be one of spice, xyce." in said

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.netlist.contact import contact_values
+from pyspice_runner.netlist.contact import ContactLaw, contact_values
 from pyspice_runner.netlist.library import data_path, read_library
 from pyspice_runner.netlist.veriloga import WRITTEN, motor_module
 
@@ -75,6 +75,17 @@ def test_every_mode_has_its_states_equations_and_values() -> None:
         assert text.count(f"electrical displacement_{number}, velocity_{number};") == 1
     assert "mass_4" not in text
     assert "andersen2002-unintended-mode" in text.splitlines()[1]
+
+
+@pytest.mark.parametrize("law", WRITTEN)
+def test_a_rotational_shaft_has_the_access_functions_of_its_discipline(law: ContactLaw) -> None:
+    motor = pr.load_motor("bimodal40")
+    electrical, rotational = (motor_module(motor, contact=law, rotational=option) for option in (False, True))
+    assert re.findall(r"^ +rotational_omega (.+);$", rotational, re.M) == ["shaft"]
+    assert not re.search(r"electrical [^;]*\bshaft\b|\b[VI]\(shaft\)", rotational)
+    assert rotational.count("Omega(shaft)") == electrical.count("V(shaft)") > 0
+    assert rotational.count("Tau(shaft)") == electrical.count("I(shaft)") > 0
+    assert "rotational_omega" not in electrical
 
 
 def test_options_of_a_motor_become_parameters() -> None:

@@ -85,6 +85,17 @@ def test_the_compiled_motor_spins_up_as_the_subcircuits_do(case: str, tmp_path: 
         assert np.sqrt(np.mean(error**2)) < allowed * np.sqrt(np.mean(expected[:, column] ** 2)), column
 
 
+def test_a_rotational_shaft_changes_no_result(tmp_path: Path) -> None:
+    motor = pr.load_motor("bimodal40")
+    drive = pr.TwoPhaseDrive(voltage=110.0, frequency=40.1e3, phase_deg=120.0)
+    found = []
+    for rotational in (False, True):
+        compiled(motor_module(motor, rotational=rotational), tmp_path)
+        found.append(transient(tmp_path, SPRING, drive, 0.5 * coarsest_step(motor), True))
+    assert abs(found[0][-1, 1]) > 1.0
+    np.testing.assert_array_equal(*found)
+
+
 def test_a_drift_with_temperature_and_its_heat_are_those_of_the_subcircuits(tmp_path: Path) -> None:
     motor, thermal = pr.load_motor("bimodal40"), pr.Thermal()
     drive = pr.TwoPhaseDrive(voltage=80.0, frequency=39.9e3, phase_deg=120.0)
