@@ -28,6 +28,7 @@ from pyspice_runner.model.parameters import (
     Tip,
 )
 from pyspice_runner.model.refusal import unit_of
+from pyspice_runner.model.solid.parameters import Box, Electrode, Face, Solid, Support
 
 DOCS = Path(__file__).resolve().parent
 SET = "andersen2002"
@@ -41,9 +42,10 @@ This page lists every parameter of a motor: its place in a parameter set (TOML),
 of a Standing Wave Piezomotor", 2002). *Derived*: follows from other values. *Assumed*: neither; chosen here, for the
 stated reason. The paper gives two resonance frequencies and the damping; nearly everything else is assumed.
 
-A motor states its modes in one of three ways: by `[beam]`, `[[patches]]`, `[tip]` and `[damping]`; by `[[modes]]`; or
-by `[[arms]]`. Its contact is stated by its constants or by `[contact.materials]`. `piezomotor show MOTOR --json` prints
-the result; its paths (`contact.preload_n`, `modes.0.frequency_hz`) are those of `Motor.updated()` and of sweeps.
+A motor states its modes in one of four ways: by `[beam]`, `[[patches]]`, `[tip]` and `[damping]`; by `[solid]`
+([solid.md](solid.md)); by `[[modes]]`; or by `[[arms]]`. Its contact is stated by its constants or by
+`[contact.materials]`. `piezomotor show MOTOR --json` prints the result; its paths (`contact.preload_n`,
+`modes.0.frequency_hz`) are those of `Motor.updated()` and of sweeps.
 
 Numbers are in the unit of their line. A range is what the program accepts, not what is reasonable. N counts from 0.
 """
@@ -85,6 +87,8 @@ def parameters_page(motor: Motor) -> str:
             "`quality_factor` or a table `[damping]` for `damping_n_s_per_m`.",
         ),
         _section("Arms", Arm, "arms.N", {}),
+        _section("Solid", Solid, "solid", {}, names=[name for name in Solid.model_fields if name not in _OF_SOLID]),
+        *(_section(f"Solid: {name}", *kind, {}) for name, kind in _OF_SOLID.items()),
         _section("Piezo", Piezo, "piezo", _values(motor, "piezo", [motor.piezo], known=derived_capacitance)),
         _section("Contact", Contact, "contact", _values(motor, "contact", [motor.contact], known=derived_contact)),
         _section(
@@ -164,9 +168,19 @@ def _together(words: Iterable[str]) -> str:
     return distinct[0] if len(set(distinct)) == 1 else "; ".join(distinct)
 
 
-def _section(title: str, kind: type[Parameters], path: str, values: _Values, text: str = "") -> str:
+_OF_SOLID: dict[str, tuple[type[Parameters], str]] = {
+    "boxes": (Box, "solid.boxes.N"),
+    "electrodes": (Electrode, "solid.electrodes.N"),
+    "supports": (Support, "solid.supports.N"),
+    "contact": (Face, "solid.contact"),
+}
+
+
+def _section(
+    title: str, kind: type[Parameters], path: str, values: _Values, text: str = "", names: Sequence[str] = ()
+) -> str:
     heading = f"## {title}\n\n{text or _sentence(kind)}"
-    names = list(values) or list(kind.model_fields)
+    names = names or list(values) or list(kind.model_fields)
     columns = ("name", "unit", "allowed", "meaning") + ((f"`{SET}`", "origin") if values else ())
     rows = [
         (f"`{path}.{name}`", _unit(kind, name), _allowed(kind, name), kind.model_fields[name].description or "")
@@ -195,6 +209,11 @@ def _allowed(kind: type[Parameters], name: str) -> str:
     schema = kind.model_json_schema()["properties"][name]
     if "enum" in schema:
         return ", ".join(schema["enum"])
+    schema = next(iter(schema.get("anyOf", [schema])))  # of an optional number
+    if schema.get("type") == "array":
+        return "three coordinates, ≥ -1, ≤ 1"
+    if schema.get("made_of"):
+        return f"up to {schema['maxLength']} {schema['made_of']}"
     if schema.get("type") == "string":
         return f"up to {schema['maxLength']} letters, digits, - and _"
     limits = [

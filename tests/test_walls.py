@@ -31,7 +31,7 @@ WALLS = {
     "display": {"errors"},
     "result": {"display", "errors", "files", "units"},
     "datasets": {"files", "result", "units"},
-    "model": {"display", "errors", "units"},
+    "model": {"display", "errors", "files", "units"},
     "netlist": {"errors", "model"},
     "engine": {"errors", "interrupts"},
     "run": BASE | {"model", "netlist", "engine"},

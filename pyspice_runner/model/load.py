@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Read a motor from a TOML file.
 
-The file states the modes in one of three ways:
+The file states the modes in one of four ways:
 
 * ``[beam]``, ``[[patches]]``, ``[tip]``, ``[damping]``: computed by Rayleigh–Ritz (:mod:`.beam`);
+* ``[solid]``: computed by finite elements (:mod:`.solid.stator`);
 * ``[[modes]]``: as :class:`~.parameters.Mode`, where ``frequency_hz`` may stand for ``stiffness_n_per_m`` and
   ``quality_factor`` for ``damping_n_s_per_m``;
 * ``[[arms]]``: Butterworth–Van Dyke values seen at group A with group B shorted (:class:`Arm`).
@@ -42,7 +43,9 @@ from pyspice_runner.model.motor import (
     with_constants,
 )
 from pyspice_runner.model.parameters import Beam, Contact, Damping, Mode, Parameters, Patch, Rotor, Tip, label, quantity
-from pyspice_runner.model.refusal import allowed_range, as_table, build, check_keys, checked, quoted, unit_of
+from pyspice_runner.model.refusal import allowed_range, as_table, build, check_keys, checked, limited, quoted, unit_of
+from pyspice_runner.model.solid.parameters import Solid, solid_from
+from pyspice_runner.model.solid.stator import stator_of
 
 SETS = Path(__file__).parent / "sets"
 
@@ -129,7 +132,7 @@ def changed_motor(source: str | Path, changes: Mapping[str, Any]) -> Motor:
     return motor.updated(others) if others else motor
 
 
-_ONLY_IN_FILES = ("beam.", "ceramic.", "patches.", "tip.", "damping.", "arms.", "contact.materials.")
+_ONLY_IN_FILES = ("beam.", "ceramic.", "patches.", "tip.", "damping.", "arms.", "solid.", "contact.materials.")
 
 
 def _put(document: dict[str, Any], path: str, value: Any, where: str) -> None:
@@ -170,10 +173,12 @@ def _read(source: str | Path) -> tuple[dict[str, Any], str]:
 
 _SECTIONS = (
     "name", "description", "beam", "ceramic", "patches", "tip", "damping", "modes", "arms", "piezo", "contact", "rotor",
-    "mount", "limits", "drive",
+    "mount", "limits", "drive", "solid",
 )  # fmt: skip
-_WAYS = ("beam", "modes", "arms")
+_WAYS = ("beam", "solid", "modes", "arms")
+_FROM = {"beam": "[[patches]]", "solid": "[solid]"}
 _KINDS = ("given", "derived", "assumed")
+_MUTUAL = 0.02  # of the capacitance of group A: a mutual capacitance that does not count
 
 
 def _from_document(document: dict[str, Any], where: str) -> Motor:
@@ -182,7 +187,7 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
     if len(ways) != 1:
         found = " and ".join(f"[{way}]" for way in ways) or "none of them"
         raise ParameterError(
-            f"{where} must state its modes by exactly one of [beam], [[modes]] or [[arms]]; it has {found}."
+            f"{where} must state its modes by exactly one of [beam], [solid], [[modes]] or [[arms]]; it has {found}."
         )
     for key in ("name", "contact", "rotor", "piezo"):
         if key not in document:
@@ -205,10 +210,11 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
     if capacitances is not None:
         if given := [key for key in capacitances if key in piezo]:
             raise ParameterError(
-                f"{where}: piezo.{given[0]} follows from [[patches]]; leave it out or state the modes directly."
+                f"{where}: piezo.{given[0]} follows from {_FROM[ways[0]]}; leave it out or state the modes directly."
             )
         piezo.update(capacitances)
     contact = _resolve_contact(plain["contact"], rotor, where)
+    contact |= _softening(contact, structure, provenance, where)
     for section, kind in (("contact", Contact), ("rotor", Rotor)):
         for name, field in kind.model_fields.items():
             if not field.is_required():
@@ -219,9 +225,11 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
 
 def _resolve_modes(
     plain: dict[str, Any], way: str, where: str
-) -> tuple[Structure | None, list[dict[str, Any]], dict[str, float] | None]:
+) -> tuple[Structure | Solid | None, list[dict[str, Any]], dict[str, float] | None]:
     if way == "beam":
         return _from_beam(plain, where)
+    if way == "solid":
+        return _from_solid(plain, where)
     for key in ("ceramic", "patches", "tip"):
         if key in plain:
             raise ParameterError(f"{where}: [{key}] belongs to a [beam]; with [[{way}]] leave it out.")
@@ -269,6 +277,51 @@ def _from_beam(plain: dict[str, Any], where: str) -> tuple[Structure, list[dict[
     capacitance_a, capacitance_b = beam_model.clamped_capacitances(structure.beam, structure.patches)
     capacitances = {"capacitance_a_f": capacitance_a, "capacitance_b_f": capacitance_b}
     return structure, [mode.model_dump() for mode in modes], capacitances
+
+
+def _from_solid(plain: dict[str, Any], where: str) -> tuple[Solid, list[dict[str, Any]], dict[str, float]]:
+    for key in ("ceramic", "patches", "tip", "damping"):
+        if key in plain:
+            raise ParameterError(f"{where}: [{key}] belongs to a [beam]; with [solid] leave it out.")
+    solid = solid_from(plain["solid"], where)
+    try:
+        stator = stator_of(solid)
+    except ParameterError as error:
+        raise ParameterError(f"{where}: {error}") from error
+    columns = {
+        "mass_kg": stator.masses_kg, "stiffness_n_per_m": stator.stiffnesses_n_per_m,
+        "damping_n_s_per_m": stator.dampings_n_s_per_m(solid.quality_factor),
+        "coupling_a_n_per_v": stator.couplings_n_per_v[0], "coupling_b_n_per_v": stator.couplings_n_per_v[1],
+        "tip_x": stator.tip_x, "tip_y": stator.tip_y,
+    }  # fmt: skip
+    modes = [
+        {"name": f"mode-{index + 1}", **{name: float(column[index]) for name, column in columns.items()}}
+        for index in range(len(stator.masses_kg))
+    ]
+    capacitance = stator.clamped_f + stator.residual_f
+    mutual = -float(capacitance[0, 1])
+    if mutual > _MUTUAL * capacitance[0, 0]:
+        warnings.warn(
+            f"{where}: groups A and B have a mutual capacitance of {1e12 * mutual:.3g} pF beside "
+            f"{1e12 * capacitance[0, 0]:.3g} pF of group A. The circuit leaves it out: the motion is right, and the "
+            "currents of the groups lack its part.",
+            stacklevel=2,
+        )
+    return solid, modes, {"capacitance_a_f": float(capacitance[0, 0]), "capacitance_b_f": float(capacitance[1, 1])}
+
+
+def _softening(
+    contact: Mapping[str, Any], structure: Structure | Solid | None, provenance: dict[str, Provenance], where: str
+) -> dict[str, float]:
+    """Return the compliance in series with the contact, if a solid's modes that are left out add to it."""
+    name = "series_compliance_m_per_n"
+    more = float(stator_of(structure).residual_m_per_n[0, 0]) if isinstance(structure, Solid) else 0.0
+    if more <= 0.0:
+        return {}
+    given = limited(Contact, name, contact.get(name, 0.0), f"contact.{name}", where)
+    note = f"the solid's modes that are left out add {more:.3g} m/N"
+    provenance[f"contact.{name}"] = Provenance("derived", note)
+    return {name: given + more}
 
 
 def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, where: str) -> dict[str, Any]:

@@ -30,6 +30,7 @@ from pyspice_runner.model.parameters import (
 )
 from pyspice_runner.model.refusal import allowed_range, build, checked, limited, positive, quoted, refusal
 from pyspice_runner.model.save import motor_toml
+from pyspice_runner.model.solid.parameters import Solid
 from pyspice_runner.units import engineering
 
 # Relations between the values of a motor.
@@ -79,8 +80,8 @@ class Structure(Parameters):
 class Motor(Shown, Parameters):
     """A standing-wave piezomotor: modes, electrical groups, contact and rotor.
 
-    ``drive`` is the table of the recommended drive, for ``default_drive``. ``structure`` and ``provenance`` state the
-    origin of the values. No simulation reads these three.
+    ``drive`` is the table of the recommended drive, for ``default_drive``. ``structure`` (a beam), ``solid`` and
+    ``provenance`` state the origin of the values. No simulation reads these four.
     """
 
     name: str = Field(
@@ -98,6 +99,7 @@ class Motor(Shown, Parameters):
     limits: Limits | None = Field(default=None, description="limits of the ceramic; null: not known")
     drive: dict[str, Any] | None = Field(default=None, exclude=True)
     structure: Structure | None = Field(default=None, exclude=True)
+    solid: Solid | None = Field(default=None, exclude=True)
     provenance: dict[str, Provenance] = Field(default_factory=dict, exclude=True)
 
     def __init__(self, *values: Any, **named: Any) -> None:
@@ -230,7 +232,7 @@ class Motor(Shown, Parameters):
             document["modes"][index] = with_constants(mode, f"modes.{index}", where)
         changed_modes = any(path.startswith("modes.") for path in changed)
         document["drive"] = self.drive
-        return assemble(document, None if changed_modes else self.structure, provenance, where=where)
+        return assemble(document, None if changed_modes else self.structure or self.solid, provenance, where=where)
 
 
 def _check_mode(mode: Mode) -> None:
@@ -253,7 +255,7 @@ def _check_mode(mode: Mode) -> None:
 
 
 def assemble(
-    parts: Mapping[str, Any], structure: Structure | None, provenance: dict[str, Provenance], *, where: str
+    parts: Mapping[str, Any], stator: Structure | Solid | None, provenance: dict[str, Provenance], *, where: str
 ) -> Motor:
     """Build a motor from plain tables, its modes sorted by frequency; ``where`` names their origin in messages."""
     modes = tuple(build(Mode, mode, f"modes.{index}", where) for index, mode in enumerate(parts["modes"]))
@@ -269,7 +271,8 @@ def assemble(
                 if section not in _OPTIONAL or parts.get(section) is not None
             },
             drive=parts.get("drive"),
-            structure=structure,
+            structure=stator if isinstance(stator, Structure) else None,
+            solid=stator if isinstance(stator, Solid) else None,
             provenance={
                 re.sub(r"^modes\.\d+\.", lambda found: moved[found[0]], path): origin
                 for path, origin in provenance.items()

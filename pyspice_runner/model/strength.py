@@ -4,7 +4,7 @@
 A Bernoulli–Euler beam strains its outer fibre by the curvature times the distance from the neutral axis. The stress is
 Young's modulus times that strain, without the contribution of the field, E d₃₁ E₃ (0.7 MPa at 50 V on the plates of
 andersen2002). The sine series of the curvature is summed with Lanczos' factors, which remove its ringing at the ends of
-the plates.
+the plates. Of a solid they are the normal strains and stresses, means over elements.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.motor import Motor, Structure
+from pyspice_runner.model.solid.stator import stator_of
 
 Array = NDArray[np.float64]
 STRESSED = (
@@ -31,8 +32,8 @@ _POINTS = 41  # along each patch
 
 
 @cache
-def _outer_strain(structure: Structure) -> tuple[Array, Array]:
-    """Return the strain of the outer fibres per modal displacement in 1/m, (points, modes), and their moduli in Pa."""
+def _of_beam(structure: Structure) -> tuple[Array, Array]:
+    """Return strain in 1/m and stress in Pa/m of the outer fibres per modal displacement, (points, modes)."""
     resonator = solve_resonator(structure.beam, structure.patches, structure.tip)
     shapes, k = len(resonator.coefficients), resonator.wavenumbers
     smooth = np.sinc(np.arange(1, shapes + 1) / (shapes + 1))
@@ -42,35 +43,43 @@ def _outer_strain(structure: Structure) -> tuple[Array, Array]:
         curvature = np.sin(np.outer(x, k)) @ ((smooth * k**2)[:, None] * resonator.coefficients)
         strains.append((0.5 * structure.beam.thickness_m + patch.thickness_m) * curvature)
         moduli.append(np.full(_POINTS, patch.youngs_modulus_pa))
-    return np.concatenate(strains), np.concatenate(moduli)
+    strain = np.concatenate(strains)
+    return strain, np.concatenate(moduli)[:, None] * strain
 
 
-def stress_of_modes(structure: Structure, modes: int) -> Array:
-    """Return the stress of the outer fibres per displacement of the first modes in Pa/m, (points, modes)."""
-    strain, modulus = _outer_strain(structure)
-    return modulus[:, None] * strain[:, :modes]
+def _of_modes(motor: Motor) -> tuple[Array, Array]:
+    """Return strain in 1/m and stress in Pa/m of the ceramic per modal displacement; no points if not known."""
+    if motor.solid is not None:
+        stator = stator_of(motor.solid)
+        return stator.strain_per_m, stator.stress_pa_per_m
+    if motor.structure is not None:
+        strain, stress = _of_beam(motor.structure)
+        return strain[:, : len(motor.modes)], stress[:, : len(motor.modes)]
+    return np.empty((0, 0)), np.empty((0, 0))
+
+
+def stress_of_modes(motor: Motor) -> Array:
+    """Return the stress of the ceramic per modal displacement in Pa/m, (points, modes); no points if not known."""
+    return _of_modes(motor)[1]
 
 
 def peak_of_motion(motor: Motor, displacement_m: Array) -> dict[str, float]:
     """Return the greatest strain and stress over modal displacements in m, shape (modes, points).
 
-    They are NaN without a known beam.
+    They are NaN without a known beam or solid.
     """
-    return _peak(motor, lambda shape: np.abs(shape @ displacement_m).max(axis=1))
+    return _peak(motor, lambda shape: float(np.abs(shape @ displacement_m).max()))
 
 
 def peak_of_amplitudes(motor: Motor, amplitudes_m: Sequence[float]) -> dict[str, float]:
     """Return an upper bound of strain and stress: all modes at their amplitudes at once."""
-    return _peak(motor, lambda shape: np.abs(shape) @ np.asarray(amplitudes_m))
+    return _peak(motor, lambda shape: float((np.abs(shape) @ np.asarray(amplitudes_m)).max()))
 
 
-def _peak(motor: Motor, strain_of: Callable[[Array], Array]) -> dict[str, float]:
-    """Return the greatest strain and stress, for a strain as a function of the strain per modal displacement."""
-    if motor.structure is None:
-        return {"ceramic_strain": nan, "ceramic_stress_pa": nan}
-    shape, modulus = _outer_strain(motor.structure)
-    strain = strain_of(shape[:, : len(motor.modes)])
-    return {"ceramic_strain": float(strain.max()), "ceramic_stress_pa": float((modulus * strain).max())}
+def _peak(motor: Motor, greatest: Callable[[Array], float]) -> dict[str, float]:
+    """Return the greatest strain and stress, each a function of its values per modal displacement."""
+    strain, stress = (greatest(shape) if len(shape) else nan for shape in _of_modes(motor))
+    return {"ceramic_strain": strain, "ceramic_stress_pa": stress}
 
 
 def amplitude(mean_square_velocity: float, omega: float) -> float:

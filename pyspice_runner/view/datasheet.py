@@ -263,15 +263,22 @@ def downloads(report: Report) -> dict[str, str]:
     return {name: f"data:text/plain;charset=utf-8;base64,{text}" for name, text in encoded.items()}
 
 
+_OF_SOLID = ("contact", "boxes", "electrodes", "supports")  # tables within [solid]
+
+
 def parameter_rows(motor: Motor) -> Iterator[Row]:
     """Yield every parameter of a motor, those of its structure first, with unit, meaning and provenance."""
     structure = motor.structure
     tables: dict[str, Any] = {name: getattr(structure, name) for name in _SECTIONS[:4]} if structure else {}
     tables |= {name: getattr(motor, name) for name in _SECTIONS[4:] if getattr(motor, name) is not None}
+    if motor.solid is not None:
+        tables = {"solid": motor.solid} | {f"solid.{name}": getattr(motor.solid, name) for name in _OF_SOLID} | tables
     for section, table in tables.items():
         many = isinstance(table, tuple)
         for number, entry in enumerate(table if many else (table,)):
             for name, known in type(entry).model_fields.items():
+                if section == "solid" and name in _OF_SOLID:
+                    continue
                 path = f"{section}.{number}.{name}" if many else f"{section}.{name}"
                 shared = f"ceramic.{name}" if section == "patches" else ""  # by all patches
                 origin = motor.provenance.get(path) or motor.provenance.get(shared) or Provenance("derived", "")

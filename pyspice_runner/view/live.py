@@ -153,10 +153,10 @@ def _motor(motor: Motor) -> dict[str, Any]:
 
 def _rated(motor: Motor) -> dict[str, Any] | None:
     """Return limits in MPa and °C, their cautions, and the stress of the ceramic per modal displacement in MPa/µm."""
-    limits, structure = motor.limits, motor.structure
+    limits = motor.limits
     if limits is None:
         return None
-    stress = strength.stress_of_modes(structure, len(motor.modes)) if structure else np.empty((0, 0))
+    stress = strength.stress_of_modes(motor)
     return {
         "strength": 1e-6 * limits.dynamic_strength_pa,
         "ambient": limits.ambient_c,

@@ -7,20 +7,31 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.patches import Rectangle
 
 from pyspice_runner.analysis.impact import Impact
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import motor as model
 from pyspice_runner.model.beam import solve_resonator
+from pyspice_runner.model.solid.parameters import Placed, Solid
+from pyspice_runner.model.solid.stator import stator_of
+from pyspice_runner.run.waveforms import Array
 from pyspice_runner.view.draw import DASHES, Panel, Sheet, draw_lines, dress
 from pyspice_runner.view.style import BLUE, CYCLE, GREY, LABELS, VERMILION, Label
 
+_SWING = 0.08  # of the largest dimension of a solid: how far a mode is drawn to move
+
 
 def motor(motor: model.Motor) -> Sheet:
-    """Return the shapes of the modes, with the patches and the tip."""
+    """Return the shapes of the modes, with the patches and the tip of a beam, or the geometry of a solid."""
     structure = motor.structure
+    if motor.solid is not None:
+        return _solid(motor, motor.solid)
     if structure is None:
-        raise ParameterError(f"Motor {motor.name} is given by its modes, not by a beam; there are no shapes to draw.")
+        raise ParameterError(
+            f"Motor {motor.name} is given by its modes, not by a beam or a solid; there are no shapes to draw."
+        )
 
     def draw_modes(ax: Axes) -> None:
         resonator = solve_resonator(structure.beam, structure.patches, structure.tip, count=len(motor.modes))
@@ -38,6 +49,65 @@ def motor(motor: model.Motor) -> Sheet:
         ax.legend()
 
     return Sheet({"modes": draw_modes}, 1, (7.0, 4.0))
+
+
+def _solid(motor: model.Motor, solid: Solid) -> Sheet:
+    """Return boxes and electrodes, and the displacement of each mode, seen along the axis of the rotor."""
+    stator, contact = stator_of(solid), solid.contact
+    plane = sorted("xyz".index(sense[1]) for sense in (contact.normal, contact.tangent))
+    depth = 3 - sum(plane)
+    nodes = 1e3 * stator.nodes_m
+    swing = _SWING * np.ptp(nodes, axis=1).max()
+
+    def corners(item: Placed) -> tuple[Array, Array]:
+        return 1e3 * np.array(item.from_m)[plane], 1e3 * np.array(item.to_m)[plane]
+
+    def draw_geometry(ax: Axes) -> None:
+        for box in solid.boxes:
+            low, high = corners(box)
+            ax.add_patch(Rectangle(tuple(low), *(high - low), facecolor="0.9", edgecolor="0.3", label="_"))
+            ax.text(low[0], high[1], f" {box.material}", fontsize=7, color="0.3", va="bottom")
+        for electrode in solid.electrodes:
+            if electrode.group != "ground":
+                (low, high), color = corners(electrode), BLUE if electrode.group == "A" else VERMILION
+                ax.add_patch(Rectangle(tuple(low), *(high - low), facecolor=color, edgecolor=color, alpha=0.35))
+                ax.text(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), electrode.group, ha="center", va="center")
+        x, y = np.mean(corners(contact), axis=0)
+        for sense, name in ((contact.normal, "normal"), (contact.tangent, "tangent")):
+            dx, dy = np.eye(3)["xyz".index(sense[1])][plane] * (swing if sense[0] == "+" else -swing)
+            ax.annotate("", (x + dx, y + dy), (x, y), arrowprops={"arrowstyle": "->"})
+            ax.text(x + dx, y + dy, name, fontsize=7)
+        _frame(ax, plane, f"{motor.name}: materials and electrodes")
+
+    def mode_panel(index: int) -> Panel:
+        mode, shape = motor.modes[index], stator.shapes[..., index]
+        moved = (nodes + swing * shape)[plane]
+
+        def draw_mode(ax: Axes) -> None:
+            cells = stator.cells
+            if len(nodes) == 3:  # of each cell the face towards the viewer
+                order = np.argsort(nodes[depth][cells], axis=0)[4:]
+                cells = np.take_along_axis(cells, order, axis=0)
+            centres = nodes[plane][:, cells].mean(axis=1, keepdims=True)
+            turn = np.argsort(np.arctan2(*(nodes[plane][:, cells] - centres)), axis=0)
+            cells = np.take_along_axis(cells, turn, axis=0)
+            size = np.sqrt((shape**2).sum(axis=0))[cells].mean(axis=0)
+            ax.add_collection(PolyCollection(moved[:, cells].transpose(2, 1, 0), array=size, clim=(0.0, 1.0), lw=0.2))
+            ax.autoscale_view()
+            title = f"{mode.name}, {mode.frequency_hz / 1e3:.4g} kHz"
+            _frame(ax, plane, f"{title} (largest displacement drawn as {swing:.2g} mm)")
+
+        return draw_mode
+
+    panels = {"geometry": draw_geometry} | {mode.name: mode_panel(i) for i, mode in enumerate(motor.modes)}
+    return Sheet(panels, 2, (5.5, 2.8))
+
+
+def _frame(ax: Axes, plane: list[int], title: str) -> None:
+    dress(ax, f"{'xyz'[plane[0]]} in mm", f"{'xyz'[plane[1]]} in mm", title)
+    ax.set_aspect("equal")
+    ax.margins(0.12)
+    ax.autoscale_view()
 
 
 def motors(motors: Sequence[model.Motor]) -> Sheet:

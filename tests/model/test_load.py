@@ -103,6 +103,7 @@ ARMS: Document = {
 }
 del ARMS["modes"]
 WAYS = {"beam": BEAM, "modes": MODES, "arms": ARMS}
+STATED = "[beam], [solid], [[modes]] or [[arms]]"
 
 
 def changed(document: Document, path: str, value: Any) -> Document:
@@ -373,7 +374,7 @@ TOML = "mine.toml is not valid TOML:"
             b"[" + b" . ".join([b'"a.b"', b"c"] * 20_000) + b"]",
             "mine.toml has a key of more than 32 dotted parts. {hint}",
         ),
-        (b"", "mine.toml must state its modes by exactly one of [beam], [[modes]] or [[arms]]; it has none of them."),
+        (b"", f"mine.toml must state its modes by exactly one of {STATED}; it has none of them."),
     ],
 )
 def test_unreadable_file_is_rejected(content: bytes, sentence: str, tmp_path: Path) -> None:
@@ -402,7 +403,8 @@ def test_file_that_may_not_be_read_is_rejected(tmp_path: Path, monkeypatch: pyte
 # --- mistakes in a document ----------------------------------------------------------------------------------
 
 TOP = (
-    "name, description, beam, ceramic, patches, tip, damping, modes, arms, piezo, contact, rotor, mount, limits, drive"
+    "name, description, beam, ceramic, patches, tip, damping, modes, arms, piezo, contact, rotor, mount, limits, "
+    "drive, solid"
 )
 MISTAKES: list[tuple[Document, str]] = [
     (changed(MODES, "rottor", {}), "there is no 'rottor'. Did you mean 'rotor'?"),
@@ -525,7 +527,7 @@ MISTAKES: list[tuple[Document, str]] = [
     ),
     (
         changed(BEAM, "modes", [MODE]),
-        " must state its modes by exactly one of [beam], [[modes]] or [[arms]]; it has [beam] and [modes].",
+        " must state its modes by exactly one of [beam], [solid], [[modes]] or [[arms]]; it has [beam] and [modes].",
     ),
     *(
         (changed(MODES, key, ...), f" has no entry '{key}'; a motor needs name, piezo, contact, rotor and its modes.")

@@ -50,8 +50,12 @@ class Geometry:
 
 def build_geometry(solid: Solid) -> Geometry:
     """Return mesh, materials and places of a stator. Raise ParameterError for parts that miss it or touch wrongly."""
-    from skfem import Basis, ElementHexS2, ElementQuadS2, MeshHex, MeshQuad
-
+    try:
+        from skfem import Basis, ElementHexS2, ElementQuadS2, MeshHex, MeshQuad
+    except ImportError:
+        raise ParameterError(
+            "[solid] needs the finite elements of scikit-fem. Install them: `pip install 'pyspice-runner[solid]'`."
+        ) from None
     plate = solid.theory == "plate"
     lines = [_lines(solid, axis) for axis in range(2 if plate else 3)]
     cells = int(np.prod([len(line) - 1 for line in lines]))

@@ -45,7 +45,11 @@ class Placed(Parameters):
 class Box(Placed):
     """A block of one material. Where two boxes overlap, the later one counts."""
 
-    material: str = Field(description="name of a material of the library")
+    material: str = Field(
+        description="name of a material of the library",
+        max_length=20,
+        json_schema_extra={"made_of": "letters, digits and -"},
+    )
     polarisation: Sense = Field(description="sense in which a ceramic is poled", default="+z")
 
     @model_validator(mode="after")
@@ -67,7 +71,10 @@ class Electrode(Placed):
 class Support(Placed):
     """A support: it clamps what it covers, or holds it by springs that are spread over the face."""
 
-    directions: str = Field(description="directions that it holds, such as xyz", default="xyz", pattern="^[xyz]{1,3}$")
+    directions: str = Field(
+        description="directions that it holds, such as xyz", default="xyz", pattern="^[xyz]{1,3}$", max_length=3,
+        json_schema_extra={"made_of": "letters x, y and z"},
+    )  # fmt: skip
     stiffness_n_per_m: float | None = quantity(
         "stiffness of the springs in each direction; left out: clamped", "N/m", gt=0.0, le=1e12, default=None
     )

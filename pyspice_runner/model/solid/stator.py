@@ -13,13 +13,18 @@ the highest frequency of the range. Rigid motion is left to the mount.
 
 from __future__ import annotations
 
+import hashlib
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from math import pi
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.files import cache_folder, save_by_ending
 from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.solid.elements import VOLTS, Array, Indices, assemble, strains
 from pyspice_runner.model.solid.geometry import Geometry, build_geometry
@@ -70,6 +75,34 @@ class Stator:
         """Modal stiffness with both groups shorted."""
         return np.asarray(self.masses_kg * (2.0 * pi * self.frequencies_hz) ** 2)
 
+    def dampings_n_s_per_m(self, quality_factor: float) -> Array:
+        """Return the modal damping √(k m)/Q."""
+        return np.asarray(2.0 * pi * self.frequencies_hz * self.masses_kg / quality_factor)
+
+
+@cache
+def stator_of(solid: Solid) -> Stator:
+    """Return the modes of a stator, from the user's cache if these parameters, by this program, are in it.
+
+    Raise ParameterError as :func:`solve_stator`.
+    """
+    from zipfile import BadZipFile
+
+    content = hashlib.sha256(solid.model_dump_json().encode())
+    for source in sorted(Path(__file__).parent.glob("*.*")):
+        content.update(source.read_bytes())
+    try:
+        stored = cache_folder("stators", ParameterError("no home")) / f"{content.hexdigest()[:32]}.npz"
+    except ParameterError:
+        return solve_stator(solid)
+    with suppress(OSError, ValueError, TypeError, BadZipFile), stored.open("rb") as file, np.load(file) as arrays:
+        return Stator(**arrays)
+    found = solve_stator(solid)
+    with suppress(OSError, ParameterError):  # a result that cannot be kept is still one
+        stored.parent.mkdir(parents=True, exist_ok=True)
+        save_by_ending(stored, {".npz": lambda place: np.savez(place, **vars(found))})
+    return found
+
 
 @one_thread  # the modes enter decks and the addresses of stored points
 def solve_stator(solid: Solid) -> Stator:
@@ -115,9 +148,10 @@ def solve_stator(solid: Solid) -> Stator:
         )
 
     others = ~kept & ~rigid
-    top = float(np.max(squares[kept]))
+    # at the frequency of the motor's modes those below push against the force, and those above are static
+    under = np.where(squares[others] < squares[kept].min(), squares[kept].mean(), 0.0)
     at_shift = _response(generalised, squares - shift)
-    beside = _response(generalised[:, others], squares[others] - top)
+    beside = _response(generalised[:, others], squares[others] - under)
     density = _mass_of_nodes(geometry)
     normal = geometry.contact[0].sum(axis=0)
     stress, strain = _stress(geometry, vectors[:, kept] / amplitude[kept])
