@@ -207,18 +207,23 @@ static void evaluate(const struct motor *m, const double state[STATES], struct f
     f->rate[TEMPERATURE] = (f->heat - cooling) / p->heat_capacity;
 }
 
-/* The motion that the harmonics left out would cause, relative to the static penetration and the limit of stick. */
+/* The motion that the harmonics left out would cause, and that of the carrier at all harmonics, relative to the static
+   penetration and the limit of stick. */
 static double check(const struct values *p, const struct contact *contact)
 {
     double depth = pow(p->preload / p->normal_stiffness, 2.0 / 3.0);
     double limit = p->friction * p->compliance * pow(p->normal_stiffness, 2.0 / 3.0) * depth;
     double total = 0.0;
 
-    for (int h = HARMONICS + 1; h < ORDERS; h++) {
+    for (int h = 1; h < ORDERS; h++) {
+        double omega = 2.0 * PI * h * p->frequency;
         phasor x = {0.0, 0.0}, y = {0.0, 0.0};
-        for (int i = 0; i < MODES; i++) {
+        if (MOUNTED) {
+            phasor spring = {p->mount_stiffness - p->mount_mass * omega * omega, p->mount_damping * omega};
+            y = quotient(contact->fy[h], spring);
+        }
+        for (int i = 0; h > HARMONICS && i < MODES; i++) {
             const struct mode *mode = &p->mode[i];
-            double omega = 2.0 * PI * h * p->frequency;
             phasor spring = {mode->stiffness - mode->mass * omega * omega, mode->damping * omega};
             phasor force = sum(scaled(mode->tip_x, contact->fx[h]), scaled(mode->tip_y, contact->fy[h]));
             phasor moved = quotient(force, spring);

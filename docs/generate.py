@@ -214,6 +214,8 @@ def _allowed(kind: type[Parameters], name: str) -> str:
         return "three coordinates, ≥ -1, ≤ 1"
     if schema.get("made_of"):
         return f"up to {schema['maxLength']} {schema['made_of']}"
+    if schema.get("type") == "boolean":
+        return "true, false"
     if schema.get("type") == "string":
         return f"up to {schema['maxLength']} letters, digits, - and _"
     limits = [

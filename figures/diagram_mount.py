@@ -42,7 +42,7 @@ def mechanics(sheet: Sheet) -> None:
 def circuit(sheet: Sheet) -> None:
     """Draw the loop of the carrier and the two sums."""
     loop = 4.9
-    sheet.block((9.2, 0.3), (11.3, 5.9), MOUNT)
+    sheet.block((9.2, -1.1), (11.3, 7.3), MOUNT)
     sheet.note(LIBRARY, (14.85, 6.6), fontweight="bold")
     sheet.pin((8.6, loop))
     sheet.node(LIBRARY, "fy", (8.6, loop + 0.45))
@@ -72,6 +72,10 @@ def circuit(sheet: Sheet) -> None:
         sheet.node(LIBRARY, first, (9.5, y + 0.35), ha="left")
         sheet.node(LIBRARY, last, (20.3, y + 0.35), ha="right")
         sheet.note(formula, (13.9, y + 0.4), ha="left")
+    sheet.pin((21.0, -0.4))
+    sheet.wire((19.4, -0.4), (20.9, -0.4))
+    sheet.node(LIBRARY, "base", (20.3, -0.05), ha="right")
+    sheet.note("$\\ddot{z}$; draws the recoil of the modes, which acts on the loop", (19.2, -0.4), ha="right")
 
 
 def sheet() -> Sheet:

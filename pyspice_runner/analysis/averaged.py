@@ -162,7 +162,7 @@ def model_cautions(check: float, opened: float) -> tuple[str, ...]:
     found = []
     if check > TRUSTED_CHECK:
         found.append(
-            f"The harmonics that the averaged model leaves out move the tip by {check:.2g} of its static penetration "
+            f"The motion that the averaged model leaves out moves the tip by {check:.2g} of its static penetration "
             f"or limit of stick; up to {TRUSTED_CHECK:g} is accurate. Give more harmonics, or use the full motor."
         )
     if opened > TRUSTED_OPEN:

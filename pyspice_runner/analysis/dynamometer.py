@@ -18,6 +18,7 @@ import numpy as np
 from pyspice_runner.model import strength
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount
+from pyspice_runner.model.recoil import recoils
 from pyspice_runner.netlist.benches import SpeedRamp
 from pyspice_runner.netlist.motor import dielectric_branches, require_linear
 from pyspice_runner.netlist.source import Source
@@ -263,13 +264,14 @@ def stored_energy(
     motor: Motor, displacements_m: Iterable[float], velocities_m_s: Iterable[float], lift_m: float, rise_m_s: float
 ) -> float:
     """Return the energy in J in the modes and the mount, whose carrier has the displacement ``lift_m``."""
-    energy = 0.0
-    for mode, r, v in zip(motor.modes, displacements_m, velocities_m_s, strict=True):
+    energy, velocities = 0.0, list(velocities_m_s)
+    for mode, r, v in zip(motor.modes, displacements_m, velocities, strict=True):
         energy += 0.5 * (
             mode.mass_kg * v**2 + mode.stiffness_n_per_m * r**2 * (1.0 - 0.5 * mode.softening_per_m2 * r**2)
         )
     if mount := motor.mount:
         energy += 0.5 * (mount.mass_kg * rise_m_s**2 + mount.stiffness_n_per_m * lift_m**2)
+        energy += rise_m_s * float(recoils(motor.modes) @ np.array(velocities))
         energy -= motor.contact.preload_n * lift_m
     return float(energy)
 

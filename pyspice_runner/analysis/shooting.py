@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from pyspice_runner.analysis.period_map import PeriodMap, Trace
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.parameters import Mode, Mount
+from pyspice_runner.model.recoil import mass_matrix
 from pyspice_runner.netlist.copies import Copy, Plant, phasor_at
 
 Array = NDArray[np.float64]
@@ -280,17 +281,23 @@ def start_point(plant: Plant) -> Point:
     preload = motor.contact.preload_n if plant.law else 0.0
     state = np.zeros(plant.order)
     amplitudes = np.zeros(n)
-    for tone_a, tone_b in zip(plant.drive.tones_a, plant.drive.tones_b, strict=True):
-        omega = 2.0 * pi * tone_a.frequency
-        for index, mode in enumerate(motor.modes):
-            stiffness = mode.stiffness_n_per_m - omega**2 * mode.mass_kg + 1j * omega * mode.damping_n_s_per_m
-            for tone, coupling in ((tone_a, mode.coupling_a_n_per_v), (tone_b, mode.coupling_b_n_per_v)):
-                displacement, velocity = phasor_at(tone, coupling / stiffness, 0.0)
-                state[index] += displacement
-                state[n + index] += velocity
-            force = mode.coupling_a_n_per_v * tone_a.amplitude * np.exp(1j * tone_a.phase)
-            force += mode.coupling_b_n_per_v * tone_b.amplitude * np.exp(1j * tone_b.phase)
-            amplitudes[index] += abs(force / stiffness)
+    springs: list[Mode | Mount] = [*motor.modes, *([plant.mount] if plant.mount else [])]
+    places = [*range(n), *range(plant.carrier.start, plant.carrier.stop)][: len(springs)]
+    elastic, damping = (
+        np.diag([getattr(spring, name) for spring in springs]) for name in ("stiffness_n_per_m", "damping_n_s_per_m")
+    )
+    couplings = np.zeros((len(springs), 2))
+    couplings[:n] = [(mode.coupling_a_n_per_v, mode.coupling_b_n_per_v) for mode in motor.modes]
+    for tones in zip(plant.drive.tones_a, plant.drive.tones_b, strict=True):
+        omega = 2.0 * pi * tones[0].frequency
+        dynamic = elastic - omega**2 * mass_matrix(motor.modes, plant.mount) + 1j * omega * damping
+        gains = np.linalg.solve(dynamic, couplings)
+        for place, gain in zip(places, gains, strict=True):
+            for tone, one in zip(tones, gain, strict=True):
+                displacement, velocity = phasor_at(tone, one, 0.0)
+                state[place] += displacement
+                state[place + (n if place < n else 1)] += velocity
+        amplitudes += abs(gains[:n] @ [tone.amplitude * np.exp(1j * tone.phase) for tone in tones])
     for index, mode in enumerate(motor.modes):
         state[index] -= mode.tip_y * preload / mode.stiffness_n_per_m
     masses = np.array([mode.mass_kg for mode in motor.modes])

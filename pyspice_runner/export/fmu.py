@@ -27,6 +27,7 @@ from xml.etree import ElementTree
 from pyspice_runner.engine.compiler import compile_library
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.recoil import modes_on_carrier
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import SUBCIRCUIT, default_two_phase, require_averaged
 from pyspice_runner.netlist.expressions import HELPERS, equations, translated
@@ -96,6 +97,7 @@ def variables(motor: Motor, thermal: Thermal | None = None) -> list[Variable]:
 def _values(motor: Motor, thermal: Thermal | None) -> dict[str, float]:
     """Return the start values of inputs and parameters; the inputs are those of the recommended drive."""
     drive, contact = default_two_phase(motor), motor.contact
+    motor = motor.model_copy(update={"modes": modes_on_carrier(motor.modes, motor.mount)})
     body = thermal or Thermal.of(motor)
     values = {
         "amplitude_a": drive.voltage, "amplitude_b": drive.voltage_b, "phase": drive.phase_deg,

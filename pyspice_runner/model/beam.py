@@ -94,6 +94,8 @@ class Resonator:
     """(2, modes): groups A and B."""
     wavenumbers: Array
     """jπ/L in 1/m, of the shape functions."""
+    recoils_kg: Array
+    """Γ = ∫ μ w dx + m_t w(x_t) of the modes: momentum along y per modal velocity."""
 
     @property
     def frequencies_hz(self) -> Array:
@@ -148,6 +150,7 @@ def solve_resonator(
     mass = np.zeros((shapes, shapes))
     coupling = np.zeros((2, shapes))
     coupling_scale = np.zeros((2, shapes))
+    recoil = tip.mass_kg * np.sin(k * tip.position_m)
     for section in sections:
         products = _sine_products(shapes, section.start, section.end, beam.length_m)
         turn = k * (np.cos(k * section.end) - np.cos(k * section.start))
@@ -155,6 +158,7 @@ def solve_resonator(
         mass += section.mass_per_length * products
         coupling += np.outer(section.moment_per_volt, turn)
         coupling_scale += np.outer(np.abs(section.moment_per_volt), 2 * k)
+        recoil += section.mass_per_length * (np.cos(k * section.start) - np.cos(k * section.end)) / k
     stiffness *= (np.pi / beam.length_m) ** 4  # w″ of the scaled shapes is −(π/L)² sin(jπx/L)
     value = np.sin(k * tip.position_m)
     slope = k * np.cos(k * tip.position_m)
@@ -178,13 +182,14 @@ def solve_resonator(
         stiffnesses_n_per_m=stiffnesses,
         couplings_n_per_v=_without_round_off(coupling @ coefficients, coupling_scale @ np.abs(coefficients)),
         wavenumbers=k,
+        recoils_kg=_without_round_off(recoil @ coefficients, np.abs(recoil).max() * np.abs(coefficients).sum(axis=0)),
     )
 
 
 def resonator_modes(
     beam: Beam, patches: Sequence[Patch], tip: Tip, damping: Damping, *, count: int = 2, shapes: int = SHAPES
 ) -> tuple[Mode, ...]:
-    """Return the ``count`` lowest modes, "bending-1" first, with Rayleigh damping c = α m + β k.
+    """Return the ``count`` lowest modes, "bending-1" first, with Rayleigh damping c = α m + β k and recoil.
 
     Raises:
         ParameterError: The parts do not fit together, a group has no patch, or nothing damps the modes.
@@ -202,6 +207,8 @@ def resonator_modes(
         "coupling_a_n_per_v": coupling_a, "coupling_b_n_per_v": coupling_b,
         "tip_x": resonator.tip_x, "tip_y": resonator.tip_y,
     }  # fmt: skip
+    if beam.recoil:
+        columns["recoil_kg"] = resonator.recoils_kg
     columns["damping_n_s_per_m"] = np.array([*map(damping.modal, columns["mass_kg"], columns["stiffness_n_per_m"])])
     try:
         return tuple(

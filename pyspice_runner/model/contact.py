@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.model.parameters import Contact, Mode, Mount, Rotor
+from pyspice_runner.model.recoil import mass_matrix
 from pyspice_runner.model.roots import root
 
 
@@ -137,7 +138,8 @@ def linearised_resonances(
     """
     carrier = [] if mount is None else [mount]
     springs: list[Mode | Mount] = [*modes, *carrier]
-    masses = np.array([*(spring.mass_kg for spring in springs), rotor.inertia_kg_m2 / rotor.radius_m**2])
+    mass = np.diag([*(spring.mass_kg for spring in springs), rotor.inertia_kg_m2 / rotor.radius_m**2])
+    mass[:-1, :-1] = mass_matrix(modes, mount)
     normal = np.array([*(mode.tip_y for mode in modes), *(1.0 for _ in carrier), 0.0])
     tangential = np.array([*(mode.tip_x for mode in modes), *(0.0 for _ in carrier), -1.0])
     stiffness = (
@@ -145,5 +147,7 @@ def linearised_resonances(
         + normal_stiffness_at_preload(contact) * np.outer(normal, normal)
         + tangential_stiffness_at_preload(contact) * np.outer(tangential, tangential)
     )
-    squares = np.linalg.eigvalsh(stiffness / np.sqrt(np.outer(masses, masses)))
+    scale = np.sqrt(np.outer(np.diag(mass), np.diag(mass)))
+    factor = np.linalg.inv(np.linalg.cholesky(mass / scale))  # the unit matrix without recoil
+    squares = np.linalg.eigvalsh(factor @ (stiffness / scale) @ factor.T)
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * pi))

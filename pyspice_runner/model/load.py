@@ -61,6 +61,9 @@ class Arm(Parameters):
     mass_kg: float = quantity("modal mass: the mechanical calibration", "kg", gt=1e-12, le=1e3)
     tip_x: float = quantity("tangential tip displacement per modal coordinate, X", "1", ge=-1e4, le=1e4)
     tip_y: float = quantity("tip displacement towards the rotor per modal coordinate, Y", "1", ge=-1e4, le=1e4)
+    recoil_kg: float | None = quantity(
+        "recoil Γ on the carrier of a mount: momentum along y per modal velocity", "kg", ge=-1e3, le=1e3, default=None
+    )
 
     def to_mode(self) -> Mode:
         """Return the mechanical arm: θ_A² = m/L, k = θ_A²/C, c = θ_A² R."""
@@ -70,7 +73,7 @@ class Arm(Parameters):
             stiffness_n_per_m=coupling_squared / self.capacitance_f,
             coupling_a_n_per_v=sqrt(coupling_squared),
             coupling_b_n_per_v=self.coupling_ratio * sqrt(coupling_squared),
-            **self.model_dump(include={"name", "mass_kg", "tip_x", "tip_y"}),
+            **self.model_dump(include={"name", "mass_kg", "tip_x", "tip_y", "recoil_kg"}),
         )
 
 

@@ -51,7 +51,7 @@ _EFFECTS: dict[tuple[str, str, float], tuple[str, ...]] = {
 
 
 ALIASES = {"frequency_hz": "stiffness_n_per_m", "quality_factor": "damping_n_s_per_m"}  # other ways to state a mode
-_AMPLITUDE = ("softening_per_m2", "damping_growth_per_m2")  # effects of a mode, off at 0
+_OF_MODE = ("softening_per_m2", "damping_growth_per_m2", "recoil_kg")  # effects of a mode, off at 0 or unknown
 _OPTIONAL: dict[str, type[Parameters]] = {"mount": Mount, "limits": Limits}  # sections that may be null
 _SECTIONS: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, "rotor": Rotor, **_OPTIONAL}
 
@@ -121,6 +121,12 @@ class Motor(Shown, Parameters):
                 f"{WIDEST_SPREAD:g} apart, so leave out those that do not take part"
             )
         self._check_groups()
+        shaken = sum((mode.recoil_kg or 0.0) ** 2 / mode.mass_kg for mode in self.modes)
+        if self.mount and shaken >= self.mount.mass_kg:
+            raise ValueError(
+                f"the modes' recoil_kg shakes {shaken:.3g} kg, the sum of recoil_kg²/mass_kg, and mount.mass_kg = "
+                f"{self.mount.mass_kg:g} kg, which contains the stator, must exceed it: correct one of them"
+            )
         seat = contact_law.static_penetration(self.contact) + contact_law.static_deflection(self.contact, self.modes)
         seat += self.contact.series_compliance_m_per_n * self.contact.preload_n
         if seat > 0.1 * self.rotor.radius_m:
@@ -192,7 +198,7 @@ class Motor(Shown, Parameters):
             {
                 "name": mode.name,
                 "frequency_hz": mode.frequency_hz,
-                **mode.model_dump(exclude={"name", *([name for name in _AMPLITUDE if not getattr(mode, name)])}),
+                **mode.model_dump(exclude={"name", *(name for name in _OF_MODE if not getattr(mode, name))}),
             }
             for mode in self.modes
         ]
@@ -230,7 +236,7 @@ class Motor(Shown, Parameters):
                         f"{where}: modes.{index}.{alias} and the {other} are both changed; give one of them."
                     )
             document["modes"][index] = with_constants(mode, f"modes.{index}", where)
-        changed_modes = any(path.startswith("modes.") for path in changed)
+        changed_modes = any(re.match(r"modes\.(?!\d+\.recoil_kg)", path) for path in changed)
         document["drive"] = self.drive
         return assemble(document, None if changed_modes else self.structure or self.solid, provenance, where=where)
 

@@ -60,6 +60,7 @@ class Beam(Parameters):
     thickness_m: float = quantity("height in the bending plane", "m", gt=1e-5, le=0.5)
     youngs_modulus_pa: float = quantity("Young's modulus", "Pa", ge=1e8, le=2e12)
     density_kg_m3: float = quantity("density", "kg/m³", ge=100.0, le=3e4)
+    recoil: bool = Field(default=True, description="whether the modes get the recoil Γ of the beam and its tip")
 
 
 class Patch(Parameters):
@@ -118,7 +119,8 @@ class Damping(Parameters):
 class Mode(Parameters):
     """One bending mode: the motional arm of the Butterworth–Van Dyke circuit and its couplings.
 
-    m r̈ + c ṙ + k r = θ_A U_A + θ_B U_B + X F_x + Y F_y, with r the modal coordinate (m).
+    m r̈ + c ṙ + k r = θ_A U_A + θ_B U_B + X F_x + Y F_y − Γ z̈, with r the modal coordinate (m) and z̈ the acceleration
+    of the carrier, which is 0 without a mount.
     """
 
     # A mass from a MEMS plate 10 µm across to the 1 kg of modes normalised by their mass, and beyond. Couplings and tip
@@ -136,6 +138,10 @@ class Mode(Parameters):
     )
     damping_growth_per_m2: float = quantity(
         "growth κ of the damping force c ṙ (1 + κ r²) with amplitude", "1/m²", ge=0.0, le=1e18, default=0.0
+    )
+
+    recoil_kg: float | None = quantity(
+        "recoil Γ on the carrier of a mount: momentum along y per modal velocity", "kg", ge=-1e3, le=1e3, default=None
     )
 
     @property
@@ -226,11 +232,12 @@ class Contact(Parameters):
 class Mount(Parameters):
     """The carrier of the stator: plate springs press it towards the rotor, so that the preload is a force.
 
-    m_c z̈ + d_c ż + k_c z = F₀ + F_y, with z its displacement towards the rotor and F_y the force of the contact.
+    m_c z̈ + d_c ż + k_c z = F₀ + F_y − Σ Γ r̈, with z its displacement towards the rotor, F_y the force of the contact
+    and Γ the recoil of a mode.
     """
 
     stiffness_n_per_m: float = quantity("stiffness k_c of the springs along y", "N/m", ge=1.0, le=1e13)
-    mass_kg: float = quantity("mass m_c of the carrier", "kg", ge=1e-9, le=1e3)
+    mass_kg: float = quantity("mass m_c of the carrier, with that of the stator", "kg", ge=1e-9, le=1e3)
     damping_n_s_per_m: float = quantity("damping d_c of the springs", "N·s/m", ge=1e-9, le=1e9)
 
     @property

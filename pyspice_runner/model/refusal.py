@@ -116,6 +116,8 @@ def allowed_range(kind: type[Parameters], name: str) -> str:
     if "enum" in schema:
         return "one of " + ", ".join(map(str, schema["enum"]))
     schema = next(iter(schema.get("anyOf", [schema])))  # of an optional number
+    if schema.get("type") == "boolean":
+        return "true or false"
     if schema.get("type") == "string":
         return f"a text of at most {schema.get('maxLength', 1000)} {schema.get('made_of', 'characters')}"
     if schema.get("type") == "array":

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.motor import Motor, Structure
+from pyspice_runner.model.recoil import unknown_recoil
 from pyspice_runner.model.solid.stator import stator_of
 
 Array = NDArray[np.float64]
@@ -93,11 +94,10 @@ def temperature_rise(motor: Motor, heat_w: float) -> float:
 
 
 def exceeded(motor: Motor, stress_pa: float, rise_k: float) -> tuple[str, ...]:
-    """Return one sentence for each limit that a stress and a temperature rise exceed."""
-    limits = motor.limits
+    """Return one sentence for each limit that a stress and a temperature rise exceed, and for an unknown recoil."""
+    limits, found = motor.limits, [*unknown_recoil(motor.modes, motor.mount)]
     if limits is None:
-        return ()
-    found = []
+        return tuple(found)
     if stress_pa > limits.dynamic_strength_pa:
         found.append(STRESSED.format(stress=1e-6 * stress_pa, strength=1e-6 * limits.dynamic_strength_pa))
     temperature, most = limits.ambient_c + rise_k, 0.5 * limits.curie_temperature_c

@@ -21,6 +21,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Load, TwoPhaseDrive, default_drive
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.recoil import modes_on_carrier
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import add_cooling
 from pyspice_runner.netlist.contact import PAPER_LAW, ContactLaw, law_of
@@ -184,6 +185,7 @@ class AveragedSubCircuit(Assembly):
         name: str = SUBCIRCUIT,
     ) -> None:
         require_averaged(motor)
+        motor = motor.model_copy(update={"modes": modes_on_carrier(motor.modes, motor.mount)})
         contact = motor.contact
         values = {
             "preload": contact.preload_n, "friction": contact.friction,
@@ -217,6 +219,12 @@ class AveragedSubCircuit(Assembly):
                 moves = [f"left_{axis}_{part}{order}" for axis in "xy" for part in ("re", "im")]
                 nodes = (*forces, *moves, "frequency")
                 self._put(f"check{index}_{order}", f"{SUBCIRCUIT}_check", nodes, {**arm, "harmonic": order})
+        if motor.mount:  # which the model lets follow the mean force only
+            carrier = {**spring_values(motor.mount), "tip_x": 0.0, "tip_y": 1.0}
+            for order in range(1, harmonics + CHECKED_HARMONICS + 1):
+                moves = [self.gnd, self.gnd, f"left_y_re{order}", f"left_y_im{order}"]
+                nodes = (*[self.gnd] * 2, f"fy_re{order}", f"fy_im{order}", *moves, "frequency")
+                self._put(f"check_carrier_{order}", f"{SUBCIRCUIT}_check", nodes, {**carrier, "harmonic": order})
         for node in (*_orders("x", harmonics), *_orders("y", harmonics), "heat"):
             self.R(f"sum_{node}", node, self.gnd, 1)
         self.R("open_temperature", "temperature", self.gnd, 1e9)
@@ -242,7 +250,7 @@ class AveragedSubCircuit(Assembly):
             nodes[0] = CROWN
         if motor.mount:  # the carrier follows the mean force; its inertia keeps it at rest at the drive frequency
             self.VCVS("carrier", "fy_carrier", self.gnd, "fy_0", self.gnd, voltage_gain=1)
-            pins = ("fy_carrier", "y_0", self.gnd, *MOUNTED.values())
+            pins = ("fy_carrier", "y_0", self.gnd, *MOUNTED.values(), "base")
             self._put("mount", "piezomotor_mount", pins, spring_values(motor.mount), ["preload"])
             nodes[nodes.index("y_0")] = MOUNTED["y"]
         values: dict[str, float | str] = {
@@ -253,8 +261,9 @@ class AveragedSubCircuit(Assembly):
         self._put("contact", library, nodes, values, ["normal_stiffness", "radius", "preload"])
 
     def _add_check(self, motor: Motor, harmonics: int) -> None:
-        """Add the node ``check``: motion at the harmonics left out, over the static penetration and limit of stick.
+        """Add the node ``check``: the motion left out, over the static penetration and limit of stick.
 
+        That is the motion of the tip at the harmonics left out, and of the carrier at all harmonics.
         It is at least 1 if a parameter of the X line is out of its range.
         """
         depth = "(1e6*(preload/normal_stiffness)**(2/3))"
@@ -262,8 +271,10 @@ class AveragedSubCircuit(Assembly):
         softness /= motor.contact.normal_stiffness_n_per_m15 ** (2.0 / 3.0)
         limits = {"x": f"({softness:.10g}*friction*normal_stiffness**(2/3)*{depth})", "y": depth}
         squares = []
-        for order in range(harmonics + 1, harmonics + CHECKED_HARMONICS + 1):
+        for order in range(1, harmonics + CHECKED_HARMONICS + 1):
             for axis, limit in limits.items():
+                if order <= harmonics and not (motor.mount and axis == "y"):
+                    continue
                 for part in ("re", "im"):
                     node = f"left_{axis}_{part}{order}"
                     self.R(f"sum_{node}", node, self.gnd, 1)

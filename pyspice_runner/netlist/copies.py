@@ -31,6 +31,7 @@ from pyspice_runner.netlist.state import (
     Discretisation,
     Kind,
     State,
+    carrier,
     motor_states,
     plate_nodes,
     start_nodes,
@@ -86,8 +87,8 @@ class Plant:
 
     @property
     def mount(self) -> Mount | None:
-        """The mount; a free tip has none."""
-        return self.motor.mount if self.law else None
+        """The mount in the netlist."""
+        return carrier(self.motor, self.law)
 
     @property
     def carrier(self) -> slice:

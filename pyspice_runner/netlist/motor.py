@@ -47,11 +47,13 @@ from pyspice_runner.netlist.state import (
     Discretisation,
     Motion,
     State,
+    carrier,
     motor_states,
     plate_nodes,
     start_parameters,
     static_sway,
     written,
+    written_recoil,
 )
 
 SUBCIRCUIT = PREFIX
@@ -182,6 +184,7 @@ class MotorSubCircuit(Assembly):
         self.prefix, self._starts = prefix or self.name, starts
         self._motor, self._discretisation, self._thermal = motor, discretisation, thermal
         self._common = "common" if check else "com"
+        self._mount = carrier(motor, law)
         if plates:
             self._add_groups(warm)
         self._add_modes(warm, preload if law else 0.0)
@@ -195,6 +198,9 @@ class MotorSubCircuit(Assembly):
         else:
             self.R("free_fx", "fx", self.gnd, 1)
             self.R("free_fy", "fy", self.gnd, 1)
+            if self._mount:
+                values = spring_values(self._mount, discretisation) | {"preload": 0.0}
+                self._put("mount", "piezomotor_mount", (self.gnd, "y", "vy", *MOUNTED.values(), "base"), values)
         self._put("rotor", rotor, ("shaft",), turning, tuple(turning))
         self._add_dry_bearing()
         if check:
@@ -214,7 +220,10 @@ class MotorSubCircuit(Assembly):
         for index, mode in enumerate(self._motor.modes, start=1):
             part, more = _mode_part(self._motor, mode, self._thermal)
             values = mode_values(mode, self._discretisation) | {"preload": preload}
-            nodes = ("a", "b", self._common, "fx", "fy", "x", "y", "vx", "vy", f"xmode{index}.elastic", *warm)
+            if self._mount and mode.recoil_kg:
+                values["recoil"] = written_recoil(mode, self._mount, self._discretisation)
+            tip = ("fx", "fy", "x", "y", "vx", "vy")
+            nodes = ("a", "b", self._common, *tip, f"xmode{index}.elastic", "base" if self._mount else self.gnd, *warm)
             self._put(f"mode{index}", part, nodes, values | more, ["preload"] if preload else [])
         for node in ("x", "y", "vx", "vy", *(("heat",) if warm else ())):
             self.R(f"sum_{node}", node, self.gnd, 1)
@@ -243,7 +252,7 @@ class MotorSubCircuit(Assembly):
 
     def _add_mount(self, *, approach: bool) -> dict[str, str]:
         """Add carrier and approach, and return the nodes to which the contact is connected instead of its pins."""
-        mount = self._motor.mount
+        mount = self._mount
         if approach:
             self.R("open_approach", "approach", self.gnd, 1e9)
         if mount is None:
@@ -255,7 +264,7 @@ class MotorSubCircuit(Assembly):
         if approach:  # the far end of the springs moves
             gain = rounded(1e-6 * values["stiffness"])
             self.VCVS("approach", "pressed", "fy", "approach", self.gnd, voltage_gain=gain)
-        nodes = ("pressed" if approach else "fy", "y", "vy", *MOUNTED.values())
+        nodes = ("pressed" if approach else "fy", "y", "vy", *MOUNTED.values(), "base")
         self._put("mount", "piezomotor_mount", nodes, values, ["preload"])
         return MOUNTED
 
@@ -333,7 +342,7 @@ def contact_nodes(motor: Motor) -> dict[str, str]:
 
 def coarsest_step(motor: Motor) -> float:
     """Return the coarsest time step in s at which an exported motor gives right results, with two digits."""
-    resonances = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor)
+    resonances = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
     return float(f"{1.0 / (_POINTS * max(*(mode.frequency_hz for mode in motor.modes), *map(float, resonances))):.2g}")
 
 

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import cos, pi, sin
+from math import copysign, cos, pi, sin, sqrt, tan
 from typing import Literal
 
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount
+from pyspice_runner.model.recoil import recoils
 from pyspice_runner.netlist.contact import Law
 
 PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
@@ -50,6 +51,25 @@ class Discretisation:
 def written(spring: Mode | Mount, discretisation: Discretisation | None) -> tuple[float, float]:
     """Return the mass (kg) and stiffness (N/m) of a mode or a carrier in the netlist."""
     return discretisation.mode(spring) if discretisation else (spring.mass_kg, spring.stiffness_n_per_m)
+
+
+def written_recoil(mode: Mode, mount: Mount, discretisation: Discretisation | None) -> float:
+    """Return the recoil in kg of a mode in the netlist, with which the discretised mode on its carrier is exact, too.
+
+    The recoil raises a mode from ω to ω/√(1 − s) with s = Γ²/(m m_c), if the springs of the carrier are soft.
+    """
+    recoil = mode.recoil_kg or 0.0
+    if not (recoil and discretisation and discretisation.exact_resonance):
+        return recoil
+    share = recoil**2 / (mode.mass_kg * mount.mass_kg)
+    half_angle = pi * mode.frequency_hz * discretisation.step
+    share = 1.0 - (tan(half_angle) / tan(half_angle / sqrt(1.0 - share))) ** 2
+    return copysign(sqrt(share * discretisation.mode(mode)[0] * discretisation.mode(mount)[0]), recoil)
+
+
+def carrier(motor: Motor, law: Law | None) -> Mount | None:
+    """Return the mount of a motor in the netlist: a free tip, without a law, has one only if its modes shake it."""
+    return motor.mount if law or recoils(motor.modes).any() else None
 
 
 def static_sway(motor: Motor, law: Law | None, discretisation: Discretisation | None) -> float:
@@ -121,7 +141,7 @@ class State:
 
 
 def motor_states(motor: Motor, law: Law | None, kinds: Sequence[Kind] | None = None) -> tuple[State, ...]:
-    """Return the states of a motor, of some kinds or of all; the stator of a free tip, without a law, has no mount."""
+    """Return the states of a motor, of some kinds or of all; ``law`` is ``None`` for a free tip."""
     modes = list(enumerate(motor.modes))
     preload = motor.contact.preload_n if law else 0.0
     states = [
@@ -145,10 +165,10 @@ def motor_states(motor: Motor, law: Law | None, kinds: Sequence[Kind] | None = N
             State(node, "contact", f"v({{0}}.{node})", "contact_m", at, unit=MICRO)
             for at, node in enumerate(law.states)
         ]
-    if law and motor.mount:
+    if mount := carrier(motor, law):
         states += [
             State("carrier", "mount", "v({0}.xmount.elastic)", "carrier_m", None, "mount", unit=MICRO,
-                  spring=motor.mount),
+                  spring=mount),
             State("carrier_velocity", "mount", "i(v.{0}.xmount.vvelocity)", "carrier_m_s", None, "mount", "velocity"),
         ]  # fmt: skip
     states.append(State("speed", "rotor", "v({1})", "speed_rad_s", part="rotor"))

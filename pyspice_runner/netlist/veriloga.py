@@ -17,7 +17,7 @@ from pyspice_runner.netlist.contact import LIBRARIES, ContactLaw, Law, contact_l
 from pyspice_runner.netlist.expressions import HELPERS, equations, translated
 from pyspice_runner.netlist.library import check_name, data_path, read_library
 from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, coarsest_step, mode_values, rounded, spring_values
-from pyspice_runner.netlist.state import Discretisation
+from pyspice_runner.netlist.state import Discretisation, written_recoil
 
 WRITTEN = ("spring-slider", "coulomb", "brush")  # the laws that have a Verilog-A form
 _BLOCKS = ("parameters of mode", "states of mode", "motion of mode", "mode")
@@ -186,6 +186,7 @@ def module_values(
         of_mode = {
             **mode_values(mode, discretisation), "softening": mode.softening_per_m2,
             "growth": mode.damping_growth_per_m2,
+            "recoil": written_recoil(mode, motor.mount, discretisation) if motor.mount else 0.0,
         }  # fmt: skip
         values |= {f"{parameter}_{number}": rounded(value) for parameter, value in of_mode.items()}
     return values

@@ -140,7 +140,8 @@ def _verdict(shape: tuple[int, bool, bool], law: Law, used: str, folder: Path) -
 def _similar(modes: int, mounted: bool, dry: bool, law: Law) -> Motor:
     """Return the motor that represents all motors with the same module.
 
-    It is ``bimodal40`` with losses, its modes repeated at other frequencies. Every mode moves the tip both ways.
+    It is ``bimodal40`` with losses, its modes repeated at other frequencies. Every mode moves the tip
+    both ways and shakes the carrier.
     """
     base = load_motor("bimodal40").updated(
         {
@@ -158,6 +159,7 @@ def _similar(modes: int, mounted: bool, dry: bool, law: Law) -> Motor:
             "stiffness_n_per_m": mode.stiffness_n_per_m * (1 + number // 2),
             "tip_x": mode.tip_x + _SKEW * mode.tip_y,
             "tip_y": mode.tip_y + _SKEW * mode.tip_x,
+            "recoil_kg": _SKEW * mode.mass_kg,
         }
         several.append(mode.model_copy(update=changed))
     return base.model_copy(update={"modes": tuple(several)})

@@ -12,6 +12,7 @@ import numpy as np
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Load
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.recoil import recoils
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.motor import dielectric_branches
@@ -261,7 +262,8 @@ class _Terms:
             return 0.0, 0.0
         lift, rise = self.carrier
         pressed = 0.5 * (mount.mass_kg * rise**2 + mount.stiffness_n_per_m * lift**2)
-        change = _change(pressed - self.motor.contact.preload_n * lift)
+        pressed += rise * (recoils(self.motor.modes) @ self.velocity)
+        change = _change(pressed - self.recording._preload * lift)
         return change, self.work(mount.damping_n_s_per_m * rise**2)
 
     def contact_elastic(self) -> float:

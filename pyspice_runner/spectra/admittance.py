@@ -28,6 +28,7 @@ from pyspice_runner.model.equivalent import MotionalArm
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.parameters import Mode
+from pyspice_runner.model.recoil import modes_on_carrier
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.result import Audit, Result
@@ -198,14 +199,15 @@ def _operating_force(motor: Motor, bench: Bench, timeout: float | None) -> float
 
 def _expected(motor: Motor, preloaded: bool) -> list[tuple[Mode, float, float]]:
     """Return every mode with its expected frequency (Hz) and bandwidth (Hz)."""
+    modes = modes_on_carrier(motor.modes, motor.mount)
     if not preloaded:
-        return [(mode, mode.frequency_hz, mode.frequency_hz / mode.quality_factor) for mode in motor.modes]
+        return [(mode, mode.frequency_hz, mode.frequency_hz / mode.quality_factor) for mode in modes]
     # the rotor and the carrier on the contact's springs have resonances too, which are not modes of the stator
     frequencies = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
     normal = contact_law.normal_stiffness_at_preload(motor.contact)
     tangential = contact_law.tangential_stiffness_at_preload(motor.contact)
     found = []
-    for mode in motor.modes:
+    for mode in modes:
         stiffness = mode.stiffness_n_per_m + normal * mode.tip_y**2 + tangential * mode.tip_x**2
         alone = sqrt(stiffness / mode.mass_kg) / (2.0 * pi)  # of this mode alone under preload
         nearest = float(frequencies[np.argmin(np.abs(frequencies - alone))])

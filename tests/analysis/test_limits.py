@@ -14,7 +14,7 @@ from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.datasets import Curves
 from pyspice_runner.model.strength import peak_of_amplitudes, peak_of_motion
 
-MOTOR = pr.load_motor("andersen2002")
+MOTOR = pr.load_motor("andersen2002").updated({"modes.0.recoil_kg": 0.0})  # an unknown one would be a caution
 HOT, STRONG = "half the Curie temperature", "rated dynamic strength"
 
 

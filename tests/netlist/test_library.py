@@ -71,7 +71,7 @@ def test_header_says_what_a_reader_needs(name: str) -> None:
     units = [item.unit for item in (*library.pins, *library.parameters)]
     # the unit of a node or parameter in the netlist: SI, or um where the conventions say so; 1 for a pure number
     allowed = (
-        "V A W J K ohm um m/s N N.m rad/s 1 kg N.s/m N/m N/V F Hz N/m^1.5 "
+        "V A W J K ohm um m/s m/s2 N N.m rad/s 1 kg N.s/m N/m N/V F Hz N/m^1.5 "
         "m/N^(2/3) m s s/m kg.m2 N.m.s J/K K/W H V/s deg rad 1/K 1/m2"
     )
     assert set(units) <= set(allowed.split())
@@ -153,6 +153,7 @@ OWN = {  # what the model states otherwise: zero loss is written as next to none
     # what belongs to a run, not to the motor
     ("piezomotor_contact", "slider_time"),
     ("piezomotor_contact", "start"),
+    ("piezomotor_mode", "recoil"),  # which may be unknown
     ("piezomotor_mode", "start"),
     ("piezomotor_mode", "velocity"),
     ("piezomotor_rotor", "start"),

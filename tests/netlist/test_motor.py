@@ -270,7 +270,7 @@ def ring(subject: Mode, step: float, periods: int, exact: bool) -> tuple[Array, 
     circuit = Circuit("one free mode")
     circuit.raw_spice = read_library("piezomotor_mode").subcircuit + "\n"
     circuit.X(
-        "mode", "piezomotor_mode", 0, 0, 0, 0, 0, "x", "y", "vx", "vy", "elastic",
+        "mode", "piezomotor_mode", 0, 0, 0, 0, 0, "x", "y", "vx", "vy", "elastic", 0,
         mass=mass, stiffness=stiffness, damping=subject.damping_n_s_per_m, preload=1e-6 * stiffness,
     )  # fmt: skip
     for node in ("x", "y", "vx", "vy"):

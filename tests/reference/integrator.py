@@ -12,7 +12,8 @@ The law
     F_T = sign(u) μ F_N [1 − (1 − |u|/u_lim)^{3/2}]
 
 On a mount the stator's carrier moves by z, and y above is Σ Y_n r_n + z:
-    m_c z'' + d_c z' + k_c z = F_0 + F_y
+    m_c z'' + d_c z' + k_c z = F_0 + F_y - Σ Γ_n r_n''
+and -Γ_n z'' acts on mode n, with its recoil Γ_n. A free tip has a carrier only if there is recoil, and then no F_0.
 Stribeck friction, with w = |v_rel − u'| the slip velocity, μ_∞ = ρ μ the friction of fast sliding:
     slip: |F_T| = μ F_N [ρ + (1 − ρ) exp(−(w/v_s)²)]
 A dry bearing (Dahl): its torque T rises to T_c over an angle of some φ_0 after each reversal,
@@ -100,7 +101,7 @@ _EVENTS_A_STEP = 40
 _DONE, _CHATTER, _NOT_FINITE = 0, 1, 2
 
 # Rows of the matrix of modes, places in the vector of scalars.
-_M, _C, _K, _TA, _TB, _X, _Y = range(7)
+_M, _C, _K, _TA, _TB, _X, _Y, _RECOIL = range(8)
 _R, _GAP, _KN, _KAPPA, _MU, _J, _CR, _TAU, _FREE_SHAFT, _CONTACT = range(10)
 _SPRUNG, _MASS, _RESIST, _SPRING, _PRELOAD, _DROP, _VS, _DRY, _ANGLE = range(10, 19)
 _SCALARS = 19
@@ -170,6 +171,9 @@ def _rates(z, ua, ub, state, modes, p, dz):
     fx = fn * ex - ft * ey
     fy = -fn * ey - ft * ex
     power_in = power_lost = 0.0
+    rise = z[2 * n + _ZDOT]
+    push = p[_PRELOAD] + fy - p[_RESIST] * rise - p[_SPRING] * z[2 * n + _Z]  # on the carrier
+    borne = p[_MASS]  # what z'' accelerates once the modal accelerations are eliminated
     for i in range(n):
         v = z[n + i]
         drive = modes[_TA, i] * ua + modes[_TB, i] * ub
@@ -177,15 +181,18 @@ def _rates(z, ua, ub, state, modes, p, dz):
         dz[i] = v
         force = drive - resist - modes[_K, i] * z[i] + modes[_X, i] * fx + modes[_Y, i] * fy
         dz[n + i] = force / modes[_M, i]
+        push -= modes[_RECOIL, i] * dz[n + i]
+        borne -= modes[_RECOIL, i] ** 2 / modes[_M, i]
         power_in += drive * v
         power_lost += resist * v
     torque = p[_R] * ft
     dry = z[2 * n + _T]
     dz[2 * n + 1] = p[_FREE_SHAFT] * (torque - p[_CR] * speed - dry - p[_TAU]) / p[_J]
-    rise = z[2 * n + _ZDOT]
     dz[2 * n + _Z] = rise
-    force = p[_PRELOAD] + fy - p[_RESIST] * rise - p[_SPRING] * z[2 * n + _Z]
-    dz[2 * n + _ZDOT] = p[_SPRUNG] * force / p[_MASS]
+    shaken = p[_SPRUNG] * push / borne
+    dz[2 * n + _ZDOT] = shaken
+    for i in range(n):
+        dz[n + i] -= modes[_RECOIL, i] * shaken / modes[_M, i]
     dz[2 * n + _T] = (p[_DRY] * speed - dry * abs(speed)) / p[_ANGLE]
     q = 2 * n + _Q
     dz[q] = power_in
@@ -428,7 +435,7 @@ def integrate(
     """Integrate a motor (the mapping that ``piezomotor show MOTOR --json`` prints) from preloaded rest.
 
     The step is the largest that divides output_step and is not above ``step``. With ``contact=False`` the tip
-    is free and starts from r = 0. A ``mount`` that is not null springs the carrier; a free tip has none.
+    is free and starts from r = 0. A ``mount`` that is not null springs the carrier; a free tip has it for its recoil.
     ``speed`` holds the shaft; without it the rotor starts from rest against ``load_torque``. ``perturbation_m``
     shifts the start of r_1: two runs that differ in it alone show chaos.
     """
@@ -444,6 +451,7 @@ def integrate(
         "tip_y",
     )
     modes = np.array([[float(mode[column]) for mode in motor["modes"]] for column in columns])
+    modes = np.vstack((modes, [float(mode.get("recoil_kg") or 0.0) for mode in motor["modes"]]))
     law, rotor = motor["contact"], motor["rotor"]
     friction, preload = float(law["friction"]), float(law["preload_n"])
     hertz, radius = float(law["normal_stiffness_n_per_m15"]), float(rotor["radius_m"])
@@ -453,9 +461,9 @@ def integrate(
     kappa = friction * compliance * hertz ** (2.0 / 3.0)
     approach = (preload / hertz) ** (2.0 / 3.0)
     bending = preload * float(np.sum(modes[_Y] ** 2 / modes[_K]))
-    mount = (motor.get("mount") or {}) if contact else {}
+    mount = (motor.get("mount") or {}) if contact or modes[_RECOIL].any() else {}
     scalars = np.zeros(_SCALARS)
-    scalars[[_SPRUNG, _MASS, _PRELOAD]] = bool(mount), mount.get("mass_kg", 1.0), preload
+    scalars[[_SPRUNG, _MASS, _PRELOAD]] = bool(mount), mount.get("mass_kg", np.inf), preload if contact else 0.0
     scalars[[_RESIST, _SPRING]] = mount.get("damping_n_s_per_m", 0.0), mount.get("stiffness_n_per_m", 0.0)
     scalars[[_DROP, _VS]] = 1.0 - law.get("sliding_ratio", 1.0), law.get("stribeck_velocity_m_s", 1.0)
     scalars[[_DRY, _ANGLE]] = rotor.get("bearing_friction_n_m", 0.0), rotor.get("bearing_presliding_rad", 1.0)
@@ -527,7 +535,11 @@ def integrate(
             0.5 * float(modes[_K] @ z[:n] ** 2),
             0.4 * hertz * depth**2.5,
             0.5 * float(scalars[_J]) * float(z[2 * n + 1]) ** 2,
-            0.5 * float(scalars[_MASS]) * rise**2 + 0.5 * float(scalars[_SPRING]) * lift**2 - preload * lift,
+            0.5 * float(scalars[_SPRING]) * lift**2
+            - float(scalars[_PRELOAD]) * lift
+            + (0.5 * float(scalars[_MASS]) * rise + float(modes[_RECOIL] @ z[n : 2 * n])) * rise
+            if mount
+            else 0.0,
         )
 
     energies = {name: float(final[2 * n + _Q + i]) for i, name in enumerate(_QUADRATURES)}

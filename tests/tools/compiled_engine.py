@@ -54,6 +54,7 @@ CASES: dict[str, tuple[pr.Motor, dict[str, Any]]] = {
     "load": (MOTOR, {"load_torque": 5e-3}),
     "held shaft": (MOTOR, {"speed": 5.0}),
     "three modes": (pr.load_motor("andersen2002-unintended-mode"), {}),
+    "recoil": (MOTOR.updated({"modes.0.recoil_kg": 3.9e-3, "modes.1.recoil_kg": 2e-3}), {}),
     "fixed distance": (pr.load_motor("andersen2002").updated({"mount": None}), {}),
     "Coulomb friction": (MOTOR, {"contact": "coulomb"}),
     "brush": (MOTOR, {"contact": "brush"}),
@@ -153,12 +154,14 @@ def plant(monkeypatch: pytest.MonkeyPatch, old: str, new: str) -> None:
 
 WRONG = {
     "a constant before ddt is lost": ("ddt(1e-06 * V(slider))", "ddt(1.05e-06 * V(slider))"),
-    "mass": ("ddt(mass_2 * V(velocity_2))", "ddt(1.01 * mass_2 * V(velocity_2))"),
+    "mass": ("ddt(mass_2 * V(velocity_2)", "ddt(1.01 * mass_2 * V(velocity_2)"),
     "capacitance": ("ddt((capacitance) * V(plate, com))", "ddt(0.999 * (capacitance) * V(plate, com))"),
     "inertia": ("ddt(inertia * V(shaft))", "ddt(1.01 * inertia * V(shaft))"),
     "softening": ("1e-12 * softening_1", "0.9e-12 * softening_1"),
     "friction": ("tangential = contact_grip *", "tangential = 1.01 * contact_grip *"),
-    "mount": ("ddt(mount_mass * V(carrier_velocity))", "ddt(1.05 * mount_mass * V(carrier_velocity))"),
+    "mount": ("ddt(mount_mass * V(carrier_velocity)", "ddt(1.05 * mount_mass * V(carrier_velocity)"),
+    "recoil on the carrier": ("recoil = recoil + recoil_1 *", "recoil = recoil + 1.3 * recoil_1 *"),
+    "recoil on the mode": ("+ recoil_2 * rise)", "+ 1.3 * recoil_2 * rise)"),
     "dry bearing": ("ddt(bearing_angle * V(share))", "ddt(1.3 * bearing_angle * V(share))"),
 }
 

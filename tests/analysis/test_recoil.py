@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Recoil of the modes on the carrier: against its exact elimination, and against the independent integrator."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.model.load import changed_motor
+from pyspice_runner.model.recoil import modes_on_carrier
+from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.sources import DriveSource, motor_bench
+from pyspice_runner.netlist.state import Discretisation
+from pyspice_runner.run.kernel import transient
+from tests.reference.integrator import Tone, integrate
+from tests.runs import simulated
+
+pytestmark = pytest.mark.xdist_group("reference")  # the integrator is compiled once there
+
+RECOIL, CARRIER = 4e-3, 0.05  # kg
+FLAGSHIP = pr.load_motor("bimodal40").updated(
+    {"modes.0.mass_kg": 3.32e-3, "modes.0.stiffness_n_per_m": 1.935e8, "modes.0.recoil_kg": RECOIL,
+     "modes.1.recoil_kg": 0.0, "mount.mass_kg": CARRIER}
+)  # fmt: skip
+# a hundred times the mass on the softest springs: they change the stiffness of the mode by k_c (Γ/m_c)²/k = 3e-13
+LOOSE = FLAGSHIP.updated(
+    {"modes.0.mass_kg": 0.332, "modes.0.stiffness_n_per_m": 1.935e10, "modes.0.recoil_kg": 100.0 * RECOIL,
+     "modes.0.damping_n_s_per_m": 230.0, "modes.0.coupling_a_n_per_v": 0.19, "modes.0.coupling_b_n_per_v": 0.19,
+     "mount.mass_kg": 100.0 * CARRIER, "mount.stiffness_n_per_m": 1.0, "mount.damping_n_s_per_m": 1e-9}
+)  # fmt: skip
+# its exact equivalent: the other coordinate is the centre of mass, z + Γ r/m_c
+EQUIVALENT = LOOSE.updated({"modes.0.mass_kg": 0.3, "modes.0.tip_y": 1.0 - RECOIL / CARRIER, "modes.0.recoil_kg": 0.0})
+BAND = {"start": 38e3, "stop": 43e3, "points": 101}
+
+
+def two_phase(voltage: float, frequency: float, phase: float) -> pr.TwoPhaseDrive:
+    return pr.TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase)
+
+
+@pytest.mark.parametrize("state", ["free", "preloaded"])
+def test_the_admittance_with_recoil_is_that_of_the_equivalent_motor(state: Any) -> None:
+    ours, exact = (pr.admittance(motor, state=state, **BAND) for motor in (LOOSE, EQUIVALENT))
+    np.testing.assert_allclose(ours.matrix_s, exact.matrix_s, rtol=0.0, atol=1e-9 * np.abs(exact.matrix_s).max())
+    for one, other in zip(ours.resonances["A+B"], exact.resonances["A+B"], strict=True):
+        assert one.fs == pytest.approx(other.fs, rel=1e-9)
+
+
+def test_a_run_with_recoil_is_that_of_the_equivalent_motor() -> None:
+    # the rule of integration is linear, so that it commutes with the change of coordinates; Newton closes to 1e-10
+    step, drive = 2e-7, DriveSource(two_phase(60.0, 40.1e3, 90.0))
+    names = ["v(xmotor.contact_y)", "v(xmotor.normal)", "v(xmotor.friction)"]
+    ours, exact = (
+        transient(
+            motor_bench(motor, drive, law=Law(), discretisation=Discretisation(step, exact_resonance=False)),
+            names, step=step, duration=2e-4,
+        ).vectors()
+        for motor in (LOOSE, EQUIVALENT)
+    )  # fmt: skip
+    for name in names:  # about rest, where the two stators bend differently
+        moved, expected = (vectors[name] - vectors[name][0] for vectors in (ours, exact))
+        np.testing.assert_allclose(moved, expected, rtol=0.0, atol=1e-9 * np.ptp(expected), err_msg=name)
+
+
+def test_the_modes_on_the_carrier_are_those_of_the_equivalent_motor() -> None:
+    ours, exact = modes_on_carrier(LOOSE.modes, LOOSE.mount), {mode.name: mode for mode in EQUIVALENT.modes}
+    for mode in ours:
+        assert mode.model_dump(exclude={"name"}) == pytest.approx(
+            exact[mode.name].model_dump(exclude={"name"}), rel=1e-9, abs=1e-9
+        )
+    held = FLAGSHIP.updated({"mount": None}).modes
+    assert modes_on_carrier(held, None) is held
+
+
+POINTS: dict[str, tuple[pr.TwoPhaseDrive, dict[str, float], dict[str, float]]] = {
+    "drive of the set": (two_phase(60.0, 40.1e3, 120.0), {}, {}),
+    "at the raised mode": (two_phase(40.0, 41.9e3, 90.0), {}, {}),
+    "shaft held": (two_phase(110.0, 40.1e3, 120.0), {}, {"speed": 15.0}),
+    "light carrier": (two_phase(110.0, 41.0e3, 120.0), {"mount.mass_kg": 0.02, "mount.stiffness_n_per_m": 1e6}, {}),
+    "both modes shake": (two_phase(60.0, 41.5e3, 90.0), {"modes.1.recoil_kg": 5e-3}, {}),
+    "against the modal coordinate": (
+        two_phase(60.0, 39.0e3, 60.0),
+        {"modes.0.recoil_kg": -2e-3},
+        {"load_torque": 1e-3},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", POINTS)
+def test_a_run_with_recoil_follows_the_independent_integrator(name: str) -> None:
+    drive, changes, load = POINTS[name]
+    motor = FLAGSHIP.updated({"contact.restitution": 1.0, **changes})
+    tones = [[Tone(t.amplitude, t.frequency, t.phase) for t in some] for some in (drive.tones_a, drive.tones_b)]
+    exact = integrate(motor.to_dict(), *tones, duration=1.5e-3, output_step=2e-7, **load)
+    balance = exact.energies_j
+    terms = ("kinetic", "elastic", "damping", "contact_elastic", "tangential", "mount", "mount_damping")
+    assert sum(balance[term] for term in terms) + balance["shaft"] == pytest.approx(balance["input"], rel=1e-6)
+    run = simulated(motor, drive, duration=1.5e-3, **load)
+    assert run.energy_residual < 1e-3
+    for column in ("tip_x_m", "tip_y_m", "normal_force_n"):
+        theirs = getattr(exact, column)
+        ours = np.interp(exact.time_s, run.time_s, getattr(run, column))
+        # without recoil the default step gives 0.4 % of the tip's motion
+        assert float(np.std(ours - theirs)) < 5e-3 * float(np.std(theirs)), column
+
+
+def test_the_steady_state_and_the_averaged_motor_brake_where_the_recoil_detunes_the_mode() -> None:
+    # the beam's own recoil raises mode 1 by fifteen half bandwidths; a separate circuit model gave -12 mN·m
+    motor = changed_motor("bimodal40", {"beam.recoil": True})
+    assert [mode.recoil_kg for mode in motor.modes] == pytest.approx([3.889e-3, 0.0], rel=1e-3)
+    drive = pr.default_drive(motor)
+    state = pr.steady_state(motor, drive, speed=15.0)
+    assert state.stable
+    assert state.torque_n_m == pytest.approx(-12.1e-3, rel=0.01)
+    assert not any("recoil" in caution for caution in state.cautions)
+    averaged = pr.simulate_averaged(motor, drive, 30e-3, speed=15.0)
+    assert averaged.trusted
+    assert averaged.torque_n_m[-1] == pytest.approx(state.torque_n_m, abs=0.02 * 0.3 * 6.5 * 0.015)
+
+
+@pytest.mark.parametrize("frequency", [39.5e3, 40.1e3, 41.2e3])
+def test_the_averaged_motor_does_not_trust_itself_on_a_light_carrier(frequency: float) -> None:
+    motor = pr.load_motor("bimodal40").updated({"mount.mass_kg": 2e-3, "mount.stiffness_n_per_m": 1e6})
+    run = pr.simulate_averaged(motor, two_phase(40.0, frequency, 120.0), 5e-3, speed=0.0)
+    assert not run.trusted
+
+
+def test_an_unknown_recoil_that_may_detune_a_mode_is_a_caution() -> None:
+    unknown = pr.load_motor("bimodal40")
+    said = pr.steady_state(unknown, pr.default_drive(unknown), speed=15.0).cautions
+    assert any("The recoil of mode bending-1 on the carrier is not known: one of 3.3 g" in one for one in said)
+
+
+def test_modes_that_shake_more_than_the_carrier_are_refused() -> None:
+    with pytest.raises(pr.ParameterError, match=r"shakes 0.271 kg, .* mount.mass_kg = 0.05 kg"):
+        pr.load_motor("bimodal40").updated({"modes.0.recoil_kg": 0.03})
+    with pytest.raises(pr.ParameterError, match=r"beam.recoil = 3 is not valid: it must be true or false"):
+        changed_motor("bimodal40", {"beam.recoil": 3})
