@@ -21,9 +21,10 @@ demo: ## run the motor and plot the results into demo/
 figures: setup ## plot every figure of figures/ again
 	@set -e; for script in $(filter-out %/diagram.py %/style.py %/demo.py,$(wildcard figures/*.py)); do echo "$$script:"; $(PY) $$script; done
 
-docs: ## build the documentation site in site/
-	@sh scripts/setup.sh docs
+docs: ## build the documentation site in site/, and check its pages
+	@sh scripts/setup.sh test docs
 	@NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --quiet
+	@$(PY) -m pytest -q tests/docs/built_site.py
 	@echo "site/index.html"
 
 test: setup ## run the linters beside the tests, including those of the wheel

@@ -19,7 +19,7 @@ import pyspice_runner as pr
 from pyspice_runner.analysis.loop import loop_design
 from pyspice_runner.analysis.matching import propose_matching
 from pyspice_runner.analysis.period_map import PeriodMap
-from pyspice_runner.analysis.small_signals import ACCURATE, INPUTS, SmallSignals, small_signals
+from pyspice_runner.analysis.small_signals import ACCURATE, INPUTS, OUTPUTS, SmallSignals, _outputs, small_signals
 from pyspice_runner.cli import run
 from pyspice_runner.model.drive import Tone
 from pyspice_runner.model.tracking import propose_filter, stator_lag
@@ -232,11 +232,15 @@ def test_the_hot_admittance_of_a_motor_that_sticks_is_that_of_the_preloaded_stat
 
 
 def test_a_group_that_moves_no_mode_has_no_phase_of_its_motional_current() -> None:
-    silent = {f"modes.{place}.coupling_b_n_per_v": 0.0 for place in range(len(MOTOR.modes))}
-    found = small_signals(MOTOR.updated(silent), DRIVE, frequencies=[100.0], load_torque=LOAD)
-    assert {"motional_phase_a_deg", "current_phase_b_deg"} <= {output for output, _ in found.transfers}
+    bands = np.ones((6, 3), complex)
+    carriers = {"current_a": 1j, "current_b": 1j, "motional_a": 1j, "motional_b": 0.0}
+    solution = signals(FAST).state.solution
+    assert solution is not None
+    found = _outputs(bands, carriers, "amplitude", solution.plant)
+    assert OUTPUTS.keys() - found.keys() == {"motional_phase_b_deg"}
+    partial = replace(signals(FAST), transfers={("speed", "amplitude"): np.ones(1, complex)})
     with pytest.raises(pr.ParameterError, match="the phases only where there is a current"):
-        found.transfer("motional_phase_b_deg", "amplitude")
+        partial.transfer("motional_phase_b_deg", "amplitude")
 
 
 @pytest.mark.soak
