@@ -296,6 +296,7 @@ def _from_solid(plain: dict[str, Any], where: str) -> tuple[Solid, list[dict[str
         "damping_n_s_per_m": stator.dampings_n_s_per_m(solid.quality_factor),
         "coupling_a_n_per_v": stator.couplings_n_per_v[0], "coupling_b_n_per_v": stator.couplings_n_per_v[1],
         "tip_x": stator.tip_x, "tip_y": stator.tip_y,
+        "recoil_kg": [x if abs(x) > 1e-6 * stator.mass_kg else 0.0 for x in stator.recoil_kg],  # 0 but for rounding
     }  # fmt: skip
     modes = [
         {"name": f"mode-{index + 1}", **{name: float(column[index]) for name, column in columns.items()}}

@@ -54,6 +54,7 @@ def test_a_plate_becomes_a_motor_with_its_two_modes_at_one_frequency() -> None:
     assert across.coupling_a_n_per_v / across.tip_x == pytest.approx(0.061, rel=5e-3)
     assert across.coupling_a_n_per_v == pytest.approx(-across.coupling_b_n_per_v, rel=1e-6)
     assert along.tip_x == across.tip_y == 0.0
+    assert [mode.recoil_kg for mode in motor.modes] == [0.0, 0.0, 0.0]  # a free plate moves about its centre of mass
     assert along.quality_factor == pytest.approx(400.0)
     assert motor.solid is not None
     assert motor.updated({"contact.preload_n": 10.0}).solid == motor.solid
