@@ -35,5 +35,5 @@ def admittance(
             common.load_changed(motor, changes), start=start, stop=stop, points=points, state=state, timeout=timeout,
             audit=audit,
         )  # fmt: skip
-    common.warn_of(result.audit.findings)
+    common.caution(result)
     targets.deliver(result, f"{result.motor['name']}, {state}")

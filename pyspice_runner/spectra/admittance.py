@@ -28,7 +28,7 @@ from pyspice_runner.model.equivalent import MotionalArm
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.parameters import Mode
-from pyspice_runner.model.recoil import modes_on_carrier
+from pyspice_runner.model.recoil import modes_on_carrier, unknown_recoil
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.result import Audit, Result
@@ -76,6 +76,7 @@ class Admittance(Result):
         motor: the motor, JSON-ready.
         audit: outcome of the physical audit; it has findings only with ``audit=False``.
         deck: netlist of the sweep.
+        unknown: one sentence for each mode whose recoil on the carrier is not known and may shift it.
     """
 
     frequency_hz: NDArray[np.float64]
@@ -87,6 +88,12 @@ class Admittance(Result):
     motor: dict[str, Any] = field(repr=False)
     audit: Audit = field(default_factory=Audit)
     deck: str | None = field(default=None, repr=False)
+    unknown: tuple[str, ...] = ()
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Findings of the audit, and what is not known of the motor."""
+        return (*self.audit.findings, *self.unknown)
 
     def driven(self, connection: Connection = "A") -> NDArray[np.complex128]:
         """Return the admittance in S seen when the groups are connected as ``A``, ``B``, ``A+B`` or ``A-B``."""
@@ -98,7 +105,7 @@ class Admittance(Result):
             **self._entries("motor", "state"),
             **band_of(self.frequency_hz),
             "operating_point_normal_force_n": self.normal_force_n,
-            **self._entries("resonances", "ngspice_version", "audit"),
+            **self._entries("resonances", "ngspice_version", "audit", "cautions"),
         }
 
     def columns(self) -> dict[str, NDArray[np.float64]]:
@@ -175,7 +182,9 @@ def admittance(
         for connection in get_args(Connection)
     }
     version, deck = outcome.ngspice_version, outcome.deck
-    return Admittance(frequency, matrix, state, normal_force, resonances, version, motor.to_dict(), audited, deck)
+    unknown = unknown_recoil(motor.modes, motor.mount)
+    document = motor.to_dict()
+    return Admittance(frequency, matrix, state, normal_force, resonances, version, document, audited, deck, unknown)
 
 
 def _drives(connection: Connection, mode: Mode) -> bool:
