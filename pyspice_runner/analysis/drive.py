@@ -337,7 +337,7 @@ def _to_come(setup: OperatingPoint, samples: dict[str, Array], signals: dict[str
     window = Window(time, setup.source.period)
     found = {}
     for name, values in signals.items():
-        change = change_to_come(time, values, setup.source.period)
+        change = change_to_come(time, values, setup.source.period, motor.decay_s)
         scale = abs(window.mean(values)) + least[name]
         found[name] = change / scale if isfinite(change) and scale > 0.0 else None
     return found

@@ -17,7 +17,6 @@ import numpy as np
 
 from pyspice_runner.model import strength
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.recoil import recoils
 from pyspice_runner.netlist.benches import SpeedRamp
 from pyspice_runner.netlist.motor import dielectric_branches, require_linear
@@ -112,9 +111,7 @@ class Dynamometer:
     @property
     def periods(self) -> int:
         """Number of drive periods in a block: ten, or more until the slowest mode or the carrier decays by e."""
-        springs: list[Mode | Mount] = [*self.motor.modes, *([self.motor.mount] if self.motor.mount else [])]
-        decay_time = max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs)
-        return max(_FEWEST_PERIODS, ceil(decay_time / self.source.period))
+        return max(_FEWEST_PERIODS, ceil(self.motor.decay_s / self.source.period))
 
     @property
     def duration(self) -> float:

@@ -188,6 +188,7 @@ def _run(
             energy=energy,  # type: ignore[arg-type]
             drive_period_s=window.period,
             rotor_radius_m=motor.rotor.radius_m,
+            decay_s=motor.decay_s,
             solver_seconds=outcome.seconds + (errors.seconds if errors else 0.0),
             ngspice_version=outcome.ngspice_version,
             provenance=provenance,

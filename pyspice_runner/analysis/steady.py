@@ -515,6 +515,7 @@ def _waveforms(setup: OperatingPoint, answer: Answer, provenance: dict[str, Any]
         energy=recording.energy(waves, samples),
         drive_period_s=period_map.period,
         rotor_radius_m=setup.motor.rotor.radius_m,
+        decay_s=setup.motor.decay_s,
         solver_seconds=period_map.effort.seconds,
         ngspice_version=period_map.effort.ngspice_version,
         provenance=provenance,

@@ -26,6 +26,7 @@ from pyspice_runner.units import engineering
 
 LOCKED_DEG = 20.0  # closer to the target is locked: a resonator has 94 % of its greatest amplitude or more
 LOST_DEG = 60.0  # farther from it, lock is lost: half the amplitude
+BUILT_UP = 3.0  # time constants after which a mode's amplitude is within 5 % of its end
 SMOOTHED_PERIODS = 20  # over which phase and speed are averaged
 POINTS_TO_COME = 1000  # of an averaged run, from which its further change is extrapolated
 
@@ -120,9 +121,16 @@ class Tracking(Result):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit, and whether the speed has not settled."""
+        """Findings of the audit, and whether the speed has not settled or the mode's motion has not built up."""
         moving = self.settled is False and self.settings["disturbance"]["kind"] != "warm-up"
         told = ["The speed has not settled at the end of the run: run it longer."] * moving
+        lasted = float(self.time_s[-1] - self.time_s[0])
+        if lasted < BUILT_UP * self.lag.time_constant_s:
+            told.append(
+                f"The run of {engineering(lasted, 's')} is shorter than {BUILT_UP:g} time constants of the mode, "
+                f"{engineering(self.lag.time_constant_s, 's')} each: the motion has not built up, and the end "
+                f"frequency is known within ±{engineering(0.5 / (np.pi * lasted), 'Hz')} only. Run it longer."
+            )
         return (*self.audit.findings, *self.model_cautions, *told, *self.ceramic.get("cautions", ()))
 
     def columns(self) -> dict[str, Array]:

@@ -157,6 +157,12 @@ class Motor(Shown, Parameters):
                     f"coupling_{group}_n_per_v or the capacitance"
                 )
 
+    @property
+    def decay_s(self) -> float:
+        """Time in s in which the slowest free mode, or the carrier on its mount, decays by e."""
+        springs: list[Any] = [*self.modes, *([self.mount] if self.mount else [])]
+        return float(max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs))
+
     def summary(self) -> dict[str, str]:
         """Return name, modes, contact, rotor and mount, ready to print."""
         modes = ", ".join(

@@ -96,6 +96,7 @@ class Waveforms(Result):
         energy: the energy balance from the first recorded point; it requires all signals at every step.
         drive_period_s: period of the drive, over which means are taken.
         rotor_radius_m: radius at the contact, which turns friction force into torque.
+        decay_s: time in which the slowest free mode, or the carrier on its mount, decays by e.
         solver_seconds: wall time that ngspice took.
         ngspice_version: version of ngspice.
         provenance: motor, drive, run settings and hash of the deck, JSON-ready.
@@ -126,6 +127,7 @@ class Waveforms(Result):
     energy: EnergyBalance
     drive_period_s: float
     rotor_radius_m: float
+    decay_s: float
     solver_seconds: float
     ngspice_version: str
     provenance: dict[str, Any] = field(repr=False)
@@ -296,17 +298,20 @@ class Waveforms(Result):
         """
         found: dict[str, float] = {}
         if hasattr(self, "rotor_speed_rad_s") and self._free:
-            change = change_to_come(self.time_s, self.rotor_speed_rad_s, self.drive_period_s)
+            change = self._change_to_come(self.rotor_speed_rad_s)
             scale = abs(self.mean_rotor_speed_rad_s) + self._still / USUAL_ACCURACY
             found["mean_rotor_speed_rad_s"] = change / scale
         if hasattr(self, "friction_force_n"):
-            change = self.rotor_radius_m * change_to_come(self.time_s, self.friction_force_n, self.drive_period_s)
+            change = self.rotor_radius_m * self._change_to_come(self.friction_force_n)
             contact = self.provenance["motor"]["contact"]
             friction = self.rotor_radius_m * contact["friction"] * contact["preload_n"]
             found["mean_torque_n_m"] = change / (abs(self.mean_torque_n_m) + SMALL_TORQUE * friction)
         if self.periodic:
             return dict.fromkeys(found, 0.0)
         return {name: share if isfinite(share) else None for name, share in found.items()}
+
+    def _change_to_come(self, values: Array) -> float:
+        return change_to_come(self.time_s, values, self.drive_period_s, self.decay_s)
 
     @property
     def settled(self) -> bool | None:

@@ -9,7 +9,7 @@ piecewise linear waveform for nonuniform steps.
 from __future__ import annotations
 
 from functools import cached_property
-from math import pi, sqrt
+from math import exp, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,11 +88,12 @@ class Window:
         return float(abs(after - before) / max(abs(before), abs(after), 1e-300)) if self.periods > 1 else 1.0
 
 
-def change_to_come(time: Array, values: Array, period: float) -> float:
+def change_to_come(time: Array, values: Array, period: float, decay_s: float = 0.0) -> float:
     """Return the expected further change of a signal's mean, in units of the signal.
 
     The means at the middle, at three quarters and at the end of the run are extrapolated exponentially (Aitken);
-    where they do not converge, the last change is multiplied by a hundred.
+    where they do not converge, the last change is multiplied by a hundred. A change is not taken to decay faster than
+    the slowest free mode, in ``decay_s``: a mean that turns just at the end has a small last change.
     """
     quarter = int(0.25 * (time[-1] - time[0]) / period)  # in whole periods
     if quarter < 1:
@@ -101,6 +102,7 @@ def change_to_come(time: Array, values: Array, period: float) -> float:
     integral = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))))
     ends = time[-1] - period * quarter * np.array([2.0, 1.0, 0.0])
     middle, later, last = (np.interp(ends, time, integral) - np.interp(ends - length, time, integral)) / length
-    change, before = abs(last - later), abs(later - middle)
+    before = abs(later - middle)
+    change = max(abs(last - later), before * exp(-quarter * period / decay_s) if decay_s else 0.0)
     ratio = min(change / before, _SLOWEST) if before > 0.0 else 0.0
     return float(change * max(1.0, ratio / (1.0 - ratio)))

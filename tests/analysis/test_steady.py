@@ -365,5 +365,5 @@ def test_a_contact_that_sticks_at_a_standstill_has_no_unique_torque_and_every_re
         pr.working_points(motor, weak, over={"drive.voltage": [2.0]}, speed=0.0),
     )
     for cautions in (held.cautions, curve.cautions, table.cautions, pr.operating_point(motor, weak)["cautions"]):
-        assert list(cautions) == [STUCK]
+        assert STUCK in cautions
     assert STUCK not in (*free.cautions, *pr.steady_state(motor, weak, speed=1.0).cautions)

@@ -347,3 +347,10 @@ def test_a_speed_that_still_moves_after_the_disturbance_is_marked() -> None:
     assert found.to_dict()["settled"] is False
     assert "not settled" in found.summary()["speed"]
     assert any("not settled" in caution for caution in found.cautions)
+
+
+def test_a_run_shorter_than_the_mode_takes_to_build_up_says_so() -> None:
+    ringing = motor().updated({"modes.1.quality_factor": 2e4})
+    chosen = pr.Tracker(kind="pll", voltage=5.0, frequency=ringing.modes[1].frequency_hz, bandwidth_hz=800.0)
+    found = pr.track(ringing, chosen, 2e-3, contact=None, step=COARSE)
+    assert "shorter than 3 time constants of the mode" in found.cautions[0]

@@ -34,6 +34,15 @@ def test_a_steady_rise_has_not() -> None:
     assert change_to_come(TIME, 0.01 * TIME + RIPPLE, 1.0) > 1.0
 
 
+def test_a_mean_that_turns_just_at_the_end_has_not_settled_if_a_mode_still_decays() -> None:
+    """The last two means of a decaying oscillation are equal, on both sides of its first maximum."""
+    decay, turn = 50.0, 2.0 * pi / 180.0
+    values = 1.0 - np.exp(-TIME / decay) * np.cos(turn * TIME)
+    rest = exp(-2.0) * abs(np.cos(100.0 * turn))  # at the end
+    assert change_to_come(TIME, values, 1.0) < 0.3 * rest
+    assert change_to_come(TIME, values, 1.0, decay) > rest
+
+
 def test_a_run_of_fewer_than_four_periods_cannot_tell() -> None:
     short = TIME <= 3.0
     assert change_to_come(TIME[short], RIPPLE[short], 1.0) == inf
@@ -52,7 +61,7 @@ def test_the_window_has_whole_periods_at_the_end(end: float, periods: int) -> No
 def test_a_run_in_mid_spin_up_says_that_its_means_are_not_settled() -> None:
     motor = pr.load_motor("andersen2002").updated({"mount": None, "rotor.inertia_kg_m2": 1e-8})
     drive = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
-    early, late = (pr.simulate(motor, drive, duration=duration) for duration in (2e-4, 2e-3))
+    early, late = (pr.simulate(motor, drive, duration=duration) for duration in (2e-4, 5e-3))
     assert early.settled is False
     assert late.to_come["mean_rotor_speed_rad_s"] is not None
     assert late.to_come["mean_rotor_speed_rad_s"] < 0.02
