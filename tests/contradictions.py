@@ -9,10 +9,10 @@ further steady states. ``track`` gives a frequency, at which the mode of a stead
 loop was asked for.
 
 Two answers contradict each other where they differ by more than 1 % and the errors that they state. The scale of a
-torque is the greatest of the friction torque, its ripple and the torque itself, of a power the apparent power, of a
-force the preload. A contradiction is explained where one of the two says that it is not settled, stable, accurate or
-trusted, or has another caution. The random motors state no limits of their ceramic, whose cautions would explain
-nothing.
+torque is the greatest of the friction torque, its ripple and the torque itself, of a power the apparent and the shaft
+power, of a force the preload. A contradiction is explained where one of the two says that it is not settled, stable,
+accurate or trusted, or has another caution. The random motors state no limits of their ceramic, whose cautions would
+explain nothing.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def _steady(one: Case) -> Answer:
 
 
 def _point(found: Mapping[str, Any], said: list[str]) -> Answer:
-    apparent = found["apparent_power_a_va"] + found["apparent_power_b_va"]
+    flowing = found["apparent_power_a_va"] + found["apparent_power_b_va"] + abs(found["shaft_power_w"])
     return Answer(
         {
             "torque_n_m": found["torque_n_m"],
@@ -175,7 +175,7 @@ def _point(found: Mapping[str, Any], said: list[str]) -> Answer:
             "normal_force_n": found["normal_force_n"],
         },
         {"torque_n_m": found["torque_error_n_m"]},
-        {"power_w": apparent, "torque_n_m": abs(found["torque_ripple_n_m"])},
+        {"power_w": flowing, "torque_n_m": abs(found["torque_ripple_n_m"])},
         said,
     )
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import SkipValidation
 
+from pyspice_runner.analysis.dynamometer import STUCK, stuck
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Drive, Load, TwoPhaseDrive, check_together, too_fast
 from pyspice_runner.model.motor import Motor
@@ -120,8 +121,11 @@ class AveragedRun(Result):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit and of the model's own check."""
-        return (*self.audit.findings, *self._model_cautions, *self.provenance["cautions"])
+        """Findings of the audit and of the model's own check; whether friction holds a held shaft at the end."""
+        end = {name: float(self.curves[name][-1]) for name in ("slip", "separated")}
+        held = self.provenance["run"]["speed_rad_s"] is not None
+        sticks = (STUCK,) if held and stuck(float(self.curves["rotor_speed_rad_s"][-1]), end) else ()
+        return (*self.audit.findings, *self._model_cautions, *sticks, *self.provenance["cautions"])
 
     def summary(self) -> dict[str, str]:
         """Return the most important values at the end of the run."""

@@ -93,10 +93,11 @@ def change_to_come(time: Array, values: Array, period: float, decay_s: float = 0
 
     The means at the middle, at three quarters and at the end of the run are extrapolated exponentially (Aitken);
     where they do not converge, the last change is multiplied by a hundred. A change is not taken to decay faster than
-    the slowest free mode, in ``decay_s``: a mean that turns just at the end has a small last change.
+    the slowest free mode, in ``decay_s``: a mean that turns just at the end has a small last change. A run shorter than
+    this, or than four periods, cannot tell.
     """
     quarter = int(0.25 * (time[-1] - time[0]) / period)  # in whole periods
-    if quarter < 1:
+    if quarter < 1 or time[-1] < decay_s:
         return float("inf")
     length = min(quarter, AVERAGED_PERIODS) * period
     integral = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))))

@@ -364,6 +364,8 @@ def test_a_contact_that_sticks_at_a_standstill_has_no_unique_torque_and_every_re
         pr.speed_torque(motor, weak, speeds=[0.0]),
         pr.working_points(motor, weak, over={"drive.voltage": [2.0]}, speed=0.0),
     )
-    for cautions in (held.cautions, curve.cautions, table.cautions, pr.operating_point(motor, weak)["cautions"]):
+    point = pr.operating_point(motor, weak)
+    averaged = pr.simulate_averaged(motor, weak, 2e-3, speed=0.0)
+    for cautions in (held.cautions, curve.cautions, table.cautions, averaged.cautions, point["cautions"]):
         assert STUCK in cautions
     assert STUCK not in (*free.cautions, *pr.steady_state(motor, weak, speed=1.0).cautions)

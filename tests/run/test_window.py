@@ -43,9 +43,10 @@ def test_a_mean_that_turns_just_at_the_end_has_not_settled_if_a_mode_still_decay
     assert change_to_come(TIME, values, 1.0, decay) > rest
 
 
-def test_a_run_of_fewer_than_four_periods_cannot_tell() -> None:
+def test_a_run_shorter_than_four_periods_or_the_decay_of_a_mode_cannot_tell() -> None:
     short = TIME <= 3.0
     assert change_to_come(TIME[short], RIPPLE[short], 1.0) == inf
+    assert change_to_come(TIME, RIPPLE, 1.0, decay_s=101.0) == inf
 
 
 @pytest.mark.parametrize(("end", "periods"), [(100.0, 20), (7.3, 7), (0.4, 0)])
