@@ -235,7 +235,8 @@ def _drive(one: Case) -> Answer:
 
 
 def _averaged(one: Case) -> Answer:
-    run = pr.simulate_averaged(one.motor, one.drive, max(duration(one), 200.0 * one.drive.period), **one.point)
+    lasts = max(SETTLING * one.motor.decay_s, 200.0 * one.drive.period)
+    run = pr.simulate_averaged(one.motor, one.drive, lasts, **one.point)
     document = run.to_dict()
     end = document["end"]
     return Answer(

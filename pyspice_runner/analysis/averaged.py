@@ -124,7 +124,7 @@ class AveragedRun(Result):
         """Findings of the audit and of the model's own check; whether friction holds a held shaft at the end."""
         end = {name: float(self.curves[name][-1]) for name in ("slip", "separated")}
         held = self.provenance["run"]["speed_rad_s"] is not None
-        sticks = (STUCK,) if held and stuck(float(self.curves["rotor_speed_rad_s"][-1]), end) else ()
+        sticks = (STUCK,) if held and stuck(end) else ()
         return (*self.audit.findings, *self._model_cautions, *sticks, *self.provenance["cautions"])
 
     def summary(self) -> dict[str, str]:

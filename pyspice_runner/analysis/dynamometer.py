@@ -74,14 +74,14 @@ class Quantities:
 
 
 STUCK = (
-    "The contact sticks throughout the period. Friction holds the standing shaft at any torque up to its limit: "
-    "torque, normal force and powers depend on how the shaft came to rest."
+    "The contact sticks throughout the period. Friction holds a shaft that stands or hardly turns at any torque "
+    "up to its limit: torque, normal force and powers depend on how it came there."
 )
 
 
-def stuck(speed_rad_s: float, outcome: Mapping[str, Any]) -> bool:
-    """Whether a held shaft stands and its contact neither slips nor opens, for an outcome by names of quantities."""
-    return speed_rad_s == 0.0 and outcome["slip"] == 0.0 and outcome["separated"] == 0.0
+def stuck(outcome: Mapping[str, Any]) -> bool:
+    """Whether a contact neither slips nor opens, for an outcome by names of quantities."""
+    return bool(outcome["slip"] == 0.0 and outcome["separated"] == 0.0)
 
 
 UNITS = {item.name: (str(item.metadata["unit"]), str(item.metadata["meaning"])) for item in fields(Quantities)}

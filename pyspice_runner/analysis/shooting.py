@@ -85,8 +85,10 @@ class Point:
         assert self.at_end is not None
         free = self.free
         left, sizes, right = np.linalg.svd((self.at_end - self.at_start)[np.ix_(free, free)])
-        turning = self.plant.turns & (right[:, -1] ** 2 > 0.5)  # a heavy rotor is slow, and has its steady speed
-        kept = sizes > np.where(turning, 1e-10 * sizes[0], self.lasting)
+        # A heavy rotor is slow, and has its steady speed. A shaft that is held at a speed drags the sliders until they
+        # slip, however little it does in a period.
+        slow = self.plant.turns & (right[:, -1] ** 2 > 0.5) | bool(self.plant.load.speed)
+        kept = sizes > np.where(slow, 1e-10 * sizes[0], self.lasting)
         kept &= np.arange(len(sizes)) < len(sizes) - self.sticks
         assert self.trace is not None
         time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]

@@ -278,7 +278,8 @@ def _reported(bench: Dynamometer, outcome: dict[str, Any]) -> dict[str, Any]:
 
 
 def _stuck(benches: Sequence[Dynamometer], outcomes: Sequence[Mapping[str, Any]]) -> list[str]:
-    found = any(stuck(bench.speed, outcome) for bench, outcome in zip(benches, outcomes, strict=True))
+    laws = (bench.setup.law for bench in benches)
+    found = any(law and law.sliding and stuck(outcome) for law, outcome in zip(laws, outcomes, strict=True))
     return [STUCK] if found else []
 
 

@@ -94,8 +94,9 @@ class SteadyState(Quantities, Result):
 
     @property
     def held_by_friction(self) -> bool:
-        """Whether the shaft is held at a standstill by a contact that sticks throughout: its torque is not unique."""
-        return self.provenance["run"]["speed_rad_s"] is not None and stuck(self.speed_rad_s, self.quantities)
+        """Whether the contact of a held shaft sticks throughout: only regularised friction has a unique torque then."""
+        run = self.provenance["run"]
+        return run["speed_rad_s"] is not None and run["contact"] != "coulomb" and stuck(self.quantities)
 
     @property
     def instability(self) -> str:

@@ -89,6 +89,6 @@ def unknown_recoil(modes: Sequence[Mode], mount: Mount | None) -> tuple[str, ...
             found.append(
                 f"The recoil of mode {mode.name} on the carrier is not known: one of {1e3 * abs(estimate):.2g} g, an "
                 f"estimate, would raise its frequency by {100.0 * shift:.2g} %; half its bandwidth is "
-                f"{50.0 / mode.quality_factor:.2g} %. State recoil_kg of the mode."
+                f"{50.0 / mode.quality_factor:.2g} %. State recoil_kg of the mode, or beam.recoil = true for a beam."
             )
     return tuple(found)

@@ -368,4 +368,12 @@ def test_a_contact_that_sticks_at_a_standstill_has_no_unique_torque_and_every_re
     averaged = pr.simulate_averaged(motor, weak, 2e-3, speed=0.0)
     for cautions in (held.cautions, curve.cautions, table.cautions, averaged.cautions, point["cautions"]):
         assert STUCK in cautions
-    assert STUCK not in (*free.cautions, *pr.steady_state(motor, weak, speed=1.0).cautions)
+    regularised = pr.steady_state(motor, weak, speed=0.0, contact="coulomb")
+    assert STUCK not in (*free.cautions, *regularised.cautions, *pr.steady_state(motor, weak, speed=1.0).cautions)
+
+
+def test_a_shaft_that_turns_slowly_has_no_steady_state_that_sticks() -> None:
+    """In a period the shaft turns by 2 nrad, but it does not stop until the contact slips."""
+    motor = pr.load_motor("andersen2002")
+    found = pr.steady_state(motor, pr.default_drive(motor).updated({"voltage": 2.0}), speed=1e-4)
+    assert not found.converged or found.slip > 0.0
