@@ -301,11 +301,15 @@ def _track(one: Case) -> Iterator[tuple[str, Answer]]:
     tracker = pr.Tracker(kind="pll", frequency=frequency, bandwidth_hz=frequency / 60.0, **values)
     run = pr.track(one.motor, tracker, 250.0 / frequency, mode=mode, **one.point)
     document = run.to_dict()
+    # the edges of the detector have the resolution of a step, ωh; and a run with a tracker is not corrected for the
+    # shift of the resonance by the trapezoidal rule, (ωh)²/12
+    step = 2.0 * math.pi * frequency * document["run"]["step_s"]
+    resolution = step + document["lag"]["quality"] / 6.0 * step**2
     yield (
         "track",
         Answer(
             {"phase_rad": math.radians(tracker.target_deg)},
-            {"phase_rad": math.radians(document["rms_phase_error_deg"] or 0.0)},
+            {"phase_rad": math.radians(document["rms_phase_error_deg"] or 0.0) + resolution},
             {"phase_rad": 1.0},
             doubts(document, locked=True, kept_lock=True),
         ),
@@ -340,7 +344,7 @@ def differences(one: Case, answers: Mapping[str, Answer]) -> Iterator[dict[str, 
             )  # fmt: skip
             scale = max(scale, abs(ours.values[name]), abs(theirs.values[name]))
             apart = abs(ours.values[name] - theirs.values[name])
-            stated = ours.errors.get(name, 0.0) + theirs.errors.get(name, 0.0)
+            stated = sum(error for of in (ours, theirs) if math.isfinite(error := of.errors.get(name, 0.0)))
             said = [f"{first}: {text}" for text in ours.doubts] + [f"{second}: {text}" for text in theirs.doubts]
             yield {
                 "pair": f"{first}, {second}",

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A small part of ``python -m tests.contradictions``, and checks that it can fail."""
+"""A small part of ``python -m tests.contradictions``, checks that it can fail, and its record."""
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
@@ -38,3 +39,10 @@ def test_a_difference_beyond_one_per_cent_and_the_stated_error_must_be_explained
     assert [one["kind"] for one in compared(0.531, [])] == ["contradiction"]
     (found,) = compared(0.531, ["settled"])
     assert (found["kind"], found["said"]) == ("explained", ["other: settled"])
+
+
+def test_the_record_has_200_cases_and_no_contradiction() -> None:
+    record = json.loads(contradictions.RESULT.read_text(encoding="utf-8"))
+    assert record["cases"] >= contradictions.COUNT
+    assert record["kinds"]["contradiction"] == len(record["contradictions"]) == 0
+    assert record["kinds"]["agree"] > 5 * record["cases"]

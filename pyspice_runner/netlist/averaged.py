@@ -45,6 +45,7 @@ PHASES, HARMONICS = 64, 3
 FEWEST_PHASES, MOST_PHASES = 16, 512
 MOST_HARMONICS = 6
 CHECKED_HARMONICS = 2  # above those of the model; the check node gives the response to them
+DEEPEST_M = 5e-4  # static penetration: half of the largest in piezomotor_averaged_phase.lib
 _CONTACT = "piezomotor_averaged_contact"
 _PHASE = "piezomotor_averaged_phase"
 _OF_PHASE = ("slider", "normal", "friction", "fx", "fy", "open", "slip")  # outputs of a phase
@@ -76,7 +77,7 @@ def check_averaged(contact: ContactLaw | None) -> None:
 
 
 def require_averaged(motor: Motor) -> None:
-    """Raise ParameterError for a mode that is not linear, or a loss of contact or bearing without an averaged model."""
+    """Raise ParameterError for a mode that is not linear, a loss without an averaged model, or a deep penetration."""
     require_linear(motor, "The averaged motor")
     left_out = {
         "contact.sliding_ratio": (motor.contact.sliding_ratio, 1.0),
@@ -88,6 +89,16 @@ def require_averaged(motor: Motor) -> None:
             raise ParameterError(
                 f"{name} = {value:g} has no averaged model: it must be {neutral:g}. Set it, or use the full motor."
             )
+    _check_penetration(motor)
+
+
+def _check_penetration(motor: Motor) -> None:
+    penetration = contact_law.static_penetration(motor.contact)
+    if penetration > DEEPEST_M:
+        raise ParameterError(
+            f"contact.preload_n = {motor.contact.preload_n:g} N presses the tip {1e3 * penetration:.3g} mm into the "
+            f"rotor; the averaged model takes up to {1e3 * DEEPEST_M:g} mm. Lower it, or use the full motor."
+        )
 
 
 def _orders(name: str, harmonics: int) -> list[str]:

@@ -191,6 +191,17 @@ def test_a_loss_without_an_averaged_model_is_an_error(name: str, value: float) -
         pr.simulate_averaged(lossy, pr.default_drive(lossy), 1e-3)
 
 
+def test_a_preload_that_presses_the_tip_too_deep_is_an_error() -> None:
+    """A phase of the averaged contact stops at 1 mm, where the normal force would be that of a smaller preload."""
+    motor = pr.load_motor("bimodal40")
+    softer = (motor.contact.normal_stiffness_n_per_m15 / 4e5) ** (2.0 / 3.0)
+    names = [f"tangential_compliance_{body}_m_per_n23" for body in ("tip", "rotor")]
+    compliances = {f"contact.{name}": softer * getattr(motor.contact, name) for name in names}
+    soft = motor.updated({"contact.normal_stiffness_n_per_m15": 4e5, **compliances})
+    with pytest.raises(pr.ParameterError, match=r"presses the tip 0\.642 mm into the rotor; .* takes up to 0\.5 mm"):
+        pr.simulate_averaged(soft, pr.default_drive(soft), 1e-3)
+
+
 def test_the_json_has_the_cautions_of_the_averaged_model() -> None:
     opening = pr.load_motor("bimodal40")
     run = simulate_averaged(opening, pr.default_drive(opening), 2e-3)
