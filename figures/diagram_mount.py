@@ -75,12 +75,15 @@ def circuit(sheet: Sheet) -> None:
     sheet.pin((21.0, -0.4))
     sheet.wire((19.4, -0.4), (20.9, -0.4))
     sheet.node(LIBRARY, "base", (20.3, -0.05), ha="right")
-    sheet.note("$\\ddot{z}$; draws the recoil of the modes, which acts on the loop", (19.2, -0.4), ha="right")
+    sheet.note(
+        "$\\ddot{z}$; draws the recoil of the modes, which acts on the loop", (19.2, -0.4), ha="right", fontsize=7.0
+    )
 
 
 def sheet() -> Sheet:
     """Return the diagram."""
-    drawn = Sheet(6.9)
+    drawn = Sheet(8.2)
+    drawn.axes.set_ylim(-1.3, 6.9)  # the pin of the recoil is below the ground of the mechanical drawing
     mechanics(drawn)
     circuit(drawn)
     return drawn

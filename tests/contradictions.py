@@ -141,7 +141,7 @@ def _drawn(rng: np.random.Generator, *, damped: bool) -> Case | None:
 
 
 def doubts(document: Mapping[str, Any], **must: bool) -> list[str]:
-    """Return what a result says against itself: flags that are not as they must be, and cautions on its model."""
+    """Return the flags of a result that differ from the required values, and its cautions."""
     return [name for name, wanted in must.items() if document.get(name) is not wanted] + list(document["cautions"])
 
 

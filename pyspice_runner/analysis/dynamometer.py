@@ -75,7 +75,7 @@ class Quantities:
 
 STUCK = (
     "The contact sticks throughout the period. Friction holds a shaft that stands or hardly turns at any torque "
-    "up to its limit: torque, normal force and powers depend on how it came there."
+    "up to its limit: torque, normal force and powers depend on its history."
 )
 
 

@@ -6,8 +6,8 @@ deviation x of the state therefore satisfies x(t + T) = e^{jωT} x(t). Over one 
 deviation at the start of the run makes of it, which is the derivative of the map, and of what the input adds. The
 latter is found in the same way, with copies that have a small sine in addition to the drive; no transient is needed.
 R. Telichevesky, K. Kundert, J. White, "Efficient AC and noise analysis of two-tone RF circuits", DAC 1996. As in the
-steady state, the mean over copies whose steps lie between each other's removes most of the effect of late events; what
-two halves of them differ by tells the error.
+steady state, the mean over copies whose steps lie between each other's removes most of the effect of late events; the
+difference between two halves of them, and the change by smaller deviations, give the error.
 """
 
 from __future__ import annotations

@@ -283,14 +283,11 @@ class AveragedSubCircuit(Assembly):
                     self.R(f"sum_{node}", node, self.gnd, 1)
                     squares.append(f"(V({node})/{{{limit}}})**2")
         if motor.mount:  # in the expression: with nodes of their own, runs of ngspice near a fold fail
-            mass, damping, stiffness = (
-                motor.mount.mass_kg,
-                motor.mount.damping_n_s_per_m,
-                motor.mount.stiffness_n_per_m,
-            )
+            mount = motor.mount
             for order in range(1, harmonics + CHECKED_HARMONICS + 1):
                 omega = f"({2.0 * pi * order:.10g}*V(frequency))"
-                impedance = f"(({stiffness:.10g}-{mass:.10g}*{omega}**2)**2+({damping:.10g}*{omega})**2)"
+                reactance = f"({mount.stiffness_n_per_m:.10g}-{mount.mass_kg:.10g}*{omega}**2)"
+                impedance = f"({reactance}**2+({mount.damping_n_s_per_m:.10g}*{omega})**2)"
                 force = f"(V(fy_re{order})**2+V(fy_im{order})**2)"
                 squares.append(f"{force}*{{(1e6/{depth})**2}}/{impedance}")
         self.raw_spice += f".param outside={outside(self.settable)}\n"

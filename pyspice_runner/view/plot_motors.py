@@ -66,7 +66,9 @@ def _solid(motor: model.Motor, solid: Solid) -> Sheet:
         for box in solid.boxes:
             low, high = corners(box)
             ax.add_patch(Rectangle(tuple(low), *(high - low), facecolor="0.9", edgecolor="0.3", label="_"))
-            ax.text(low[0], high[1], f" {box.material}", fontsize=7, color="0.3", va="bottom")
+            ax.annotate(
+                box.material, tuple(low), (2, -2), textcoords="offset points", fontsize=7, color="0.3", va="top"
+            )
         for electrode in solid.electrodes:
             if electrode.group != "ground":
                 (low, high), color = corners(electrode), BLUE if electrode.group == "A" else VERMILION
@@ -95,7 +97,7 @@ def _solid(motor: model.Motor, solid: Solid) -> Sheet:
             ax.add_collection(PolyCollection(moved[:, cells].transpose(2, 1, 0), array=size, clim=(0.0, 1.0), lw=0.2))
             ax.autoscale_view()
             title = f"{mode.name}, {mode.frequency_hz / 1e3:.4g} kHz"
-            _frame(ax, plane, f"{title} (largest displacement drawn as {swing:.2g} mm)")
+            _frame(ax, plane, f"{title}: displacement, drawn up to {swing:.2g} mm")
 
         return draw_mode
 
