@@ -166,9 +166,16 @@ def solve_resonator(
     mass *= np.outer(scale, scale)
 
     # M φ = (1/ω²) K φ with the largest 1/ω²: accurate for the low modes, however many shapes there are.
-    from scipy.linalg import eigh  # takes long to load
+    from scipy.linalg import LinAlgError, eigh  # takes long to load
 
-    inverse_squares, vectors = eigh(mass, stiffness, subset_by_index=(shapes - count, shapes - 1))
+    try:
+        inverse_squares, vectors = eigh(mass, stiffness, subset_by_index=(shapes - count, shapes - 1))
+    except LinAlgError as error:
+        stiff, soft = (pick(section.bending_stiffness for section in sections) for pick in (max, min))
+        raise ParameterError(
+            f"The bending stiffness along the beam varies from {soft:.3g} to {stiff:.3g} N·m², too much for its modes "
+            "to be computed; check the thickness of the beam and of the patches."
+        ) from error
     order = np.argsort(inverse_squares)[::-1]
     inverse_squares = inverse_squares[order]
     coefficients = scale[:, None] * vectors[:, order]

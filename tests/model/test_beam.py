@@ -472,6 +472,17 @@ def test_a_mode_out_of_range_is_reported_as_a_parameter() -> None:
         resonator_modes(speck, patches, tip, DAMPING)
 
 
+def test_a_stiffness_that_varies_too_much_is_reported_by_its_range() -> None:
+    foil = Beam(length_m=1.0, width_m=0.125, thickness_m=1.1e-5, youngs_modulus_pa=1e8, density_kg_m3=100.0)
+    soft = {"density_kg_m3": 100.0, "width_m": 0.5}
+    patches = (
+        patch("A", 0.0, 0.45, thickness_m=1.1e-6, youngs_modulus_pa=1e8, **soft),
+        patch("B", 0.5, 1.0, thickness_m=0.1, youngs_modulus_pa=1e11, **soft),
+    )
+    with pytest.raises(ParameterError, match=r"varies from 1\.39e-09 to .* N·m², too much .* thickness of the beam"):
+        resonator_modes(foil, patches, NO_TIP, DAMPING)
+
+
 def test_shapes_of_the_arrays() -> None:
     resonator = solve_resonator(BEAM, SYMMETRIC, CENTRAL_TIP, count=3, shapes=12)
     assert resonator.coefficients.shape == (12, 3)
