@@ -14,6 +14,8 @@ import pytest
 
 from pyspice_runner.cli import run
 
+pytestmark = pytest.mark.slow  # among the first, since the commands run in order
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 TASKS = (ROOT / "docs" / "tasks.md").read_text(encoding="utf-8")

@@ -72,7 +72,7 @@ def test_its_field_and_the_stress_of_its_ceramic_stay_within_their_limits() -> N
 def test_it_agrees_with_the_reference_integrator(speed: float) -> None:
     assert isinstance(DRIVE, pr.TwoPhaseDrive)
     motor = MOTOR.updated({"contact.restitution": 1.0})  # which the reference has none of
-    duration = 4e-3  # as the points of test_reference.py
+    duration = 2e-3
     run = simulated(motor, DRIVE, duration=duration, speed=speed)
     exact = integrate(
         motor.to_dict(),

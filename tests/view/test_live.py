@@ -326,7 +326,8 @@ def test_the_page_names_the_folds_of_the_full_motor() -> None:
 
 
 def test_a_motor_with_a_loss_that_the_preview_leaves_out_runs_cycle_by_cycle(browser: Browser, tmp_path: Path) -> None:
-    motor = pr.load_motor("bimodal40").updated({"rotor.bearing_friction_n_m": 1e-3})
+    light = {"rotor.bearing_friction_n_m": 1e-3, "rotor.inertia_kg_m2": 1e-6}  # settles soon
+    motor = pr.load_motor("bimodal40").updated(light)
     file = tmp_path / "live.html"
     file.write_text(live_page(motor, []), encoding="utf-8")
     page, wrong = opened(browser, file, reduced_motion="reduce")
