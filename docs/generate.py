@@ -25,6 +25,7 @@ from pyspice_runner.model.parameters import (
     Patch,
     Piezo,
     Rotor,
+    Slider,
     Tip,
 )
 from pyspice_runner.model.refusal import unit_of
@@ -96,6 +97,11 @@ def parameters_page(motor: Motor) -> str:
             f"{_sentence(Materials)} Instead of the constants above.",
         ),
         _section("Rotor", Rotor, "rotor", _values(motor, "rotor", [motor.rotor])),
+        _section(
+            "Slider", Slider, "slider", {},
+            f"{_sentence(Slider)} It is computed as a rotor of radius 1 m "
+            "([own_motor.md](own_motor.md#linear-stages)).",
+        ),
         _section(
             "Mount", Mount, "mount", _values(motor, "mount", [motor.mount]) if motor.mount else {},
             f"{_sentence(Mount)} Without a table `[mount]` the stator is held at a fixed distance from the rotor.",

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import floor, isfinite, log10
+from typing import Any
 
 _PREFIXES = {-5: "f", -4: "p", -3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}
 
@@ -22,6 +24,39 @@ def unit_in(name: str) -> str:
     if "_per_" in name and not name.endswith("_v_per_s"):
         return "1"
     return next((unit for end, unit in _UNITS.items() if name.endswith(end)), "1")
+
+
+# A slider is computed as a rotor of radius 1 m: the values of its rotary and linear quantities are equal.
+_LINEAR_UNITS = {"rad/s": "m/s", "N·m·s": "N·s/m", "N·m": "N", "rad": "m"}
+_LINEAR_ENDS = {"_rad_s": "_m_s", "_n_m": "_n", "_rad": "_m"}
+
+
+def linear_unit(unit: str) -> str:
+    """Return the unit of a quantity of a slider, for that of a rotor."""
+    return _LINEAR_UNITS.get(unit, unit)
+
+
+def linear_name(name: str) -> str:
+    """Return the name of a quantity of a slider, for that of a rotor: ``force_n`` for ``torque_n_m``.
+
+    An empty text for a quantity that is not of the rotor. Of a mean the name has no ``mean_``.
+    """
+    end = next((end for end in _LINEAR_ENDS if name.endswith(end)), None)
+    if end is None:
+        return ""
+    start = name.removesuffix(end).removeprefix("mean_").replace("rotor_", "").replace("torque", "force")
+    return start + _LINEAR_ENDS[end]
+
+
+def with_linear(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a document, and the tables in it, with the quantities of a slider beside those of its rotor."""
+    found: dict[str, Any] = {}
+    for name, value in document.items():
+        found[name] = value = with_linear(value) if isinstance(value, Mapping) else value
+        beside = linear_name(name)
+        if beside and beside not in document:
+            found[beside] = value
+    return found
 
 
 def engineering(value: float | None, unit: str) -> str:

@@ -113,7 +113,7 @@ class AveragedRun(Result):
         speed and torque may be off by more than 2 % of the friction torque μ F₀ R.
         """
         fastest = float(np.abs(self.curves["rotor_speed_rad_s"]).max())
-        return not (self._model_cautions or too_fast(self.provenance["motor"]["rotor"]["radius_m"], fastest))
+        return not (self._model_cautions or too_fast(self.provenance["motor"], fastest))
 
     @property
     def _model_cautions(self) -> tuple[str, ...]:

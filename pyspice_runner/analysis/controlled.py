@@ -117,7 +117,7 @@ class ControlledRun(Result):
     def cautions(self) -> tuple[str, ...]:
         """Whether the rotor exceeds its limit of speed."""
         fastest = float(np.abs(self.samples["speed_rad_s"]).max())
-        return too_fast(self.provenance["motor"]["rotor"]["radius_m"], fastest)
+        return too_fast(self.provenance["motor"], fastest)
 
     def summary(self) -> dict[str, str]:
         """Return the last sample."""

@@ -138,7 +138,7 @@ class SteadyState(Quantities, Result):
         elif self.held_by_friction:
             found.append(STUCK)
         limits = exceeded(self.motor, self.ceramic_stress_pa, self.temperature_rise_k)
-        return (*found, *limits, *too_fast(self.motor.rotor.radius_m, self.speed_rad_s))
+        return (*found, *limits, *too_fast(self.motor.to_dict(), self.speed_rad_s))
 
     def summary(self) -> dict[str, str]:
         """Return speed, torque, forces, powers, stability and how the state was found."""
@@ -282,8 +282,8 @@ def _drive(setup: OperatingPoint) -> Drive:
     assert isinstance(source, DriveSource)
     if setup.load.speed is None and setup.motor.rotor.bearing_friction_n_m:
         raise ParameterError(
-            f"rotor.bearing_friction_n_m = {setup.motor.rotor.bearing_friction_n_m:g} N·m: the steady state of a free "
-            "shaft on a bearing with dry friction is not found by shooting. Hold the shaft, or take simulate."
+            "{} = {:g} {}: the steady state of a free shaft on a bearing with dry friction is not found by shooting. "
+            "Hold the shaft, or take simulate.".format(*setup.motor.dry_friction)
         )
     drive = source.drive
     source.check(setup.motor)

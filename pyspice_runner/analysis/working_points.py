@@ -228,5 +228,5 @@ def _row(state: SteadyState, limits: Mapping[str, float]) -> dict[str, Any]:
         "stable": state.stable,
     }
     within = all(abs(row[name]) <= limit for name, limit in limits.items())
-    within = within and not too_fast(state.motor.rotor.radius_m, state.speed_rad_s)
+    within = within and not too_fast(state.motor.to_dict(), state.speed_rad_s)
     return {**row, "allowed": bool(state.stable and not state.audit.findings and within)}

@@ -33,8 +33,8 @@ def effective_modulus(
 
 
 def effective_radius(radius_1_m: float, radius_2_m: float) -> float:
-    """Relative radius R* of two spheres in contact, 1/R* = 1/R₁ + 1/R₂, in m."""
-    return radius_1_m * radius_2_m / (radius_1_m + radius_2_m)
+    """Relative radius R* of two spheres in contact, 1/R* = 1/R₁ + 1/R₂, in m; of a plane the radius is infinite."""
+    return 1.0 / (1.0 / radius_1_m + 1.0 / radius_2_m)
 
 
 def normal_stiffness(effective_modulus_pa: float, effective_radius_m: float) -> float:

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from cmath import exp
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from math import hypot, pi, radians, sin
+from math import hypot, pi, radians, sin, sqrt
 from typing import Any, Literal
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.contact import static_penetration
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import quantity
 from pyspice_runner.model.refusal import Stated
@@ -20,8 +22,10 @@ SLOWEST_DRIVE, FASTEST_DRIVE = 1e-3, 1e2
 # m/s: the strain is this velocity over that of sound, about 5000 m/s; no stator survives 2 %
 FASTEST_TIP = 100.0
 FASTEST_SHAFT, FASTEST_SURFACE = 1e6, 1e3  # rad/s; m/s at the rim, where the strongest flywheels burst
+FASTEST_SLIDER = FASTEST_TIP  # m/s: no tip pushes it faster
 MatchState = Literal["free", "preloaded", "running", "hot"]  # state of the motor for which a driver is matched
 WIDEST_SWING = 0.1  # amplitude over the radius of the rotor: the tip stays near the crown of the rotor
+FLATTEST = 0.05  # of the penetration: fall x²/2R of a slider's face at the amplitude x, where R = 1 m stands for flat
 
 
 @dataclass(frozen=True)
@@ -200,18 +204,28 @@ def check_together(motor: Motor, drive: Drive) -> None:
                 f"{FASTEST_DRIVE * highest:.3g} Hz."
             )
     velocity, swing = free_tip(motor, drive)
-    furthest = WIDEST_SWING * motor.rotor.radius_m
+    if motor.slider:
+        furthest = sqrt(2.0 * FLATTEST * static_penetration(motor.contact) * motor.rotor.radius_m)
+        reason = "within which the model's slider is flat"
+    else:
+        furthest, reason = WIDEST_SWING * motor.rotor.radius_m, "a tenth of the rotor's radius"
     if velocity > FASTEST_TIP or swing > furthest:
         raise ParameterError(
             f"The drive ({drive.label}) is too strong for {motor.name}: the free tip would move by {swing:.3g} m at "
-            f"{velocity:.3g} m/s; the limits are {furthest:.3g} m, a tenth of the rotor's radius, and "
+            f"{velocity:.3g} m/s; the limits are {furthest:.3g} m, {reason}, and "
             f"{FASTEST_TIP:g} m/s, above which a stator breaks. Lower the voltage, or correct the couplings."
         )
 
 
-def too_fast(radius_m: float, speed: float) -> tuple[str, ...]:
-    """Return in a sentence that a rotor turns faster, in rad/s, than a shaft may be held; nothing if it does not."""
-    highest = min(FASTEST_SHAFT, FASTEST_SURFACE / radius_m)
+def too_fast(motor: Mapping[str, Any], speed: float) -> tuple[str, ...]:
+    """Return in a sentence that a rotor turns faster, in rad/s, than a shaft may be held; nothing if it does not.
+
+    The motor is stated as by :meth:`.Motor.to_dict`; with a slider the speed is in m/s.
+    """
+    if "slider" in motor:
+        told = f"The slider moves at {speed:.4g} m/s; the limit is {FASTEST_SLIDER:g} m/s, at which a stator breaks."
+        return (f"{told} Lower the load.",) if abs(speed) > FASTEST_SLIDER else ()
+    highest = min(FASTEST_SHAFT, FASTEST_SURFACE / motor["rotor"]["radius_m"])
     if not abs(speed) > highest:
         return ()
     told = f"The rotor turns at {speed:.4g} rad/s; the limit is {highest:.3g} rad/s, above which its rim bursts."
@@ -220,7 +234,7 @@ def too_fast(radius_m: float, speed: float) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Load:
-    """Load of the shaft: none, a torque, or a held speed."""
+    """Load of the shaft: none, a torque, or a held speed; in m/s and N for a slider."""
 
     speed: float | None = None  # speed in rad/s at which the shaft is held; ``None`` leaves it free
     # torque in N·m that a load draws from the free shaft at any speed; positive against the positive direction.
@@ -228,7 +242,13 @@ class Load:
 
     def check(self, motor: Motor) -> None:
         """Raise ParameterError for a value out of range for a motor's shaft, or for speed and torque together."""
-        if self.speed is not None:
+        if self.speed is not None and motor.slider:
+            if not abs(self.speed) <= FASTEST_SLIDER:
+                raise ParameterError(
+                    f"speed = {self.speed:g} m/s is not valid: of a slider it must be a number from "
+                    f"{-FASTEST_SLIDER:g} to {FASTEST_SLIDER:g} m/s."
+                )
+        elif self.speed is not None:
             if not abs(self.speed) <= FASTEST_SHAFT:
                 raise ParameterError(
                     f"speed = {self.speed:g} rad/s is not valid: it must be a number from -1e6 to 1e6 rad/s."
@@ -241,7 +261,10 @@ class Load:
                     f"at {surface:.3g} m/s, where every rotor bursts. Give at most {highest:.3g} rad/s."
                 )
         if not abs(self.torque) <= 1e6:
-            raise ParameterError(f"load_torque = {self.torque:g} N·m is not valid: it must be from -1e6 to 1e6 N·m.")
+            unit = "N" if motor.slider else "N·m"
+            raise ParameterError(
+                f"load_torque = {self.torque:g} {unit} is not valid: it must be from -1e6 to 1e6 {unit}."
+            )
         if self.speed is not None and self.torque:
             raise ParameterError(
                 "speed and load_torque exclude each other: a shaft held at a speed takes any torque. Give one."

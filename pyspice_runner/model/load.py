@@ -9,11 +9,12 @@ The file states the modes in one of four ways:
   ``quality_factor`` for ``damping_n_s_per_m``;
 * ``[[arms]]``: Butterworth–Van Dyke values seen at group A with group B shorted (:class:`Arm`).
 
-``[mount]`` states the springs of the stator; ``[limits]`` the limits of its ceramic; ``[drive]`` the recommended drive:
-its ``kind``, ``two-phase`` or ``two-tone``, and the arguments of its constructor.
+``[rotor]``, or ``[slider]`` of a linear stage, states what the tip moves; ``[mount]`` the springs of the stator;
+``[limits]`` the limits of its ceramic; ``[drive]`` the recommended drive: its ``kind``, ``two-phase`` or ``two-tone``,
+and the arguments of its constructor.
 
-The contact is stated by its constants, or by the materials of tip and rotor (:class:`Materials`). Each number is
-written plainly, or as ``{ value = …, given | derived | assumed = "why" }``, which records its origin.
+The contact is stated by its constants, or by the materials of tip and rotor or slider (:class:`Materials`). Each number
+is written plainly, or as ``{ value = …, given | derived | assumed = "why" }``, which records its origin.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import difflib
 import re
 import warnings
 from collections.abc import Mapping
-from math import sqrt
+from math import inf, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ from pyspice_runner.model.document import parse_toml, read_document
 from pyspice_runner.model.drive import DRIVES
 from pyspice_runner.model.motor import (
     ALIASES,
+    MOVED,
     Motor,
     Provenance,
     Structure,
@@ -78,16 +80,16 @@ class Arm(Parameters):
 
 
 class Materials(Parameters):
-    """Materials of tip and rotor, from which K_N and K_t follow (paper eqs. 4 and 13–15)."""
+    """Materials of tip and rotor, or slider, from which K_N and K_t follow (paper eqs. 4 and 13–15)."""
 
     tip_radius_m: float = quantity("radius of the tip's cap", "m", gt=1e-6, le=10.0)
     tip_youngs_modulus_pa: float = quantity("Young's modulus of the tip", "Pa", ge=1e8, le=2e12)
     tip_poisson: float = quantity("Poisson's ratio of the tip", "1", ge=0.0, lt=0.5)
-    rotor_youngs_modulus_pa: float = quantity("Young's modulus of the rotor", "Pa", ge=1e8, le=2e12)
-    rotor_poisson: float = quantity("Poisson's ratio of the rotor", "1", ge=0.0, lt=0.5)
+    rotor_youngs_modulus_pa: float = quantity("Young's modulus of the rotor, or of the slider", "Pa", ge=1e8, le=2e12)
+    rotor_poisson: float = quantity("Poisson's ratio of the rotor, or of the slider", "1", ge=0.0, lt=0.5)
 
     def constants(self, rotor_radius_m: float) -> dict[str, float]:
-        """Return K_N, K_t1 and K_t2 under the names of :class:`Contact`."""
+        """Return K_N, K_t1 and K_t2 under the names of :class:`Contact`; the radius of a flat slider is infinite."""
         tip = self.tip_youngs_modulus_pa, self.tip_poisson
         rotor = self.rotor_youngs_modulus_pa, self.rotor_poisson
         modulus = contact_law.effective_modulus(*tip, *rotor)
@@ -176,7 +178,7 @@ def _read(source: str | Path) -> tuple[dict[str, Any], str]:
 
 _SECTIONS = (
     "name", "description", "beam", "ceramic", "patches", "tip", "damping", "modes", "arms", "piezo", "contact", "rotor",
-    "mount", "limits", "drive", "solid",
+    "slider", "mount", "limits", "drive", "solid",
 )  # fmt: skip
 _WAYS = ("beam", "solid", "modes", "arms")
 _FROM = {"beam": "[[patches]]", "solid": "[solid]"}
@@ -192,15 +194,16 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
         raise ParameterError(
             f"{where} must state its modes by exactly one of [beam], [solid], [[modes]] or [[arms]]; it has {found}."
         )
-    for key in ("name", "contact", "rotor", "piezo"):
+    for key in ("name", "contact", "piezo"):
         if key not in document:
             raise ParameterError(
-                f"{where} has no entry {key!r}; a motor needs name, piezo, contact, rotor and its modes."
+                f"{where} has no entry {key!r}; a motor needs name, piezo, contact, rotor or slider, and its modes."
             )
+    moved = _moved(document, where)
     provenance: dict[str, Provenance] = {}
     plain = {key: _strip(value, key, provenance, where) for key, value in document.items() if key != "description"}
 
-    rotor = build(Rotor, plain["rotor"], "rotor", where)
+    rotor = build(MOVED[moved], plain[moved], moved, where)
     structure, modes, capacitances = _resolve_modes(plain, ways[0], where)
     piezo = dict(as_table(plain["piezo"], "piezo", where))
     if piezo.pop("loss_reference_hz", None) is not None:  # of files from before the ladder
@@ -216,14 +219,26 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
                 f"{where}: piezo.{given[0]} follows from {_FROM[ways[0]]}; leave it out or state the modes directly."
             )
         piezo.update(capacitances)
-    contact = _resolve_contact(plain["contact"], rotor, where)
+    radius = rotor.radius_m if isinstance(rotor, Rotor) else inf
+    contact = _resolve_contact(plain["contact"], radius, where)
     contact |= _softening(contact, structure, provenance, where)
-    for section, kind in (("contact", Contact), ("rotor", Rotor)):
+    for section, kind in (("contact", Contact), (moved, MOVED[moved])):
         for name, field in kind.model_fields.items():
             if not field.is_required():
                 provenance.setdefault(f"{section}.{name}", Provenance("default", "not stated"))
     _check_drive(plain.get("drive"), where)
     return assemble({**plain, "modes": modes, "piezo": piezo, "contact": contact}, structure, provenance, where=where)
+
+
+def _moved(document: Mapping[str, Any], where: str) -> str:
+    """Return which table states what the tip moves, ``rotor`` or ``slider``."""
+    found = [name for name in MOVED if name in document]
+    if len(found) != 1:
+        raise ParameterError(
+            f"{where} must state what the tip moves by exactly one of [rotor] or [slider]; it has "
+            f"{'both' if found else 'none of them'}."
+        )
+    return found[0]
 
 
 def _resolve_modes(
@@ -348,10 +363,10 @@ def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, wh
     return entry
 
 
-def _resolve_contact(entry: Any, rotor: Rotor, where: str) -> dict[str, Any]:
+def _resolve_contact(entry: Any, rotor_radius_m: float, where: str) -> dict[str, Any]:
     contact = dict(as_table(entry, "contact", where))
     if "materials" in contact:
-        constants = build(Materials, contact.pop("materials"), "contact.materials", where).constants(rotor.radius_m)
+        constants = build(Materials, contact.pop("materials"), "contact.materials", where).constants(rotor_radius_m)
         if both := [key for key in constants if key in contact]:
             raise ParameterError(f"{where}: contact.{both[0]} follows from [contact.materials]; leave out one of them.")
         contact.update(constants)

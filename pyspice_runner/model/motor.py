@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The motor: modes, electrical groups, contact, rotor and mount."""
+"""The motor: modes, electrical groups, contact, rotor or slider, and mount."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import pi, sqrt
 from typing import Any, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer, model_validator
 
 from pyspice_runner.display import Shown
 from pyspice_runner.errors import ParameterError
@@ -26,6 +26,7 @@ from pyspice_runner.model.parameters import (
     Patch,
     Piezo,
     Rotor,
+    Slider,
     Tip,
 )
 from pyspice_runner.model.refusal import allowed_range, build, checked, limited, positive, quoted, refusal
@@ -41,19 +42,24 @@ CLOSEST_COUPLING = 0.9  # k², of the best single crystals (k₃₃ = 0.95)
 STIFFEST_CONTACT = 100.0  # fastest motion in contact over that of the stator: the tip has 1e-4 of the stator's mass
 
 
+DEEPEST_SLIDER_M = 1e-3  # a tenth of the radius of a large tip: Hertz's theory holds for a shallow contact
+
+
 # section, parameter and value at which an effect is off; the parameters that then have no meaning
 _EFFECTS: dict[tuple[str, str, float], tuple[str, ...]] = {
     ("contact", "restitution", 1.0): ("restitution_velocity_m_s",),
     ("contact", "sliding_ratio", 1.0): ("stribeck_velocity_m_s",),
     ("contact", "series_compliance_m_per_n", 0.0): (),
     ("rotor", "bearing_friction_n_m", 0.0): ("bearing_presliding_rad",),
+    ("slider", "guide_friction_n", 0.0): ("guide_presliding_m",),
 }
 
 
 ALIASES = {"frequency_hz": "stiffness_n_per_m", "quality_factor": "damping_n_s_per_m"}  # other ways to state a mode
 _OF_MODE = ("softening_per_m2", "damping_growth_per_m2", "recoil_kg")  # effects of a mode, off at 0 or unknown
 _OPTIONAL: dict[str, type[Parameters]] = {"mount": Mount, "limits": Limits}  # sections that may be null
-_SECTIONS: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, "rotor": Rotor, **_OPTIONAL}
+MOVED: dict[str, type[Parameters]] = {"rotor": Rotor, "slider": Slider}  # what the tip moves: one of them
+_SECTIONS: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, **MOVED, **_OPTIONAL}
 
 
 @dataclass(frozen=True)
@@ -78,7 +84,10 @@ class Structure(Parameters):
 
 
 class Motor(Shown, Parameters):
-    """A standing-wave piezomotor: modes, electrical groups, contact and rotor.
+    """A standing-wave piezomotor: modes, electrical groups, contact, and rotor or slider.
+
+    A motor with a ``slider`` has a ``rotor`` as well, that of radius 1 m which moves in the same way
+    (:attr:`.Slider.as_rotor`). Its speeds in rad/s and torques in N·m are m/s and N.
 
     ``drive`` is the table of the recommended drive, for ``default_drive``. ``structure`` (a beam), ``solid`` and
     ``provenance`` state the origin of the values. No simulation reads these four.
@@ -95,6 +104,7 @@ class Motor(Shown, Parameters):
     piezo: Piezo
     contact: Contact
     rotor: Rotor
+    slider: Slider | None = Field(default=None, description="slider of a linear stage; null: the motor turns a rotor")
     mount: Mount | None = Field(default=None, description="plate springs of the stator; null: held at a fixed distance")
     limits: Limits | None = Field(default=None, description="limits of the ceramic; null: not known")
     drive: dict[str, Any] | None = Field(default=None, exclude=True)
@@ -106,6 +116,24 @@ class Motor(Shown, Parameters):
         if values:
             raise ParameterError("Motor: name every parameter, or use load_motor(NAME or FILE) and its method updated.")
         super().__init__(**named)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_rotor(cls, values: Any) -> Any:
+        """Give a motor with a slider the rotor that moves in the same way."""
+        if not isinstance(values, Mapping) or values.get("slider") is None:
+            return values
+        if "rotor" in values:
+            raise ValueError("a motor has a rotor or a slider, not both: state one of them")
+        slider = Slider.model_validate(values["slider"])
+        return {**values, "slider": slider, "rotor": slider.as_rotor}
+
+    @model_serializer(mode="wrap")
+    def _without_other(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Return the document with the rotor or the slider, as the motor was stated."""
+        document: dict[str, Any] = write(self)
+        document.pop("rotor" if self.slider else "slider", None)
+        return document
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -129,17 +157,21 @@ class Motor(Shown, Parameters):
             )
         seat = contact_law.static_penetration(self.contact) + contact_law.static_deflection(self.contact, self.modes)
         seat += self.contact.series_compliance_m_per_n * self.contact.preload_n
-        if seat > 0.1 * self.rotor.radius_m:
+        deepest = DEEPEST_SLIDER_M if self.slider else 0.1 * self.rotor.radius_m
+        if seat > deepest:
+            most = "" if self.slider else f"a tenth of rotor.radius_m = {self.rotor.radius_m:g} m"
             raise ValueError(
-                f"contact.preload_n = {self.contact.preload_n:g} N presses the tip {seat:.3g} m into the rotor; "
-                f"at most a tenth of rotor.radius_m = {self.rotor.radius_m:g} m is allowed, so lower the preload"
+                f"contact.preload_n = {self.contact.preload_n:g} N presses the tip {seat:.3g} m into the "
+                f"{self.moved}; at most {most or f'{deepest:g} m'} is allowed, so lower the preload"
             )
         fastest = float(contact_law.linearised_resonances(self.contact, self.modes, self.rotor, self.mount)[-1])
         if fastest > STIFFEST_CONTACT * highest:
             raise ValueError(
-                f"pressed on the rotor the tip swings at {fastest:.4g} Hz, more than {STIFFEST_CONTACT:g} times the "
-                f"highest mode's {highest:.4g} Hz: the tip, the rotor at its rim or the carrier has too little mass; "
-                "change tip_x and tip_y, contact.normal_stiffness_n_per_m15, rotor.inertia_kg_m2 or mount.mass_kg"
+                f"pressed on the {self.moved} the tip swings at {fastest:.4g} Hz, more than {STIFFEST_CONTACT:g} times "
+                f"the highest mode's {highest:.4g} Hz: the tip, the "
+                f"{'slider' if self.slider else 'rotor at its rim'} or the carrier has too little mass; change tip_x "
+                "and tip_y, contact.normal_stiffness_n_per_m15, "
+                f"{'slider.mass_kg' if self.slider else 'rotor.inertia_kg_m2'} or mount.mass_kg"
             )
         return self
 
@@ -158,16 +190,29 @@ class Motor(Shown, Parameters):
                 )
 
     @property
+    def moved(self) -> str:
+        """What the tip moves: ``"rotor"`` or ``"slider"``."""
+        return "slider" if self.slider else "rotor"
+
+    @property
+    def dry_friction(self) -> tuple[str, float, str]:
+        """Path, value and unit of the dry friction of the bearing or the guide."""
+        if self.slider:
+            return "slider.guide_friction_n", self.slider.guide_friction_n, "N"
+        return "rotor.bearing_friction_n_m", self.rotor.bearing_friction_n_m, "N·m"
+
+    @property
     def decay_s(self) -> float:
         """Time in s in which the slowest free mode, or the carrier on its mount, decays by e."""
         springs: list[Any] = [*self.modes, *([self.mount] if self.mount else [])]
         return float(max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs))
 
     def summary(self) -> dict[str, str]:
-        """Return name, modes, contact, rotor and mount, ready to print."""
+        """Return name, modes, contact, mount, and rotor or slider, ready to print."""
         modes = ", ".join(
             f"{engineering(mode.frequency_hz, 'Hz')} (Q {mode.quality_factor:.3g})" for mode in self.modes
         )
+        rotor = self.rotor
         capacitances = (engineering(value, "F") for value in (self.piezo.capacitance_a_f, self.piezo.capacitance_b_f))
         return {
             "name": self.name,
@@ -176,7 +221,9 @@ class Motor(Shown, Parameters):
             "mount": "fixed distance" if self.mount is None else f"{self.mount.stiffness_n_per_m:.4g} N/m",
             "friction": f"{self.contact.friction:g}",
             "clamped capacitances": " and ".join(capacitances),
-            "rotor": f"radius {engineering(self.rotor.radius_m, 'm')}, inertia {self.rotor.inertia_kg_m2:.4g} kg·m²",
+            self.moved: f"mass {rotor.inertia_kg_m2:.4g} kg, guide damping {rotor.bearing_damping_n_m_s:.4g} N·s/m"
+            if self.slider
+            else f"radius {engineering(rotor.radius_m, 'm')}, inertia {rotor.inertia_kg_m2:.4g} kg·m²",
         }
 
     __str__ = Shown.__repr__
@@ -197,7 +244,7 @@ class Motor(Shown, Parameters):
         """
         document = self.model_dump()
         for (section, name, off), companions in _EFFECTS.items():
-            if document[section][name] == off:
+            if section in document and document[section][name] == off:
                 for absent in (name, *companions):
                     del document[section][absent]
         document["modes"] = [
@@ -280,7 +327,7 @@ def assemble(
             **{
                 section: build(kind, parts[section], section, where)
                 for section, kind in _SECTIONS.items()
-                if section not in _OPTIONAL or parts.get(section) is not None
+                if parts.get(section) is not None
             },
             drive=parts.get("drive"),
             structure=stator if isinstance(stator, Structure) else None,
@@ -345,6 +392,12 @@ def _set_path(document: dict[str, Any], path: str, value: Any) -> str:
     elif path in _OPTIONAL:
         document[path] = dict(value) if isinstance(value, Mapping) else value
         return path
+    elif section in MOVED and section not in document:
+        has = next(name for name in MOVED if name in document)
+        raise ParameterError(
+            f"There is no parameter {quoted(path)}: the motor has a {has}, no {section}. Its parameters are "
+            f"{', '.join(f'{has}.{name}' for name in document[has])}."
+        )
     elif section in _SECTIONS:
         if document[section] is None:
             document[section] = {}

@@ -45,7 +45,8 @@ class Parameters(BaseModel):
             return
         kind = type(self).__name__
         paths = {"Motor": name, "Mode": f"modes.{getattr(self, 'name', 0)}.{name}"}
-        paths |= {part: f"{part.lower()}.{name}" for part in ("Contact", "Rotor", "Mount", "Piezo", "Limits")}
+        parts = ("Contact", "Rotor", "Slider", "Mount", "Piezo", "Limits")
+        paths |= {part: f"{part.lower()}.{name}" for part in parts}
         owner = "motor" if kind in paths else re.findall("[A-Z][a-z]*", kind)[-1].lower()
         changed = f"{owner}.updated({{{paths.get(kind, name)!r}: …}})"
         hint = f"{changed} returns a changed copy." if hasattr(self, "updated") or kind in paths else "Make another."
@@ -273,3 +274,28 @@ class Rotor(Parameters):
         "angle after a reversal over which the dry friction comes to 63 % of its torque (Dahl)", "rad", ge=1e-5, le=1.0,
         default=1e-3,
     )  # fmt: skip
+
+
+class Slider(Parameters):
+    """The slider of a linear stage, in place of a rotor: a rigid body with a flat face, on a straight guide."""
+
+    # numerically those of a rotor of radius 1 m, so their ranges lie within its ranges
+    mass_kg: float = quantity("mass", "kg", gt=1e-12, le=1e3)
+    guide_damping_n_s_per_m: float = quantity("viscous coefficient of the guide", "N·s/m", ge=0.0, le=1e3)
+    guide_friction_n: float = quantity("dry friction of the guide", "N", ge=0.0, le=1e3, default=0.0)
+    # guides with balls or rollers reach their friction after some micrometres to a tenth of a millimetre
+    guide_presliding_m: float = quantity(
+        "travel after a reversal over which the dry friction comes to 63 % of its force (Dahl)", "m", ge=1e-7, le=1e-2,
+        default=1e-5,
+    )  # fmt: skip
+
+    @property
+    def as_rotor(self) -> Rotor:
+        """The rotor of radius 1 m that moves in the same way: 1 rad/s is 1 m/s, and 1 N·m is 1 N."""
+        return Rotor.model_construct(
+            radius_m=1.0,
+            inertia_kg_m2=self.mass_kg,
+            bearing_damping_n_m_s=self.guide_damping_n_s_per_m,
+            bearing_friction_n_m=self.guide_friction_n,
+            bearing_presliding_rad=self.guide_presliding_m,
+        )

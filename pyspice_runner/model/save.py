@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 _KINDS = ("given", "derived", "assumed")
-_SECTIONS = ("piezo", "contact", "rotor", "mount", "limits", "drive")
+_SECTIONS = ("piezo", "contact", "rotor", "slider", "mount", "limits", "drive")
 
 
 def motor_toml(document: Mapping[str, Any], provenance: Mapping[str, Any], *, heading: str = "") -> str:

@@ -82,7 +82,7 @@ def require_averaged(motor: Motor) -> None:
     left_out = {
         "contact.sliding_ratio": (motor.contact.sliding_ratio, 1.0),
         "contact.series_compliance_m_per_n": (motor.contact.series_compliance_m_per_n, 0.0),
-        "rotor.bearing_friction_n_m": (motor.rotor.bearing_friction_n_m, 0.0),
+        motor.dry_friction[0]: (motor.dry_friction[1], 0.0),
     }
     for name, (value, neutral) in left_out.items():
         if value != neutral:
@@ -97,7 +97,7 @@ def _check_penetration(motor: Motor) -> None:
     if penetration > DEEPEST_M:
         raise ParameterError(
             f"contact.preload_n = {motor.contact.preload_n:g} N presses the tip {1e3 * penetration:.3g} mm into the "
-            f"rotor; the averaged model takes up to {1e3 * DEEPEST_M:g} mm. Lower it, or use the full motor."
+            f"{motor.moved}; the averaged model takes up to {1e3 * DEEPEST_M:g} mm. Lower it, or use the full motor."
         )
 
 

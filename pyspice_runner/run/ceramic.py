@@ -48,4 +48,4 @@ def stated(motor: Motor, found: Mapping[str, float], speed_rad_s: Array) -> dict
     known = {name: value if np.isfinite(value) else None for name, value in found.items()}
     limits = exceeded(motor, found["ceramic_stress_pa"], found["temperature_rise_k"])
     fastest = float(speed_rad_s[np.abs(speed_rad_s).argmax()])
-    return {**known, "cautions": [*limits, *too_fast(motor.rotor.radius_m, fastest)]}
+    return {**known, "cautions": [*limits, *too_fast(motor.to_dict(), fastest)]}

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Dotted paths of the parameters of a run: the one grammar that sweeps, maps, branches, curves and commands share.
 
-``contact.*``, ``rotor.*``, ``mount.*``, ``piezo.*``, ``limits.*`` and ``modes.N.*`` are those of
+``contact.*``, ``rotor.*`` or ``slider.*``, ``mount.*``, ``piezo.*``, ``limits.*`` and ``modes.N.*`` are those of
 :meth:`~pyspice_runner.model.motor.Motor.updated`. ``drive.*`` are the values of a drive or a driver,
 ``drive.PART.PARAMETER`` those of a driver's parts. ``load.speed`` and ``load.torque`` are the load of the shaft;
 ``run.*`` are the settings of an analysis.
@@ -20,7 +20,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import quoted, unit_of
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import Excitation
-from pyspice_runner.units import unit_in
+from pyspice_runner.units import linear_unit, unit_in
 
 #: path of the load → setting of an analysis, unit, description
 LOADS = {
@@ -64,6 +64,7 @@ def parameter(path: str, motor: Motor, drive: Excitation, run: Mapping[str, Any]
     section, _, key = canonical(path).partition(".")
     if canonical(path) in LOADS:
         setting, unit, meaning = LOADS[canonical(path)]
+        unit = linear_unit(unit) if motor.slider else unit
         return Parameter(path, run.get(setting), unit, meaning if path in LOADS else "")
     if section == "run":
         return Parameter(path, run.get(key), unit_of_name(key))

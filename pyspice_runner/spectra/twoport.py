@@ -97,7 +97,7 @@ class TwoPortFit(Result):
         base: Motor | str | Path = "andersen2002",
         name: str = "measured",
     ) -> Motor:
-        """Return a complete motor: the fitted stator, calibrated, with the contact and the rotor of another motor.
+        """Return a complete motor: the fitted stator, calibrated, with contact and rotor or slider of another motor.
 
         ``tips`` defines the modal coordinate r: with (0, 1), r is the displacement of the tip towards the rotor.
 
@@ -147,9 +147,8 @@ class TwoPortFit(Result):
         piezo = {name: getattr(self, name) for name in _PIEZO}
         provenance |= {f"piezo.{key}": measured for key in piezo}
         borrowed = Provenance("assumed", f"that of {base.name}; state your own")
-        rest = {"contact": base.contact.model_dump(), "rotor": base.rotor.model_dump()}
-        if base.mount is not None:
-            rest["mount"] = base.mount.model_dump()
+        document = base.model_dump()
+        rest = {part: document[part] for part in ("contact", base.moved, "mount") if document[part] is not None}
         provenance |= {f"{section}.{key}": borrowed for section, table in rest.items() for key in table}
         parts = {"name": name, "modes": modes, "piezo": piezo, **rest}
         return assemble(parts, None, provenance, where=self.source)

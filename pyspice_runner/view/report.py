@@ -143,8 +143,8 @@ def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:
 
 def _free_rotor(motor: Motor, drive: Drive, timeout: float | None) -> SteadyState | None:
     """Return the steady state without load; ``None`` if dry friction, a constant torque, stops the rotor."""
-    dry = motor.rotor.bearing_friction_n_m
-    motor = motor.updated({"rotor.bearing_friction_n_m": 0.0})
+    path, dry, _ = motor.dry_friction
+    motor = motor.updated({path: 0.0})
     free = steady_state(motor, drive, timeout=timeout)
     if not dry or not free.stable:
         return free

@@ -13,22 +13,24 @@ import pyspice_runner as pr
 from pyspice_runner.cli import run
 
 PAGE = (Path(__file__).parents[2] / "docs" / "own_motor.md").read_text(encoding="utf-8")
-MOTORS = re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S)
+TABLES = re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S)
+SLIDER = TABLES[2]
+MOTORS = [*TABLES[:2], re.sub(r"^\[rotor\].*", SLIDER, TABLES[0], flags=re.M | re.S)]
 COMMANDS = re.findall(r"^    (piezomotor .+)$", PAGE, re.M)
 
 
-def test_the_page_shows_two_motors_and_three_commands() -> None:
-    assert (len(MOTORS), len(COMMANDS)) == (2, 3)
+def test_the_page_shows_two_motors_a_slider_and_three_commands() -> None:
+    assert (len(TABLES), len(COMMANDS)) == (3, 3)
 
 
-@pytest.mark.parametrize("text", MOTORS, ids=["modes", "arms"])
+@pytest.mark.parametrize("text", MOTORS, ids=["modes", "arms", "slider"])
 def test_a_motor_loads_and_turns(text: str, tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
     motor = pr.load_motor(tmp_path / "mine.toml")
     drive = pr.TwoPhaseDrive(voltage=30.0, frequency=motor.modes[-1].frequency_hz, phase_deg=90.0)
     waves = pr.simulate(motor, drive, duration=1e-3)
     assert waves.energy_residual < 1e-3
-    assert abs(waves.mean_rotor_speed_rad_s) > 1e-3
+    assert abs(waves.mean_rotor_speed_rad_s) * motor.rotor.radius_m > 1e-5
 
 
 @pytest.mark.parametrize("words", COMMANDS)

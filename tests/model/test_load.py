@@ -95,6 +95,8 @@ BEAM: Document = {
 MODES: Document = {
     "name": "by its modes", "modes": [MODE, SIDE], "piezo": LOSS | CAPACITANCES, "contact": CONTACT, "rotor": ROTOR,
 }  # fmt: skip
+SLIDER = {"mass_kg": 0.2, "guide_damping_n_s_per_m": 0.4, "guide_friction_n": 0.3, "guide_presliding_m": 2e-5}
+SLIDES: Document = {name: value for name, value in MODES.items() if name != "rotor"} | {"slider": SLIDER}
 ARMS: Document = {
     "name": "by its arms",
     **MODES,
@@ -403,8 +405,8 @@ def test_file_that_may_not_be_read_is_rejected(tmp_path: Path, monkeypatch: pyte
 # --- mistakes in a document ----------------------------------------------------------------------------------
 
 TOP = (
-    "name, description, beam, ceramic, patches, tip, damping, modes, arms, piezo, contact, rotor, mount, limits, "
-    "drive, solid"
+    "name, description, beam, ceramic, patches, tip, damping, modes, arms, piezo, contact, rotor, slider, mount, "
+    "limits, drive, solid"
 )
 MISTAKES: list[tuple[Document, str]] = [
     (changed(MODES, "rottor", {}), "there is no 'rottor'. Did you mean 'rotor'?"),
@@ -530,8 +532,28 @@ MISTAKES: list[tuple[Document, str]] = [
         " must state its modes by exactly one of [beam], [solid], [[modes]] or [[arms]]; it has [beam] and [modes].",
     ),
     *(
-        (changed(MODES, key, ...), f" has no entry '{key}'; a motor needs name, piezo, contact, rotor and its modes.")
-        for key in ("name", "piezo", "contact", "rotor")
+        (
+            changed(MODES, key, ...),
+            f" has no entry '{key}'; a motor needs name, piezo, contact, rotor or slider, and its modes.",
+        )
+        for key in ("name", "piezo", "contact")
+    ),
+    (
+        changed(MODES, "rotor", ...),
+        " must state what the tip moves by exactly one of [rotor] or [slider]; it has none of them.",
+    ),
+    (
+        changed(MODES, "slider", SLIDER),
+        " must state what the tip moves by exactly one of [rotor] or [slider]; it has both.",
+    ),
+    (
+        changed(SLIDES, "slider.mas_kg", 1.0),
+        "there is no 'slider.mas_kg'. Did you mean 'mass_kg'?",
+    ),
+    (changed(SLIDES, "slider.mass_kg", ...), "slider.mass_kg is missing (mass, in kg). State it."),
+    (
+        changed(SLIDES, "slider.guide_friction_n", -1.0),
+        "slider.guide_friction_n = -1 N is not valid: it must be a number ≥ 0 and ≤ 1000 N.",
     ),
     (
         changed(MODES, "name", "a\nb"),
