@@ -222,7 +222,8 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
     radius = rotor.radius_m if isinstance(rotor, Rotor) else inf
     contact = _resolve_contact(plain["contact"], radius, where)
     contact |= _softening(contact, structure, provenance, where)
-    for section, kind in (("contact", Contact), (moved, MOVED[moved])):
+    of_beam = (("beam", Beam), ("tip", Tip)) if ways[0] == "beam" else ()
+    for section, kind in (("contact", Contact), (moved, MOVED[moved]), *of_beam):
         for name, field in kind.model_fields.items():
             if not field.is_required():
                 provenance.setdefault(f"{section}.{name}", Provenance("default", "not stated"))

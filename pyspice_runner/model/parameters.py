@@ -61,6 +61,10 @@ class Beam(Parameters):
     thickness_m: float = quantity("height in the bending plane", "m", gt=1e-5, le=0.5)
     youngs_modulus_pa: float = quantity("Young's modulus", "Pa", ge=1e8, le=2e12)
     density_kg_m3: float = quantity("density", "kg/m³", ge=100.0, le=3e4)
+    theory: Literal["timoshenko", "bernoulli-euler"] = Field(
+        default="timoshenko", description="with or without shear and rotary inertia of the sections"
+    )
+    poissons_ratio: float = quantity("Poisson's ratio, for the shear stiffness", "1", ge=0.0, lt=0.5, default=0.3)
     recoil: bool = Field(default=True, description="whether the modes get the recoil Γ of the beam and its tip")
 
 
@@ -83,6 +87,7 @@ class Patch(Parameters):
         "transverse charge constant d₃₁, usually negative", "m/V", ge=-5e-9, le=5e-9
     )
     permittivity_f_m: float = quantity("permittivity at constant stress, ε₃₃ᵀ", "F/m", ge=8.8e-12, le=1e-6)
+    poissons_ratio: float = quantity("Poisson's ratio, for the shear stiffness", "1", ge=0.0, lt=0.5, default=0.3)
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every number on docs/beam.md is recomputed; where one moves, the page must be rewritten."""
+
+from __future__ import annotations
+
+import re
+from math import pi, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from pyspice_runner.model.beam import solve_resonator
+from pyspice_runner.model.parameters import Beam, Tip
+
+PAGE = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs" / "beam.md").read_text(encoding="utf-8"))
+NO_TIP = Tip(position_m=0.005, length_m=0.0, mass_kg=0.0, rotary_inertia_kg_m2=0.0)
+
+
+def says(*sentences: str) -> None:
+    """The page has these words, up to line breaks."""
+    missing = [sentence for sentence in sentences if sentence not in PAGE]
+    assert not missing, f"docs/beam.md does not say {missing}"
+
+
+def rayleigh_lamb(ratio: float, poisson: float, near: float) -> float:
+    """ωh/c_T of the lowest antisymmetric wave in plane stress; ``ratio`` is the height h over the half wave.
+
+    (q² + β²)² tanh(αh/2)/α = 4q² β tanh(βh/2), α² = q² − (ω/c_L)², β² = q² − (ω/c_T)², c_L² = E/ρ(1 − ν²)
+    (H. Lamb, Proc. R. Soc. A 93 (1917) 114).
+    """
+    q, squared = pi * ratio, 2 / (1 - poisson)  # (c_L/c_T)²
+
+    def difference(w: float) -> float:
+        alpha, beta = np.emath.sqrt(q**2 - w**2 / squared), np.emath.sqrt(q**2 - w**2)
+        first = (2 * q**2 - w**2) ** 2 * np.tanh(alpha / 2) / alpha
+        return float(np.real(first - 4 * q**2 * beta * np.tanh(beta / 2)))
+
+    return float(brentq(difference, 0.95 * near, 1.05 * near, xtol=1e-14))
+
+
+@pytest.mark.parametrize("ratio", [0.05, 0.1, 0.2, 0.3, 0.5, 1.0])
+def test_uniform_beams_against_the_theory_of_elasticity(ratio: float) -> None:
+    poisson, modulus, density, length = 0.3, 200e9, 7850.0, 0.01
+    height = ratio * length
+    found = [
+        solve_resonator(
+            Beam.model_validate(
+                {"length_m": length, "width_m": 0.001, "thickness_m": height, "youngs_modulus_pa": modulus,
+                 "density_kg_m3": density, "poissons_ratio": poisson, "theory": theory}
+            ), (), NO_TIP, count=1, shapes=4,
+        ).frequencies_hz[0]
+        for theory in ("bernoulli-euler", "timoshenko")
+    ]  # fmt: skip
+    unit = sqrt(modulus / (2 * (1 + poisson)) / density) / height / (2 * pi)
+    exact = unit * rayleigh_lamb(ratio, poisson, found[1] / unit)
+    euler, timoshenko = (100 * (frequency / exact - 1) for frequency in found)
+    digits = 2 if ratio == 0.05 else 1
+    says(f"| {ratio:g} | {euler:+.{digits}f} | {timoshenko:+.2f} |".replace("-", "−"))
+    assert abs(timoshenko) < 0.9
