@@ -235,7 +235,7 @@ def _allowed(kind: type[Parameters], name: str) -> str:
 def _number(value: object, digits: int) -> str:
     """Write a number in its shortest form: 2e11, 0.018, 1.505e-8."""
     if not isinstance(value, float):
-        return str(value)
+        return "–" if value is None else str(value)
     short = f"{value:.6g}"
     text = short if digits > 6 and float(short) == value else f"{value:.{digits}g}"
     return re.sub(r"e([-+])0*(\d+)", lambda e: f"e{e[1].replace('+', '')}{e[2]}", text)

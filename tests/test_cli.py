@@ -52,7 +52,7 @@ def test_show_prints_the_documented_json(capsys: pytest.CaptureFixture[str]) -> 
     assert {"capacitance_a_f", "capacitance_b_f", "loss_tangent"} <= set(motor["piezo"])
     assert set(motor["contact"]) == {
         "normal_stiffness_n_per_m15", "tangential_compliance_tip_m_per_n23", "tangential_compliance_rotor_m_per_n23",
-        "friction", "preload_n",
+        "friction", "preload_n", "effective_radius_m", "poisson",
     }  # fmt: skip
     assert set(motor["rotor"]) == {"radius_m", "inertia_kg_m2", "bearing_damping_n_m_s"}
     assert [mode["frequency_hz"] for mode in motor["modes"]] == pytest.approx([13.5e3, 51.7e3], rel=1e-3)

@@ -315,7 +315,7 @@ def drive_report(
         solver_seconds=outcome.seconds,
         ngspice_version=outcome.ngspice_version,
         deck=outcome.deck,
-        ceramic=ceramic(motor, setup.discretisation, samples, driver, window),
+        ceramic=ceramic(motor, setup.law, setup.discretisation, samples, driver, window),
     )
     reactive = sum(port.apparent_power_va for port in report.groups.values())
     findings = audit_power(report.power_in_w, report.power_found_w, reactive)

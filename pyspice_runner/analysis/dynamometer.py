@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from math import ceil, pi, sqrt
+from math import ceil, nan, pi, sqrt
 from typing import Any
 
 import numpy as np
 
-from pyspice_runner.model import strength
+from pyspice_runner.model import strength, wear
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.recoil import recoils
 from pyspice_runner.netlist.benches import SpeedRamp
@@ -65,6 +65,9 @@ class Quantities:
     ceramic_strain: float = measured("1", "greatest strain of the ceramic; not known without the beam")
     ceramic_stress_pa: float = measured("Pa", "greatest stress of the ceramic by that strain")
     temperature_rise_k: float = measured("K", "steady temperature of the stator above its surroundings, by its losses")
+    peak_pressure_pa: float = measured("Pa", "greatest pressure in the contact; not known without its radius")
+    tensile_stress_pa: float = measured("Pa", "tension at the trailing edge of the contact at its greatest force")
+    wear_volume_m3_per_s: float = measured("m³/s", "volume that the tip loses by slip")
     balance_residual: float = measured("1", "power put in that is not accounted for, over the power put in")
 
     @property
@@ -313,7 +316,7 @@ def quantities_of(motor: Motor, mean: Mapping[str, float]) -> dict[str, float]:
     ``touching`` and ``slip``, shares of time; ``work`` and ``press``, powers of the tip along the rotor and towards it;
     ``given``, power on the rotor; ``load_torque``, ``dielectric_loss``, ``damping_loss``, ``stored``; of each group
     ``power_a``, ``voltage_square_a``, ``current_square_a`` and the greatest current ``peak_a``; ``ceramic_strain`` and
-    ``ceramic_stress_pa``.
+    ``ceramic_stress_pa``; if known, ``greatest`` of the normal force and ``rubbing``, normal force times slip velocity.
     """
     radius, friction, shaft = motor.rotor.radius_m, mean["friction"], mean["given"]
     electrical = mean["power_a"] + mean["power_b"]
@@ -339,6 +342,7 @@ def quantities_of(motor: Motor, mean: Mapping[str, float]) -> dict[str, float]:
         "ceramic_strain": mean["ceramic_strain"],
         "ceramic_stress_pa": mean["ceramic_stress_pa"],
         "temperature_rise_k": strength.temperature_rise(motor, mean["dielectric_loss"] + mean["damping_loss"]),
+        **wear.of_contact(motor.contact, mean.get("greatest", nan), mean.get("rubbing", nan)),
         "balance_residual": (electrical - shaft - sum(losses.values())) / put_in if put_in > 0.0 else 0.0,
     }
     for group in "ab":

@@ -7,12 +7,14 @@ The instruments of the dynamometer integrate inside the circuit; here the same m
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import nan
 
 import numpy as np
 
 from pyspice_runner.analysis.dynamometer import quantities_of, stored_energy
 from pyspice_runner.analysis.period_map import Trace
-from pyspice_runner.model import strength
+from pyspice_runner.model import strength, wear
+from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.copies import Plant, drive_voltage, phasor_at
 from pyspice_runner.netlist.motor import dielectric_admittance
 from pyspice_runner.netlist.state import Discretisation, static_sway
@@ -82,8 +84,10 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
             for group in "ab"
             for tone in getattr(plant.drive, f"tones_{group}")
         ),
+        "greatest": float(normal.max()),
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
     }
+    found["rubbing"] = _rubbing(plant, trace, discretisation, found["work"] - found["given"])
     for group in "ab":
         voltage = drive_voltage(getattr(plant.drive, f"tones_{group}"), trace.time)[1:]
         amperes = current(plant, group, trace)[1:]
@@ -94,6 +98,21 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
             f"peak_{group}": float(np.abs(amperes).max()),
         }
     return found
+
+
+def _rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> float:
+    """Return the mean of normal force times slip velocity in W; of other laws than the paper's by their loss.
+
+    The spring of the paper's law is not quite conservative: its loss also has what the spring gives or takes.
+    """
+    if plant.law is None:
+        return nan
+    if plant.law != PAPER_LAW:
+        return loss_w / plant.motor.contact.friction
+    velocity = wear.slip_velocity(
+        plant.motor.contact, trace.slider_um, trace.penetration_um, discretisation.slider_time
+    )
+    return float((trace.normal * velocity)[1:].mean())
 
 
 def _stored(plant: Plant, trace: Trace, at: int) -> float:
@@ -113,7 +132,8 @@ def extrapolated(fine: Mapping[str, float], coarse: Mapping[str, float], ratio: 
     for name in ("touching", "slip"):
         limit[name] = min(max(limit[name], 0.0), 1.0)
     limit["slip"] = min(limit["slip"], limit["touching"])
-    limit["peak_a"], limit["peak_b"] = max(limit["peak_a"], 0.0), max(limit["peak_b"], 0.0)
+    for name in ("peak_a", "peak_b", "greatest", "rubbing"):
+        limit[name] = max(limit[name], 0.0)
     return limit
 
 

@@ -167,7 +167,7 @@ def _run(
         window = Window(samples["time"], setup.source.measured_period(samples))
         stressed: dict[str, Any] = {"cautions": []}
         if signals is None:
-            stressed = ceramic(motor, setup.discretisation, samples, setup.source, window)
+            stressed = ceramic(motor, setup.law, setup.discretisation, samples, setup.source, window)
         provenance: dict[str, Any] = {
             "motor": motor.to_dict(),
             "drive": setup.source.to_dict(),

@@ -26,7 +26,7 @@ from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked, quoted
-from pyspice_runner.model.strength import exceeded
+from pyspice_runner.model.strength import COMPARED, exceeded
 from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.result import Audit
@@ -144,15 +144,15 @@ def speed_torque(
         raise fault
     outcomes = [found.get(place, _MISSING) for place in range(len(points))]
     findings = dict.fromkeys(finding for outcome in outcomes for finding in outcome["findings"])
-    stress, rise = (
-        max((outcome[name] for outcome in outcomes if outcome[name] == outcome[name]), default=float("nan"))
-        for name in ("ceramic_stress_pa", "temperature_rise_k")
-    )
+    greatest = {
+        name: max((outcome[name] for outcome in outcomes if outcome[name] == outcome[name]), default=float("nan"))
+        for name in COMPARED
+    }
     label = [] if any(path.startswith("drive.") for path in axes) else [base.source.label]
     dataset = dataset_of(
         base, ", ".join(["speed and torque", *label]), OUTCOME, outcomes, coordinates(base, axes),
         (outcome["deck_sha256"] for outcome in outcomes),
-        audit=Audit(tuple(findings)).to_dict(), cautions=[*exceeded(motor, stress, rise), *_stuck(points, outcomes)],
+        audit=Audit(tuple(findings)).to_dict(), cautions=[*exceeded(motor, greatest), *_stuck(points, outcomes)],
         method=[outcome["method"] for outcome in outcomes],
         run={
             "mode": mode, "follow": follow, **law.to_dict(), "step_s": step, "tolerance": tolerance,
@@ -270,9 +270,7 @@ def _reported(bench: Dynamometer, outcome: dict[str, Any]) -> dict[str, Any]:
     motor = bench.motor
     compiled = bench.setup.solver.compiled and outcome["method"] != "settle"
     kept = {name: value for name, value in outcome.items() if name not in ("audit_passed", "findings")}
-    cautions = [
-        *exceeded(motor, outcome["ceramic_stress_pa"], outcome["temperature_rise_k"]), *_stuck([bench], [outcome])
-    ]  # fmt: skip
+    cautions = [*exceeded(motor, outcome), *_stuck([bench], [outcome])]
     engine = "compiled" if compiled else "spice"
     return {**kept, "engine": engine, "cautions": cautions, "audit": Audit(outcome["findings"]).to_dict()}
 

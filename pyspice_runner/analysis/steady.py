@@ -129,7 +129,7 @@ class SteadyState(Quantities, Result):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit; failed convergence, instability, and exceeded limits of ceramic and rotor."""
+        """Findings of the audit; failed convergence, instability, and exceeded limits of ceramic, contact and rotor."""
         found = list(self.audit.findings)
         if not self.converged:
             found.append("No steady state was found. Run simulate to see how the motor moves.")
@@ -137,7 +137,7 @@ class SteadyState(Quantities, Result):
             found.append(f"The steady state is not stable: {self.instability}.")
         elif self.held_by_friction:
             found.append(STUCK)
-        limits = exceeded(self.motor, self.ceramic_stress_pa, self.temperature_rise_k)
+        limits = exceeded(self.motor, self.quantities)
         return (*found, *limits, *too_fast(self.motor.to_dict(), self.speed_rad_s))
 
     def summary(self) -> dict[str, str]:
@@ -152,6 +152,7 @@ class SteadyState(Quantities, Result):
             "shaft power": engineering(self.shaft_power_w, "W"),
             "electrical power": engineering(electrical, "W"),
             "stress of the ceramic": engineering(self.ceramic_stress_pa, "Pa"),
+            "peak pressure of the contact": engineering(self.peak_pressure_pa, "Pa"),
             "temperature rise": engineering(self.temperature_rise_k, "K"),
             "estimated error of the torque": engineering(self.torque_error_n_m, "N·m"),
             "stable": f"{'yes' if self.stable else 'no'}, largest multiplier {largest:.5g}",
@@ -443,6 +444,7 @@ def _averaged(points: Sequence[Point], period_map: PeriodMap) -> tuple[dict[str,
     found = {name: sum(one[name] for one in several) / len(several) for name in several[0]}
     for group in "ab":
         found[f"peak_{group}"] = max(one[f"peak_{group}"] for one in several)
+    found["greatest"] = max(one["greatest"] for one in several)
     forces = [one["friction"] for one in several]
     return found, max(forces) - min(forces)
 

@@ -232,7 +232,8 @@ def _track_full(run: TrackedRun) -> Tracking:
     loop = loop_design(source.tracker, run.lag, source.loop_filter) if pll else None
     found = judged(run, _periods(vectors, mode), outcome, loop)
     window = Window(vectors["time"], 1.0 / found.end_frequency_hz)
-    return replace(found, audit=audit, ceramic=ceramic(motor, setup.discretisation, vectors, source, window))
+    stressed = ceramic(motor, setup.law, setup.discretisation, vectors, source, window)
+    return replace(found, audit=audit, ceramic=stressed)
 
 
 def _track_averaged(run: TrackedRun) -> Tracking:

@@ -159,6 +159,13 @@ def _limits(limits: Mapping[str, float], motor: Motor) -> dict[str, float]:
         missing |= dict.fromkeys(("ceramic_stress_pa", "ceramic_strain"), "motor is described without its beam")
     if motor.limits is None:
         missing |= dict.fromkeys(("temperature_c", "temperature_rise_k"), "motor has no table of limits")
+    for name, parameter in (
+        ("peak_pressure_pa", "effective_radius_m"),
+        ("tensile_stress_pa", "poisson"),
+        ("wear_volume_m3_per_s", "specific_wear_rate_m3_per_n_m"),
+    ):
+        if getattr(motor.contact, parameter) is None:
+            missing[name] = f"motor has no contact.{parameter}"
     for name, value in limits.items():
         if name not in known:
             raise ParameterError(f"limits: {quoted(name)} is not known: it must be one of {', '.join(known)}.")

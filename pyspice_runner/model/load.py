@@ -10,8 +10,8 @@ The file states the modes in one of four ways:
 * ``[[arms]]``: Butterworth–Van Dyke values seen at group A with group B shorted (:class:`Arm`).
 
 ``[rotor]``, or ``[slider]`` of a linear stage, states what the tip moves; ``[mount]`` the springs of the stator;
-``[limits]`` the limits of its ceramic; ``[drive]`` the recommended drive: its ``kind``, ``two-phase`` or ``two-tone``,
-and the arguments of its constructor.
+``[limits]`` those of ceramic and contact; ``[drive]`` the recommended drive: its ``kind``, ``two-phase`` or
+``two-tone``, and the arguments of its constructor.
 
 The contact is stated by its constants, or by the materials of tip and rotor or slider (:class:`Materials`). Each number
 is written plainly, or as ``{ value = …, given | derived | assumed = "why" }``, which records its origin.
@@ -44,7 +44,19 @@ from pyspice_runner.model.motor import (
     mass_and_stiffness,
     with_constants,
 )
-from pyspice_runner.model.parameters import Beam, Contact, Damping, Mode, Parameters, Patch, Rotor, Tip, label, quantity
+from pyspice_runner.model.parameters import (
+    Beam,
+    Contact,
+    Damping,
+    Limits,
+    Mode,
+    Parameters,
+    Patch,
+    Rotor,
+    Tip,
+    label,
+    quantity,
+)
 from pyspice_runner.model.refusal import allowed_range, as_table, build, check_keys, checked, limited, quoted, unit_of
 from pyspice_runner.model.solid.parameters import Solid, solid_from
 from pyspice_runner.model.solid.stator import stator_of
@@ -89,7 +101,10 @@ class Materials(Parameters):
     rotor_poisson: float = quantity("Poisson's ratio of the rotor, or of the slider", "1", ge=0.0, lt=0.5)
 
     def constants(self, rotor_radius_m: float) -> dict[str, float]:
-        """Return K_N, K_t1 and K_t2 under the names of :class:`Contact`; the radius of a flat slider is infinite."""
+        """Return K_N, K_t1, K_t2, R* and the tip's ν under the names of :class:`Contact`.
+
+        The radius of a flat slider is infinite.
+        """
         tip = self.tip_youngs_modulus_pa, self.tip_poisson
         rotor = self.rotor_youngs_modulus_pa, self.rotor_poisson
         modulus = contact_law.effective_modulus(*tip, *rotor)
@@ -98,6 +113,8 @@ class Materials(Parameters):
             "normal_stiffness_n_per_m15": contact_law.normal_stiffness(modulus, radius),
             "tangential_compliance_tip_m_per_n23": contact_law.tangential_compliance(*tip, modulus, radius),
             "tangential_compliance_rotor_m_per_n23": contact_law.tangential_compliance(*rotor, modulus, radius),
+            "effective_radius_m": radius,
+            "poisson": self.tip_poisson,
         }
 
 
@@ -222,10 +239,11 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
     radius = rotor.radius_m if isinstance(rotor, Rotor) else inf
     contact = _resolve_contact(plain["contact"], radius, where)
     contact |= _softening(contact, structure, provenance, where)
-    of_beam = (("beam", Beam), ("tip", Tip)) if ways[0] == "beam" else ()
-    for section, kind in (("contact", Contact), (moved, MOVED[moved]), *of_beam):
+    kinds: dict[str, type[Parameters]] = {"contact": Contact, moved: MOVED[moved], "limits": Limits}
+    kinds |= {"beam": Beam, "tip": Tip} if ways[0] == "beam" else {}
+    for section, kind in kinds.items():
         for name, field in kind.model_fields.items():
-            if not field.is_required():
+            if not field.is_required() and not (section == "contact" and name in contact):
                 provenance.setdefault(f"{section}.{name}", Provenance("default", "not stated"))
     _check_drive(plain.get("drive"), where)
     return assemble({**plain, "modes": modes, "piezo": piezo, "contact": contact}, structure, provenance, where=where)

@@ -45,11 +45,14 @@ STIFFEST_CONTACT = 100.0  # fastest motion in contact over that of the stator: t
 DEEPEST_SLIDER_M = 1e-3  # a tenth of the radius of a large tip: Hertz's theory holds for a shallow contact
 
 
-# section, parameter and value at which an effect is off; the parameters that then have no meaning
-_EFFECTS: dict[tuple[str, str, float], tuple[str, ...]] = {
+# section, parameter and value at which an effect is off or not known; the parameters that then have no meaning
+_EFFECTS: dict[tuple[str, str, float | None], tuple[str, ...]] = {
     ("contact", "restitution", 1.0): ("restitution_velocity_m_s",),
     ("contact", "sliding_ratio", 1.0): ("stribeck_velocity_m_s",),
     ("contact", "series_compliance_m_per_n", 0.0): (),
+    ("contact", "effective_radius_m", None): (),
+    ("contact", "poisson", None): (),
+    ("contact", "specific_wear_rate_m3_per_n_m", None): (),
     ("rotor", "bearing_friction_n_m", 0.0): ("bearing_presliding_rad",),
     ("slider", "guide_friction_n", 0.0): ("guide_presliding_m",),
 }
@@ -106,7 +109,7 @@ class Motor(Shown, Parameters):
     rotor: Rotor
     slider: Slider | None = Field(default=None, description="slider of a linear stage; null: the motor turns a rotor")
     mount: Mount | None = Field(default=None, description="plate springs of the stator; null: held at a fixed distance")
-    limits: Limits | None = Field(default=None, description="limits of the ceramic; null: not known")
+    limits: Limits | None = Field(default=None, description="limits of ceramic and contact; null: not known")
     drive: dict[str, Any] | None = Field(default=None, exclude=True)
     structure: Structure | None = Field(default=None, exclude=True)
     solid: Solid | None = Field(default=None, exclude=True)

@@ -216,6 +216,19 @@ class Contact(Parameters):
         "compliance of the tip's stem and of rough surfaces, in series with the Hertz contact", "m/N", ge=0.0, le=1e-3,
         default=0.0,
     )  # fmt: skip
+    # for pressure, tension and wear of the contact only, which need more than its stiffness
+    effective_radius_m: float | None = quantity(
+        "relative radius R* of tip and rotor, 1/R* = 1/R₁ + 1/R₂; not known: no pressure", "m", ge=1e-7, le=10.0,
+        default=None,
+    )  # fmt: skip
+    poisson: float | None = quantity(
+        "Poisson's ratio ν of the tip; not known: no tension", "1", ge=0.0, lt=0.5, default=None
+    )
+    # from the best lubricated ceramics to soft polymers
+    specific_wear_rate_m3_per_n_m: float | None = quantity(
+        "wear of the tip in volume per normal force and path of slip, k; not known: no wear", "m³/(N·m)", ge=1e-21,
+        le=1e-9, default=None,
+    )  # fmt: skip
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -253,7 +266,7 @@ class Mount(Parameters):
 
 
 class Limits(Parameters):
-    """Limits of the ceramic, and cooling of the stator; a result warns where it exceeds them."""
+    """Limits of the ceramic and the contact, and cooling of the stator; a result warns where it exceeds them."""
 
     dynamic_strength_pa: float = quantity("rated dynamic strength of the ceramic in tension", "Pa", ge=1e5, le=1e10)
     curie_temperature_c: float = quantity(
@@ -263,6 +276,13 @@ class Limits(Parameters):
         "thermal resistance of the stator to the surroundings", "K/W", ge=1e-3, le=1e6
     )
     ambient_c: float = quantity("temperature of the surroundings", "°C", ge=-273.0, le=1e3)
+    contact_pressure_pa: float | None = quantity(
+        "greatest peak pressure that tip and rotor bear; not known: not compared", "Pa", ge=1e5, le=1e11, default=None
+    )
+    contact_tension_pa: float | None = quantity(
+        "strength in tension of the surfaces of tip and rotor; not known: not compared", "Pa", ge=1e4, le=1e11,
+        default=None,
+    )  # fmt: skip
 
 
 class Rotor(Parameters):

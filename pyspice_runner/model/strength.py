@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strain, stress and temperature of the ceramic of a running motor, and whether they exceed its limits.
+"""Strain, stress and temperature of the ceramic of a running motor, and what exceeds the limits of the motor.
 
 A beam strains its outer fibre by the curvature ψ′ times the distance from the neutral axis. The stress is Young's
 modulus times that strain, without the contribution of the field, E d₃₁ E₃ (0.7 MPa at 50 V on the plates of
@@ -8,7 +8,7 @@ andersen2002). Of a solid they are the normal strains and stresses, means over e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from math import nan, sqrt
 
@@ -19,6 +19,8 @@ from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.motor import Motor, Structure
 from pyspice_runner.model.recoil import unknown_recoil
 from pyspice_runner.model.solid.stator import stator_of
+from pyspice_runner.model.wear import contact_radius, time_to_flat
+from pyspice_runner.units import engineering
 
 Array = NDArray[np.float64]
 STRESSED = (
@@ -28,6 +30,22 @@ HEATED = (
     "In the steady state the losses heat the stator by {rise:.3g} K to {temperature:.3g} °C; the limit is {most:.3g} "
     "°C, half the Curie temperature. Lower the voltage, or drive it for a short time."
 )
+PRESSED = (
+    "The peak pressure of the contact is {pressure}; the limit is {most}. Lower the voltage or the preload, or give "
+    "the tip a larger radius."
+)
+TORN = (
+    "Friction puts the trailing edge of the contact under a tension of {tension}; its strength is {strength}. Lower "
+    "the voltage or the preload, or give the tip a larger radius."
+)
+WORN = (
+    "The results are those of a new tip: after {time} it is worn to a flat as wide as the contact under the preload, "
+    "{radius} in radius."
+)
+COMPARED = (
+    "ceramic_stress_pa", "temperature_rise_k", "peak_pressure_pa", "tensile_stress_pa", "wear_volume_m3_per_s",
+)  # fmt: skip
+SHORT_LIFE_S = 3600.0  # time in which a new tip must not wear to a flat
 _POINTS = 41  # along each patch
 
 
@@ -89,14 +107,24 @@ def temperature_rise(motor: Motor, heat_w: float) -> float:
     return nan if motor.limits is None else motor.limits.thermal_resistance_k_per_w * heat_w
 
 
-def exceeded(motor: Motor, stress_pa: float, rise_k: float) -> tuple[str, ...]:
-    """Return one sentence for each limit that a stress and a temperature rise exceed, and for an unknown recoil."""
+def exceeded(motor: Motor, quantities: Mapping[str, float]) -> tuple[str, ...]:
+    """Return one sentence for each limit that a quantity of :data:`COMPARED` exceeds, and for an unknown recoil."""
+    stress, rise, pressure, tension, wear = (quantities.get(name, nan) for name in COMPARED)
     limits, found = motor.limits, [*unknown_recoil(motor.modes, motor.mount)]
-    if limits is None:
-        return tuple(found)
-    if stress_pa > limits.dynamic_strength_pa:
-        found.append(STRESSED.format(stress=1e-6 * stress_pa, strength=1e-6 * limits.dynamic_strength_pa))
-    temperature, most = limits.ambient_c + rise_k, 0.5 * limits.curie_temperature_c
-    if temperature > most:
-        found.append(HEATED.format(rise=rise_k, temperature=temperature, most=most))
+    if limits is not None:
+        if stress > limits.dynamic_strength_pa:
+            found.append(STRESSED.format(stress=1e-6 * stress, strength=1e-6 * limits.dynamic_strength_pa))
+        temperature, most = limits.ambient_c + rise, 0.5 * limits.curie_temperature_c
+        if temperature > most:
+            found.append(HEATED.format(rise=rise, temperature=temperature, most=most))
+        if limits.contact_pressure_pa is not None and pressure > limits.contact_pressure_pa:
+            most_pressure = engineering(limits.contact_pressure_pa, "Pa")
+            found.append(PRESSED.format(pressure=engineering(pressure, "Pa"), most=most_pressure))
+        if limits.contact_tension_pa is not None and tension > limits.contact_tension_pa:
+            strength = engineering(limits.contact_tension_pa, "Pa")
+            found.append(TORN.format(tension=engineering(tension, "Pa"), strength=strength))
+    life = time_to_flat(motor.contact, wear)
+    if life <= SHORT_LIFE_S:
+        radius = contact_radius(motor.contact, motor.contact.preload_n)
+        found.append(WORN.format(time=engineering(life, "s"), radius=engineering(radius, "m")))
     return tuple(found)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strain, stress and steady temperature of the ceramic from the vectors of a run, and exceeded limits of the motor."""
+"""Load on ceramic and contact from the vectors of a run, and exceeded limits of the motor."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ import numpy as np
 from pyspice_runner.model.drive import too_fast
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.strength import exceeded, peak_of_motion, temperature_rise
+from pyspice_runner.model.wear import of_contact, slip_velocity
+from pyspice_runner.netlist.contact import PAPER_LAW, Law
 from pyspice_runner.netlist.source import GROUPS, Source
 from pyspice_runner.netlist.state import Discretisation, motor_states
 from pyspice_runner.run.window import Array, Window
@@ -22,11 +25,18 @@ def modal_vectors(motor: Motor) -> list[str]:
 
 
 def ceramic(
-    motor: Motor, discretisation: Discretisation, samples: Mapping[str, Array], source: Source, window: Window
+    motor: Motor,
+    law: Law | None,
+    discretisation: Discretisation,
+    samples: Mapping[str, Array],
+    source: Source,
+    window: Window,
 ) -> dict[str, Any]:
-    """Return strain, stress and temperature rise over the last periods of a run, and ``cautions``; None if not known.
+    """Return the load on ceramic and contact over the last periods of a run, and ``cautions``; None if not known.
 
-    The vectors of the run include those of :func:`modal_vectors`, and the voltages and currents of the pins.
+    They are strain, stress and temperature rise of the ceramic, pressure, tension and wear of the contact. The vectors
+    of the run include those of :func:`modal_vectors`, and the voltages and currents of the pins; for the contact its
+    forces, for the wear also the slider of the law ``spring-slider``.
     """
     states = motor_states(motor, None, ("mode",))
     courses = [samples[state.within("xmotor")] * state.scale(discretisation) for state in states]
@@ -39,13 +49,28 @@ def ceramic(
     for mode, velocity in zip(motor.modes, velocities, strict=True):
         force = mode.coupling_a_n_per_v * samples["v(a)"] + mode.coupling_b_n_per_v * samples["v(b)"]
         heat += window.mean((mode.damping_n_s_per_m * velocity - force) * velocity)
-    found = {**peak_of_motion(motor, displacement), "temperature_rise_k": temperature_rise(motor, heat)}
+    found = {
+        **peak_of_motion(motor, displacement),
+        "temperature_rise_k": temperature_rise(motor, heat),
+        **_of_contact(motor, law, discretisation, samples, window),
+    }
     return stated(motor, found, samples["v(shaft)"])
 
 
+def _of_contact(
+    motor: Motor, law: Law | None, discretisation: Discretisation, samples: Mapping[str, Array], window: Window
+) -> dict[str, float]:
+    normal, slider, depth = (samples.get(f"v(xmotor.{node})") for node in ("normal", "slider", "xcontact.delta"))
+    greatest = nan if normal is None else float(normal[window.points].max())
+    rubbing = nan
+    if law == PAPER_LAW and normal is not None and slider is not None and depth is not None:
+        rubbing = window.mean(normal * slip_velocity(motor.contact, slider, depth, discretisation.slider_time))
+    return of_contact(motor.contact, greatest, rubbing)
+
+
 def stated(motor: Motor, found: Mapping[str, float], speed_rad_s: Array) -> dict[str, Any]:
-    """Return strain, stress and temperature rise, JSON-ready, with ``cautions``, also of the course of the speed."""
+    """Return quantities JSON-ready, with ``cautions``, also of the course of the speed."""
     known = {name: value if np.isfinite(value) else None for name, value in found.items()}
-    limits = exceeded(motor, found["ceramic_stress_pa"], found["temperature_rise_k"])
+    limits = exceeded(motor, found)
     fastest = float(speed_rad_s[np.abs(speed_rad_s).argmax()])
     return {**known, "cautions": [*limits, *too_fast(motor.to_dict(), fastest)]}

@@ -70,6 +70,8 @@ def test_every_kind_of_result_has_the_caution() -> None:
     run = pr.simulate(MOTOR, drive(100.0), duration=1e-3, step=2e-7)
     assert any(STRONG in caution for caution in run.cautions)
     assert run.to_dict()["ceramic_stress_pa"] > 30e6
+    assert run.to_dict()["peak_pressure_pa"] > 1.2e9  # that of the preload, docs/limits.md
+    assert run.to_dict()["wear_volume_m3_per_s"] is None
     averaged = pr.simulate_averaged(MOTOR, drive(100.0), 5e-3)
     assert any(STRONG in caution for caution in averaged.cautions)
     point = operating_point(MOTOR, drive(100.0), speed=0.0)

@@ -74,6 +74,8 @@ def test_materials_give_the_constants_of_both_bodies() -> None:
         "normal_stiffness_n_per_m15": pytest.approx(4.0 / 3.0 * modulus * sqrt(radius)),
         "tangential_compliance_tip_m_per_n23": law.tangential_compliance(E1, NU1, modulus, radius),
         "tangential_compliance_rotor_m_per_n23": law.tangential_compliance(E2, NU2, modulus, radius),
+        "effective_radius_m": radius,
+        "poisson": NU1,
     }
 
 

@@ -49,7 +49,8 @@ def test_document_has_the_agreed_shape(subject: Motor) -> None:
     document = json.loads(json.dumps(subject.to_dict(), allow_nan=False))
     assert set(document) == {"name", "mount", "limits", *SHAPE}
     for part in ("piezo", "contact", "rotor"):
-        assert set(document[part]) == SHAPE[part]
+        known = {"effective_radius_m", "poisson"} if part == "contact" else set()  # of a motor given by its materials
+        assert set(document[part]) - known == SHAPE[part]
     for item, given_mode in zip(document["modes"], subject.modes, strict=True):
         assert set(item) == SHAPE["modes"]
         assert item["frequency_hz"] == given_mode.frequency_hz
