@@ -69,6 +69,11 @@ class DatasetResult(Result):
     def __init__(self, dataset: xarray.Dataset) -> None:
         self.dataset = dataset
 
+    @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return "slider" in json.loads(self.dataset.attrs.get("motor", "{}"))
+
     def writers(self) -> dict[str, Callable[[Path], object]]:
         """Return the writers by ending: ``.nc``, ``.csv`` (one row for each point) and ``.json``."""
         return {
@@ -141,20 +146,20 @@ class Curves(DatasetResult):
                 "means over an irregular motion."
             )
         found += [self.dataset.attrs["incomplete"]] if "incomplete" in self.dataset.attrs else []
-        return (*found, *json.loads(self.dataset.attrs.get("cautions", "[]")))
+        return self._told((*found, *json.loads(self.dataset.attrs.get("cautions", "[]"))))
 
     def summary(self) -> dict[str, str]:
         """Return the range of the axes, the greatest torque, speed and efficiency, and how many points settled."""
         data = self.dataset
         found = {"curve": data.attrs["title"]}
-        for name in (*self.others, SPEED):
+        for name in (*self.others, "speed_m_s" if self.linear else SPEED):
             found[name] = f"{self._span(name, 4)}, {data[name].size} values"
         if bool(data["torque_n_m"].notnull().any()):
             found["greatest torque"] = engineering(float(data["torque_n_m"].max()), "N·m")
             found["greatest shaft power"] = engineering(float(data["shaft_power_w"].max()), "W")
             found["best efficiency"] = _percent(float(data["efficiency"].where(data["shaft_power_w"] > 0.0).max()))
         found["settled"] = f"{int(data['settled'].sum())} of {data['settled'].size} points"
-        return found
+        return self._worded(found)
 
 
 class Branch(DatasetResult):
@@ -217,7 +222,7 @@ class WorkingPoints(DatasetResult):
         found = [f"{count} of {total} points {words}." for count, words in
                  ((lost, "have no steady state"), (unstable, "are not stable")) if count]  # fmt: skip
         found += [] if self.best else ["No point is stable and within the limits."]
-        return (*found, *json.loads(self.dataset.attrs.get("cautions", "[]")))
+        return self._told((*found, *json.loads(self.dataset.attrs.get("cautions", "[]"))))
 
     def summary(self) -> dict[str, str]:
         """Return the axes and the best point."""
@@ -228,7 +233,7 @@ class WorkingPoints(DatasetResult):
         found["stable"] = f"{int(data['stable'].sum())} of {data['stable'].size} points"
         best = self.best
         if best is None:
-            return found | {"best point": "none within the limits"}
+            return self._worded(found | {"best point": "none within the limits"})
         for name in self.axes:
             found[f"best {name}"] = f"{best[name]:.6g} {data[name].attrs['units']}"
         for words, name in (("torque", "torque_n_m"), ("speed", "speed_rad_s"), ("shaft power", "shaft_power_w"),
@@ -237,7 +242,7 @@ class WorkingPoints(DatasetResult):
             if best.get(name) is not None:
                 found[words] = engineering(best[name], data[name].attrs["units"] if name in data else "")
         efficiency = best["efficiency"]
-        return found | {"efficiency": "–" if efficiency is None else _percent(efficiency)}
+        return self._worded(found | {"efficiency": "–" if efficiency is None else _percent(efficiency)})
 
 
 class Sweep(DatasetResult):

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, is_dataclass
 from math import isfinite
 from pathlib import Path
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pyspice_runner.display import Shown
 from pyspice_runner.errors import SimulationError, did_you_mean
 from pyspice_runner.files import save_by_ending, write_csv, write_json, write_netcdf
-from pyspice_runner.units import unit_in
+from pyspice_runner.units import linear_words, unit_in, with_linear
 
 if TYPE_CHECKING:
     import pandas
@@ -91,6 +91,11 @@ class Result(Shown):
             hint = f" {did_you_mean(name, public)}" if public else ""
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}.{hint}")
 
+    @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider: its speeds are m/s, and its torques are forces in N."""
+        return False
+
     def to_dict(self) -> dict[str, Any]:
         """Return the result without its curves, JSON-ready, SI units."""
         raise NotImplementedError
@@ -98,6 +103,20 @@ class Result(Shown):
     def _entries(self, *names: str) -> dict[str, Any]:
         """Return attributes by their names, for ``to_dict``."""
         return {name: json_ready(getattr(self, name)) for name in names}
+
+    def _keyed(self, document: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a document or columns; of a slider with ``force_n``, ``speed_m_s``, … beside the rotary keys."""
+        return with_linear(document) if self.linear else dict(document)
+
+    def _worded(self, summary: Mapping[str, str]) -> dict[str, str]:
+        """Return a summary, in the words and units of a slider if the motor has one."""
+        if not self.linear:
+            return dict(summary)
+        return {linear_words(name): linear_words(text) for name, text in summary.items()}
+
+    def _told(self, cautions: Iterable[str]) -> tuple[str, ...]:
+        """Return cautions, in the words and units of a slider if the motor has one."""
+        return tuple(map(linear_words, cautions) if self.linear else cautions)
 
     def columns(self) -> Mapping[str, NDArray[np.float64]]:
         """Return the curves by name, all of one length; the first is the axis of the others."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from math import floor, isfinite, log10
 from typing import Any
@@ -28,12 +29,21 @@ def unit_in(name: str) -> str:
 
 # A slider is computed as a rotor of radius 1 m: the values of its rotary and linear quantities are equal.
 _LINEAR_UNITS = {"rad/s": "m/s", "N·m·s": "N·s/m", "N·m": "N", "rad": "m"}
+_LINEAR_WORDS = {"torque": "force", "Torque": "Force", "rotor": "slider", "Rotor": "Slider", "N.m": "N"} | _LINEAR_UNITS
+_WORDS = re.compile(  # outside of a dotted path
+    r"(?<![\w.])(?:torque|Torque|rotor|Rotor)(?!\.\w)|N·m·s|N[·.]m|rad/s|\brad\b"
+)
 _LINEAR_ENDS = {"_rad_s": "_m_s", "_n_m": "_n", "_rad": "_m"}
 
 
 def linear_unit(unit: str) -> str:
     """Return the unit of a quantity of a slider, for that of a rotor."""
     return _LINEAR_UNITS.get(unit, unit)
+
+
+def linear_words(text: str) -> str:
+    """Return a text about a rotor, its values with units among it, as it reads for a slider."""
+    return _WORDS.sub(lambda found: _LINEAR_WORDS[found[0]], text)
 
 
 def linear_name(name: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.parameters import Contact, Mode, Parameters, Piezo, Rotor
+from pyspice_runner.model.parameters import Contact, Mode, Parameters, Piezo, Rotor, Slider
 
 
 def mode(name: str, frequency: float, mass: float, quality: float, **rest: float) -> Mode:
@@ -58,3 +58,31 @@ def within(kind: type[Parameters], **fixed: st.SearchStrategy[Any]) -> st.Search
             high = schema.get("maximum", schema.get("exclusiveMaximum"))
             fields[name] = st.floats(low, high, exclude_min="exclusiveMinimum" in schema)
     return st.fixed_dictionaries(fields)
+
+
+def sliding(motor: Motor, **slider: float) -> Motor:
+    """The same motor with a slider that moves as the rim of its rotor."""
+    rotor, radius = motor.rotor, motor.rotor.radius_m
+    values = {
+        "mass_kg": rotor.inertia_kg_m2 / radius**2,
+        "guide_damping_n_s_per_m": rotor.bearing_damping_n_m_s / radius**2,
+        "guide_friction_n": rotor.bearing_friction_n_m / radius,
+        "guide_presliding_m": rotor.bearing_presliding_rad * radius,
+    }
+    parts = {name: value for name, value in motor if name != "rotor"}
+    return Motor(**(parts | {"slider": Slider(**(values | slider))}))
+
+
+def turning(motor: Motor, radius_m: float) -> Motor:
+    """A motor with a slider with a rotor in its place whose rim moves as the slider."""
+    rotor = motor.rotor
+    values = {
+        "radius_m": radius_m,
+        "inertia_kg_m2": rotor.inertia_kg_m2 * radius_m**2,
+        "bearing_damping_n_m_s": rotor.bearing_damping_n_m_s * radius_m**2,
+        "bearing_friction_n_m": rotor.bearing_friction_n_m * radius_m,
+    }
+    if rotor.bearing_friction_n_m:
+        values["bearing_presliding_rad"] = rotor.bearing_presliding_rad / radius_m
+    parts = {name: value for name, value in motor if name not in ("rotor", "slider")}
+    return Motor(**(parts | {"rotor": Rotor(**values)}))

@@ -135,7 +135,7 @@ def test_the_audit_of_every_result_is_at_one_place(results: dict[str, Result]) -
         Audit(("Energy is missing.",)).withhold("run")
 
 
-@pytest.mark.parametrize(("name", "meant"), [("time", "time_s"), ("speed", "rotor_speed_rad_s")])
+@pytest.mark.parametrize(("name", "meant"), [("time", "time_s"), ("rotor_speed", "rotor_speed_rad_s")])
 def test_an_unknown_attribute_is_answered_with_the_nearest(results: dict[str, Result], name: str, meant: str) -> None:
     with pytest.raises(AttributeError, match=f"Waveforms has no attribute '{name}'. Did you mean '{meant}'?"):
         getattr(results["run"], name)

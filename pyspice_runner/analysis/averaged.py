@@ -99,7 +99,13 @@ class AveragedRun(Result):
         def __getattr__(self, name: str) -> Array: ...
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "curves", self._keyed(self.curves))
         self.__dict__.update(self.curves)
+
+    @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return "slider" in self.provenance["motor"]
 
     def columns(self) -> Mapping[str, Array]:
         """Return the curves over time."""
@@ -125,24 +131,24 @@ class AveragedRun(Result):
         end = {name: float(self.curves[name][-1]) for name in ("slip", "separated")}
         held = self.provenance["run"]["speed_rad_s"] is not None
         sticks = (STUCK,) if held and stuck(end) else ()
-        return (*self.audit.findings, *self._model_cautions, *sticks, *self.provenance["cautions"])
+        return self._told((*self.audit.findings, *self._model_cautions, *sticks, *self.provenance["cautions"]))
 
     def summary(self) -> dict[str, str]:
         """Return the most important values at the end of the run."""
         last = {name: float(values[-1]) for name, values in self.curves.items()}
-        return {
+        return self._worded({
             "speed": f"{last['rotor_speed_rad_s']:.4g} rad/s",
             "torque": f"{last['torque_n_m']:.4g} N·m",
             "duration": f"{last['time_s']:.4g} s",
             "check": "passed" if self.trusted else "not passed",
             "electrical power": f"{last['electrical_power_w']:.4g} W",
             "temperature rise": f"{last['temperature_k']:.4g} K",
-        }
+        })  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Return the values at the end, JSON-ready, with the keys of ``simulate`` and those of the averaged model."""
         last = {name: float(values[-1]) for name, values in self.curves.items()}
-        return {
+        return self._keyed({
             "mean_rotor_speed_rad_s": last["rotor_speed_rad_s"],
             "mean_torque_n_m": last["torque_n_m"],
             "state_fractions": {
@@ -158,7 +164,7 @@ class AveragedRun(Result):
             **self._entries("solver_seconds", "ngspice_version", "audit"),
             **self.provenance,
             **self._entries("cautions"),  # in place of those of the operating point alone
-        }
+        })  # fmt: skip
 
 
 def model_cautions(check: float, opened: float) -> tuple[str, ...]:

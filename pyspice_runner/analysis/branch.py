@@ -34,6 +34,7 @@ from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.paths import canonical
 from pyspice_runner.run.window import Array
+from pyspice_runner.units import linear_name, linear_words
 
 if TYPE_CHECKING:
     import xarray
@@ -320,11 +321,23 @@ def dataset_of(
         if name not in shape:
             values = np.array([row[name] for row in rows]).reshape(tuple(shape.values()))
             variables[name] = (tuple(shape), values, {"units": unit, "long_name": meaning})
-    attributes |= {"motor": base.motor.to_dict(), "drive": base.source.to_dict()}
+    motor = base.motor.to_dict()
+    if "slider" in motor:
+        title = linear_words(title)
+        variables |= {beside: _of_slider(*variables[name]) for name in variables if (beside := linear_name(name))}
+        coordinates = {**coordinates} | {
+            beside: _of_slider(*item) for name, item in coordinates.items() if (beside := linear_name(name))
+        }
+    attributes |= {"motor": motor, "drive": base.source.to_dict()}
     texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in attributes.items()}
     texts |= {"ngspice_version": ngspice_version(), "deck_sha256": hashlib.sha256("".join(hashes).encode()).hexdigest()}
     heading = {"title": f"{base.motor.name}: {title}", "parameter_set": base.motor.name}
     return Dataset(variables, coordinates, heading | texts)
+
+
+def _of_slider(dims: Any, values: Array, attributes: Mapping[str, str]) -> tuple[Any, Array, dict[str, str]]:
+    """Return a quantity of a rotor as that of a slider, which has the same values."""
+    return dims, values, {name: linear_words(text) for name, text in attributes.items()}
 
 
 def folds(values: Array) -> list[float]:

@@ -32,6 +32,7 @@ from pyspice_runner.result import Result
 from pyspice_runner.run.kernel import simulator
 from pyspice_runner.run.operating_point import OperatingPoint, Solver
 from pyspice_runner.run.window import Array
+from pyspice_runner.units import linear_name
 
 MOST_SAMPLES = 100_000
 MOST_VOLTAGE = 1e4  # V, as of a drive
@@ -107,7 +108,13 @@ class ControlledRun(Result):
         def __getattr__(self, name: str) -> Array: ...
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "samples", self._keyed(self.samples))
         self.__dict__.update(self.samples)
+
+    @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return "slider" in self.provenance["motor"]
 
     def columns(self) -> Mapping[str, Array]:
         """Return the samples over time."""
@@ -121,13 +128,16 @@ class ControlledRun(Result):
 
     def summary(self) -> dict[str, str]:
         """Return the last sample."""
-        return {
-            name.removesuffix(f"_{unit}"): f"{self.samples[name][-1]:.4g} {unit}" for name, (unit, _) in SAMPLES.items()
-        }
+        names = {name: name.removesuffix(f"_{unit}") for name, (unit, _) in SAMPLES.items()}
+        names |= {name: linear_name(name) or shown for name, shown in names.items()} if self.linear else {}
+        return self._worded(
+            {names[name]: f"{self.samples[name][-1]:.4g} {unit}" for name, (unit, _) in SAMPLES.items()}
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the last sample and the settings, JSON-ready."""
-        return {"end": {name: float(values[-1]) for name, values in self.samples.items()}, **self.provenance}
+        end = {name: float(values[-1]) for name, values in self.samples.items()}
+        return self._keyed({"end": end, **self.provenance})
 
 
 @checked

@@ -129,6 +129,11 @@ class DriveReport(Result):
     ceramic: dict[str, Any] = field(default_factory=dict)
 
     @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return "slider" in self.motor
+
+    @property
     def power_in_w(self) -> float:
         """Power of supplies and gate drivers."""
         return self.supply_power_w + self.gate_power_w
@@ -180,7 +185,7 @@ class DriveReport(Result):
                     f"The driver of group {group.upper()} puts out {gain:.3g} W more than its supplies give. It has "
                     "sources of its own, and its efficiency is not valid."
                 )
-        return (*self.audit.findings, *told, *self.ceramic.get("cautions", ()))
+        return self._told((*self.audit.findings, *told, *self.ceramic.get("cautions", ())))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report, JSON-ready."""
@@ -190,13 +195,13 @@ class DriveReport(Result):
             "shaft_power_w", "mean_torque_n_m", "mean_rotor_speed_rad_s", "driver_efficiency", "efficiency",
             "balance_residual", "settling", "settled", "to_come", "matching",
         )  # fmt: skip
-        return {
+        return self._keyed({
             **self._entries(*names),
             "points": len(self.waveforms["time_s"]),
             **self._entries("solver_seconds", "ngspice_version", "audit"),
             **self.ceramic,
             "cautions": list(self.cautions),
-        }
+        })  # fmt: skip
 
     def columns(self) -> dict[str, Array]:
         """Return voltages and currents at the outputs of the stages and at the pins, over the time."""
@@ -229,7 +234,7 @@ class DriveReport(Result):
                     f"{element}; power factor {match.power_factor:.3f} without; source "
                     f"{match.source_voltage_v:.4g} V at {match.source_phase_deg:.4g}°"
                 )
-        return found
+        return self._worded(found)
 
 
 @checked

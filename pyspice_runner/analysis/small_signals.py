@@ -36,6 +36,7 @@ from pyspice_runner.netlist.copies import Copy, Plant, Probe
 from pyspice_runner.netlist.motor import dielectric_admittance
 from pyspice_runner.result import Result, json_ready
 from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.units import linear_unit
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -114,12 +115,22 @@ class SmallSignals(Result):
         return found
 
     @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return self.state.linear
+
+    def unit(self, output: str, of: str) -> str:
+        """Return the unit of a transfer function."""
+        above, below = (linear_unit(one) if self.linear else one for one in (OUTPUTS[output], INPUTS[of]))
+        return f"{above}/({below})" if "·" in below else f"{above}/{below}"
+
+    @property
     def units(self) -> dict[str, tuple[str, str]]:  # type: ignore[override]
         """Unit and meaning of each column."""
         found = {"modulation_frequency_hz": ("Hz", "frequency of the modulation")}
         for output, of in self.transfers:
             for part, words in (("re", "real part"), ("im", "imaginary part"), ("error", "estimated error")):
-                found[f"{output}_per_{of}_{part}"] = (unit(output, of), f"{output} per {of}, {words}")
+                found[f"{output}_per_{of}_{part}"] = (self.unit(output, of), f"{output} per {of}, {words}")
         return found
 
     def to_dict(self) -> dict[str, Any]:
@@ -128,7 +139,7 @@ class SmallSignals(Result):
             "modulation_frequency_hz": self.modulation_hz.tolist(),
             "transfers": {f"{output}_per_{of}": json_ready(values) for (output, of), values in self.transfers.items()},
             "errors": {f"{output}_per_{of}": values.tolist() for (output, of), values in self.errors.items()},
-            "units": {f"{output}_per_{of}": unit(output, of) for output, of in self.transfers},
+            "units": {f"{output}_per_{of}": self.unit(output, of) for output, of in self.transfers},
             "probe_frequency_hz": self.probe_hz.tolist(),
             **self._entries("hot_admittance_s", "hot_admittance_error_s", "cold_admittance_s"),
             "steady_state": self.state.to_dict(),
@@ -158,20 +169,15 @@ class SmallSignals(Result):
         """Return the transfer functions at the lowest frequency, and the admittances next to the drive's."""
         found = {"modulation": f"{self.modulation_hz[0]:.4g} to {self.modulation_hz[-1]:.4g} Hz"}
         for (output, of), values in self.transfers.items():
-            found[f"{output} per {of}"] = f"{abs(values[0]):.4g} ± {self.errors[output, of][0]:.1g} {unit(output, of)}"
+            error = f"{self.errors[output, of][0]:.1g} {self.unit(output, of)}"
+            found[f"{output} per {of}"] = f"{abs(values[0]):.4g} ± {error}"
         near = int(np.argmin(np.abs(self.probe_hz - self.state.drive.frequencies[0])))
         for words, matrix in (("hot", self.hot_admittance_s), ("cold", self.cold_admittance_s)):
             for place, group in enumerate("AB"):
                 value = 1e3 * complex(matrix[near, place, place])
                 error = f" ± {1e3 * self.hot_admittance_error_s[near, place, place]:.1g}" if words == "hot" else ""
                 found[f"{words} admittance of {group}"] = f"{value.real:.4g} {value.imag:+.4g}j{error} mS"
-        return found
-
-
-def unit(output: str, of: str) -> str:
-    """Return the unit of a transfer function."""
-    below = INPUTS[of]
-    return f"{OUTPUTS[output]}/({below})" if "·" in below else f"{OUTPUTS[output]}/{below}"
+        return self._worded(found)
 
 
 @checked

@@ -34,6 +34,7 @@ from pyspice_runner.run.engines import BEHIND_DRIVER, Engine, on_engine
 from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
 from pyspice_runner.run.paths import canonical
 from pyspice_runner.run.waveforms import Array
+from pyspice_runner.units import with_linear
 
 if TYPE_CHECKING:
     import xarray
@@ -272,7 +273,8 @@ def _reported(bench: Dynamometer, outcome: dict[str, Any]) -> dict[str, Any]:
     kept = {name: value for name, value in outcome.items() if name not in ("audit_passed", "findings")}
     cautions = [*exceeded(motor, outcome), *_stuck([bench], [outcome])]
     engine = "compiled" if compiled else "spice"
-    return {**kept, "engine": engine, "cautions": cautions, "audit": Audit(outcome["findings"]).to_dict()}
+    found = {**kept, "engine": engine, "cautions": cautions, "audit": Audit(outcome["findings"]).to_dict()}
+    return with_linear(found) if motor.slider else found
 
 
 def _stuck(benches: Sequence[Dynamometer], outcomes: Sequence[Mapping[str, Any]]) -> list[str]:

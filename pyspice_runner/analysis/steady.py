@@ -93,6 +93,21 @@ class SteadyState(Quantities, Result):
         return self.converged and bool(np.all(np.abs(self.floquet_multipliers) < 1.0))
 
     @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return self.motor.slider is not None
+
+    @property
+    def speed_m_s(self) -> float:
+        """Mean speed of the slider, or of the rotor's rim, m/s."""
+        return self.motor.rotor.radius_m * self.speed_rad_s
+
+    @property
+    def force_n(self) -> float:
+        """Mean force of the contact on the slider, or on the rotor's rim, N."""
+        return self.torque_n_m / self.motor.rotor.radius_m
+
+    @property
     def held_by_friction(self) -> bool:
         """Whether the contact of a held shaft sticks throughout: only regularised friction has a unique torque then."""
         run = self.provenance["run"]
@@ -114,13 +129,13 @@ class SteadyState(Quantities, Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result without its waveforms, JSON-ready."""
-        return {
+        return self._keyed({
             "speed_rad_s": self.speed_rad_s,
             **json_ready(self.quantities),
             **self._entries("torque_error_n_m", "floquet_multipliers", "stable", "instability", "converged"),
             **self._entries("residual", "iterations", "method", "step_s", "audit", "cautions"),
             **self.provenance,
-        }
+        })  # fmt: skip
 
     @property
     def deck(self) -> str | None:  # type: ignore[override]
@@ -138,13 +153,13 @@ class SteadyState(Quantities, Result):
         elif self.held_by_friction:
             found.append(STUCK)
         limits = exceeded(self.motor, self.quantities)
-        return (*found, *limits, *too_fast(self.motor.to_dict(), self.speed_rad_s))
+        return self._told((*found, *limits, *too_fast(self.motor.to_dict(), self.speed_rad_s)))
 
     def summary(self) -> dict[str, str]:
         """Return speed, torque, forces, powers, stability and how the state was found."""
         electrical = self.power_a_w + self.power_b_w
         largest = max(np.abs(self.floquet_multipliers), default=float("nan"))
-        return {
+        return self._worded({
             "speed": engineering(self.speed_rad_s, "rad/s"),
             "torque": engineering(self.torque_n_m, "N·m"),
             "load torque": engineering(self.load_torque_n_m, "N·m"),
@@ -157,7 +172,7 @@ class SteadyState(Quantities, Result):
             "estimated error of the torque": engineering(self.torque_error_n_m, "N·m"),
             "stable": f"{'yes' if self.stable else 'no'}, largest multiplier {largest:.5g}",
             "found by": f"{self.method or 'no method'}, {self.iterations} iterations",
-        }
+        })  # fmt: skip
 
     def columns(self) -> Mapping[str, Array]:
         """Return one period of the waveforms, if they are there."""

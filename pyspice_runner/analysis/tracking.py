@@ -93,6 +93,11 @@ class Tracking(Result):
     temperature_k: Array | None = field(default=None, repr=False)
     model_cautions: tuple[str, ...] = ()
 
+    @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return "slider" in self.settings["motor"]
+
     def to_dict(self) -> dict[str, Any]:
         """Return the result, JSON-ready."""
         names = (
@@ -100,7 +105,7 @@ class Tracking(Result):
             "residual_detuning_hz", "end_frequency_hz", "speed_before_rad_s", "speed_after_rad_s", "speed_lost_rad_s",
             "stall_torque_n_m", "settled", "to_come",
         )  # fmt: skip
-        return {
+        return self._keyed({
             **self._entries(*names),
             "lag": {**asdict(self.lag), "time_constant_s": self.lag.time_constant_s},
             **self._entries("loop"),
@@ -110,7 +115,7 @@ class Tracking(Result):
             **({} if self.temperature_k is None else {"temperature_k": float(self.temperature_k[-1])}),
             **self.ceramic,
             "cautions": list(self.cautions),
-        }
+        })  # fmt: skip
 
     @property
     def settled(self) -> bool | None:
@@ -131,13 +136,13 @@ class Tracking(Result):
                 f"{engineering(self.lag.time_constant_s, 's')} each: the motion has not built up, and the end "
                 f"frequency is known within ±{engineering(0.5 / (np.pi * lasted), 'Hz')} only. Run it longer."
             )
-        return (*self.audit.findings, *self.model_cautions, *told, *self.ceramic.get("cautions", ()))
+        return self._told((*self.audit.findings, *self.model_cautions, *told, *self.ceramic.get("cautions", ())))
 
     def columns(self) -> dict[str, Array]:
         """Return frequency, phase and speed of each period over time; for an averaged run also the temperature."""
         names = ("time_s", "frequency_hz", "phase_deg", "rotor_speed_rad_s")
         heated = {} if self.temperature_k is None else {"temperature_k": self.temperature_k}
-        return {name: getattr(self, name) for name in names} | heated
+        return self._keyed({name: getattr(self, name) for name in names} | heated)
 
     def summary(self) -> dict[str, str]:
         """Return lock, phase error, and the speeds before and after the disturbance."""
@@ -165,7 +170,7 @@ class Tracking(Result):
             parts, units = asdict(self.loop.loop_filter), ("Ω", "F", "F")
             rows["loop filter"] = ", ".join(map(engineering, parts.values(), units))
             rows["phase margin"] = f"{self.loop.phase_margin_deg:.1f}° at {self.loop.crossover_hz:.4g} Hz"
-        return rows
+        return self._worded(rows)
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from pyspice_runner.netlist.sources import FREE
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.paths import LOADS, canonical
 from pyspice_runner.run.waveforms import Array
+from pyspice_runner.units import with_linear
 
 if TYPE_CHECKING:
     import xarray
@@ -141,6 +142,7 @@ def working_points(
         index = max(allowed, key=lambda one: rows[one][goal])
         at = {path: float(values[place]) for (path, values), place in zip(axes.items(), index, strict=True)}
         best = at | {name: _plain(value) for name, value in rows[index].items() if name not in at}
+        best = with_linear(best) if motor.slider else best
     held = "" if base.load.speed is None else f", shaft at {base.load.speed:.4g} rad/s"
     return dataset_of(
         base, f"{objective} over {' and '.join(axes)}{held}", OUTCOME, list(rows.values()), coordinates(base, axes),

@@ -24,8 +24,8 @@ from pyspice_runner.result import Result
 Returned = TypeVar("Returned")
 _Write = Callable[[Path], object]
 
-SpeedOption = Annotated[float | None, typer.Option(help="Speed at which the shaft is held, rad/s; default: free.")]
-LoadOption = Annotated[float, typer.Option(help="Torque that a load draws from the free shaft, N.m.")]
+SpeedOption = Annotated[float | None, typer.Option(help="Speed of the held shaft, rad/s (slider: m/s); default: free.")]
+LoadOption = Annotated[float, typer.Option(help="Torque that a load draws from the free shaft, N.m (slider: N).")]
 StepOption = Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")]
 
 DEFAULT_LAW = "spring-slider"

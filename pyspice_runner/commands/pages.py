@@ -24,7 +24,8 @@ def report(
     drive: DriveOptions,
     duration: Annotated[float, typer.Option(help="Simulated time of the run from rest, s.")] = 10e-3,
     speeds: Annotated[
-        str | None, typer.Option(help="Speeds of the curves, rad/s, as 0:10:6; default: from standstill to no load.")
+        str | None,
+        typer.Option(help="Speeds of the curves, rad/s (slider: m/s), as 0:10:6; default: up to no load."),
     ] = None,
     levels: Annotated[str, typer.Option(help="Fractions of the voltage, one curve each.")] = "0.5,1",
     measured: Annotated[

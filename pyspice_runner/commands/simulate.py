@@ -38,8 +38,8 @@ def simulate(
     *,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 5e-3,
     law: LawOptions,
-    speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s.")] = None,
-    load_torque: Annotated[float, typer.Option(help="Torque of a load on the shaft, N.m.")] = 0.0,
+    speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s (slider: m/s).")] = None,
+    load_torque: Annotated[float, typer.Option(help="Torque of a load, N.m (slider: force, N).")] = 0.0,
     step: Annotated[float | None, typer.Option(help="Uniform time step, s; default: from the fastest motion.")] = None,
     accuracy: Annotated[
         float | None, typer.Option(help="Largest relative error of the tip's trajectory, such as 0.005; sets the step.")

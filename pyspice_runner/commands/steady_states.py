@@ -94,7 +94,8 @@ def map_points(
         ),
     ] = None,
     speed: Annotated[
-        float | None, typer.Option(help="Speed at which the shaft is held, rad/s; default: by the objective.")
+        float | None,
+        typer.Option(help="Speed of the held shaft, rad/s (slider: m/s); default: by the objective."),
     ] = None,
     load: LoadOption = 0.0,
     period: PeriodOptions,
@@ -141,8 +142,11 @@ def speed_torque(
     drive: DriveOptions,
     *,
     speeds: Annotated[
-        str, typer.Option(help="Speeds in rad/s: 0,2.5,5 or -5:10:7 for seven from -5 to 10; write --speeds=-5:10:7.")
-    ] = "-5:10:7",
+        str | None,
+        typer.Option(
+            help="Speeds: 0,2.5,5 or seven from -5, --speeds=-5:10:7, the default, rad/s; of a slider -0.2:0.4:7, m/s."
+        ),
+    ] = None,
     over: Annotated[
         list[str] | None,
         typer.Option(metavar="PATH=VALUES", help="A further axis, as drive.voltage=40,60,80. Repeatable."),
@@ -176,7 +180,7 @@ def speed_torque(
             curve = pr.speed_torque(
                 loaded,
                 excitation,
-                speeds=common.grid("--speeds", speeds),
+                speeds=common.grid("--speeds", speeds or ("-0.2:0.4:7" if loaded.slider else "-5:10:7")),
                 over=axes,
                 mode=mode,
                 follow=follow,
@@ -197,6 +201,9 @@ def speed_torque(
     if "folds" in curve.attrs:
         targets.deliver(result, curve.attrs["title"])
         return 0
-    points = curve[_SHOWN].to_dataframe().dropna(subset="torque_n_m").to_string(float_format="{:.4g}".format)
+    table = curve[_SHOWN].to_dataframe().dropna(subset="torque_n_m")
+    if result.linear:  # its speed in m/s stands beside the axis
+        table = table.rename(columns={"torque_n_m": "force_n"})
+    points = table.to_string(float_format="{:.4g}".format)
     targets.write(result.to_dict(), f"{curve.attrs['title']}\n{points}\n", result.save, result.plot)
     return status

@@ -36,7 +36,9 @@ def track(
     period: Annotated[float, typer.Option(help="Time between two steps of an observer, s.")] = 0.8e-3,
     step_size: Annotated[float, typer.Option(help="Size of an observer's steps, Hz.")] = 80.0,
     reverse: Annotated[bool, typer.Option("--reverse", help="Reverse the polarity of the tracker.")] = False,
-    load_torque: Annotated[float | None, typer.Option(help="Load, N.m; default: half the stall torque.")] = None,
+    load_torque: Annotated[
+        float | None, typer.Option(help="Load, N.m (slider: N); default: half the stall torque.")
+    ] = None,
     preload_change: Annotated[float, typer.Option(help="Relative change of the preload.")] = 0.3,
     target_step: Annotated[float, typer.Option(help="Step of the target, degrees.")] = 10.0,
     drift: Annotated[float, typer.Option(help="Relative drift of the frequencies.")] = -0.02,

@@ -310,7 +310,7 @@ class Slider(Parameters):
     guide_friction_n: float = quantity("dry friction of the guide", "N", ge=0.0, le=1e3, default=0.0)
     # guides with balls or rollers reach their friction after some micrometres to a tenth of a millimetre
     guide_presliding_m: float = quantity(
-        "travel after a reversal over which the dry friction comes to 63 % of its force (Dahl)", "m", ge=1e-7, le=1e-2,
+        "travel after a reversal over which the dry friction comes to 63 % of its force (Dahl)", "m", ge=1e-5, le=1e-2,
         default=1e-5,
     )  # fmt: skip
 

@@ -200,6 +200,21 @@ class Waveforms(Result):
             for code, name in enumerate(("separated", "stick", "slip"))
         }
 
+    @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return "slider" in self.provenance["motor"]
+
+    @property
+    def speed_m_s(self) -> Array:
+        """Speed of the slider, or of the rotor's rim, m/s."""
+        return self.rotor_radius_m * self.rotor_speed_rad_s
+
+    @property
+    def force_n(self) -> float:
+        """Force of the contact on the slider, or on the rotor's rim, averaged over the last whole drive periods, N."""
+        return self.mean(self.friction_force_n)
+
     def window(self) -> slice:
         """Return the points of the last whole drive periods (:class:`.Window`)."""
         return self._window.points
@@ -218,7 +233,7 @@ class Waveforms(Result):
         def known(column: str, quantity: str) -> Any:
             return getattr(self, quantity) if hasattr(self, column) else None
 
-        return {
+        return self._keyed({
             "mean_rotor_speed_rad_s": known("rotor_speed_rad_s", "mean_rotor_speed_rad_s"),
             "mean_torque_n_m": known("friction_force_n", "mean_torque_n_m"),
             "state_fractions": known("contact_state", "state_fractions"),
@@ -231,11 +246,11 @@ class Waveforms(Result):
             **self._entries("points", "solver_seconds", "ngspice_version"),
             **self.provenance,
             "cautions": list(self.cautions),
-        }
+        })  # fmt: skip
 
     def columns(self) -> dict[str, Array]:
         """Return the recorded signals by name, the time first."""
-        return {name: getattr(self, name) for name in self.recorded}
+        return self._keyed({name: getattr(self, name) for name in self.recorded})
 
     @property
     def audit(self) -> Audit:  # type: ignore[override]
@@ -255,7 +270,8 @@ class Waveforms(Result):
             moving = [names[name] for name, share in self.to_come.items() if share is None or share > SETTLED]
             told.append(f"Not settled at the end of the run: {' and '.join(moving)}. Run it longer.")
         told += [] if self.complete else ["The run did not reach its end."]
-        return (*told, *self.provenance.get("cautions", ()))  # a period of a steady state has none of its own
+        told += self.provenance.get("cautions", ())  # a period of a steady state has none of its own
+        return self._told(told)
 
     @property
     def accuracy(self) -> float:
@@ -345,4 +361,4 @@ class Waveforms(Result):
         if self.error_estimate is not None:
             found["error estimate"] = f"{self.error_estimate:.2g}"
         found["points"] = str(self.points)
-        return found
+        return self._worded(found)

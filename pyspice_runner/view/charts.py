@@ -16,12 +16,13 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from pyspice_runner.datasets import Curves
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.motor import Motor, Structure
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.spectra.admittance import Admittance
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum, State
-from pyspice_runner.view.style import BLUE, CYCLE, GREEN, GREY, LABELS, PURPLE, STATES, VERMILION
+from pyspice_runner.view.style import BLUE, CYCLE, GREEN, GREY, LABELS, PURPLE, STATES, VERMILION, label_of
 
 if TYPE_CHECKING:
     import xarray
@@ -183,8 +184,8 @@ def tip_path(run: Waveforms) -> go.Figure:
         room = 0.08 * max(span, 1e-9)
         below = 0.3 * span if axis == "xaxis" else 0.0
         figure.update_layout({axis: {"range": [low - room - below, low + 1.3 * span + room]}})
-    figure.update_xaxes(title_text=str(LABELS["tip_x_m"]), row=1, col=1)
-    figure.update_yaxes(title_text=str(LABELS["tip_y_m"]), row=1, col=1)
+    figure.update_xaxes(title_text=str(label_of("tip_x_m", run.linear)), row=1, col=1)
+    figure.update_yaxes(title_text=str(label_of("tip_y_m", run.linear)), row=1, col=1)
     figure.update_xaxes(title_text=str(LABELS["time_us"]), row=2, col=1)
     figure.update_yaxes(title_text=str(LABELS["force_n"]), row=2, col=1)
     figure.update_layout(height=640 + TOOL_BAR, meta={"frames": frames, "order": [one["name"] for one in frames]})
@@ -239,7 +240,7 @@ def _spectra(
 ) -> list[tuple[Array, Any, str, dict[str, Any]]]:
     """Return frequency, admittance, name and look of every spectrum that is drawn for a connection."""
     found: list[tuple[Array, Any, str, dict[str, Any]]] = []
-    names = {"free": "tip free", "preloaded": "pressed on the rotor"}
+    names = {"free": "tip free", "preloaded": "tip pressed on"}
     for (state, result), colour, dash in zip(spectra.items(), CYCLE, DASHES, strict=False):
         look = {"mode": "lines", "line": {"color": colour, "dash": dash}}
         found.append((result.frequency_hz, result.driven(connection), names[state], look))
@@ -254,24 +255,26 @@ def speed_torque(curves: Mapping[float, xarray.Dataset]) -> go.Figure:
     """Return torque, shaft power and efficiency over speed, a curve for each level of the drive."""
     figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.06)
     panels = ("torque_n_m", "shaft_power_w", "efficiency")
+    linear = any(Curves(curve).linear for curve in curves.values())
+    along, labels = label_of("speed_rad_s", linear), {name: label_of(name, linear) for name in panels}
     for number, (level, curve) in enumerate(curves.items()):
         colour, name = CYCLE[number % 4], f"{100.0 * level:.3g} % of the voltage"
         settled = curve["settled"].values
         marks = [MARKS[number % 4] + ("" if steady else "-open") for steady in settled]
         for row, quantity in enumerate(panels, start=1):
-            values = LABELS[quantity].scale * curve[quantity].values
+            values = labels[quantity].scale * curve[quantity].values
             figure.add_scatter(
-                x=_short(curve["speed_rad_s"].values), y=_short(values), row=row, col=1,
+                x=_short(along.scale * curve["speed_rad_s"].values), y=_short(values), row=row, col=1,
                 name=name, legendgroup=name, showlegend=row == 1, mode="lines+markers",
                 line={"color": colour, "dash": DASHES[number % 4]}, marker={"symbol": marks, "size": 8},
                 text=["" if steady else "<br>did not settle" for steady in settled],
-                hovertemplate="%{x:.4g} rad/s: %{y:.4g}%{text}",
+                hovertemplate=f"%{{x:.4g}} {along.unit}: %{{y:.4g}}%{{text}}",
             )  # fmt: skip
     for row, quantity in enumerate(panels, start=1):
-        label = LABELS[quantity]
-        figure.update_yaxes(title_text=f"{label.name.removesuffix(' on the rotor')} in {label.unit}", row=row, col=1)
+        label = labels[quantity]
+        figure.update_yaxes(title_text=f"{label.name.partition(' on the ')[0]} in {label.unit}", row=row, col=1)
     figure.update_yaxes(range=_efficiency_range(curves), row=len(panels), col=1)
-    figure.update_xaxes(title_text=str(LABELS["speed_rad_s"]), row=3, col=1)
+    figure.update_xaxes(title_text=str(along), row=3, col=1)
     figure.update_layout(height=640 + TOOL_BAR)
     return figure
 
@@ -284,15 +287,15 @@ def _efficiency_range(curves: Mapping[float, xarray.Dataset]) -> list[float]:
 
 def spin_up(run: Waveforms) -> go.Figure:
     """Return the rotor's speed from rest."""
-    points = len(run.time_s)
+    points, label = len(run.time_s), label_of("rotor_speed_rad_s", run.linear)
     kept = np.unique(np.linspace(0, points - 1, min(points, _MOST_POINTS)).astype(int))
     figure = go.Figure()
     figure.add_scatter(
-        x=_short(1e3 * run.time_s[kept], precise=True), y=_short(run.rotor_speed_rad_s[kept]), mode="lines",
-        line={"color": BLUE}, name="rotor", hovertemplate="%{x:.4g} ms: %{y:.4g} rad/s",
+        x=_short(1e3 * run.time_s[kept], precise=True), y=_short(label.scale * run.rotor_speed_rad_s[kept]),
+        mode="lines", line={"color": BLUE}, name=label.name, hovertemplate=f"%{{x:.4g}} ms: %{{y:.4g}} {label.unit}",
     )  # fmt: skip
     figure.update_xaxes(title_text=str(LABELS["time_ms"]))
-    figure.update_yaxes(title_text=str(LABELS["rotor_speed_rad_s"]))
+    figure.update_yaxes(title_text=str(label))
     figure.update_layout(height=380 + TOOL_BAR)
     return figure
 

@@ -41,7 +41,7 @@ HERE = Path(__file__).parent
 INK, GRID = {"light": "#1b1f24", "dark": "#e6e8eb"}, {"light": "#d5d9de", "dark": "#3a4048"}
 _TABULATED = ("speed_rad_s", "torque_n_m", "shaft_power_w", "efficiency", "separated", "stick", "slip", "settled")
 _PERIODS = 3  # of the waveforms to download
-_SECTIONS = ("beam", "patches", "tip", "damping", "modes", "piezo", "contact", "rotor", "mount", "limits")
+_SECTIONS = ("beam", "patches", "tip", "damping", "modes", "piezo", "contact", "rotor", "slider", "mount", "limits")
 
 
 class Row(NamedTuple):
@@ -85,6 +85,11 @@ class Report(Result):
     created: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
 
     @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return self.motor.slider is not None
+
+    @property
     def discretisation_error(self) -> dict[str, float]:
         """Estimated error of the run from its time step, relative.
 
@@ -124,7 +129,7 @@ class Report(Result):
         best = int(np.argmax(forward))
         stall = curve["torque_n_m"].values[settled & (speed == 0.0)]
         free = self.free if self.free is not None and self.free.stable else None
-        return {
+        return self._keyed({
             "stall_torque_n_m": float(stall[0]) if len(stall) else None,
             "no_load_speed_rad_s": free.speed_rad_s if free else None,
             "best_efficiency": float(forward[best]) if np.isfinite(forward[best]) else None,
@@ -134,7 +139,7 @@ class Report(Result):
                 for name in ("current_a_rms_a", "current_b_rms_a", "power_a_w", "power_b_w")
             },
             "electrical_power_w": free.power_a_w + free.power_b_w if free else None,
-        }
+        })  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Return the contents of the report without its curves over time, JSON-ready."""
@@ -143,7 +148,7 @@ class Report(Result):
             "admittance": json_ready(self.spectra),
             **self._entries("run", "discretisation_error"),
             "speed_torque": [
-                {"drive_share": share, **{name: json_ready(curve[name].values) for name in _TABULATED}}
+                self._keyed({"drive_share": share, **{name: json_ready(curve[name].values) for name in _TABULATED}})
                 for share, curve in self.curves.items()
             ],
             "measured": None if self.measured is None else {"source": self.measured.source},
@@ -172,13 +177,13 @@ class Report(Result):
         """Cautions of the run, of the free rotor's steady state, and of the curves."""
         curves = (caution for curve in self.curves.values() for caution in Curves(curve).cautions)
         free = ("Dry friction of the bearing stops the rotor.",) if self.free is None else self.free.cautions
-        return tuple(dict.fromkeys((*self.run.cautions, *free, *curves)))
+        return tuple(dict.fromkeys(self._told((*self.run.cautions, *free, *curves))))
 
     def summary(self) -> dict[str, str]:
         """Return motor, drive, key figures and errors."""
         figures = self.key_figures
         best = figures["best_efficiency"]
-        return {
+        return self._worded({
             "motor": self.motor.name,
             "modes": self.motor.summary()["modes"],
             "drive": self.drive.label,
@@ -188,7 +193,7 @@ class Report(Result):
             "electrical power, no load": engineering(figures["electrical_power_w"], "W"),
             "error by the step": f"{self.discretisation_error['tip_path']:.1e} of the tip's path",
             "energy residual": f"{self.run.energy_residual:.1e}",
-        }
+        })  # fmt: skip
 
 
 def datasheet(report: Report) -> str:
@@ -217,6 +222,9 @@ def datasheet(report: Report) -> str:
         report=report,
         motor=report.motor,
         figures=report.key_figures,
+        torque="force" if report.linear else "torque",
+        torque_unit="N" if report.linear else "N·m",
+        speed_unit="m/s" if report.linear else "rad/s",
         charts={name: figure for name, figure in figures.items() if figure is not None},
         themes={name: charts.theme(INK[name], GRID[name]).to_plotly_json() for name in INK},
         connections=list(COUPLING),
@@ -270,7 +278,8 @@ def parameter_rows(motor: Motor) -> Iterator[Row]:
     """Yield every parameter of a motor, those of its structure first, with unit, meaning and provenance."""
     structure = motor.structure
     tables: dict[str, Any] = {name: getattr(structure, name) for name in _SECTIONS[:4]} if structure else {}
-    tables |= {name: getattr(motor, name) for name in _SECTIONS[4:] if getattr(motor, name) is not None}
+    stated = [name for name in _SECTIONS[4:] if name != "rotor" or not motor.slider]
+    tables |= {name: getattr(motor, name) for name in stated if getattr(motor, name) is not None}
     if motor.solid is not None:
         tables = {"solid": motor.solid} | {f"solid.{name}": getattr(motor.solid, name) for name in _OF_SOLID} | tables
     for section, table in tables.items():

@@ -14,17 +14,17 @@ from pyspice_runner.datasets import FLAGS, Branch, Curves, Sweep, WorkingPoints
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.view.draw import AXIS, DASHES, Panel, Sheet, dress
-from pyspice_runner.view.style import BLUE, CYCLE, GREY, LABELS, VERMILION, Label
+from pyspice_runner.view.style import BLUE, CYCLE, GREY, LABELS, VERMILION, Label, label_of
 
-_QUANTITIES = {
-    "torque": ("torque_n_m", LABELS["torque_n_m"]),
-    "force": ("normal_force_n", LABELS["force_n"]),
-    "speed": ("speed_rad_s", LABELS["speed_rad_s"]),
-    "efficiency": ("efficiency", LABELS["efficiency"]),
-    "power": ("shaft_power_w", LABELS["shaft_power_w"]),
-    "current of A": ("current_a_rms_a", LABELS["current_rms_a"]),
-    "current": ("current_a", LABELS["current_rms_a"]),
-    "temperature": ("temperature_c", Label("temperature", "°C")),
+_QUANTITIES = {  # panel → quantity, and name of its label
+    "torque": ("torque_n_m", "torque_n_m"),
+    "force": ("normal_force_n", "force_n"),
+    "speed": ("speed_rad_s", "speed_rad_s"),
+    "efficiency": ("efficiency", "efficiency"),
+    "power": ("shaft_power_w", "shaft_power_w"),
+    "current of A": ("current_a_rms_a", "current_rms_a"),
+    "current": ("current_a", "current_rms_a"),
+    "temperature": ("temperature_c", "temperature_c"),
 }
 
 
@@ -36,9 +36,9 @@ def speed_torque(curves: Curves) -> Sheet:
     """Return torque, efficiency, power and currents over speed."""
     data = curves.dataset
     panels: dict[str, Panel] = {
-        name: partial(_over_speed, curves, quantities, LABELS[label], title)
+        name: partial(_over_speed, curves, quantities, label_of(label, curves.linear), title)
         for name, quantities, label, title in (
-            ("torque", [data["torque_n_m"]], "torque_n_m", "Torque"),
+            ("torque", [data["torque_n_m"]], "torque_n_m", "Force" if curves.linear else "Torque"),
             ("efficiency", [data["efficiency"]], "efficiency", "Efficiency: shaft power over electrical power"),
             ("power", [data["power_a_w"] + data["power_b_w"]], "electrical_power_w", "Electrical power of both groups"),
             ("current", [data["current_a_rms_a"], data["current_b_rms_a"]], "current_rms_a",
@@ -57,7 +57,8 @@ def _each(data: Any, others: list[str]) -> Iterator[dict[str, int]]:
 def _over_speed(curves: Curves, quantities: list[Any], label: Label, title: str, ax: Axes) -> None:
     """Draw quantities over speed, one curve for each value of the other axes; a ring marks a point not settled."""
     data = curves.dataset
-    speed, others = data["speed_rad_s"].values, curves.others
+    along, others = label_of("speed_rad_s", curves.linear), curves.others
+    speed = along.scale * data["speed_rad_s"].values
     ring: dict[str, Any] = {"linestyle": "", "marker": "o", "mfc": "none", "mec": "black"}
     rings = False
     for number, at in enumerate(_each(data, others)):
@@ -71,7 +72,7 @@ def _over_speed(curves: Curves, quantities: list[Any], label: Label, title: str,
             if (unsettled & np.isfinite(values)).any():
                 rings = True
                 ax.plot(speed[unsettled], values[unsettled], **ring)
-    dress(ax, LABELS["speed_rad_s"], label, title)
+    dress(ax, along, label, title)
     ax.axvline(0.0, **AXIS)
     ax.axhline(0.0, **AXIS)
     if rings:
@@ -89,9 +90,9 @@ def _varying(draw_panel: Callable[..., None], result: Branch | WorkingPoints, *n
     """Return a panel for each quantity that is there and varies."""
     data = result.dataset
     return {
-        name.removesuffix(" of A"): partial(draw_panel, result, *_QUANTITIES[name])
-        for name in names
-        if _QUANTITIES[name][0] in data and float(data[_QUANTITIES[name][0]].std()) > 0.0
+        name.removesuffix(" of A"): partial(draw_panel, result, quantity, label_of(label, result.linear))
+        for name, (quantity, label) in ((name, _QUANTITIES[name]) for name in names)
+        if quantity in data and float(data[quantity].std()) > 0.0
     }
 
 

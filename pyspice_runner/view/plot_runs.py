@@ -18,7 +18,7 @@ from pyspice_runner.analysis.tracking import Tracking
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.view.draw import DASHES, LAST_PERIODS, Panel, Sheet, draw_lines, dress, last_periods
-from pyspice_runner.view.style import BLUE, GREEN, GREY, GROUPS, LABELS, STATES, VERMILION, Label
+from pyspice_runner.view.style import BLUE, GREEN, GREY, GROUPS, LABELS, STATES, VERMILION, Label, label_of
 
 _SECONDS = Label("time", "s")
 
@@ -48,12 +48,13 @@ def steady_state(state: SteadyState) -> Sheet:
 
 def _speed(run: Waveforms, ax: Axes) -> None:
     lines = [(run.rotor_speed_rad_s, {"color": BLUE})]
-    draw_lines(ax, (LABELS["time_ms"], run.time_s), LABELS["rotor_speed_rad_s"], lines, "Rotor")
+    label = label_of("rotor_speed_rad_s", run.linear)
+    draw_lines(ax, (LABELS["time_ms"], run.time_s), label, lines, "Slider" if run.linear else "Rotor")
 
 
 def _tip_path(run: Waveforms, ax: Axes) -> None:
     last, _ = last_periods(run.time_s, run.drive_period_s)
-    x, y = LABELS["tip_x_m"], LABELS["tip_y_m"]
+    x, y = label_of("tip_x_m", run.linear), label_of("tip_y_m", run.linear)
     state_path(ax, x.scale * run.tip_x_m[last], y.scale * run.tip_y_m[last], run.contact_state[last])
     for state in np.unique(np.rint(run.contact_state[last]).astype(int)):
         ax.plot([], [], color=STATES[state].colour, label=STATES[state].name)
@@ -94,8 +95,8 @@ def _currents(run: Waveforms, ax: Axes) -> None:
 def averaged_run(run: AveragedRun) -> Sheet:
     """Return means and amplitudes over time."""
     curves = {
-        "speed": (run.rotor_speed_rad_s, LABELS["rotor_speed_rad_s"]),
-        "torque": (run.torque_n_m, LABELS["torque_n_m"]),
+        "speed": (run.rotor_speed_rad_s, label_of("rotor_speed_rad_s", run.linear)),
+        "torque": (run.torque_n_m, label_of("torque_n_m", run.linear)),
         "power": (run.electrical_power_w, LABELS["electrical_power_w"]),
         "frequency": (run.frequency_hz, LABELS["frequency_hz"]),
         "temperature": (run.temperature_k, Label("temperature rise", "K")),
@@ -108,8 +109,8 @@ def averaged_run(run: AveragedRun) -> Sheet:
 def controlled_run(run: ControlledRun) -> Sheet:
     """Return the measurements and settings of a controller for each sample."""
     curves = {
-        "speed": (run.speed_rad_s, LABELS["rotor_speed_rad_s"]),
-        "position": (run.position_rad, Label("rotor position", "rad")),
+        "speed": (run.speed_rad_s, label_of("rotor_speed_rad_s", run.linear)),
+        "position": (run.position_rad, label_of("rotor_position_rad", run.linear)),
         "voltage": (run.voltage_a_v, Label("amplitude of group A", "V")),
         "current": (run.current_amplitude_a, Label("current amplitude", "mA", 1e3)),
         "current phase": (run.current_phase_deg, Label("current phase", "degrees")),
@@ -137,7 +138,7 @@ def tracking(result: Tracking) -> Sheet:
     curves = {
         "frequency": (result.frequency_hz, LABELS["frequency_hz"]),
         "phase": (result.phase_deg, Label("phase of the mode", "degrees")),
-        "speed": (result.rotor_speed_rad_s, LABELS["rotor_speed_rad_s"]),
+        "speed": (result.rotor_speed_rad_s, label_of("rotor_speed_rad_s", result.linear)),
     }
 
     def draw_curve(values: Array, label: Label, ax: Axes) -> None:

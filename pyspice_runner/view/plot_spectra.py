@@ -10,13 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from pyspice_runner.analysis.small_signals import INPUTS, OUTPUTS, SmallSignals, unit
+from pyspice_runner.analysis.small_signals import INPUTS, OUTPUTS, SmallSignals
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spectra.admittance import Admittance
 from pyspice_runner.spectra.compare import Comparison, Trend
 from pyspice_runner.spectra.fit import SpectrumFit
 from pyspice_runner.spectra.spectrum import COUPLING, Spectrum
 from pyspice_runner.spectra.twoport import TwoPortFit
+from pyspice_runner.units import linear_words
 from pyspice_runner.view.draw import AXIS, DASHES, Panel, Sheet, draw_lines, dress, plain
 from pyspice_runner.view.style import BLUE, CYCLE, GREY, GROUPS, LABELS, ORANGE, VERMILION, Label
 
@@ -216,7 +217,8 @@ def _transfers(result: SmallSignals, of: str, ax: Axes) -> None:
     for number, output in enumerate(name for name in OUTPUTS if not name.startswith("motional")):
         values = np.abs(result.transfer(output, of))
         if values[0] > 0.0:
-            name = f"{output}, {values[0]:.3g} {unit(output, of)}"
+            name = f"{output}, {values[0]:.3g} {result.unit(output, of)}"
+            name = linear_words(name) if result.linear else name
             look: dict[str, Any] = {"color": CYCLE[number % 4], "linestyle": DASHES[number // 4], "marker": "."}
             ax.loglog(result.modulation_hz, values / values[0], label=name, **look)
     dress(ax, "modulation frequency in Hz", "magnitude over that at the lowest", f"From {of}")

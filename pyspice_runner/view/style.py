@@ -62,5 +62,20 @@ LABELS = {
     "shaft_power_w": Label("shaft power", "mW", 1e3),
     "electrical_power_w": Label("electrical power", "W"),
     "efficiency": Label("efficiency", "%", 100.0),
+    "rotor_position_rad": Label("rotor position", "rad"),
+    "temperature_c": Label("temperature", "°C"),
     "deviation": Label("deviation", "%", 100.0),
 }
+_OF_SLIDER = {
+    "tip_x_m": Label("tip x, along the slider,", "µm", 1e6),
+    "tip_y_m": Label("tip y, towards the slider,", "µm", 1e6),
+    "rotor_speed_rad_s": Label("slider speed", "mm/s", 1e3),
+    "rotor_position_rad": Label("slider position", "mm", 1e3),
+    "speed_rad_s": Label("speed", "mm/s", 1e3),
+    "torque_n_m": Label("force on the slider", "N"),
+}
+
+
+def label_of(name: str, linear: bool) -> Label:
+    """Return the label of a quantity; with ``linear`` that of a motor with a slider."""
+    return _OF_SLIDER.get(name, LABELS[name]) if linear else LABELS[name]
