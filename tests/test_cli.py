@@ -44,7 +44,7 @@ def sentences(text: str) -> int:
 def test_show_prints_the_documented_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["show", "andersen2002", "--json"]) == 0
     motor = json.loads(capsys.readouterr().out)
-    assert set(motor) == {"name", "modes", "piezo", "contact", "rotor", "mount", "limits"}
+    assert set(motor) == {"name", "modes", "piezo", "contact", "rotor", "mount", "limits", "cautions"}
     assert set(motor["modes"][0]) == {
         "name", "frequency_hz", "mass_kg", "damping_n_s_per_m", "stiffness_n_per_m", "coupling_a_n_per_v",
         "coupling_b_n_per_v", "tip_x", "tip_y",
@@ -61,9 +61,9 @@ def test_show_prints_the_documented_json(capsys: pytest.CaptureFixture[str]) -> 
 def test_simulate_prints_one_json_object_and_writes_the_requested_files(tmp_path: Path) -> None:
     done = command(*SHORT, "--json", "--output", "run.csv", "--plot", "run.png", cwd=tmp_path)
     moving = "Not settled at the end of the run: mean rotor speed and mean torque. Run it longer."
-    said, unknown = done.stderr.splitlines()
-    assert (done.returncode, said) == (0, f"piezomotor: {moving}")
-    assert unknown.startswith("piezomotor: The recoil of mode bending-1 on the carrier is not known")
+    told = (moving, *pr.load_motor("andersen2002").cautions)
+    assert (done.returncode, done.stderr.splitlines()) == (0, [f"piezomotor: {sentence}" for sentence in told])
+    assert "The recoil of mode bending-1 on the carrier is not known" in done.stderr
     summary = json.loads(done.stdout)
     assert {"mean_rotor_speed_rad_s", "mean_torque_n_m", "state_fractions", "energy_residual"} <= set(summary)
     assert (tmp_path / "run.csv").read_text(encoding="utf-8").startswith("time_s,")

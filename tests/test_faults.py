@@ -28,7 +28,6 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.commands.common import say
-from pyspice_runner.model.recoil import unknown_recoil
 from tests.processes import (
     LONGEST,
     ROOT,
@@ -65,7 +64,7 @@ TABLE = "energy residual"  # in the table of simulate, not in its JSON
 MOTOR = pr.load_motor("andersen2002")
 # what SIMULATE says on stderr beside its result: the run ends long before the rotor is up to speed
 UNSETTLED = "piezomotor: Not settled at the end of the run: mean rotor speed and mean torque. Run it longer.\n"
-UNSETTLED += "".join(f"piezomotor: {caution}\n" for caution in unknown_recoil(MOTOR.modes, MOTOR.mount))
+UNSETTLED += "".join(f"piezomotor: {caution}\n" for caution in MOTOR.cautions)
 
 
 @pytest.fixture

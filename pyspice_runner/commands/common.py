@@ -148,9 +148,10 @@ def load_changed(motor: str, changes: list[str] | None) -> pr.Motor:
 
 
 def _value(text: str) -> float | int | str | None:
-    """Return a number, ``None`` for the word ``none``, or the text."""
-    if text == "none":
-        return None
+    """Return a number, what the words ``none``, ``true`` and ``false`` mean, or the text."""
+    words = {"none": None, "true": True, "false": False}
+    if text in words:
+        return words[text]
     for kind in (int, float):
         with suppress(ValueError):
             return kind(text)

@@ -45,7 +45,11 @@ def show(motor: common.MotorArgument, changes: common.SetOption = None, *, targe
         origin = loaded.provenance.get(path)
         shown = f"{value:.6g}" if isinstance(value, float) else str(value)
         table.add_row(path, shown, origin.kind if origin else "derived")
+    if loaded.cautions:
+        document["cautions"] = list(loaded.cautions)
     targets.write(document, table, lambda path: common.write_table(path, document, rows), loaded.plot)
+    for sentence in loaded.cautions:
+        common.complain(f"piezomotor: {sentence}", style="yellow")
 
 
 _OF_MOTORS = ("contact", "sliders", "thermal", "averaged", "dialect", "rotational")  # options of export for motors

@@ -87,7 +87,7 @@ Array = NDArray[np.float64]
 
 GROUPS = ("A", "B")
 SHAPES = 160  # within 0.2 % of the limit for the motors here, in some 5 ms
-_SIDES = {"both": (1, -1), "top": (1,), "bottom": (-1,)}  # s of each face that carries ceramic
+SIDES = {"both": (1, -1), "top": (1,), "bottom": (-1,)}  # s of each face that carries ceramic
 
 _LENGTH_TOLERANCE = 1e-9  # of the beam's length: edges that are meant to coincide
 _ZERO = 1e-9  # of its natural scale: a coupling that symmetry forbids
@@ -343,7 +343,7 @@ def _section(beam: Beam, patches: Sequence[Patch], start: float, end: float) -> 
         clamped_permittivity = (
             patch.permittivity_f_m - patch.piezoelectric_constant_m_per_v**2 * patch.youngs_modulus_pa
         )
-        for side in _SIDES[patch.faces]:
+        for side in SIDES[patch.faces]:
             middle = side * 0.5 * (beam.thickness_m + thickness)
             layers.append(_Layer.of(patch, middle))
             mass += patch.density_kg_m3 * patch.width_m * thickness
@@ -456,7 +456,7 @@ def _require_fit(beam: Beam, patches: Sequence[Patch]) -> None:
         if end - start <= slack:
             continue
         where = f"patches.{i} and patches.{j} overlap between {start:g} m and {end:g} m"
-        if set(_SIDES[first.faces]) & set(_SIDES[second.faces]):
+        if set(SIDES[first.faces]) & set(SIDES[second.faces]):
             raise ParameterError(f"{where} on the same face; shift one of them or put it on the other face.")
         if first.group != second.group:
             raise ParameterError(

@@ -15,6 +15,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, mode
 from pyspice_runner.display import Shown
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.beam_limits import beam_cautions
 from pyspice_runner.model.parameters import (
     Beam,
     Contact,
@@ -29,6 +30,7 @@ from pyspice_runner.model.parameters import (
     Slider,
     Tip,
 )
+from pyspice_runner.model.recoil import unknown_recoil
 from pyspice_runner.model.refusal import allowed_range, build, checked, limited, positive, quoted, refusal
 from pyspice_runner.model.save import motor_toml
 from pyspice_runner.model.solid.parameters import Solid
@@ -209,6 +211,14 @@ class Motor(Shown, Parameters):
         """Time in s in which the slowest free mode, or the carrier on its mount, decays by e."""
         springs: list[Any] = [*self.modes, *([self.mount] if self.mount else [])]
         return float(max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs))
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What is not known of the motor, and where the theory of its beam ends; every result repeats it."""
+        of_beam: tuple[str, ...] = ()
+        if (stator := self.structure) is not None:
+            of_beam = beam_cautions(stator.beam, stator.patches, stator.tip, len(self.modes))
+        return (*unknown_recoil(self.modes, self.mount), *of_beam)
 
     def summary(self) -> dict[str, str]:
         """Return name, modes, contact, mount, and rotor or slider, ready to print."""

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.motor import Motor, Structure
-from pyspice_runner.model.recoil import unknown_recoil
 from pyspice_runner.model.solid.stator import stator_of
 from pyspice_runner.model.wear import contact_radius, time_to_flat
 from pyspice_runner.units import engineering
@@ -108,9 +107,9 @@ def temperature_rise(motor: Motor, heat_w: float) -> float:
 
 
 def exceeded(motor: Motor, quantities: Mapping[str, float]) -> tuple[str, ...]:
-    """Return one sentence for each limit that a quantity of :data:`COMPARED` exceeds, and for an unknown recoil."""
+    """Return one sentence for each limit that a quantity of :data:`COMPARED` exceeds, after the motor's own."""
     stress, rise, pressure, tension, wear = (quantities.get(name, nan) for name in COMPARED)
-    limits, found = motor.limits, [*unknown_recoil(motor.modes, motor.mount)]
+    limits, found = motor.limits, [*motor.cautions]
     if limits is not None:
         if stress > limits.dynamic_strength_pa:
             found.append(STRESSED.format(stress=1e-6 * stress, strength=1e-6 * limits.dynamic_strength_pa))

@@ -28,7 +28,7 @@ from pyspice_runner.model.equivalent import MotionalArm
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.parameters import Mode
-from pyspice_runner.model.recoil import modes_on_carrier, unknown_recoil
+from pyspice_runner.model.recoil import modes_on_carrier
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.result import Audit, Result
@@ -182,9 +182,10 @@ def admittance(
         for connection in get_args(Connection)
     }
     version, deck = outcome.ngspice_version, outcome.deck
-    unknown = unknown_recoil(motor.modes, motor.mount)
     document = motor.to_dict()
-    return Admittance(frequency, matrix, state, normal_force, resonances, version, document, audited, deck, unknown)
+    return Admittance(
+        frequency, matrix, state, normal_force, resonances, version, document, audited, deck, motor.cautions
+    )
 
 
 def _drives(connection: Connection, mode: Mode) -> bool:

@@ -12,7 +12,9 @@ import pytest
 from scipy.optimize import brentq
 
 from pyspice_runner.model.beam import solve_resonator
+from pyspice_runner.model.beam_limits import estimated_errors, heights_over_half_wave, share_of_laminate
 from pyspice_runner.model.parameters import Beam, Tip
+from tests.solid_beams import PatchedBeam
 
 PAGE = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs" / "beam.md").read_text(encoding="utf-8"))
 NO_TIP = Tip(position_m=0.005, length_m=0.0, mass_kg=0.0, rotary_inertia_kg_m2=0.0)
@@ -59,3 +61,32 @@ def test_uniform_beams_against_the_theory_of_elasticity(ratio: float) -> None:
     digits = 2 if ratio == 0.05 else 1
     says(f"| {ratio:g} | {euler:+.{digits}f} | {timoshenko:+.2f} |".replace("-", "−"))
     assert abs(timoshenko) < 0.9
+
+
+def per_cent(errors: np.ndarray, digits: int) -> str:
+    return " and ".join(f"{100 * error:+.{digits}f}" for error in errors).replace("-", "−")
+
+
+@pytest.mark.parametrize(
+    ("beam", "element"),
+    [
+        (PatchedBeam(0.05, 2e-3, 0.25e-3, 0.002, 0.0235), 1e-3),
+        (PatchedBeam(0.03, 2e-3, 0.6e-3, 0.001, 0.014), 0.7e-3),
+        (PatchedBeam(0.018, 1.8e-3, 0.8e-3, 0.001, 0.0085), 0.6e-3),
+        (PatchedBeam(0.02, 3e-3, 1e-3, 0.003, 0.008), 0.7e-3),
+        (PatchedBeam(0.0122, 3.6e-3, 1.2e-3, 0.0005, 0.0039), 0.6e-3),
+    ],
+)
+def test_patched_beams_against_finite_elements(beam: PatchedBeam, element: float) -> None:
+    frequencies, forces = beam.solid(element)
+    parts = beam.parts()
+    estimates = estimated_errors(*parts, 2)
+    (euler, _), (timoshenko, ours) = beam.beam("bernoulli-euler"), beam.beam()
+    ratios = " and ".join(f"{ratio:.2f}" for ratio in heights_over_half_wave(*parts[:2], 2))
+    says(
+        f"| {1e3 * beam.length:g} × {1e3 * beam.height:g}, {1e3 * beam.plate:g} "
+        f"| {(beam.end - beam.start) / beam.plate:.1f} | {share_of_laminate(parts[0], parts[1][0]):.2f} | {ratios} "
+        f"| {per_cent(euler / frequencies - 1, 1)} | {per_cent(timoshenko / frequencies - 1, 1)} "
+        f"| {per_cent(estimates[0], 1)} | {per_cent(ours / forces - 1, 0)} | {per_cent(estimates[1], 0)} |"
+    )
+    assert (np.abs(timoshenko / frequencies - 1 - estimates[0]) < 0.02).all()  # as the page says

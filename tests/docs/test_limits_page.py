@@ -21,6 +21,7 @@ import pyspice_runner as pr
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.model import contact as law
 from pyspice_runner.model.beam import clamped_capacitances, resonator_modes, solve_resonator
+from pyspice_runner.model.beam_limits import estimated_errors
 from pyspice_runner.model.dielectric import HIGH_HZ, LOW_HZ
 from pyspice_runner.model.motor import Structure
 from pyspice_runner.model.parameters import Patch
@@ -121,6 +122,9 @@ def test_shear_and_rotary_inertia() -> None:
     np.testing.assert_allclose(full, ours, rtol=3e-3)
     lower = 100 * (1 - ours / slender)
     says(f"resonate {lower[0]:.1f} % lower in mode 1 and {lower[1]:.1f} % lower in mode 2")
+    exact = beam.model_copy(update={"theory": "timoshenko"})
+    first, second = 100 * np.array(estimated_errors(exact, structure().patches, structure().tip, 2)[0])
+    says(f"a Timoshenko beam without it is {first:.0f} % and {second:.0f} % too high")
     height = structure().beam.thickness_m + 2 * structure().patches[0].thickness_m
     length = structure().beam.length_m
     says(f"With the ceramic it is {1e3 * height:.1f} mm high", f"{1e3 * length:.0f} mm in mode 1")

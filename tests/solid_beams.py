@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A steel beam with two pairs of PZT-4 plates, by the theory of beams and by finite elements in three dimensions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.model.beam import Resonator, solve_resonator
+from pyspice_runner.model.parameters import Beam, Patch, Tip
+from pyspice_runner.model.solid.materials import VACUUM
+from pyspice_runner.model.solid.parameters import Box, Electrode, Face, Solid, Support
+from pyspice_runner.model.solid.stator import solve_stator
+
+Array = NDArray[np.float64]
+WIDTH = 1e-3  # in m: narrow, as the theory of beams has no stress across the width
+
+
+@dataclass(frozen=True)
+class PatchedBeam:
+    """Group A from ``start`` to ``end``, group B its mirror image, on both faces; in m."""
+
+    length: float
+    height: float
+    plate: float
+    start: float
+    end: float
+
+    @property
+    def spans(self) -> tuple[tuple[str, float, float], ...]:
+        return ("A", self.start, self.end), ("B", self.length - self.end, self.length - self.start)
+
+    def parts(self, theory: str = "timoshenko") -> tuple[Beam, tuple[Patch, ...], Tip]:
+        """Return beam, patches and a tip without mass at a quarter of the length, where both modes move."""
+        beam = Beam.model_validate(
+            {"length_m": self.length, "width_m": WIDTH, "thickness_m": self.height, "youngs_modulus_pa": 211.9e9,
+             "density_kg_m3": 7860.0, "theory": theory, "poissons_ratio": 0.291}
+        )  # fmt: skip
+        ceramic = {
+            "faces": "both", "width_m": WIDTH, "thickness_m": self.plate, "layers": 1, "poissons_ratio": 0.33,
+            "youngs_modulus_pa": 1 / 12.3e-12, "density_kg_m3": 7500.0, "piezoelectric_constant_m_per_v": -123e-12,
+            "permittivity_f_m": 1300 * VACUUM,
+        }  # fmt: skip
+        patches = tuple(
+            Patch.model_validate({"group": group, "start_m": start, "end_m": end, **ceramic})
+            for group, start, end in self.spans
+        )
+        return beam, patches, Tip(position_m=self.length / 4, length_m=0.0, mass_kg=0.0, rotary_inertia_kg_m2=0.0)
+
+    def beam(self, theory: str = "timoshenko") -> tuple[Array, Array]:
+        """Return frequencies in Hz and |force factors| of group A, over the motion at a quarter, of two modes."""
+        found: Resonator = solve_resonator(*self.parts(theory))
+        return found.frequencies_hz, np.abs(found.couplings_n_per_v[0] / found.tip_y)
+
+    def solid(self, element: float) -> tuple[Array, Array]:
+        """Return the same by finite elements of half of the width; the end faces move along the beam only."""
+        half, side, top = 0.5 * self.height, 0.5 * WIDTH, 0.5 * self.height + self.plate
+        boxes = [
+            Box(material="steel", from_m=(0.0, 0.0, -half), to_m=(self.length, side, 0.0)),
+            Box(material="steel", from_m=(0.0, 0.0, 0.0), to_m=(self.length, side, half)),
+        ]
+        electrodes = []
+        for group, start, end in self.spans:
+            boxes += [
+                Box(material="PZT-4", from_m=(start, 0.0, low), to_m=(end, side, low + self.plate), polarisation="+z")
+                for low in (half, -top)
+            ]
+            electrodes += [
+                Electrode.model_validate({"group": name, "from_m": (start, 0.0, z), "to_m": (end, side, z)})
+                for name, z in ((group, top), (group, -top), ("ground", half), ("ground", -half))
+            ]
+        supports = (
+            *(Support(from_m=(x, 0.0, -half), to_m=(x, side, half), directions="z") for x in (0.0, self.length)),
+            Support(from_m=(0.0, 0.0, -top), to_m=(self.length, 0.0, top), directions="y"),
+            Support(from_m=(self.length / 2, 0.0, 0.0), to_m=(self.length / 2, 0.0, 0.0), directions="x"),
+        )
+        quarter = self.length / 4
+        found = solve_stator(
+            Solid(
+                element_m=element, lowest_hz=10.0, highest_hz=1.1 * self.beam()[0][1], quality_factor=1e3,
+                boxes=tuple(boxes), electrodes=tuple(electrodes), supports=supports,
+                contact=Face(from_m=(quarter, 0.0, 0.0), to_m=(quarter, side, 0.0), normal="+z", tangent="+x"),
+            )
+        )  # fmt: skip
+        bending = np.flatnonzero(np.abs(found.tip_y) > 0.1)[[0, -1]]  # not the mode along the beam
+        forces = np.abs(found.couplings_n_per_v[0, bending] / found.tip_y[bending])
+        return found.frequencies_hz[bending], 2 * forces  # of the whole width
