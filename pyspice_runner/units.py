@@ -28,10 +28,16 @@ def unit_in(name: str) -> str:
 
 
 # A slider is computed as a rotor of radius 1 m: the values of its rotary and linear quantities are equal.
-_LINEAR_UNITS = {"rad/s": "m/s", "N·m·s": "N·s/m", "N·m": "N", "rad": "m"}
-_LINEAR_WORDS = {"torque": "force", "Torque": "Force", "rotor": "slider", "Rotor": "Slider", "N.m": "N"} | _LINEAR_UNITS
-_WORDS = re.compile(  # outside of a dotted path
-    r"(?<![\w.])(?:torque|Torque|rotor|Rotor)(?!\.\w)|N·m·s|N[·.]m|rad/s|\brad\b"
+_LINEAR_UNITS = {
+    "rad/s": "m/s", "rad": "m", "N·m·s": "N·s/m", "N·m": "N", "N.m.s": "N.s/m", "N.m": "N", "kg.m2": "kg",
+}  # fmt: skip
+_LINEAR_WORDS = {
+    "torque": "force", "Torque": "Force", "rotor": "slider", "Rotor": "Slider", "moment of inertia": "mass",
+    "viscous bearing": "viscous guide", "of the bearing": "of the guide",
+}  # fmt: skip
+_WORDS = re.compile(  # whole units, and words that are not in a dotted path
+    r"N[·.]m[·.]s|N[·.]m(?!\w)|rad/s|\brad\b|kg\.m2"
+    r"|(?<![\w.])(?:torque|Torque|rotor|Rotor|moment of inertia|viscous bearing|of the bearing)(?!\.\w)"
 )
 _LINEAR_ENDS = {"_rad_s": "_m_s", "_n_m": "_n", "_rad": "_m"}
 
@@ -43,7 +49,7 @@ def linear_unit(unit: str) -> str:
 
 def linear_words(text: str) -> str:
     """Return a text about a rotor, its values with units among it, as it reads for a slider."""
-    return _WORDS.sub(lambda found: _LINEAR_WORDS[found[0]], text)
+    return _WORDS.sub(lambda found: (_LINEAR_UNITS | _LINEAR_WORDS)[found[0]], text)
 
 
 def linear_name(name: str) -> str:

@@ -32,7 +32,7 @@ WALLS = {
     "result": {"display", "errors", "files", "units"},
     "datasets": {"files", "result", "units"},
     "model": {"display", "errors", "files", "units"},
-    "netlist": {"errors", "model"},
+    "netlist": {"errors", "model", "units"},
     "engine": {"errors", "interrupts"},
     "run": BASE | {"model", "netlist", "engine"},
     "analysis": BASE | {"datasets", "model", "netlist", "engine", "run", "spectra"},

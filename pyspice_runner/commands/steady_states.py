@@ -201,9 +201,9 @@ def speed_torque(
     if "folds" in curve.attrs:
         targets.deliver(result, curve.attrs["title"])
         return 0
-    table = curve[_SHOWN].to_dataframe().dropna(subset="torque_n_m")
-    if result.linear:  # its speed in m/s stands beside the axis
-        table = table.rename(columns={"torque_n_m": "force_n"})
-    points = table.to_string(float_format="{:.4g}".format)
+    shown = curve[_SHOWN]
+    if result.linear:
+        shown = shown.swap_dims(speed_rad_s="speed_m_s").drop_vars("speed_rad_s").rename(torque_n_m="force_n")
+    points = shown.to_dataframe().dropna(subset=next(iter(shown))).to_string(float_format="{:.4g}".format)
     targets.write(result.to_dict(), f"{curve.attrs['title']}\n{points}\n", result.save, result.plot)
     return status

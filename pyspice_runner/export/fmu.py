@@ -31,8 +31,9 @@ from pyspice_runner.model.recoil import modes_on_carrier
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import SUBCIRCUIT, default_two_phase, require_averaged
 from pyspice_runner.netlist.expressions import HELPERS, equations, translated
-from pyspice_runner.netlist.library import check_name, data_path, read_library
+from pyspice_runner.netlist.library import check_name, data_path, read_library, slider_words
 from pyspice_runner.netlist.motor import mode_values, rounded, spring_values
+from pyspice_runner.units import linear_unit
 
 C_FILES = ("piezomotor_averaged.c", "piezomotor_fmi2.c")  # what a compiler is given
 _HEADER, _START, _PHASE = "piezomotor_averaged.h", "piezomotor_start.h", "piezomotor_phase.h"
@@ -42,6 +43,7 @@ _GROUPS = ("INPUTS", "OUTPUTS", "PARAMETERS", "MOUNT_PARAMETERS", "MODE_PARAMETE
 _UNITS: dict[str, dict[str, float]] = {
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1}, "A": {"A": 1}, "Hz": {"s": -1}, "K": {"K": 1}, "s": {"s": 1},
     "deg": {"rad": 1, "factor": pi / 180.0}, "rad": {"rad": 1}, "rad/s": {"rad": 1, "s": -1}, "m": {"m": 1},
+    "m/s": {"m": 1, "s": -1},
     "N": {"kg": 1, "m": 1, "s": -2}, "N.m": {"kg": 1, "m": 2, "s": -2}, "N.m.s": {"kg": 1, "m": 2, "s": -1},
     "W": {"kg": 1, "m": 2, "s": -3}, "kg": {"kg": 1}, "kg.m2": {"kg": 1, "m": 2}, "N/m": {"kg": 1, "s": -2},
     "N.s/m": {"kg": 1, "s": -1}, "N/V": {"m": -1, "s": 1, "A": 1}, "F": {"kg": -1, "m": -2, "s": 4, "A": 2},
@@ -90,6 +92,8 @@ def variables(motor: Motor, thermal: Thermal | None = None) -> list[Variable]:
                 causality = {"INPUTS": "input", "OUTPUTS": "output"}.get(group, "parameter")
                 start = None if causality == "output" else values[full]
                 text = f"{meaning}, mode {motor.modes[number - 1].name}" if number else meaning
+                if motor.slider:
+                    unit, text = linear_unit(unit), slider_words(text)
                 found.append(Variable(full, unit, least, greatest, text, causality, len(found), start))
     return found
 

@@ -105,7 +105,7 @@ def export_motor(
             always contains it.
         dialect: ``"spice"`` writes the ``.lib`` for ngspice and LTspice, ``"xyce"`` for Xyce.
         rotational: whether the shaft of the ``.va`` is a pin of the discipline ``rotational_omega`` (rad/s, N·m)
-            instead of an electrical one.
+            instead of an electrical one; not for a slider.
 
     Raises:
         ParameterError: for another ending, a place that cannot be written, or a name that is not possible.

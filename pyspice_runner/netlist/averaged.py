@@ -36,6 +36,7 @@ from pyspice_runner.netlist.motor import (
     require_linear,
     rounded,
     spring_values,
+    with_header,
 )
 from pyspice_runner.netlist.sources import FREE, Bench
 
@@ -357,7 +358,7 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
         "*   .tran 20u 100m 0 2m uic",
         "*   .measure tran speed_rad_s FIND v(shaft) AT=100m",
     ]
-    return circuit.library(about, notes)
+    return with_header(motor, circuit.library(about, notes))
 
 
 def add_averaged_motor(

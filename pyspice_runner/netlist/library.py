@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.units import linear_words
 
 ASSEMBLED = "piezomotor_averaged"  # a library of behavioral/ that the package writes from the parts
 PREFIX = "piezomotor"  # first part of the names of a motor's parts, and name of the motor
@@ -256,6 +257,22 @@ def definition_texts(*libraries: Library, prefix: str = PREFIX) -> dict[str, str
 def part_name(name: str, prefix: str = PREFIX) -> str:
     """Return the name of a library's subcircuit in a netlist whose motor's parts begin with ``prefix``."""
     return re.sub(rf"^{PREFIX}_", f"{prefix}_", name)
+
+
+_OF_SLIDER = {
+    "radius of the slider": "1 m: a slider is computed as a rotor of this radius",
+    "angle of the slider": "position of the slider",
+    "angle over which": "travel over which",
+    "speed_rad_s": "speed_m_s",
+}
+
+
+def slider_words(text: str) -> str:
+    """Return the header of an exported motor as it reads for a slider: 1 V = 1 m/s and 1 A = 1 N at the shaft."""
+    text = linear_words(text)
+    for rotary, linear in _OF_SLIDER.items():
+        text = text.replace(rotary, linear)
+    return text
 
 
 def number(text: str) -> float:

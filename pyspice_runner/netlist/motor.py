@@ -40,6 +40,7 @@ from pyspice_runner.netlist.library import (
     definition_texts,
     part_name,
     read_library,
+    slider_words,
 )
 from pyspice_runner.netlist.own_law import PINS
 from pyspice_runner.netlist.state import (
@@ -459,7 +460,13 @@ def motor_library(
         "*   .measure tran speed_rad_s FIND v(shaft) AT=499u",
         "*   .measure tran check MAX v(xmotor.check)",
     ]
-    return circuit.library(about, notes)
+    return with_header(motor, circuit.library(about, notes))
+
+
+def with_header(motor: Motor, text: str) -> str:
+    """Return a library whose header is that of a slider, if the motor has one."""
+    head, subcircuits, rest = text.partition("\n.subckt")
+    return f"{slider_words(head)}{subcircuits}{rest}" if motor.slider else text
 
 
 def editable_parameters(motor: Motor) -> str:

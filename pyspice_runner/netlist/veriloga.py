@@ -15,7 +15,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import LIBRARIES, ContactLaw, Law, contact_library, contact_values, touching_law
 from pyspice_runner.netlist.expressions import HELPERS, equations, translated
-from pyspice_runner.netlist.library import check_name, data_path, read_library
+from pyspice_runner.netlist.library import check_name, data_path, read_library, slider_words
 from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, coarsest_step, mode_values, rounded, spring_values
 from pyspice_runner.netlist.state import Discretisation, written_recoil
 
@@ -43,7 +43,7 @@ def motor_module(
 
     ``thermal`` is the drift per kelvin at the pin ``temperature``; without it nothing drifts. A ``rotational`` shaft
     has the discipline ``rotational_omega``, with the speed in rad/s as potential and the torque in N·m as flow; else it
-    is electrical, 1 V = 1 rad/s and 1 A = 1 N·m.
+    is electrical, 1 V = 1 rad/s and 1 A = 1 N·m, of a slider 1 m/s and 1 N.
 
     Raises:
         ParameterError: for a law that the module does not have, or an invalid name.
@@ -62,10 +62,14 @@ def motor_module(
         assert count == 1, parameter
     module = check_name(name) if name else SUBCIRCUIT
     text = text.replace(f"module {SUBCIRCUIT}(", f"module {module}(", 1)
+    if rotational and motor.slider:
+        raise ParameterError(f"{motor.name} has a slider, and a rotational shaft is for a rotor: leave it out.")
     if rotational:
         text = text.replace("electrical a, b, com, shaft, temperature;", _ROTATIONAL, 1)
         text = re.sub(r"\b([VI])\(shaft\)", lambda found: f"{_ACCESS[found[1]]}(shaft)", text)
         text = text.replace("1 V = 1 rad/s", "Omega, rad/s").replace("1 A = 1 N.m", "Tau, N.m")
+    if motor.slider:  # of comments at the beginning of a line, and of the attributes of parameters
+        text = re.sub(r"(?m)^//.*|\(\* .*? \*\)", lambda found: slider_words(found[0]), text)
     title = f"// {module}: standing-wave piezomotor {motor.name}"
     text = text.replace(f"// {SUBCIRCUIT}: standing-wave piezomotor bimodal40", title, 1)
     return re.sub(

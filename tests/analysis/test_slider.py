@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.cli import run
 from pyspice_runner.datasets import Curves, WorkingPoints
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.units import linear_name, linear_words, with_linear
@@ -91,15 +92,15 @@ def test_a_steady_state_has_force_and_speed_beside_the_rotary_keys() -> None:
 
 
 def test_a_run_has_force_and_speed_beside_the_rotary_keys(tmp_path: Path) -> None:
-    run = simulated(STAGE, DRIVE, duration=2e-4)
-    assert run.columns()["speed_m_s"] is run.columns()["rotor_speed_rad_s"]
-    assert run.save(tmp_path / "run.csv").read_text(encoding="utf-8").partition("\n")[0].endswith("speed_m_s")
-    assert run.to_xarray()["speed_m_s"].attrs["units"] == "m/s"
-    document = json.loads(run.save(tmp_path / "run.json").read_text(encoding="utf-8"))
-    assert document["speed_m_s"] == document["mean_rotor_speed_rad_s"] == run.mean_rotor_speed_rad_s
-    assert document["force_n"] == document["mean_torque_n_m"] == pytest.approx(run.force_n, rel=1e-12)
-    assert "mean slider speed" in run.summary()
-    assert "mN" in run.summary()["mean force"]
+    waves = simulated(STAGE, DRIVE, duration=2e-4)
+    assert waves.columns()["speed_m_s"] is waves.columns()["rotor_speed_rad_s"]
+    assert waves.save(tmp_path / "run.csv").read_text(encoding="utf-8").partition("\n")[0].endswith("speed_m_s")
+    assert waves.to_xarray()["speed_m_s"].attrs["units"] == "m/s"
+    document = json.loads(waves.save(tmp_path / "run.json").read_text(encoding="utf-8"))
+    assert document["speed_m_s"] == document["mean_rotor_speed_rad_s"] == waves.mean_rotor_speed_rad_s
+    assert document["force_n"] == document["mean_torque_n_m"] == pytest.approx(waves.force_n, rel=1e-12)
+    assert "mean slider speed" in waves.summary()
+    assert "mN" in waves.summary()["mean force"]
 
 
 def test_a_curve_has_force_and_speed_beside_the_rotary_ones() -> None:
@@ -114,6 +115,18 @@ def test_a_curve_has_force_and_speed_beside_the_rotary_ones() -> None:
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("speed in mm/s", "force on the slider in N")
     assert axes.lines[0].get_xdata() == pytest.approx([0.0, 200.0])
     assert axes.lines[0].get_ydata() == pytest.approx(curve["force_n"].values)
+
+
+def test_the_table_of_a_curve_is_in_newton_and_metres_per_second(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "stage.toml").write_text(STAGE.to_toml(), encoding="utf-8")
+    assert run(["speed-torque", str(tmp_path / "stage.toml"), "--speeds", "0,0.2", "--step", "4e-7"]) == 0
+    title, head, along, *rows = capsys.readouterr().out.splitlines()
+    assert title.startswith("bimodal40: speed and force, ")
+    assert head.split()[0] == "force_n"
+    assert along.split() == ["speed_m_s"]
+    assert [row.split()[0] for row in rows] == ["0.0", "0.2"]
 
 
 def test_a_point_of_a_sweep_has_force_and_speed() -> None:
@@ -164,10 +177,10 @@ def test_the_averaged_motor_has_force_and_speed() -> None:
 
 
 def test_a_controlled_run_has_speed_and_position_of_the_slider() -> None:
-    run = pr.simulate_controlled(
+    samples = pr.simulate_controlled(
         STAGE, DRIVE, lambda sample: {"voltage": 60.0 + sample.speed_rad_s}, 2e-3, sample_time=1e-3, averaged=True
     )
-    assert run.to_dict()["end"]["position_m"] == run.position_m[-1] == run.position_rad[-1]
-    assert run.to_dict()["run"]["load_force_n"] == 0.0
-    assert run.plot(panel="position").get_ylabel() == "slider position in mm"
-    assert run.summary()["speed_m_s"].endswith(" m/s")
+    assert samples.to_dict()["end"]["position_m"] == samples.position_m[-1] == samples.position_rad[-1]
+    assert samples.to_dict()["run"]["load_force_n"] == 0.0
+    assert samples.plot(panel="position").get_ylabel() == "slider position in mm"
+    assert samples.summary()["speed_m_s"].endswith(" m/s")
