@@ -9,13 +9,23 @@ spring–slider, whose spring follows Cattaneo and Mindlin's virgin curve:
     K_{t,i} = \left(\frac{4E^*}{3R^*}\right)^{1/3} \frac{3(2-\nu_i)}{16\,G_i}, \quad
     u_{\lim} = \mu\,(K_{t1}+K_{t2})\,F_N^{2/3}
 
+A cap of effective radius R* that is worn to a flat of radius b has, with β = b²/R* and q = (√(β² + 4δ²) − β)/2,
+
+.. math::
+    F_N = K_N \sqrt q\,(q + \tfrac32\beta), \qquad a^2 = R^*(q + \beta), \qquad
+    F_T = \mu\,\bigl(F_N(\delta) - F_N(\delta - |u|/\kappa)\bigr),\quad u_{\lim} = \kappa\,\delta
+
+by the method of dimensionality reduction. β = 0 is Hertz's contact; a small penetration gives F_N = 2 E* b δ. The
+second law holds for any axisymmetric profile (Ciavarella; Jäger) and is the paper's spring for β = 0.
+
 Sources: Andersen, Helbo and Blanke (2002), eqs. (4), (13)–(18), corrected as ``docs/corrections.md`` shows;
-K. L. Johnson, *Contact Mechanics*, Cambridge 1985, §4.2 and §7.2.
+K. L. Johnson, *Contact Mechanics*, Cambridge 1985, §4.2 and §7.2; V. L. Popov, M. Heß, E. Willert, *Handbook of Contact
+Mechanics*, Springer 2019, §2.5 and §4.3.
 """
 
 from __future__ import annotations
 
-from math import cbrt, log1p, pi, sqrt
+from math import asinh, cbrt, log1p, nan, pi, sinh, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +33,8 @@ from numpy.typing import NDArray
 from pyspice_runner.model.parameters import Contact, Mode, Mount, Rotor
 from pyspice_runner.model.recoil import mass_matrix
 from pyspice_runner.model.roots import root
+
+Array = NDArray[np.float64]
 
 
 def effective_modulus(
@@ -88,9 +100,59 @@ def hunt_crossley_damping(restitution: float, velocity_m_s: float) -> float:
     return root(mismatch, lowest, (1.0 - 1e-15) / restitution) / velocity_m_s
 
 
+def flat_length(contact: Contact) -> float:
+    """Length β = b²/R* in m of a tip that is worn to a flat of radius b; 0 for a new one."""
+    if contact.effective_radius_m is None:
+        return 0.0
+    return contact.worn_flat_radius_m**2 / contact.effective_radius_m
+
+
+def elastic_force(contact: Contact, penetration_m: Array) -> Array:
+    """Normal force in N without damping."""
+    flat, depth = flat_length(contact), np.maximum(penetration_m, 0.0)
+    q = _square(depth, flat)
+    return np.asarray(contact.normal_stiffness_n_per_m15 * np.sqrt(q) * (q + 1.5 * flat))
+
+
+def elastic_energy(contact: Contact, penetration_m: Array) -> Array:
+    """Elastic energy in J of the normal contact, ∫ F_N dδ; 2/5 F_N δ for a new tip."""
+    flat = flat_length(contact)
+    m = _square(np.maximum(penetration_m, 0.0), flat) + flat
+    energy = 0.8 * m**2.5 - flat**2 * np.sqrt(m) + 0.2 * flat**2.5
+    return np.asarray(0.5 * contact.normal_stiffness_n_per_m15 * energy)
+
+
+def _square(depth_m: Array, flat_m: float) -> Array:
+    """Return q in m, without cancellation."""
+    spread = np.sqrt(flat_m**2 + 4.0 * depth_m**2) + flat_m
+    return 2.0 * depth_m**2 / np.where(spread > 0.0, spread, 1.0)
+
+
+def _root(contact: Contact, force_n: float) -> float:
+    """Return √q in m^½ for a normal force: the root t of t³ + 3/2 β t = F_N/K_N."""
+    ratio, flat = max(force_n, 0.0) / contact.normal_stiffness_n_per_m15, flat_length(contact)
+    if flat == 0.0:
+        return cbrt(ratio)
+    size = sqrt(0.5 * flat)
+    return 2.0 * size * sinh(asinh(0.5 * ratio / size**3) / 3.0)
+
+
+def penetration(contact: Contact, force_n: float) -> float:
+    """Penetration δ in m under a normal force; (F_N/K_N)^(2/3) for a new tip."""
+    root = _root(contact, force_n)
+    return root * sqrt(root**2 + flat_length(contact))
+
+
+def contact_radius(contact: Contact, force_n: float) -> float:
+    """Radius a of the contact under a normal force in N, in m; NaN without the effective radius."""
+    if contact.effective_radius_m is None:
+        return nan
+    return sqrt(contact.effective_radius_m * (_root(contact, force_n) ** 2 + flat_length(contact)))
+
+
 def static_penetration(contact: Contact) -> float:
-    """Penetration δ₀ = (F₀/K_N)^(2/3) under the preload, in m."""
-    return cbrt((contact.preload_n / contact.normal_stiffness_n_per_m15) ** 2)
+    """Penetration δ₀ under the preload, in m."""
+    return penetration(contact, contact.preload_n)
 
 
 def static_deflection(contact: Contact, modes: tuple[Mode, ...]) -> float:
@@ -108,15 +170,21 @@ def static_sway(contact: Contact, modes: tuple[Mode, ...]) -> float:
     return -contact.preload_n * sum(shares) if abs(sum(shares)) > 1e-12 * sum(sizes) else 0.0
 
 
+def _stiffness(contact: Contact) -> float:
+    """Return dF_N/dδ = 3/2 K_N √(q + β) under the preload, in N/m; 3F₀/(2δ₀) for a new tip."""
+    radius = sqrt(_root(contact, contact.preload_n) ** 2 + flat_length(contact))
+    return 1.5 * contact.normal_stiffness_n_per_m15 * radius
+
+
 def normal_stiffness_at_preload(contact: Contact) -> float:
-    """Normal stiffness k_c at the operating point, in N/m: dF_N/dδ = 3F₀/(2δ₀) and the compliance in series."""
-    alone = 1.5 * contact.preload_n / static_penetration(contact)
+    """Normal stiffness k_c at the operating point, in N/m: dF_N/dδ = 2 E* a and the compliance in series."""
+    alone = _stiffness(contact)
     return alone / (1.0 + alone * contact.series_compliance_m_per_n)
 
 
 def tangential_stiffness_at_preload(contact: Contact) -> float:
-    """Tangential stiffness dF_T/du = 3μF₀/(2u_lim) of the sticking contact at the operating point, in N/m."""
-    return 1.5 * cbrt(contact.preload_n) / total_compliance(contact)
+    """Tangential stiffness dF_T/du = 2 G* a of the sticking contact at the operating point, in N/m."""
+    return _stiffness(contact) * contact.friction / limit_ratio(contact)
 
 
 def resonance_under_preload(contact: Contact, mode: Mode) -> float:

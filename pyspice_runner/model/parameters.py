@@ -179,6 +179,9 @@ class Piezo(Parameters):
 SOFTNESS = (0.1, 100.0)
 
 
+FLATTEST_TIP = 0.3  # worn flat over effective radius: the cap is taken for a paraboloid
+
+
 class Contact(Parameters):
     """Hertz normal contact with a spring–slider along the tangent (paper eqs. 13–18, corrected)."""
 
@@ -216,7 +219,11 @@ class Contact(Parameters):
         "compliance of the tip's stem and of rough surfaces, in series with the Hertz contact", "m/N", ge=0.0, le=1e-3,
         default=0.0,
     )  # fmt: skip
-    # for pressure, tension and wear of the contact only, which need more than its stiffness
+    worn_flat_radius_m: float = quantity(
+        "radius of the flat to which the cap of the tip is worn; K_N and K_t are those of the new tip", "m", ge=0.0,
+        le=0.01, default=0.0,
+    )  # fmt: skip
+    # for a worn tip, and for pressure, tension and wear, which need more than its stiffness
     effective_radius_m: float | None = quantity(
         "relative radius R* of tip and rotor, 1/R* = 1/R₁ + 1/R₂; not known: no pressure", "m", ge=1e-7, le=10.0,
         default=None,
@@ -237,6 +244,16 @@ class Contact(Parameters):
             raise ValueError(
                 "tangential_compliance_tip_m_per_n23 and tangential_compliance_rotor_m_per_n23 add up to "
                 f"{total:g} m/N^(2/3); the sum must be ≥ 2.2e-10 and ≤ 0.01 m/N^(2/3)"
+            )
+        if self.worn_flat_radius_m and self.effective_radius_m is None:
+            raise ValueError(
+                f"worn_flat_radius_m = {self.worn_flat_radius_m:g} m needs effective_radius_m, the effective radius of "
+                "the new tip; state it, or [contact.materials]"
+            )
+        if self.effective_radius_m is not None and self.worn_flat_radius_m > FLATTEST_TIP * self.effective_radius_m:
+            raise ValueError(
+                f"worn_flat_radius_m = {self.worn_flat_radius_m:g} m must be at most {FLATTEST_TIP:g} of "
+                f"effective_radius_m = {self.effective_radius_m:g} m; lower it"
             )
         softness = total * self.normal_stiffness_n_per_m15 ** (2.0 / 3.0)
         if not SOFTNESS[0] <= softness <= SOFTNESS[1]:

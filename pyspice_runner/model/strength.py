@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.motor import Motor, Structure
 from pyspice_runner.model.solid.stator import stator_of
-from pyspice_runner.model.wear import contact_radius, time_to_flat
+from pyspice_runner.model.wear import next_flat, time_to_flat
 from pyspice_runner.units import engineering
 
 Array = NDArray[np.float64]
@@ -41,6 +41,7 @@ WORN = (
     "The results are those of a new tip: after {time} it is worn to a flat as wide as the contact under the preload, "
     "{radius} in radius."
 )
+WIDER = "The results are those of a tip with a flat of {worn} in radius: after {time} its radius is {radius}."
 COMPARED = (
     "ceramic_stress_pa", "temperature_rise_k", "peak_pressure_pa", "tensile_stress_pa", "wear_volume_m3_per_s",
 )  # fmt: skip
@@ -124,6 +125,9 @@ def exceeded(motor: Motor, quantities: Mapping[str, float]) -> tuple[str, ...]:
             found.append(TORN.format(tension=engineering(tension, "Pa"), strength=strength))
     life = time_to_flat(motor.contact, wear)
     if life <= SHORT_LIFE_S:
-        radius = contact_radius(motor.contact, motor.contact.preload_n)
-        found.append(WORN.format(time=engineering(life, "s"), radius=engineering(radius, "m")))
+        worn, radius = (
+            engineering(value, "m") for value in (motor.contact.worn_flat_radius_m, next_flat(motor.contact))
+        )
+        said = WIDER if motor.contact.worn_flat_radius_m else WORN
+        found.append(said.format(time=engineering(life, "s"), worn=worn, radius=radius))
     return tuple(found)

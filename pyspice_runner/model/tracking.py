@@ -106,8 +106,9 @@ def slider_cycle(contact: Contact, amplitude_m: float) -> tuple[float, float]:
     displaced = np.zeros(theta.size)
     for index, move in enumerate(moves):
         displaced[index + 1] = min(limit, max(-limit, displaced[index] + move))
-    part = displaced / limit
-    force = contact.friction * contact.preload_n * np.sign(part) * (1.0 - (1.0 - np.abs(part)) ** 1.5)
+    left = contact_law.static_penetration(contact) * (1.0 - np.abs(displaced / limit))
+    held = contact.preload_n - contact_law.elastic_force(contact, left)
+    force = contact.friction * np.sign(displaced) * held
     last, angle = force[_CYCLE:-1], theta[_CYCLE:-1]
     scale = 2.0 / _CYCLE / amplitude_m
     return float(scale * last @ np.sin(angle)), float(scale * last @ np.cos(angle))

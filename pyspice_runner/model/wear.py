@@ -20,27 +20,24 @@ K. L. Johnson, *Contact Mechanics*, Cambridge 1985, eqs. 3.39, 3.49 and 3.91; J.
 
 from __future__ import annotations
 
-from math import cbrt, nan, pi, sqrt
+from math import nan, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.model.contact import limit_ratio
+from pyspice_runner.model.contact import contact_radius, limit_ratio
 from pyspice_runner.model.parameters import Contact
 
 Array = NDArray[np.float64]
 
 
-def contact_radius(contact: Contact, force_n: float) -> float:
-    """Return the radius a = √(R* δ) of the contact under a force in N, in m; NaN without the effective radius."""
-    if contact.effective_radius_m is None:
-        return nan
-    penetration = cbrt((max(force_n, 0.0) / contact.normal_stiffness_n_per_m15) ** 2)
-    return sqrt(contact.effective_radius_m * penetration)
-
-
 def peak_pressure(contact: Contact, force_n: float) -> float:
-    """Return the pressure p₀ in Pa in the middle of the contact; NaN without the effective radius."""
+    """Return the pressure p₀ in Pa in the middle of the contact; NaN without the effective radius, or for a worn tip.
+
+    The pressure at the edge of a worn flat depends on how wear has rounded it.
+    """
+    if contact.worn_flat_radius_m:
+        return nan
     radius = contact_radius(contact, force_n)
     return 1.5 * force_n / (pi * radius**2) if radius else 0.0
 
@@ -75,8 +72,17 @@ def of_contact(contact: Contact, greatest_n: float, rubbing_w: float) -> dict[st
     }
 
 
+def next_flat(contact: Contact) -> float:
+    """Return the radius in m of a flat with which the results change.
+
+    It is that of the contact under the preload, and has at least twice the area of the present flat.
+    """
+    return max(sqrt(2.0) * contact.worn_flat_radius_m, contact_radius(contact, contact.preload_n))
+
+
 def time_to_flat(contact: Contact, wear_m3_per_s: float) -> float:
-    """Return the time in s in which the cap wears to a flat as wide as the preloaded contact; NaN if not known."""
+    """Return the time in s in which the tip wears to :func:`next_flat`; NaN if not known."""
     if contact.effective_radius_m is None or not wear_m3_per_s > 0.0:
         return nan
-    return pi * contact_radius(contact, contact.preload_n) ** 4 / (4.0 * contact.effective_radius_m) / wear_m3_per_s
+    volume = pi * (next_flat(contact) ** 4 - contact.worn_flat_radius_m**4) / (4.0 * contact.effective_radius_m)
+    return volume / wear_m3_per_s

@@ -28,6 +28,7 @@ LIBRARIES: dict[str, str] = {
     "brush": "piezomotor_brush",
     "coulomb": "piezomotor_coulomb",
 }
+WORN = ("spring-slider", "coulomb")  # the laws of a worn tip
 SLIDERS = 8
 MOST_SLIDERS = 200
 _STRIBECK = ("sliding", "stribeck")  # parameters of the friction that falls with the slip velocity
@@ -131,6 +132,8 @@ def contact_library(law: Law, contact: Contact | None = None) -> Library:
     if is_own(law.name):
         return read_own_law(law.name)
     name = LIBRARIES[law.name]
+    if contact is not None and contact.worn_flat_radius_m and law.name in WORN:
+        return _worn(contact_library(law, contact.model_copy(update={"worn_flat_radius_m": 0.0})))
     if law.name == "spring-slider" and (contact is None or contact.sliding_ratio == 1.0):
         return _constant_friction(read_library(name))
     if law.sliders not in (None, SLIDERS):
@@ -146,6 +149,34 @@ def _constant_friction(library: Library) -> Library:
         text = re.sub(rf"(?m)^(\.subckt .*) {name}=\S+", r"\1", text)
     parameters = tuple(item for item in library.parameters if item.name not in _STRIBECK)
     return replace(library, subcircuit=text, parameters=parameters)
+
+
+@cache
+def _worn(library: Library) -> Library:
+    """Return the spring-slider or Coulomb's law on the normal contact of a worn tip, as ``piezomotor_contact_worn``.
+
+    At the displacement u the tangential force is μ (F(δ) − F(δ − |u|/κ)), for any axisymmetric profile (Ciavarella,
+    Jäger). For Hertz's law that is the spring of the paper.
+    """
+    name = f"{library.name}_worn"
+    force = (
+        "{0}*(2*{0}*{0}/(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})+{{1.5*flat}})"
+        "/sqrt(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})"
+    )
+    ahead, behind = (force.format(f"V({node})") for node in ("ahead", "behind"))
+    grip = (
+        "Bahead ahead 0 V=(V(limit)-uramp(-V(held)))/{limit_ratio}\n"
+        "Bbehind behind 0 V=(V(limit)-uramp(V(held)))/{limit_ratio}\n"
+        f"Bgrip grip 0 V={{mu*normal_stiffness*1.414213562373095e-9}}*({ahead}-{behind})"
+    )
+    text = re.sub(r"(?m)^Bgrip .*$", lambda _: grip, library.subcircuit)
+    text = re.sub(rf"\b{library.name}\b", name, text)
+    text = re.sub(r"(?m)^(Xnormal .*) piezomotor_normal (.*)$", r"\1 piezomotor_worn \2 flat={flat}", text)
+    text = re.sub(r"(?m)^(\.subckt .*)$", r"\1 flat=1", text)
+    flat = next(item for item in read_library("piezomotor_worn").parameters if item.name == "flat")
+    return replace(
+        library, name=name, subcircuit=text, parameters=(*library.parameters, flat), needs=("piezomotor_worn",)
+    )
 
 
 def contact_values(
@@ -187,6 +218,13 @@ def contact_values(
                 "has one coefficient of friction. Set it to 1, or choose the contact spring-slider."
             )
         values |= {"sliding": contact.sliding_ratio, "stribeck": contact.stribeck_velocity_m_s}
+    if contact.worn_flat_radius_m:
+        if law.name not in WORN:
+            raise ParameterError(
+                f"contact.worn_flat_radius_m = {contact.worn_flat_radius_m:g} m is not valid with the contact "
+                f"{law.name}: it must be {' or '.join(WORN)}. Choose one of these, or set it to 0."
+            )
+        values["flat"] = 1e6 * contact_law.flat_length(contact)
     if "compliance" in declared:
         values["compliance"] = contact_law.total_compliance(contact)
     if "slider_time" in declared and slider_time is not None:

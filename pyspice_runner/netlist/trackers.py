@@ -428,7 +428,8 @@ def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) ->
             moved = motor.contact.preload_n * disturbance.preload_change / motor.mount.stiffness_n_per_m
         else:
             factor = 1.0 + disturbance.preload_change
-            deeper = contact_law.static_penetration(motor.contact) * (factor ** (2.0 / 3.0) - 1.0)
+            deeper = contact_law.penetration(motor.contact, factor * motor.contact.preload_n)
+            deeper -= contact_law.static_penetration(motor.contact)
             moved = deeper + contact_law.static_deflection(motor.contact, motor.modes) * disturbance.preload_change
         circuit.V("approach", "approach", circuit.gnd, ramp(1e6 * moved))
         return ("approach",)

@@ -160,6 +160,11 @@ def module_values(
     discretisation: Discretisation | None = None,
 ) -> Mapping[str, float | int]:
     """Return the value of every parameter of the module but those that stay at their neutral defaults."""
+    if motor.contact.worn_flat_radius_m:
+        raise ParameterError(
+            f"contact.worn_flat_radius_m = {motor.contact.worn_flat_radius_m:g} m has no Verilog-A form: it must be 0. "
+            "Set it, or take a subcircuit."
+        )
     constants = contact_values(
         law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=0.0,
         slider_time=discretisation.slider_time if discretisation else None,

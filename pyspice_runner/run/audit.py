@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.model.contact import linearised_resonances, static_deflection
+from pyspice_runner.model.contact import elastic_energy, linearised_resonances, penetration, static_deflection
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD
 from pyspice_runner.run.waveforms import ENERGY_BOUND, Array, EnergyBalance
@@ -119,9 +119,9 @@ def audit_impact(before_j: float, after_j: float) -> tuple[str, ...]:
 def pressed_j(motor: Motor, force_n: float) -> float:
     """Return the energy in J that a normal force stores in the contact and in the bending of the stator."""
     bending = static_deflection(motor.contact.model_copy(update={"preload_n": force_n}), motor.modes)
-    indentation = (force_n / motor.contact.normal_stiffness_n_per_m15) ** (2.0 / 3.0)
+    depth = np.array([penetration(motor.contact, force_n)])
     bending += motor.contact.series_compliance_m_per_n * force_n
-    return float(force_n * (0.5 * bending + 0.4 * indentation))
+    return float(0.5 * force_n * bending + elastic_energy(motor.contact, depth)[0])
 
 
 def _step_finding(motor: Motor, force: float, which: str, step: float) -> tuple[str, ...]:

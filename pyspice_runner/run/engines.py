@@ -80,7 +80,9 @@ def is_compiled(engine: Engine, motor: Motor, law: Law | None, reason: str = "")
     """
     if engine == "spice":
         return False
-    reason = reason or missing_form(law)
+    reason = (
+        reason or missing_form(law) or ("A worn tip needs the B-sources." if motor.contact.worn_flat_radius_m else "")
+    )
     if reason:
         if engine == "auto":
             return False

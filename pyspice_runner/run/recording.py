@@ -220,7 +220,7 @@ class _Terms:
     @cached_property
     def hertz(self) -> Array:
         """Normal force of the penetration alone, N."""
-        return np.asarray(self.motor.contact.normal_stiffness_n_per_m15 * self.penetration**1.5)
+        return contact_law.elastic_force(self.motor.contact, self.penetration)
 
     @cached_property
     def bearing(self) -> Array:
@@ -269,7 +269,8 @@ class _Terms:
     def contact_elastic(self) -> float:
         """Return the change of the elastic energy of the contact and of the compliance in series."""
         compliance = self.motor.contact.series_compliance_m_per_n
-        return _change(0.4 * self.hertz * self.penetration + 0.5 * compliance * self.waves["normal_force_n"] ** 2)
+        pressed = contact_law.elastic_energy(self.motor.contact, self.penetration)
+        return _change(pressed + 0.5 * compliance * self.waves["normal_force_n"] ** 2)
 
     def friction(self) -> float:
         """Return the work of the friction force on the motion of the tip against the rotor."""

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import quad
 
+from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as law
 from pyspice_runner.model.load import Materials
 from pyspice_runner.model.parameters import Contact, Mount, Rotor
@@ -154,3 +156,76 @@ def test_contact_adds_one_resonance_and_they_are_in_rising_order() -> None:
     assert np.all(np.diff(found) > 0.0)
     # springs are added, no mass is: the free stator's resonances lie below the upper three (Rayleigh)
     assert all(f >= m.frequency_hz for f, m in zip(found[1:], subject.modes, strict=True))
+
+
+# --- a worn tip ----------------------------------------------------------------------------------------------
+
+WORN = Contact(
+    **Materials(
+        tip_radius_m=R1, tip_youngs_modulus_pa=E1, tip_poisson=NU1, rotor_youngs_modulus_pa=E2, rotor_poisson=NU2
+    ).constants(R2),
+    friction=0.3, preload_n=20.0, worn_flat_radius_m=150e-6,
+)  # fmt: skip
+
+
+def springs(contact: Contact, radius: float) -> tuple[float, float]:
+    """Penetration and force for a contact radius, by the method of dimensionality reduction, integrated numerically.
+
+    The profile f(r) = (r² − b²)/(2R*) of the gap beyond the flat has g(x) = x ∫ f'(r)/√(x² − r²) dr, b < r < x, and
+    springs of the stiffness E* dx carry δ − g(x), with δ = g(a).
+    """
+    curved, flat = float(contact.effective_radius_m or 0.0), contact.worn_flat_radius_m
+    modulus = law.effective_modulus(E1, NU1, E2, NU2)
+
+    def g(x: float) -> float:
+        angle = np.arcsin(min(flat / x, 1.0)) if x > 0.0 else 0.5 * pi  # r = x sin φ
+        found = quad(lambda phi: np.sin(phi), angle, 0.5 * pi, epsabs=0.0, epsrel=1e-12)[0]
+        return float(x * x / curved * found) if x > flat else 0.0
+
+    depth = g(radius)
+    outer, _ = quad(lambda x: (depth - g(x)) / depth, flat, radius, epsabs=0.0, epsrel=1e-10, limit=500)
+    return depth, 2.0 * modulus * depth * (flat + outer)
+
+
+@pytest.mark.parametrize("wider", [1.0001, 1.01, 1.3, 4.0, 30.0])
+def test_the_force_of_a_worn_tip_is_that_of_its_springs(wider: float) -> None:
+    radius = wider * WORN.worn_flat_radius_m
+    depth, force = springs(WORN, radius)
+    assert law.elastic_force(WORN, np.array([depth]))[0] == pytest.approx(force, rel=1e-7)
+    assert law.penetration(WORN, force) == pytest.approx(depth, rel=1e-7)
+    assert law.contact_radius(WORN, force) == pytest.approx(radius, rel=1e-7)
+
+
+def test_a_worn_tip_is_a_punch_under_a_small_load_and_a_new_tip_under_a_large_one() -> None:
+    modulus = law.effective_modulus(E1, NU1, E2, NU2)
+    assert law.elastic_force(WORN, np.array([1e-10]))[0] == pytest.approx(2.0 * modulus * 150e-6 * 1e-10, rel=1e-5)
+    new = WORN.model_copy(update={"worn_flat_radius_m": 0.0})
+    # the flat of area πb² changes the contact by b²/a²
+    deep = np.array([2e-4])
+    assert law.elastic_force(WORN, deep)[0] == pytest.approx(law.elastic_force(new, deep)[0], rel=0.01)
+    assert law.elastic_force(new, deep)[0] == pytest.approx(new.normal_stiffness_n_per_m15 * 2e-4**1.5, rel=1e-12)
+
+
+@pytest.mark.parametrize("flat", [0.0, 1e-6, 150e-6])
+def test_energy_force_and_stiffnesses_of_a_worn_tip_go_together(flat: float) -> None:
+    contact = WORN.model_copy(update={"worn_flat_radius_m": flat})
+    depth = law.static_penetration(contact)
+    assert law.elastic_force(contact, np.array([depth]))[0] == pytest.approx(20.0, rel=1e-12)
+    energy, _ = quad(lambda delta: law.elastic_force(contact, np.array([delta]))[0], 0.0, depth)
+    assert law.elastic_energy(contact, np.array([depth]))[0] == pytest.approx(energy, rel=1e-6)
+    step = 1e-5 * depth
+    before, after = law.elastic_force(contact, np.array([depth - step, depth + step]))
+    slope = (after - before) / (2.0 * step)
+    assert law.normal_stiffness_at_preload(contact) == pytest.approx(slope, rel=1e-6)
+    # Mindlin's ratio G*/E* for any profile
+    assert law.tangential_stiffness_at_preload(contact) == pytest.approx(
+        slope * contact.friction / law.limit_ratio(contact), rel=1e-6
+    )
+
+
+def test_a_worn_tip_needs_its_effective_radius() -> None:
+    subject = motor()
+    with pytest.raises(ParameterError, match=r"worn_flat_radius_m = 5e-05 m needs effective_radius_m"):
+        subject.updated({"contact.worn_flat_radius_m": 5e-5})
+    with pytest.raises(ParameterError, match=r"must be at most 0.3 of effective_radius_m = 0.0001 m; lower it"):
+        subject.updated({"contact.worn_flat_radius_m": 5e-5, "contact.effective_radius_m": 1e-4})

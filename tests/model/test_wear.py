@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import cos, pi, sin, sqrt
 
 import numpy as np
@@ -19,7 +20,18 @@ ALUMINA = Materials(
     rotor_youngs_modulus_pa=370e9, rotor_poisson=0.22,
 )  # fmt: skip
 NEW = Contact(**ALUMINA.constants(0.015), friction=0.3, preload_n=6.5, specific_wear_rate_m3_per_n_m=1e-15)
-FLAGSHIP = pr.load_motor("bimodal40").updated({"modes.0.recoil_kg": 0.0})  # an unknown one would be a caution
+FLAGSHIP = pr.load_motor("bimodal40")
+OF_CONTACT = ("The peak pressure", "Friction puts", "The results are those of a")
+
+
+def told(motor: pr.Motor, **found: float) -> list[str]:
+    """Return the sentences about the contact, with plain spaces."""
+    return spoken(strength.exceeded(motor, found))
+
+
+def spoken(cautions: Iterable[str]) -> list[str]:
+    """Return the sentences about the contact among the cautions of a result, with plain spaces."""
+    return [text.replace("\N{NO-BREAK SPACE}", " ") for text in cautions if text.startswith(OF_CONTACT)]
 
 
 def chord(x: float, y: float, angle: float) -> float:
@@ -104,7 +116,7 @@ def test_a_steady_state_wears_by_the_slip_of_its_own_motion() -> None:
     greatest = waves.normal_force_n.max()
     assert state.peak_pressure_pa == pytest.approx(wear.peak_pressure(FLAGSHIP.contact, greatest), rel=1e-3)
     assert state.tensile_stress_pa == pytest.approx(wear.tensile_stress(FLAGSHIP.contact, greatest), rel=1e-3)
-    tension, flat = (caution.replace("\N{NO-BREAK SPACE}", " ") for caution in state.cautions)
+    tension, flat = spoken(state.cautions)
     assert tension.startswith("Friction puts the trailing edge of the contact under a tension of 1.415 GPa;")
     assert flat.startswith("The results are those of a new tip: after 1.5")
 
@@ -118,16 +130,19 @@ def test_a_brush_wears_by_its_loss_and_a_free_tip_does_not() -> None:
 
 
 def test_each_limit_of_the_contact_has_its_sentence() -> None:
-    found = dict.fromkeys(strength.COMPARED, 0.0) | {"peak_pressure_pa": 2e9, "tensile_stress_pa": 1e9}
-    (tension,) = strength.exceeded(FLAGSHIP, found)
-    assert "its strength is 380\N{NO-BREAK SPACE}MPa" in tension
+    found = {"peak_pressure_pa": 2e9, "tensile_stress_pa": 1e9}
+    (tension,) = told(FLAGSHIP, **found)
+    assert "its strength is 380 MPa" in tension
     weak = FLAGSHIP.updated({"limits.contact_pressure_pa": 1e9})
-    pressure = strength.exceeded(weak, found)[0]
-    assert pressure.startswith("The peak pressure of the contact is 2\N{NO-BREAK SPACE}GPa; the limit is 1")
-    unknown = FLAGSHIP.updated({"limits.contact_tension_pa": None})
-    assert strength.exceeded(unknown, found) == ()
-    volume = 1e-16 * wear.time_to_flat(FLAGSHIP.contact, 1e-16)  # a flat of 45 µm
-    assert strength.exceeded(unknown, {"wear_volume_m3_per_s": volume / 3601.0}) == ()
-    (flat,) = strength.exceeded(unknown, {"wear_volume_m3_per_s": volume / 3599.0})
-    assert "after 3.599" in flat
-    assert "45.47\N{NO-BREAK SPACE}µm in radius" in flat
+    assert told(weak, **found)[0].startswith("The peak pressure of the contact is 2 GPa; the limit is 1 GPa")
+    assert told(FLAGSHIP.updated({"limits.contact_tension_pa": None}), **found) == []
+    volume = 1e-16 * wear.time_to_flat(FLAGSHIP.contact, 1e-16)  # of a flat of 45 µm
+    assert told(FLAGSHIP, wear_volume_m3_per_s=volume / 3601.0) == []
+    (flat,) = told(FLAGSHIP, wear_volume_m3_per_s=volume / 3599.0)
+    assert "after 3.599 ks" in flat
+    assert "45.47 µm in radius" in flat
+    worn = FLAGSHIP.updated({"contact.worn_flat_radius_m": 1e-4})
+    volume = 1e-16 * wear.time_to_flat(worn.contact, 1e-16)
+    assert volume == pytest.approx(3.0 * pi * 1e-4**4 / (4.0 * 0.00375))
+    (wider,) = told(worn, wear_volume_m3_per_s=volume / 60.0)
+    assert wider.endswith("a flat of 100 µm in radius: after 60 s its radius is 141.4 µm.")

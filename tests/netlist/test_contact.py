@@ -70,6 +70,43 @@ def test_only_friction_that_falls_with_the_velocity_has_the_exponential() -> Non
     }  # fmt: skip
 
 
+WORN = load_motor("bimodal40").contact.model_copy(update={"worn_flat_radius_m": 60e-6, "preload_n": 4.0})
+
+
+def test_the_normal_contact_of_a_worn_tip_differs_by_its_force_only() -> None:
+    new, worn = (read_library(name).subcircuit.splitlines() for name in ("piezomotor_normal", "piezomotor_worn"))
+    own = ("* static", "* normal force", ".param half", ".param cube", ".param wide", ".param root", ".param seat")
+    own += (".subckt", ".ends", "Bdeep", "Belastic")
+    assert [line for line in new if not line.startswith(own)] == [line for line in worn if not line.startswith(own)]
+
+
+@pytest.mark.parametrize("part", [0.2, 0.7, -0.5])
+def test_the_spring_of_a_worn_tip_is_the_difference_of_two_normal_forces(part: float) -> None:
+    """Ciavarella and Jäger: F_T = μ (F_N(δ) − F_N(δ − |u|/κ)), from a run that drags the tip."""
+    values = contact_values(Law(), WORN, radius=0.015, preload=4.0)
+    given = " ".join(f"{name}={value!r}" for name, value in values.items())
+    depth = law.static_penetration(WORN)
+    speed = part * law.limit_ratio(WORN) * depth / 40e-6
+    text = DECK.format(
+        library=definitions(contact_library(Law(), WORN)), y="0", speed=speed, span=0, more=given
+    ).replace("piezomotor_brush span=0", "piezomotor_contact_worn")
+    vectors = run_deck(text, vectors=list(SAVED), stop_time=40e-6).raw.vectors
+    normal, friction, slider = (float(vectors[name][-1].real) for name in SAVED[:3])
+    assert normal == pytest.approx(4.0, rel=1e-6)
+    left = np.array([depth - abs(1e-6 * slider) / law.limit_ratio(WORN)])
+    expected = np.sign(part) * WORN.friction * (4.0 - law.elastic_force(WORN, left)[0])
+    assert friction == pytest.approx(expected, rel=1e-5)
+    assert abs(friction) == pytest.approx(abs(part) * WORN.friction * 4.0, rel=0.2)  # almost a punch: a linear spring
+
+
+def test_a_worn_tip_has_two_laws() -> None:
+    with pytest.raises(
+        ParameterError, match=r"worn_flat_radius_m = 6e-05 m is not valid with the contact brush: it must"
+    ):
+        contact_values(Law("brush"), WORN, radius=0.015, preload=4.0)
+    assert contact_library(Law("coulomb"), WORN).needs == ("piezomotor_worn",)
+
+
 @pytest.mark.parametrize("sliders", [1, 2, 5, 40])
 def test_brush_is_written_for_any_number_of_sliders(sliders: int) -> None:
     library = parse_library("piezomotor_brush", brush_library(sliders))

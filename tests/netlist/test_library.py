@@ -11,6 +11,7 @@ from math import atan, cos, e, exp, inf, nan, pi, sin, sqrt, tanh
 from pathlib import Path
 
 import pytest
+from scipy.optimize import brentq
 
 from pyspice_runner.engine.ngspice import find_ngspice
 from pyspice_runner.errors import ParameterError
@@ -218,6 +219,15 @@ def _carrier(mass: float = 0.05, damping: float = 20.0, stiffness: float = 1e4, 
 # Kp ((Vgs − Vto) Vds − Vds²/2) = 1 A with Kp = 0.17, Vto = 3, inside Rd = 0.45 and Rs = 0.05 ohm: Vgs = 10 − 0.05
 MOSFET = 0.5 + (6.95 - (6.95**2 - 2.0 / 0.17) ** 0.5)
 CONDUCTANCE = 2 * pi * 50e3 * 2.2e-9 * 2 ** (2 / pi * atan(0.02)) * 0.02
+
+
+def _worn(depth_um: float) -> float:
+    """Force in N of the example's worn tip, 7e9 N/m^1.5 and b²/R* = 1 um, by its contact's radius."""
+    wide = 0.5 * (1.0 + sqrt(1.0 + 4.0 * depth_um**2))  # a²/R*
+    return 7.0 * 0.5 * (2.0 * wide + 1.0) * sqrt(wide - 1.0)
+
+
+WORN_SEAT_UM = brentq(lambda depth: _worn(depth) - 4.0, 0.1, 1.0, xtol=1e-14)
 EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
     # θ U / c at resonance; 3 Hz between the points of a 240 Hz wide peak: at most (1.5/119)² = 1.6e-4 below it
     "piezomotor_mode": {"peak_velocity_m_s": (0.12 / 15.0, 2e-4)},
@@ -230,6 +240,7 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
         "penetration_um": (1.0 + 1e6 * (4.0 / 7e9) ** (2 / 3), 1e-6),
         "normal_n": (7e9 * (1e-6 + (4.0 / 7e9) ** (2 / 3)) ** 1.5, 1e-6),
     },
+    "piezomotor_worn": {"penetration_um": (1.0 + WORN_SEAT_UM, 1e-6), "normal_n": (_worn(1.0 + WORN_SEAT_UM), 1e-6)},
     # the same for a brush that slips as a whole: the cells' limits add up to μ F_N exactly
     "piezomotor_brush": {"friction_end_n": (0.25 * 4.0, 1e-6), "state_end": (2.0, 1e-9)},
     # at half of creep; the state is stick

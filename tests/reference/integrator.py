@@ -16,6 +16,8 @@ On a mount the stator's carrier moves by z, and y above is Σ Y_n r_n + z:
 and -Γ_n z'' acts on mode n, with its recoil Γ_n. A free tip has a carrier only if there is recoil, and then no F_0.
 Stribeck friction, with w = |v_rel − u'| the slip velocity, μ_∞ = ρ μ the friction of fast sliding:
     slip: |F_T| = μ F_N [ρ + (1 − ρ) exp(−(w/v_s)²)]
+A tip worn to a flat of radius b, with R* of the new tip and E* = 3 K_N/(4 √R*): the contact's radius a from
+δ R* = a √(a² − b²), then F_N = 2 E*/(3 R*) (2 a² + b²) √(a² − b²), and F_T = sign(u) μ [F_N(δ) − F_N(δ − |u|/κ)]
 A dry bearing (Dahl): its torque T rises to T_c over an angle of some φ_0 after each reversal,
     J Ω' + C_R Ω + T = R F_T − τ_load,  T' = (T_c Ω − T |Ω|)/φ_0
 
@@ -103,8 +105,8 @@ _DONE, _CHATTER, _NOT_FINITE = 0, 1, 2
 # Rows of the matrix of modes, places in the vector of scalars.
 _M, _C, _K, _TA, _TB, _X, _Y, _RECOIL = range(8)
 _R, _GAP, _KN, _KAPPA, _MU, _J, _CR, _TAU, _FREE_SHAFT, _CONTACT = range(10)
-_SPRUNG, _MASS, _RESIST, _SPRING, _PRELOAD, _DROP, _VS, _DRY, _ANGLE = range(10, 19)
-_SCALARS = 19
+_SPRUNG, _MASS, _RESIST, _SPRING, _PRELOAD, _DROP, _VS, _DRY, _ANGLE, _FLAT, _ROUND = range(10, 21)
+_SCALARS = 21
 # The state: r_1 … r_n, r_1' … r_n', u, Ω, z, z', T, then the quadratures.
 _U, _OMEGA, _Z, _ZDOT, _T, _Q = range(6)  # after the modes
 
@@ -145,6 +147,27 @@ def _sliding(w, p):
 
 
 @njit(nogil=True, cache=True)
+def _pressed(delta, p):
+    """Normal force at a penetration."""
+    if delta <= 0.0:
+        return 0.0
+    if p[_FLAT] == 0.0:
+        return p[_KN] * delta * np.sqrt(delta)
+    flat, curved = p[_FLAT] ** 2, p[_ROUND]
+    wide = 0.5 * (flat + np.sqrt(flat * flat + 4.0 * (curved * delta) ** 2))
+    return p[_KN] / (2.0 * curved**1.5) * (2.0 * wide + flat) * np.sqrt(wide - flat)
+
+
+def _seat(depth, preload, p):
+    """Penetration of a preload by bisection, from that of a new tip, which is at least as deep."""
+    shallow = 0.0
+    while p[_FLAT] and shallow < 0.5 * (shallow + depth) < depth:
+        middle = 0.5 * (shallow + depth)
+        shallow, depth = (middle, depth) if _pressed(middle, p) < preload else (shallow, middle)
+    return depth
+
+
+@njit(nogil=True, cache=True)
 def _rates(z, ua, ub, state, modes, p, dz):
     n = modes.shape[1]
     delta, ddelta, vrel, ex, ey = _contact(z, modes, p)
@@ -152,15 +175,13 @@ def _rates(z, ua, ub, state, modes, p, dz):
     fn = ft = slip = 0.0
     dz[2 * n] = 0.0
     if state != SEPARATED:
-        if delta > 0.0:
-            fn = p[_KN] * delta * np.sqrt(delta)
+        fn = _pressed(delta, p)
         if state == STICK:
             u = z[2 * n]
             dz[2 * n] = vrel
             limit = p[_KAPPA] * delta
             if limit > 0.0:
-                rest = max(1.0 - abs(u) / limit, 0.0)
-                ft = p[_MU] * fn * (1.0 - rest * np.sqrt(rest))
+                ft = p[_MU] * (fn - _pressed(delta - abs(u) / p[_KAPPA], p))
                 if u < 0.0:
                     ft = -ft
         else:
@@ -459,15 +480,16 @@ def integrate(
     if not (friction > 0.0 and preload >= 0.0 and hertz > 0.0 and compliance > 0.0 and radius > 0.0):
         raise ValueError("friction, stiffness, compliance and radius must be > 0, the preload >= 0")
     kappa = friction * compliance * hertz ** (2.0 / 3.0)
-    approach = (preload / hertz) ** (2.0 / 3.0)
+    scalars = np.zeros(_SCALARS)
+    scalars[[_KN, _FLAT, _ROUND]] = hertz, law.get("worn_flat_radius_m", 0.0), law.get("effective_radius_m", 1.0)
+    approach = _seat((preload / hertz) ** (2.0 / 3.0), preload, scalars)
     bending = preload * float(np.sum(modes[_Y] ** 2 / modes[_K]))
     mount = (motor.get("mount") or {}) if contact or modes[_RECOIL].any() else {}
-    scalars = np.zeros(_SCALARS)
     scalars[[_SPRUNG, _MASS, _PRELOAD]] = bool(mount), mount.get("mass_kg", np.inf), preload if contact else 0.0
     scalars[[_RESIST, _SPRING]] = mount.get("damping_n_s_per_m", 0.0), mount.get("stiffness_n_per_m", 0.0)
     scalars[[_DROP, _VS]] = 1.0 - law.get("sliding_ratio", 1.0), law.get("stribeck_velocity_m_s", 1.0)
     scalars[[_DRY, _ANGLE]] = rotor.get("bearing_friction_n_m", 0.0), rotor.get("bearing_presliding_rad", 1.0)
-    scalars[[_R, _GAP, _KN, _KAPPA, _MU]] = radius, approach + bending, hertz, kappa, friction
+    scalars[[_R, _GAP, _KAPPA, _MU]] = radius, approach + bending, kappa, friction
     scalars[[_J, _CR, _TAU]] = rotor["inertia_kg_m2"], rotor["bearing_damping_n_m_s"], load_torque
     scalars[[_FREE_SHAFT, _CONTACT]] = speed is None, contact
 
@@ -517,15 +539,17 @@ def integrate(
     time: Array = np.arange(count, dtype=np.float64) * np.float64(output_step)
     r, v = samples[:, :n].T.copy(), samples[:, n : 2 * n].T.copy()
     limit = kappa * np.maximum(indentation(samples.T), 0.0)
-    normal = np.where(states == SEPARATED, 0.0, hertz * (limit / kappa) ** 1.5)
+    pressed = np.vectorize(lambda depth: _pressed(depth, scalars), otypes=[float])
+    normal = np.where(states == SEPARATED, 0.0, pressed(limit / kappa))
     u = np.where(states == STICK, samples[:, 2 * n], np.where(states == SLIP_UP, limit, -limit))
     u[states == SEPARATED] = 0.0
-    ratio = np.minimum(np.abs(u) / np.where(limit > 0.0, limit, 1.0), 1.0)
     slipping = np.isin(states, (SLIP_UP, SLIP_DOWN))
     sliding = np.ones(count)
     for k in np.flatnonzero(slipping):
         _, growth, relative, _, _ = _contact(samples[k], modes, scalars)
         sliding[k] = _sliding(abs(relative) - kappa * growth, scalars)
+
+    nodes, weights = np.polynomial.legendre.leggauss(400)
 
     def stored(z: Array) -> tuple[float, float, float, float, float]:
         depth = max(float(indentation(z)), 0.0) if contact else 0.0
@@ -533,7 +557,7 @@ def integrate(
         return (
             0.5 * float(modes[_M] @ z[n : 2 * n] ** 2),
             0.5 * float(modes[_K] @ z[:n] ** 2),
-            0.4 * hertz * depth**2.5,
+            0.5 * depth * float(weights @ pressed(0.5 * depth * (1.0 + nodes))),  # of √δ exact to 1e-9
             0.5 * float(scalars[_J]) * float(z[2 * n + 1]) ** 2,
             0.5 * float(scalars[_SPRING]) * lift**2
             - float(scalars[_PRELOAD]) * lift
@@ -555,7 +579,7 @@ def integrate(
         tip_x_m=modes[_X] @ r,
         tip_y_m=modes[_Y] @ r,
         normal_force_n=normal,
-        friction_force_n=np.sign(u) * friction * normal * sliding * (1.0 - (1.0 - ratio) ** 1.5),
+        friction_force_n=np.sign(u) * friction * sliding * (normal - pressed((limit - np.abs(u)) / kappa)),
         contact_displacement_m=u,
         contact_state=np.minimum(states, 2),
         rotor_speed_rad_s=samples[:, 2 * n + 1].copy(),

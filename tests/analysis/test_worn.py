@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A motor with a worn tip: against the independent integrator, and in every analysis that takes or rejects it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.speed_torque import operating_point
+from tests.reference.integrator import Tone, integrate
+
+MOTOR = pr.load_motor("bimodal40").updated({"contact.worn_flat_radius_m": 60e-6})
+DRIVE = pr.TwoPhaseDrive(voltage=110.0, frequency=40.1e3, phase_deg=120.0)
+
+
+def test_a_run_is_that_of_the_independent_integrator() -> None:
+    """The tip opens, sticks and slips. The integrator has no damping along the normal."""
+    elastic = MOTOR.updated({"contact.restitution": 1.0})
+    run = pr.simulate(elastic, DRIVE, duration=1e-3, step=5e-8)
+    tones = [[Tone(t.amplitude, t.frequency, t.phase) for t in tones] for tones in (DRIVE.tones_a, DRIVE.tones_b)]
+    expected = integrate(elastic.to_dict(), *tones, duration=1e-3, output_step=5e-8)
+    assert min(expected.state_fractions.values()) > 0.05
+    inside = expected.time_s <= run.time_s[-1]
+    for name in ("tip_x_m", "tip_y_m", "rotor_speed_rad_s", "normal_force_n"):
+        wanted = getattr(expected, name)[inside]
+        away = np.interp(expected.time_s[inside], run.time_s, getattr(run, name)) - wanted
+        # second order: 1/500 of the drive's period, 1/140 of the swing of the tip in contact
+        assert np.sqrt(np.mean(away**2)) < 0.01 * np.sqrt(np.mean((wanted - wanted.mean()) ** 2)), name
+    assert run.energy_residual < 1e-3
+
+
+@pytest.mark.soak
+def test_a_steady_state_is_what_the_motor_settles_to() -> None:
+    state = pr.steady_state(MOTOR, DRIVE, speed=10.0)
+    settled = operating_point(MOTOR, DRIVE, speed=10.0, mode="settle", tolerance=1e-3)
+    friction = 0.3 * 6.5 * 0.015
+    assert state.stable
+    assert state.torque_n_m == pytest.approx(settled["torque_n_m"], abs=5e-3 * friction)  # as for a new tip
+    assert np.isnan(state.peak_pressure_pa)
+    assert state.wear_volume_m3_per_s > 1e-17
+
+
+def test_new_and_worn_tips_stand_in_one_curve() -> None:
+    """Both are copies in one deck. At half of the voltage, where there is one steady state."""
+    path, drive = "contact.worn_flat_radius_m", DRIVE.updated({"voltage": 55.0})
+    both = pr.speed_torque(MOTOR, drive, speeds=[10.0], over={path: [0.0, 60e-6]})["torque_n_m"]
+    alone = [pr.steady_state(MOTOR.updated({path: flat}), drive, speed=10.0).torque_n_m for flat in (0.0, 60e-6)]
+    assert both.values.ravel() == pytest.approx(alone, abs=2e-3 * 0.3 * 6.5 * 0.015)  # the accuracy of a torque
+    assert abs(alone[0] - alone[1]) > 1e-3
+
+
+def test_what_has_no_worn_tip_says_so(tmp_path: Path) -> None:
+    flat = r"contact.worn_flat_radius_m = 6e-05"
+    with pytest.raises(pr.ParameterError, match=flat + r" has no averaged model: it must be 0"):
+        pr.simulate_averaged(MOTOR, DRIVE, 1e-2)
+    with pytest.raises(pr.ParameterError, match=flat + r" m is not valid with the contact brush"):
+        pr.simulate(MOTOR, DRIVE, duration=1e-3, contact="brush")
+    with pytest.raises(pr.ParameterError, match=flat + r" m has no Verilog-A form"):
+        pr.export_motor(MOTOR, tmp_path / "motor.va")
+    with pytest.raises(pr.ParameterError, match="A worn tip needs the B-sources"):
+        pr.simulate(MOTOR, DRIVE, duration=1e-3, engine="compiled")
+    pr.export_motor(MOTOR, tmp_path / "motor.lib")
+    assert " piezomotor_worn normal_stiffness" in (tmp_path / "motor.lib").read_text()
