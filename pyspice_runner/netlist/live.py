@@ -10,8 +10,10 @@ it is written, with the values of the motor's parameter set, by ``ngspice -b``. 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from functools import partial
 from math import pi, sqrt
 
 from pyspice_runner.errors import ParameterError
@@ -23,6 +25,7 @@ from pyspice_runner.netlist.averaged import OPTIONS as AVERAGED_OPTIONS
 from pyspice_runner.netlist.averaged import AveragedSubCircuit, require_averaged
 from pyspice_runner.netlist.benches import AC_OPTIONS, transient_options
 from pyspice_runner.netlist.contact import LIBRARIES, PAPER_LAW, Law
+from pyspice_runner.netlist.library import slider_words
 from pyspice_runner.netlist.motor import Assembly, MotorSubCircuit
 from pyspice_runner.netlist.sources import DriveSource, motor_bench
 from pyspice_runner.netlist.state import Discretisation, motor_states
@@ -86,6 +89,9 @@ def live_decks(motor: Motor) -> dict[str, str]:
         for law in laws(motor):
             decks[f"cycles {mount} {law}"] = _cycles(moved, law, driver=False)
             decks[f"driver {mount} {law}"] = _cycles(moved, law, driver=True)
+    if motor.slider:  # comments on lines of their own, and behind a value
+        words = partial(re.sub, r"(?m)^\* .*|; .*$", lambda found: slider_words(found[0]))
+        decks = {name: words(text) for name, text in decks.items()}
     return decks
 
 

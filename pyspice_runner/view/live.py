@@ -35,6 +35,7 @@ ASSETS = Path(__file__).parent / "live_page"
 SCRIPTS = ("solve.js", "driver.js", "spectrum.js", "charts.js", "page.js")
 SHAPE_POINTS = 41  # of a mode shape
 GRIP = 1e3  # N·m·s, of the brake that holds the shaft: at 10 mN·m the speed is 10 µrad/s off
+GRIP_LINEAR = 1e6  # N·s/m, of that which holds a slider: at 10 N the speed is 10 µm/s off
 DRIVER_EXAMPLE = """* a series inductor in each line
 La source_a a_in 2m
 Ra a_in a 20
@@ -130,11 +131,12 @@ def _motor(motor: Motor) -> dict[str, Any]:
         "decks": live.live_decks(motor),
         "laws": live.laws(motor),
         "modes": modes,
+        "linear": motor.slider is not None,
         "radius": motor.rotor.radius_m,
         "inertia": motor.rotor.inertia_kg_m2,
         "bearing": motor.rotor.bearing_damping_n_m_s,
         "dryBearing": motor.rotor.bearing_friction_n_m,
-        "grip": GRIP,
+        "grip": GRIP_LINEAR if motor.slider else GRIP,
         "step": step,
         "driverStep": live.live_step(motor, driver=True),
         "driverPoints": live.DRIVER_POINTS,
@@ -175,6 +177,7 @@ def _settings(motor: Motor, stiffness: float) -> tuple[dict[str, Any], dict[str,
     second = drive.tones_a[-1].amplitude, drive.tones_a[-1].frequency if two else 2.0 * frequency
     preload, friction = motor.contact.preload_n, motor.contact.friction
     torque = friction * preload * motor.rotor.radius_m
+    turn = 1e-2 if motor.slider else 1.0  # 1 m/s of a slider for 100 rad/s
     slow, fast = min(mode.frequency_hz for mode in motor.modes), max(mode.frequency_hz for mode in motor.modes)
     defaults = {
         "voltage": voltage, "frequency": frequency, "phase": 90.0 if two else drive.phase_deg,
@@ -187,7 +190,7 @@ def _settings(motor: Motor, stiffness: float) -> tuple[dict[str, Any], dict[str,
         "voltage": (0.0, 8 * voltage), "frequency": (0.3 * slow, 1.5 * fast), "phase": (-360.0, 360.0),
         "voltage_2": (0.0, 8 * voltage), "frequency_2": (0.3 * slow, 3 * fast), "phase_2": (-360.0, 360.0),
         "preload": (0.02 * preload, 20 * preload), "friction": (0.01, 1.5), "torque": (-4 * torque, 4 * torque),
-        "speed": (-1000.0, 1000.0), "stiffness": (0.01 * stiffness, 100 * stiffness),
+        "speed": (-1000.0 * turn, 1000.0 * turn), "stiffness": (0.01 * stiffness, 100 * stiffness),
     }  # fmt: skip
     sliders = {
         "voltage": (0.0, 2.5 * voltage, _round(voltage / 100)),
@@ -195,7 +198,8 @@ def _settings(motor: Motor, stiffness: float) -> tuple[dict[str, Any], dict[str,
         "phase": (-180.0, 180.0, 1.0), "voltage_2": (0.0, 2.5 * voltage, _round(voltage / 100)),
         "frequency_2": (_round(0.3 * slow, 3), _round(2.2 * fast, 3), 50.0), "phase_2": (-180.0, 180.0, 1.0),
         "preload": (_round(0.1 * preload), _round(4 * preload), _round(preload / 100)), "friction": (0.05, 0.8, 0.01),
-        "torque": (-_round(torque), _round(torque), _round(torque / 200)), "speed": (-100.0, 100.0, 0.1),
+        "torque": (-_round(torque), _round(torque), _round(torque / 200)),
+        "speed": (-100.0 * turn, 100.0 * turn, 0.1 * turn),
         "stiffness": (_round(0.1 * stiffness), _round(10 * stiffness), _round(0.05 * stiffness)),
     }  # fmt: skip
     return defaults, limits, sliders

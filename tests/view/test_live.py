@@ -18,7 +18,9 @@ from playwright.sync_api import Browser, Page, expect
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.view.live import ASSETS, engine_facts, live_page, page_data
+from pyspice_runner.netlist.live import live_decks
+from pyspice_runner.view.live import ASSETS, engine_facts, live_page, page_data, save_live_page
+from tests.motors import sliding
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("live")]
 
@@ -243,6 +245,27 @@ def test_the_settings_stay_in_view(desktop: tuple[Page, list[str]]) -> None:
         )
         assert bar <= top < bar + 60
         assert bottom <= DESKTOP["height"]
+
+
+def test_a_slider_is_shown_in_newton_and_millimetres_per_second(browser: Browser, tmp_path: Path) -> None:
+    motor = sliding(pr.load_motor("bimodal40"))
+    assert "rad/s" not in "".join(live_decks(motor).values())
+    file = save_live_page(motor, tmp_path / "live.html")
+    page, wrong = opened(browser, file, reduced_motion="reduce")
+    page.evaluate("void (window.further = () => {})")
+    page.wait_for_selector("html[data-busy=false]", state="attached", timeout=60_000)
+    assert re.search(r"mm/s, .* m?N \(", page.inner_text("#status"))
+    free = pr.steady_state(motor, pr.default_drive(motor))
+    # the same motor cycle by cycle; 2 % is what the page calls settled
+    assert float(data(page)["speed"]) == pytest.approx(free.speed_m_s, rel=0.05)
+    assert page.inner_text("label[for=torque-number]") == "Load force, N"
+    assert "force of the motor" in page.inner_text("#values")
+    assert page.inner_text("#torque h2") == "Speed and force"
+    page.select_option("#motor-choice", "andersen2002")
+    assert page.inner_text("label[for=torque-number]") == "Load torque, mN·m"
+    assert page.inner_text("#torque h2") == "Speed and torque"
+    page.close()
+    assert wrong == []
 
 
 def test_two_settings_stand_side_by_side_and_a_link_restores_them(

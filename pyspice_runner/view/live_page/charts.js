@@ -149,7 +149,7 @@ function canvasOf(canvas) {
 }
 
 /** Draw the tip's path in the colours of the contact state, other paths thin, and the tip at one moment. */
-function drawPath(canvas, waves, other, at) {
+function drawPath(canvas, waves, other, at, moved) {
   const { pen, width, height, ink } = canvasOf(canvas);
   const all = other ? [waves, other] : [waves];
   const [x0, x1] = extent(all.flatMap((one) => extent(one.x))), [y0, y1] = extent(all.flatMap((one) => extent(one.y)));
@@ -185,8 +185,8 @@ function drawPath(canvas, waves, other, at) {
   pen.fill();
   pen.stroke();
   pen.fillStyle = ink;
-  pen.fillText(`x along the rotor: ${(x1 - x0).toPrecision(3)} µm from end to end`, margin, height - 10);
-  pen.fillText(`y towards the rotor: ${(y1 - y0).toPrecision(3)} µm`, margin, 18);
+  pen.fillText(`x along the ${moved}: ${(x1 - x0).toPrecision(3)} µm from end to end`, margin, height - 10);
+  pen.fillText(`y towards the ${moved}: ${(y1 - y0).toPrecision(3)} µm`, margin, 18);
 }
 
 function arrow(pen, x0, y0, x1, y1) {
@@ -202,18 +202,27 @@ function arrow(pen, x0, y0, x1, y1) {
   pen.stroke();
 }
 
-/** Draw beam, tip and rotor, enlarged, at one moment of the period. */
+/** Draw beam, tip and rotor or slider, enlarged, at one moment of the period. */
 function drawMotor(canvas, motor, waves, at, angle) {
   const { pen, width, height, ink } = canvasOf(canvas);
   const i = clamp(Math.round(at * (waves.x.length - 1)), 0, waves.x.length - 1);
   const radius = Math.min(0.3 * height, 0.22 * width), cx = width / 2, cy = radius + 8;
   pen.lineWidth = 2;
   pen.beginPath();
-  pen.arc(cx, cy, radius, 0, TURN);
-  for (let spoke = 0; spoke < 6; spoke += 1) {
-    const turn = angle + (spoke * TURN) / 6;
-    pen.moveTo(cx, cy);
-    pen.lineTo(cx + radius * Math.sin(turn), cy - radius * Math.cos(turn));
+  if (motor.linear) {
+    const thick = 0.5 * radius, apart = 0.1 * width, first = (((angle * radius) % apart) + apart) % apart;
+    pen.rect(-2, cy + radius - thick, width + 4, thick);
+    for (let x = first; x < width; x += apart) {
+      pen.moveTo(x, cy + radius - thick);
+      pen.lineTo(x, cy + radius);
+    }
+  } else {
+    pen.arc(cx, cy, radius, 0, TURN);
+    for (let spoke = 0; spoke < 6; spoke += 1) {
+      const turn = angle + (spoke * TURN) / 6;
+      pen.moveTo(cx, cy);
+      pen.lineTo(cx + radius * Math.sin(turn), cy - radius * Math.cos(turn));
+    }
   }
   pen.stroke();
   const size = Math.max(...waves.x.map(Math.abs), ...waves.y.map(Math.abs), 1e-9);
@@ -262,5 +271,5 @@ function drawMotor(canvas, motor, waves, at, angle) {
   pen.arc(tipX, tipY, 6, 0, TURN);
   pen.fill();
   pen.fillStyle = ink;
-  pen.fillText("motions enlarged; rotor and tip not to one scale", 10, height - 8);
+  pen.fillText(`motions enlarged; ${motor.linear ? "slider" : "rotor"} and tip not to one scale`, 10, height - 8);
 }

@@ -19,9 +19,10 @@ const CONTROLS = [
   ["speed", "Shaft held at", "rad/s", 1],
   ["stiffness", "Mount springs", "kN/m", 1e3],
 ];
+const OF_SLIDER = { torque: ["Load force", "N", 1], speed: ["Slider held at", "mm/s", 1e-3] };
 const CHOICES = {
   kind: { "two-phase": "one tone, two phases", "two-tone": "two tones" },
-  shaft: { free: "free, with a load torque", held: "held at a speed" },
+  shaft: { free: "free, with a load", held: "held at a speed" },
   mount: { held: "held at a distance", sprung: "on springs" },
   law: { "spring-slider": "spring-slider", brush: "brush", coulomb: "Coulomb" },
 };
@@ -39,6 +40,20 @@ const page = {
 
 const motorOf = (s) => DATA.motors.find((motor) => motor.name === s.motor) ?? DATA.motors[0];
 const current = () => page.slots[page.slot];
+
+/** Label, unit and factor of a control: a motor with a slider has a load in N and a speed in mm/s. */
+function shownAs(key, motor) {
+  return (motor.linear && OF_SLIDER[key]) || CONTROLS.find(([name]) => name === key).slice(1);
+}
+
+/** A text about a rotor, as it reads for the motor. */
+function worded(text, motor) {
+  if (!motor.linear) return text;
+  return text.replace(/rotor/g, "slider").replace(/(t|T)orque/g, (_, first) => (first === "t" ? "force" : "Force"));
+}
+
+const speedOf = (speed, motor) => (motor.linear ? si(speed, "m/s") : `${Number(speed.toPrecision(4))} rad/s`);
+const torqueOf = (torque, motor) => si(torque, motor.linear ? "N" : "N·m");
 
 function defaults(motor) {
   return { motor: motor.name, ...motor.defaults, driver: "" };
@@ -232,13 +247,13 @@ const percent = (share) => `${(100 * share).toFixed(1)} %`;
 function rows(motor, found) {
   const shaft = found.torque * found.speed, input = found.power_a + found.power_b;
   return [
-    ["speed", `${Number(found.speed.toPrecision(4))} rad/s`],
-    ["torque of the motor", si(found.torque, "N·m")],
+    ["speed", speedOf(found.speed, motor)],
+    [worded("torque of the motor", motor), torqueOf(found.torque, motor)],
     ["normal force, mean", si(found.normal, "N")],
     ["current of A, RMS", si(found.current_a, "A")],
     ["current of B, RMS", si(found.current_b, "A")],
     ["electrical power", si(input, "W")],
-    ["power to the rotor", si(shaft, "W")],
+    [worded("power to the rotor", motor), si(shaft, "W")],
     ["efficiency", shaft > 0 && input > 0 ? percent(shaft / input) : "–"],
     ["losses, stator and contact", si(input - shaft, "W")],
     ["heat of the stator", `${si(found.heat, "W")}, +${(found.heat * motor.thermalResistance).toFixed(0)} K`],
@@ -260,7 +275,8 @@ function show(slot, result, found, began) {
   if (found.model === "cycles" && found.blocks === 1) root.dataset.picture = seconds.toFixed(3);
   root.dataset.settled = String(found.settled ?? false);
   const how = found.model === "averaged" ? "averaged motor" : found.settled ? "cycle by cycle, settled" : "cycle by cycle, not settled yet";
-  say(`${slot}: ${Number(found.speed.toPrecision(4))} rad/s, ${si(found.torque, "N·m")} (${how})`);
+  const motor = motorOf(result.settings);
+  say(`${slot}: ${speedOf(found.speed, motor)}, ${torqueOf(found.torque, motor)} (${how})`);
   draw();
 }
 
@@ -356,27 +372,28 @@ function drawElectrical() {
 
 function drawTorque() {
   if (!isShown("torque")) return;
-  const lines = [], points = [];
+  const lines = [], points = [], motor = motorOf(current());
+  const [[, along, fast], [, across, strong]] = ["speed", "torque"].map((key) => shownAs(key, motor));
   for (const slot of slotsShown()) {
     const { curve, found } = page.results[slot];
-    if (curve) lines.push({ x: curve.speed, y: curve.torque.map((t) => 1e3 * t), name: `torque ${slot}`, colour: slot === "A" ? COLOURS[0] : COLOURS[2], dash: dashed(slot) });
-    points.push({ x: found.speed, y: 1e3 * found.torque, name: slot, colour: COLOURS[1] });
+    if (curve) lines.push({ x: curve.speed.map((v) => v / fast), y: curve.torque.map((t) => t / strong), name: worded(`torque ${slot}`, motor), colour: slot === "A" ? COLOURS[0] : COLOURS[2], dash: dashed(slot) });
+    points.push({ x: found.speed / fast, y: found.torque / strong, name: slot, colour: COLOURS[1] });
   }
   if (!lines.length && points.length) points.push({ x: 0, y: 0, name: "", colour: "transparent" });
   const found = page.results[page.slot]?.found;
-  const label = found ? `Torque over speed. The motor runs at ${si(found.speed, "rad/s")} with ${si(found.torque, "N·m")}.` : "Torque over speed.";
-  chart($("torque-chart"), { lines, points, xLabel: "speed in rad/s", yLabel: "torque in mN·m", label });
+  const label = found ? `Torque over speed. The motor runs at ${speedOf(found.speed, motor)} with ${torqueOf(found.torque, motor)}.` : "Torque over speed.";
+  chart($("torque-chart"), { lines, points, xLabel: `speed in ${along}`, yLabel: worded(`torque in ${across}`, motor), label: worded(label, motor) });
 }
 
 function drawResponse() {
   if (!isShown("response")) return;
-  const lines = [], points = [];
+  const lines = [], points = [], motor = motorOf(current()), [, unit, fast] = shownAs("speed", motor);
   for (const slot of slotsShown()) {
     const { response: falling, rising, found, settings } = page.results[slot], colour = slot === "A" ? COLOURS[0] : COLOURS[2];
-    const line = (over, name, dash) => over && lines.push({ x: over.frequency.map((f) => f / 1e3), y: over.speed, name: `${name} ${slot}`, colour, dash });
+    const line = (over, name, dash) => over && lines.push({ x: over.frequency.map((f) => f / 1e3), y: over.speed.map((v) => v / fast), name: `${name} ${slot}`, colour, dash });
     line(falling, "falling", dashed(slot));
     line(rising, "rising", "2 4");
-    points.push({ x: settings.frequency / 1e3, y: found.speed, name: slot, colour: COLOURS[1] });
+    points.push({ x: settings.frequency / 1e3, y: found.speed / fast, name: slot, colour: COLOURS[1] });
   }
   const { response: over, rising } = page.results[page.slot] ?? {};
   let label = "Speed over frequency.";
@@ -385,9 +402,9 @@ function drawResponse() {
     const turn = signs.findIndex((sign, i) => i > 0 && sign !== signs[i - 1] && Math.abs(over.speed[i]) > 1e-3);
     const best = over.speed.reduce((most, speed, i) => (Math.abs(speed) > Math.abs(over.speed[most]) ? i : most), 0);
     const apart = rising ? over.frequency.filter((f, i) => Math.abs(over.speed[i] - interpolated(rising.frequency, rising.speed, f)) > APART * Math.abs(over.speed[best])) : [];
-    label = `Speed over frequency: greatest ${si(over.speed[best], "rad/s")} at ${si(over.frequency[best], "Hz")}${turn > 0 ? `; it reverses near ${si(over.frequency[turn], "Hz")}` : ""}${apart.length ? `; from ${si(Math.min(...apart), "Hz")} to ${si(Math.max(...apart), "Hz")} it depends on the direction` : ""}.`;
+    label = `Speed over frequency: greatest ${speedOf(over.speed[best], motor)} at ${si(over.frequency[best], "Hz")}${turn > 0 ? `; it reverses near ${si(over.frequency[turn], "Hz")}` : ""}${apart.length ? `; from ${si(Math.min(...apart), "Hz")} to ${si(Math.max(...apart), "Hz")} it depends on the direction` : ""}.`;
   }
-  chart($("response-chart"), { lines, points, xLabel: "frequency in kHz", yLabel: "speed in rad/s", label });
+  chart($("response-chart"), { lines, points, xLabel: "frequency in kHz", yLabel: `speed in ${unit}`, label });
   $("response-note").textContent = label;
 }
 
@@ -420,8 +437,8 @@ function animate() {
   if (!full) return;
   const motor = motorOf(current()), other = page.results[page.slot === "A" ? "B" : "A"]?.full;
   if (isShown("path")) {
-    drawPath($("path-canvas"), full.waves, page.slots.B ? other?.waves : null, page.position);
-    $("path-canvas").setAttribute("aria-label", `Path of the tip: ${tripSize(full.waves)}; contact open ${percent(full.open)}, slip ${percent(full.slip)} of the time.`);
+    drawPath($("path-canvas"), full.waves, page.slots.B ? other?.waves : null, page.position, worded("rotor", motor));
+    $("path-canvas").setAttribute("aria-label", `Path of the tip: ${worded(tripSize(full.waves), motor)}; contact open ${percent(full.open)}, slip ${percent(full.slip)} of the time.`);
   }
   if (isShown("motor")) drawMotor($("motor-canvas"), motor, full.waves, page.position, page.angle);
 }
@@ -439,7 +456,8 @@ function tick(now) {
   if (page.playing && !document.hidden) {
     page.position = (page.position + past / SLOW_SECONDS) % 1;
     const found = page.results[page.slot]?.found;
-    page.angle += found ? (past * Math.sign(found.speed) * Math.sqrt(Math.abs(found.speed))) / 8 : 0;
+    const fast = found ? found.speed / shownAs("speed", motorOf(current()))[2] : 0; // rad/s, or mm/s
+    page.angle += (past * Math.sign(fast) * Math.sqrt(Math.abs(fast))) / 8;
     $("position").value = page.position;
     animate();
   }
@@ -454,26 +472,25 @@ function makeControls() {
     for (const [value, name] of Object.entries(choices)) $(`${key}-choice`).append(new Option(name, value));
     $(`${key}-choice`).onchange = (event) => change({ [key]: event.target.value });
   }
-  for (const [key, label, unit, scale] of CONTROLS) {
+  for (const [key] of CONTROLS) {
     const box = $(`${key}-control`);
     const name = document.createElement("label");
     name.htmlFor = `${key}-number`;
-    name.textContent = unit ? `${label}, ${unit}` : label;
+    const now = () => shownAs(key, motorOf(current()));
     const slide = document.createElement("input"), number = document.createElement("input");
     slide.type = "range";
     number.type = "number";
     slide.id = `${key}-slider`;
     number.id = `${key}-number`;
-    slide.setAttribute("aria-label", name.textContent);
     box.append(name, slide, number);
     let first = true;
     slide.oninput = () => {
-      change({ [key]: Number(slide.value) * scale }, { keep: first });
+      change({ [key]: Number(slide.value) * now()[2] }, { keep: first });
       first = false;
     };
     slide.onchange = () => (first = true);
     number.onchange = () => {
-      const [low, high] = motorOf(current()).limits[key], given = number.value, value = Number(given) * scale;
+      const [label, , scale] = now(), [low, high] = motorOf(current()).limits[key], given = number.value, value = Number(given) * scale;
       if (number.value === "" || !Number.isFinite(value)) return showControls();
       const kept = clamp(value, low, high);
       change({ [key]: kept });
@@ -556,8 +573,15 @@ function showControls() {
   $("motor-choice").value = motor.name;
   for (const key of Object.keys(CHOICES)) $(`${key}-choice`).value = s[key];
   for (const option of $("law-choice").options) option.disabled = !motor.laws.includes(option.value);
-  for (const [key, , , scale] of CONTROLS) {
+  for (const text of document.querySelectorAll("[data-words]")) {
+    text.dataset.words ||= text.textContent;
+    text.textContent = worded(text.dataset.words, motor);
+  }
+  for (const [key] of CONTROLS) {
+    const [label, unit, scale] = shownAs(key, motor);
     const slide = $(`${key}-slider`), number = $(`${key}-number`), [low, high, step] = motor.sliders[key];
+    number.labels[0].textContent = unit ? `${label}, ${unit}` : label;
+    slide.setAttribute("aria-label", number.labels[0].textContent);
     const shown = String(Number((s[key] / scale).toPrecision(8))), below = Math.max(0, Math.floor((s[key] - low) / step + 1e-9));
     slide.min = Number((Number(shown) - (below * step) / scale).toPrecision(8)); // so that the value is one of the slider's
     slide.max = Math.max(high, s[key]) / scale;
