@@ -52,7 +52,7 @@ SAMPLES: dict[str, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Sample:
-    """Measurements passed to the controller, in the units of :data:`SAMPLES`."""
+    """Measurements passed to the controller, in the units of :data:`SAMPLES`; of a slider in m/s and m."""
 
     time_s: float
     speed_rad_s: float

@@ -21,6 +21,7 @@ from tests.runs import simulated
 SHEET: Motor = pr.load_motor("bimodal40")
 STAGE = sliding(SHEET)
 DRIVE = pr.default_drive(SHEET)
+PLL = pr.Tracker(kind="pll", voltage=60.0, frequency=40.1e3, phase_deg=120.0)
 COARSE: dict[str, Any] = {"step": 4e-7, "accuracy": 0.1}  # both motors have the same error by the step
 
 
@@ -184,3 +185,36 @@ def test_a_controlled_run_has_speed_and_position_of_the_slider() -> None:
     assert samples.to_dict()["run"]["load_force_n"] == 0.0
     assert samples.plot(panel="position").get_ylabel() == "slider position in mm"
     assert samples.summary()["speed_m_s"].endswith(" m/s")
+
+
+def test_behind_a_driver_the_slider_has_force_and_speed() -> None:
+    report = pr.drive_report(STAGE, pr.Driver(kind="linear", voltage=50.0, frequency=40.1e3), duration=3e-4, speed=0.2)
+    document = report.to_dict()
+    assert document["force_n"] == document["mean_torque_n_m"]
+    assert document["speed_m_s"] == pytest.approx(0.2, rel=1e-6)
+    assert report.summary()["mean slider speed"].endswith("m/s")
+    assert "mean force" in report.summary()
+
+
+def test_a_tracker_keeps_a_motor_with_a_slider() -> None:
+    found = pr.track(STAGE, PLL, averaged=True, disturb="load", load_torque=0.1, duration=10e-3)
+    document = found.to_dict()
+    assert document["speed_after_m_s"] == found.speed_after_rad_s
+    assert found.columns()["speed_m_s"] is found.columns()["rotor_speed_rad_s"]
+    assert "m/s before" in found.summary()["speed"]
+    assert found.plot(panel="speed").get_ylabel() == "slider speed in mm/s"
+
+
+@pytest.mark.slow
+def test_the_data_sheet_is_in_newton_and_metres_per_second(tmp_path: Path) -> None:
+    sheet = pr.report(STAGE, DRIVE, duration=2e-4, speeds=[0.0, 0.3], levels=[1.0])
+    figures = sheet.key_figures
+    assert figures["stall_force_n"] == figures["stall_torque_n_m"]
+    assert figures["no_load_speed_m_s"] == figures["no_load_speed_rad_s"]
+    assert "stall force" in sheet.summary()
+    page = sheet.save(tmp_path / "sheet.html").read_text(encoding="utf-8")
+    text = page.replace("\\u002f", "/")  # as Plotly writes a slash
+    for words in ("<dt>stall force</dt>", "speed in mm/s", "force in N", "slider speed in mm/s", "slider.mass_kg"):
+        assert words in text
+    for words in ("rotor.radius_m", "stall torque", "torque in mN"):
+        assert words not in text
