@@ -87,3 +87,78 @@ class PatchedBeam:
         bending = np.flatnonzero(np.abs(found.tip_y) > 0.1)[[0, -1]]  # not the mode along the beam
         forces = np.abs(found.couplings_n_per_v[0, bending] / found.tip_y[bending])
         return found.frequencies_hz[bending], 2 * forces  # of the whole width
+
+
+@dataclass(frozen=True)
+class Headed:
+    """A steel beam with a steel stem, ``foot`` wide and 4 mm long, and a head in its middle; in m."""
+
+    length: float
+    height: float
+    foot: float
+    head: float = 4e-3
+    head_height: float = 3e-3
+    stem: float = 4e-3
+
+    def beam(self) -> tuple[tuple[float, float], ...]:
+        """Return frequency in Hz, and motion of the contact per √kg, of the mode that moves up and the one sideways."""
+        modulus, density, width, half = 211.9e9, 7860.0, 8e-3, 0.5 * self.height
+        parts = (self.foot, self.stem, half + 0.5 * self.stem), (
+            self.head, self.head_height, half + self.stem + 0.5 * self.head_height,
+        )  # fmt: skip
+        masses = [density * width * wide * high for wide, high, _ in parts]
+        centre = sum(mass * z for mass, (_, _, z) in zip(masses, parts, strict=True)) / sum(masses)
+        inertia = sum(
+            mass * ((wide**2 + high**2) / 12 + z**2) for mass, (wide, high, z) in zip(masses, parts, strict=True)
+        )
+        beam = Beam(
+            length_m=self.length, width_m=width, thickness_m=self.height, youngs_modulus_pa=modulus,
+            density_kg_m3=density, poissons_ratio=0.291,
+        )  # fmt: skip
+        tip = Tip(
+            position_m=self.length / 2, length_m=half + self.stem + self.head_height, mass_kg=sum(masses),
+            rotary_inertia_kg_m2=inertia, foot_width_m=self.foot, centre_m=centre, stem_length_m=self.stem,
+            stem_youngs_modulus_pa=modulus,
+        )  # fmt: skip
+        found = solve_resonator(beam, (), tip)
+        return self._two(found.frequencies_hz, found.tip_x, found.tip_y, found.masses_kg)
+
+    def solid(self, element: float) -> tuple[tuple[float, float], ...]:
+        """Return the same by finite elements in plane stress."""
+        half, middle, width = 0.5 * self.height, 0.5 * self.length, 8e-3
+        top = half + self.stem
+        corners = [
+            (0.0, -half, self.length, 0.0), (0.0, 0.0, self.length, half),
+            (middle - self.foot / 2, half, middle + self.foot / 2, top),
+            (middle - self.head / 2, top, middle + self.head / 2, top + self.head_height),
+        ]  # fmt: skip
+        sides = ("A", 0.0, middle, width), ("B", middle, self.length, width), ("ground", 0.0, self.length, 0.0)
+        found = solve_stator(
+            Solid(
+                theory="plate", element_m=element, lowest_hz=10.0, highest_hz=45e3, quality_factor=1e3,
+                boxes=tuple(
+                    Box(material="steel", from_m=(x, y, 0.0), to_m=(to, up, width)) for x, y, to, up in corners
+                ),
+                electrodes=tuple(
+                    Electrode.model_validate({"group": name, "from_m": (x, -half, z), "to_m": (to, half, z)})
+                    for name, x, to, z in sides
+                ),
+                supports=(
+                    *(Support(from_m=(x, -half, 0.0), to_m=(x, half, 0.0), directions="y") for x in (0.0, self.length)),
+                    Support(from_m=(0.0, 0.0, 0.0), to_m=(0.0, 0.0, 0.0), directions="x"),
+                ),
+                contact=Face(
+                    from_m=(middle, top + self.head_height, 0.0), to_m=(middle, top + self.head_height, 0.0),
+                    normal="+y", tangent="+x",
+                ),
+            )
+        )  # fmt: skip
+        return self._two(found.frequencies_hz, found.tip_x, found.tip_y, found.masses_kg)
+
+    def _two(self, frequencies: Array, x: Array, y: Array, masses: Array) -> tuple[tuple[float, float], ...]:
+        root = np.sqrt(masses)
+        return tuple(
+            (float(frequencies[best]), float(motion[best]))
+            for motion in (np.abs(y) / root, np.abs(x) / root)
+            for best in [int(np.argmax(motion))]
+        )

@@ -57,7 +57,8 @@ rotary inertia J_t at x_t, the energies are
 
 A Bernoulli–Euler beam has no γ_j and no ρI. Each mode is scaled so that its largest |w| on the beam is 1 and
 w′(0) > 0: the modal mass φᵀMφ is the effective mass at the antinode. The contact point of a tip of length l_t moves
-by Y = w(x_t) towards the rotor and by X = −l_t ψ(x_t) along its surface.
+by Y = w(x_t) towards the rotor and by X = −l_t ψ(x_t) along its surface. An elastic foot and stem add unknowns to the
+tip's motion (:mod:`.stem`).
 
 **Convergence.** Frequencies converge from above. Where ψ′ jumps, at patch edges and at a tip with rotary
 inertia, the series leaves an error of the order of 1/shapes: with 160 shapes less than 0.2 per cent in
@@ -82,6 +83,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.parameters import Beam, Damping, Mode, Patch, Tip
 from pyspice_runner.model.roots import root
+from pyspice_runner.model.stem import STRAINED, Stem, footprint, require_room
 
 Array = NDArray[np.float64]
 
@@ -97,7 +99,6 @@ _ZERO = 1e-9  # of its natural scale: a coupling that symmetry forbids
 class Resonator:
     """The lowest bending modes of the structure, undamped; the arrays' last index counts the modes."""
 
-    tip: Tip
     coefficients: Array
     """(shapes, modes): w(x) = Σ_j coefficients[j−1] sin(jπx/L), the largest |w| is 1."""
     masses_kg: Array
@@ -110,6 +111,10 @@ class Resonator:
     """Γ = ∫ μ w dx + m_t w(x_t) of the modes: momentum along y per modal velocity."""
     shears: Array
     """(shapes + 1, modes): γ(x) = Σ_j shears[j] cos(jπx/L); none without shear."""
+    tip_x: Array
+    """Tangential displacement of the contact point per modal coordinate."""
+    tip_y: Array
+    """Displacement of the contact point towards the rotor per modal coordinate."""
 
     @property
     def frequencies_hz(self) -> Array:
@@ -141,17 +146,6 @@ class Resonator:
         bent[: len(self.shears)] -= k[: len(self.shears), None] * self.shears[1:]
         return np.asarray(-np.sin(np.multiply.outer(x_m, k)) @ (smooth[:, None] * bent))
 
-    @property
-    def tip_x(self) -> Array:
-        """Tangential displacement of the contact point per modal coordinate."""
-        scale = self.tip.length_m * self.wavenumbers @ np.abs(self.coefficients)
-        return _without_round_off(-self.tip.length_m * self.rotation(self.tip.position_m), scale)
-
-    @property
-    def tip_y(self) -> Array:
-        """Displacement of the contact point towards the rotor per modal coordinate."""
-        return _without_round_off(self.deflection(self.tip.position_m), 1.0)
-
 
 @one_thread  # the modes enter decks and the addresses of stored points
 def solve_resonator(
@@ -171,7 +165,7 @@ def solve_resonator(
             f"tip.position_m = {tip.position_m:g} m lies beyond beam.length_m = {beam.length_m:g} m; "
             "place the tip on the beam."
         )
-    sections = _sections(beam, patches)
+    sections = _sections(beam, patches, tip)
     unit = np.pi / beam.length_m
     j = np.arange(1, shapes + 1, dtype=np.float64)
     k = j * unit
@@ -179,15 +173,24 @@ def solve_resonator(
     sheared = beam.theory == "timoshenko"
     waves = np.concatenate((k, [0.0], k)) if sheared else k
     turns = np.concatenate((k, -np.ones(shapes + 1))) if sheared else k  # ψ = Σ turns cos(waves x) per unknown
-    unknowns = len(waves)
+    # of the tip, means over its foot: deflection and rotation of the beam, then what the foot and the stem add
+    stem = Stem.of(beam, tip)
+    require_room(beam, patches, tip)
+    mean = np.sinc(waves * tip.foot_width_m / (2 * np.pi))
+    here, angle, beyond = slice(0, shapes), slice(shapes, len(waves)), slice(len(waves), None)
+    rise = np.concatenate((mean[here] * np.sin(k * tip.position_m), np.zeros(len(waves) - shapes), stem.rise))
+    turn = mean * turns * np.cos(waves * tip.position_m)
+    centre = tip.centre_m or 0.0
+    sideways = np.concatenate((centre * turn, stem.sideways(centre)))
+    turn = np.concatenate((turn, stem.turn))
+    unknowns = len(turn)
 
     bending = np.zeros((shapes, shapes))
     mass = np.zeros((unknowns, unknowns))
     shear, rotary = np.zeros((2, shapes + 1, shapes + 1))
     coupling = np.zeros((2, unknowns))
     coupling_scale = np.zeros((2, unknowns))
-    recoil = np.zeros(unknowns)
-    recoil[:shapes] = tip.mass_kg * np.sin(k * tip.position_m)
+    recoil = tip.mass_kg * rise
     for section in sections:
         sines, cosines = _products(shapes, section.start, section.end, beam.length_m)
         bending += section.bending_stiffness * sines
@@ -195,31 +198,34 @@ def solve_resonator(
         if sheared:
             shear += section.shear_stiffness * cosines
             rotary += section.rotary_inertia * cosines
-        turn = turns * (np.cos(waves * section.end) - np.cos(waves * section.start))
-        coupling += np.outer(section.moment_per_volt, turn)
-        coupling_scale += np.outer(np.abs(section.moment_per_volt), 2 * np.abs(turns))
+        bend = turns * (np.cos(waves * section.end) - np.cos(waves * section.start))
+        coupling[:, : len(waves)] += np.outer(section.moment_per_volt, bend)
+        coupling_scale[:, : len(waves)] += np.outer(np.abs(section.moment_per_volt), 2 * np.abs(turns))
         recoil[:shapes] += section.mass_per_length * (np.cos(k * section.start) - np.cos(k * section.end)) / k
     scale = 1.0 / j**2
     stiffness = np.zeros((unknowns, unknowns))
     stiffness[:shapes, :shapes] = bending * unit**4  # w″ of the scaled shapes is −(π/L)² sin(jπx/L)
     if sheared:
         stretches = np.array([[section.end - section.start] for section in sections])
-        mean = [(section.bending_stiffness, section.shear_stiffness) for section in sections]
-        mean_bending, mean_shear = np.sum(stretches * mean, axis=0) / beam.length_m
+        of_sections = [(section.bending_stiffness, section.shear_stiffness) for section in sections]
+        mean_bending, mean_shear = np.sum(stretches * of_sections, axis=0) / beam.length_m
         angles = unit**2 / np.sqrt(unit**2 * np.arange(shapes + 1) ** 2 + mean_shear / mean_bending)
         scale = np.concatenate((scale, angles))  # gives the strain energy of γ_j the order of that of w_j
-        bent = k * angles[1:]
-        stiffness[:shapes, shapes + 1 :] = -(unit**2) * bending * bent
-        stiffness[shapes + 1 :, :shapes] = stiffness[:shapes, shapes + 1 :].T
-        stiffness[shapes:, shapes:] = shear * np.outer(angles, angles)
-        stiffness[shapes + 1 :, shapes + 1 :] += bending * np.outer(bent, bent)
-        mass[:shapes, :shapes] += rotary[1:, 1:] * np.outer(k, k)
-        mass[:shapes, shapes:] = -k[:, None] * rotary[1:]
-        mass[shapes:, :shapes] = mass[:shapes, shapes:].T
-        mass[shapes:, shapes:] = rotary
-    value = np.concatenate((np.sin(k * tip.position_m), np.zeros(unknowns - shapes)))
-    turn = turns * np.cos(waves * tip.position_m)
-    mass += tip.mass_kg * np.outer(value, value) + tip.rotary_inertia_kg_m2 * np.outer(turn, turn)
+        bent = np.concatenate(([0.0], k * angles[1:]))
+        curved = np.pad(bending, ((1, 0), (1, 0)))  # ∫D sin sin, with the uniform γ, which has no curvature
+        stiffness[here, angle] = -(unit**2) * curved[1:] * bent
+        stiffness[angle, here] = stiffness[here, angle].T
+        stiffness[angle, angle] = shear * np.outer(angles, angles) + curved * np.outer(bent, bent)
+        mass[here, here] += rotary[1:, 1:] * np.outer(k, k)
+        mass[here, angle] = -k[:, None] * rotary[1:]
+        mass[angle, here] = mass[here, angle].T
+        mass[angle, angle] = rotary
+    if len(stem.stiffness):
+        units = np.sqrt(stiffness[0, 0] / np.diag(stem.stiffness))
+        scale = np.concatenate((scale, units))
+        stiffness[beyond, beyond] = stem.stiffness * np.outer(units, units)
+    mass += tip.mass_kg * (np.outer(rise, rise) + np.outer(sideways, sideways))
+    mass += (tip.rotary_inertia_kg_m2 - tip.mass_kg * centre**2) * np.outer(turn, turn)
     mass *= np.outer(scale, scale)
 
     # M φ = (1/ω²) K φ with the largest 1/ω²: accurate for the low modes, however many shapes there are.
@@ -239,15 +245,18 @@ def solve_resonator(
     amplitudes = np.array([_amplitude(column, k, beam.length_m) for column in coefficients[:shapes].T])
     coefficients = coefficients / amplitudes
     stiffnesses = 1.0 / amplitudes**2  # eigh makes φᵀKφ = 1
+    foot = np.cos(waves * tip.position_m) @ ((mean * turns)[:, None] * coefficients[: len(waves)])
+    tip_x = -tip.length_m * foot - stem.sideways(tip.length_m) @ coefficients[beyond]
     return Resonator(
-        tip=tip,
         coefficients=coefficients[:shapes],
         masses_kg=stiffnesses * inverse_squares,
         stiffnesses_n_per_m=stiffnesses,
         couplings_n_per_v=_without_round_off(coupling @ coefficients, coupling_scale @ np.abs(coefficients)),
         wavenumbers=k,
         recoils_kg=_without_round_off(recoil @ coefficients, np.abs(recoil).max() * np.abs(coefficients).sum(axis=0)),
-        shears=coefficients[shapes:],
+        shears=coefficients[angle],
+        tip_x=_without_round_off(tip_x, tip.length_m * k @ np.abs(coefficients[:shapes])),
+        tip_y=_without_round_off(rise @ coefficients, 1.0),
     )
 
 
@@ -315,18 +324,24 @@ class _Section:
     """Per length, about the neutral axis."""
 
 
-def _sections(beam: Beam, patches: Sequence[Patch]) -> list[_Section]:
-    """Cut the beam at every patch edge."""
+def _sections(beam: Beam, patches: Sequence[Patch], tip: Tip | None = None) -> list[_Section]:
+    """Cut the beam at every patch edge, and at those of an elastic foot."""
     _require_fit(beam, patches)
     edges = {0.0, beam.length_m}.union(*((patch.start_m, patch.end_m) for patch in patches))
+    foot = None if tip is None or not tip.foot_width_m else _foot(beam, tip)
+    low, high = (0.0, 0.0) if tip is None or foot is None else footprint(beam, tip)
+    edges |= {low, high} if foot else set()
     return [
-        _section(beam, [p for p in patches if p.start_m < 0.5 * (start + end) < p.end_m], start, end)
+        _section(
+            beam, [p for p in patches if p.start_m < 0.5 * (start + end) < p.end_m], start, end,
+            foot if low < 0.5 * (start + end) < high else None,
+        )
         for start, end in pairwise(sorted(edges))
-    ]
+    ]  # fmt: skip
 
 
-def _section(beam: Beam, patches: Sequence[Patch], start: float, end: float) -> _Section:
-    """Laminate the beam with the patches that lie between ``start`` and ``end``."""
+def _section(beam: Beam, patches: Sequence[Patch], start: float, end: float, foot: _Layer | None = None) -> _Section:
+    """Laminate the beam with the patches, and the foot, that lie between ``start`` and ``end``."""
     mass = beam.density_kg_m3 * beam.width_m * beam.thickness_m
     axial = beam.youngs_modulus_pa * beam.width_m * beam.thickness_m
     mixed = 0.0
@@ -353,6 +368,11 @@ def _section(beam: Beam, patches: Sequence[Patch], start: float, end: float) -> 
             force[group] += side * per_volt
             moment[group] += side * per_volt * middle
             capacitance[group] += clamped_permittivity * patch.layers**2 * patch.width_m / thickness
+    if foot is not None:
+        layers.append(foot)
+        axial += foot.stiffness * foot.thickness
+        mixed += foot.stiffness * foot.thickness * foot.middle
+        bending += foot.stiffness * foot.thickness * (foot.middle**2 + foot.thickness**2 / 12)
     bending -= mixed**2 / axial
     moment -= force * (mixed / axial)
     capacitance += force**2 / axial
@@ -380,6 +400,14 @@ class _Layer:
         thickness, stiffness = part.thickness_m, part.youngs_modulus_pa * part.width_m
         mass = part.density_kg_m3 * part.width_m * thickness
         return cls(middle, thickness, mass, stiffness, (12 + 11 * part.poissons_ratio) / (6 * stiffness))
+
+
+def _foot(beam: Beam, tip: Tip) -> _Layer:
+    """Return the layer by which a foot stiffens the beam; its mass is that of the tip."""
+    thickness = STRAINED * tip.foot_width_m
+    stiffness = (tip.stem_youngs_modulus_pa or beam.youngs_modulus_pa) * beam.width_m
+    middle = 0.5 * (beam.thickness_m + thickness)
+    return _Layer(middle, thickness, 0.0, stiffness, (12 + 11 * beam.poissons_ratio) / (6 * stiffness))
 
 
 def _shear_stiffness(layers: Sequence[_Layer], neutral: float, bending: float) -> float:

@@ -64,7 +64,7 @@ class Beam(Parameters):
     theory: Literal["timoshenko", "bernoulli-euler"] = Field(
         default="timoshenko", description="with or without shear and rotary inertia of the sections"
     )
-    poissons_ratio: float = quantity("Poisson's ratio, for the shear stiffness", "1", ge=0.0, lt=0.5, default=0.3)
+    poissons_ratio: float = quantity("Poisson's ratio, for the shear stiffness", "1", ge=0.0, le=0.49, default=0.3)
     recoil: bool = Field(default=True, description="whether the modes get the recoil Γ of the beam and its tip")
 
 
@@ -87,7 +87,7 @@ class Patch(Parameters):
         "transverse charge constant d₃₁, usually negative", "m/V", ge=-5e-9, le=5e-9
     )
     permittivity_f_m: float = quantity("permittivity at constant stress, ε₃₃ᵀ", "F/m", ge=8.8e-12, le=1e-6)
-    poissons_ratio: float = quantity("Poisson's ratio, for the shear stiffness", "1", ge=0.0, lt=0.5, default=0.3)
+    poissons_ratio: float = quantity("Poisson's ratio, for the shear stiffness", "1", ge=0.0, le=0.49, default=0.3)
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -103,12 +103,45 @@ class Patch(Parameters):
 
 
 class Tip(Parameters):
-    """The rigid tip that touches the rotor; it stands on the beam and follows its deflection and slope."""
+    """The tip that touches the rotor: rigid and joined to the beam in a point, or on an elastic foot and stem."""
 
     position_m: float = quantity("foot of the tip, from the left support", "m", ge=0.0, le=1.0)
     length_m: float = quantity("from the beam's neutral axis to the contact point", "m", ge=0.0, le=0.5)
-    mass_kg: float = quantity("mass", "kg", ge=0.0, le=1.0)
-    rotary_inertia_kg_m2: float = quantity("moment of inertia about the foot's neutral axis", "kg·m²", ge=0.0, le=1e-2)
+    mass_kg: float = quantity("mass, with that of the stem", "kg", ge=0.0, le=1.0)
+    rotary_inertia_kg_m2: float = quantity("moment of inertia about the beam's neutral axis", "kg·m²", ge=0.0, le=1e-2)
+    foot_width_m: float = quantity(
+        "width of foot and stem along the beam; 0: joined to it in a point, rigidly", "m", ge=0.0, le=0.5, default=0.0
+    )
+    centre_m: float | None = quantity(
+        "from the beam's neutral axis to the centre of mass; needed with a foot", "m", ge=0.0, le=0.5, default=None
+    )
+    stem_length_m: float = quantity(
+        "length of the elastic stem between the beam's face and the rigid head", "m", ge=0.0, le=0.5, default=0.0
+    )
+    stem_youngs_modulus_pa: float | None = quantity(
+        "Young's modulus of the stem; needed with a stem", "Pa", ge=1e8, le=2e12, default=None
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        foot, stem = self.foot_width_m > 0.0, self.stem_length_m > 0.0
+        if stem != (self.stem_youngs_modulus_pa is not None) or (stem and not foot):
+            raise ValueError(
+                "an elastic stem needs foot_width_m, stem_length_m and stem_youngs_modulus_pa together; state all "
+                "three, or none for a rigid tip"
+            )
+        if foot != (self.centre_m is not None):
+            raise ValueError(
+                "an elastic foot needs foot_width_m and centre_m, the height of the centre of mass; state both, or "
+                "neither for a rigid tip"
+            )
+        least = self.mass_kg * (self.centre_m or 0.0) ** 2
+        if self.rotary_inertia_kg_m2 < least:
+            raise ValueError(
+                f"rotary_inertia_kg_m2 = {self.rotary_inertia_kg_m2:g} kg·m² is less than mass_kg · centre_m² = "
+                f"{least:.3g} kg·m²; it is about the beam's neutral axis, so correct one of the three"
+            )
+        return self
 
 
 class Damping(Parameters):

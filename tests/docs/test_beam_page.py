@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.beam_limits import estimated_errors, heights_over_half_wave, share_of_laminate
 from pyspice_runner.model.parameters import Beam, Tip
-from tests.solid_beams import PatchedBeam
+from tests.solid_beams import Headed, PatchedBeam
 
 PAGE = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs" / "beam.md").read_text(encoding="utf-8"))
 NO_TIP = Tip(position_m=0.005, length_m=0.0, mass_kg=0.0, rotary_inertia_kg_m2=0.0)
@@ -90,3 +90,24 @@ def test_patched_beams_against_finite_elements(beam: PatchedBeam, element: float
         f"| {per_cent(estimates[0], 1)} | {per_cent(ours / forces - 1, 0)} | {per_cent(estimates[1], 0)} |"
     )
     assert (np.abs(timoshenko / frequencies - 1 - estimates[0]) < 0.02).all()  # as the page says
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Headed(0.03, 2e-3, 1e-3),
+        Headed(0.03, 2e-3, 2e-3),
+        Headed(0.0122, 3.6e-3, 2e-3, 5e-3, 5e-3),
+        Headed(0.0122, 3.6e-3, 3e-3, 5e-3, 5e-3),
+        Headed(0.0122, 3.6e-3, 4e-3, 5e-3, 5e-3),
+    ],
+)
+def test_heads_on_stems_against_finite_elements(shape: Headed) -> None:
+    exact = np.array(shape.solid(0.25e-3))
+    errors = np.array(shape.beam()) / exact - 1
+    up, side = exact[:, 0] / 1e3
+    says(
+        f"| {1e3 * shape.length:g} × {1e3 * shape.height:g}, {1e3 * shape.foot:g} | {up:.2f} and {side:.2f} "
+        f"| {per_cent(errors[:, 0], 1)} | {per_cent(errors[:, 1], 1)} |"
+    )
+    assert (np.abs(errors) < 0.036).all()
