@@ -30,7 +30,7 @@ from pyspice_runner.netlist.sources import FREE
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.paths import LOADS, canonical
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.units import with_linear
+from pyspice_runner.units import linear_name, with_linear
 
 if TYPE_CHECKING:
     import xarray
@@ -142,7 +142,6 @@ def working_points(
         index = max(allowed, key=lambda one: rows[one][goal])
         at = {path: float(values[place]) for (path, values), place in zip(axes.items(), index, strict=True)}
         best = at | {name: _plain(value) for name, value in rows[index].items() if name not in at}
-        best = with_linear(best) if motor.slider else best
     held = "" if base.load.speed is None else f", shaft at {base.load.speed:.4g} rad/s"
     return dataset_of(
         base, f"{objective} over {' and '.join(axes)}{held}", OUTCOME, list(rows.values()), coordinates(base, axes),
@@ -156,6 +155,7 @@ def working_points(
 
 def _limits(limits: Mapping[str, float], motor: Motor) -> dict[str, float]:
     known = [name for name in OUTCOME if name not in _FLAGS]
+    known += filter(None, map(linear_name, known)) if motor.slider else ()
     missing: dict[str, str] = {}
     if motor.structure is None:
         missing |= dict.fromkeys(("ceramic_stress_pa", "ceramic_strain"), "motor is described without its beam")
@@ -236,6 +236,7 @@ def _row(state: SteadyState, limits: Mapping[str, float]) -> dict[str, Any]:
         "converged": state.converged,
         "stable": state.stable,
     }
+    row = with_linear(row) if state.motor.slider else row
     within = all(abs(row[name]) <= limit for name, limit in limits.items())
     within = within and not too_fast(state.motor.to_dict(), state.speed_rad_s)
     return {**row, "allowed": bool(state.stable and not state.audit.findings and within)}

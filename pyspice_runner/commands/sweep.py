@@ -18,6 +18,7 @@ from pyspice_runner.commands.drive import DRIVERS, MosfetOption, PartOption, cha
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import DEFAULT_LAW, LawOptions, Targets, with_options
 from pyspice_runner.study.plan import Distribution, Sampling
+from pyspice_runner.units import linear_name
 
 
 @with_options
@@ -104,6 +105,8 @@ def sweep(
     if law.contact != DEFAULT_LAW:  # which is the default of the run
         run["contact"] = contact
     usual = _question(analysis, excitation, quantity)
+    if loaded.slider and not quantity:
+        usual["quantities"] = [linear_name(name) or name for name in usual["quantities"]]
     how = {name: value for name, value in usual.items() if f"run.{name}" not in axes} | run
     with _cluster(scheduler, workers) as executor, common.points_progress() as progress:
         try:

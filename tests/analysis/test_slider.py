@@ -141,8 +141,17 @@ def test_a_point_of_a_sweep_has_force_and_speed() -> None:
     assert abs(swept["speed_m_s"].values[0]) > abs(swept["speed_m_s"].values[1])
 
 
+def test_the_command_sweeps_force_and_speed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "stage.toml").write_text(STAGE.to_toml(), encoding="utf-8")
+    words = ["sweep", str(tmp_path / "stage.toml"), "--over", "slider.mass_kg=0.01,0.02", "--duration", "1e-4"]
+    assert run([*words, "--store", str(tmp_path / "store"), "--json"]) == 0
+    assert set(json.loads(capsys.readouterr().out)["quantities"]) == {"speed_m_s", "force_n", "settled", "accurate"}
+
+
 def test_a_map_has_force_and_speed() -> None:
-    points = pr.working_points(STAGE, DRIVE, over={"load.speed": [0.1, 0.2]}, accuracy=0.1, step=4e-7)
+    points = pr.working_points(
+        STAGE, DRIVE, over={"load.speed": [0.1, 0.2]}, limits={"force_n": 10.0}, accuracy=0.1, step=4e-7
+    )
     result: WorkingPoints = points.piezomotor
     assert points["load.speed"].attrs["units"] == "m/s"
     best = result.best
