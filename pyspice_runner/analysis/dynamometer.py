@@ -56,7 +56,9 @@ class Quantities:
     current_a_peak_a: float = measured("A", "greatest current of group A")
     current_b_peak_a: float = measured("A", "greatest current of group B")
     shaft_power_w: float = measured("W", "power of the contact on the rotor; negative where the shaft is driven")
-    efficiency: float = measured("1", "shaft power over electrical power; negative where the shaft is driven")
+    efficiency: float = measured(
+        "1", "power at the shaft, after the bearing, over electrical power; NaN if it is driven"
+    )
     dielectric_loss_w: float = measured("W", "heat in the dielectric loss of both groups")
     damping_loss_w: float = measured("W", "heat in the damping of all modes and of the mount")
     friction_loss_w: float = measured("W", "work of the tip along the rotor less that on the rotor: what slip takes")
@@ -85,6 +87,27 @@ STUCK = (
 def stuck(outcome: Mapping[str, Any]) -> bool:
     """Whether a contact neither slips nor opens, for an outcome by names of quantities."""
     return bool(outcome["slip"] == 0.0 and outcome["separated"] == 0.0)
+
+
+GAIN = 1e-3  # share of the power put in: a loss below minus this is told
+_GAINS = {
+    "friction_loss_w": "Friction delivers {:.2g} % of the power put in: the spring of the contact stiffens while it is "
+    "strained. Compare with contact = 'brush'.",
+    "normal_loss_w": "The normal contact delivers {:.2g} % of the power put in: the step is too coarse. Halve it.",
+    "damping_loss_w": "The damping delivers {:.2g} % of the power put in: the step is too coarse. Halve it.",
+    "dielectric_loss_w": "The dielectric delivers {:.2g} % of the power put in: the step is too coarse. Halve it.",
+}
+
+
+def delivering(outcomes: Iterable[Mapping[str, float]]) -> tuple[str, ...]:
+    """Return a sentence for each loss that is negative at one of several points, with its largest share."""
+    largest = dict.fromkeys(_GAINS, GAIN)
+    for outcome in outcomes:
+        put_in = max(outcome["power_a_w"] + outcome["power_b_w"], 0.0) + max(-outcome["shaft_power_w"], 0.0)
+        for name in _GAINS:
+            if -outcome[name] > largest[name] * put_in > 0.0:
+                largest[name] = -outcome[name] / put_in
+    return tuple(_GAINS[name].format(100.0 * share) for name, share in largest.items() if share > GAIN)
 
 
 UNITS = {item.name: (str(item.metadata["unit"]), str(item.metadata["meaning"])) for item in fields(Quantities)}
@@ -290,6 +313,7 @@ def quantities(blocks: list[Block]) -> dict[str, float]:
         "friction": mean["xbrake.v_friction"],
         "normal": mean["xbrake.v_normal"],
         "load_torque": mean["xbrake.v_taken"],
+        "speed": bench.speed,
         "friction_square": mean["xcontactmeter.v_square"],
         "touching": mean["xcontactmeter.v_contact"],
         **{name: mean[f"xcontactmeter.v_{name}"] for name in ("slip", "work", "press", "given")},
@@ -314,12 +338,14 @@ def quantities_of(motor: Motor, mean: Mapping[str, float]) -> dict[str, float]:
 
     The means are over whole periods, in SI units: ``friction``, ``friction_square`` and ``normal`` of the forces;
     ``touching`` and ``slip``, shares of time; ``work`` and ``press``, powers of the tip along the rotor and towards it;
-    ``given``, power on the rotor; ``load_torque``, ``dielectric_loss``, ``damping_loss``, ``stored``; of each group
-    ``power_a``, ``voltage_square_a``, ``current_square_a`` and the greatest current ``peak_a``; ``ceramic_strain`` and
-    ``ceramic_stress_pa``; if known, ``greatest`` of the normal force and ``rubbing``, normal force times slip velocity.
+    ``given``, power on the rotor; ``speed`` of the rotor, rad/s; ``load_torque``, ``dielectric_loss``,
+    ``damping_loss``, ``stored``; of each group ``power_a``, ``voltage_square_a``, ``current_square_a`` and the greatest
+    current ``peak_a``; ``ceramic_strain`` and ``ceramic_stress_pa``; if known, ``greatest`` of the normal force and
+    ``rubbing``, normal force times slip velocity.
     """
     radius, friction, shaft = motor.rotor.radius_m, mean["friction"], mean["given"]
     electrical = mean["power_a"] + mean["power_b"]
+    taken = mean["load_torque"] * mean["speed"]
     losses = {
         "dielectric_loss_w": mean["dielectric_loss"],
         "damping_loss_w": mean["damping_loss"],
@@ -337,7 +363,7 @@ def quantities_of(motor: Motor, mean: Mapping[str, float]) -> dict[str, float]:
         "stick": mean["touching"] - mean["slip"],
         "slip": mean["slip"],
         "shaft_power_w": shaft,
-        "efficiency": shaft / electrical if electrical > 0.0 else float("nan"),
+        "efficiency": taken / electrical if electrical > 0.0 and taken >= 0.0 else float("nan"),
         **losses,
         "ceramic_strain": mean["ceramic_strain"],
         "ceramic_stress_pa": mean["ceramic_stress_pa"],

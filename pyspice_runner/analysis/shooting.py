@@ -173,7 +173,8 @@ class Point:
         state = Akima1DInterpolator(time, self.trace.states, axis=1)(at)
         if step is not None and self.plant.slider is not None:
             depth = max(1e-6 * float(np.interp(at, time, self.trace.penetration_um)), 0.0)
-            limit = contact_law.limit_ratio(self.plant.motor.contact) * depth
+            normal = float(np.interp(at, time, self.trace.normal))
+            limit = contact_law.stick_limit(self.plant.motor.contact, depth, normal)
             slider = state[self.plant.slider]
             held = np.clip(slider, -limit, limit)
             state[self.plant.slider] = held + (slider - held) * step / (time[1] - time[0])

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
 from pyspice_runner.analysis.branch import dataset_of, followed_branch
-from pyspice_runner.analysis.dynamometer import STUCK, UNITS, Dynamometer, off_beat, stuck
+from pyspice_runner.analysis.dynamometer import STUCK, UNITS, Dynamometer, delivering, off_beat, stuck
 from pyspice_runner.analysis.settling import PATIENCE, TOLERANCE, Progress, Settling, outcomes_of, run_tasks, tasks_of
 from pyspice_runner.analysis.steady import steady_states
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
@@ -153,7 +153,7 @@ def speed_torque(
     dataset = dataset_of(
         base, ", ".join(["speed and torque", *label]), OUTCOME, outcomes, coordinates(base, axes),
         (outcome["deck_sha256"] for outcome in outcomes),
-        audit=Audit(tuple(findings)).to_dict(), cautions=[*exceeded(motor, greatest), *_stuck(points, outcomes)],
+        audit=Audit(tuple(findings)).to_dict(), cautions=[*exceeded(motor, greatest), *_cautions(points, outcomes)],
         method=[outcome["method"] for outcome in outcomes],
         run={
             "mode": mode, "follow": follow, **law.to_dict(), "step_s": step, "tolerance": tolerance,
@@ -271,16 +271,16 @@ def _reported(bench: Dynamometer, outcome: dict[str, Any]) -> dict[str, Any]:
     motor = bench.motor
     compiled = bench.setup.solver.compiled and outcome["method"] != "settle"
     kept = {name: value for name, value in outcome.items() if name not in ("audit_passed", "findings")}
-    cautions = [*exceeded(motor, outcome), *_stuck([bench], [outcome])]
+    cautions = [*exceeded(motor, outcome), *_cautions([bench], [outcome])]
     engine = "compiled" if compiled else "spice"
     found = {**kept, "engine": engine, "cautions": cautions, "audit": Audit(outcome["findings"]).to_dict()}
     return with_linear(found) if motor.slider else found
 
 
-def _stuck(benches: Sequence[Dynamometer], outcomes: Sequence[Mapping[str, Any]]) -> list[str]:
+def _cautions(benches: Sequence[Dynamometer], outcomes: Sequence[Mapping[str, Any]]) -> list[str]:
     laws = (bench.setup.law for bench in benches)
     found = any(law and law.sliding and stuck(outcome) for law, outcome in zip(laws, outcomes, strict=True))
-    return [STUCK] if found else []
+    return [*([STUCK] if found else []), *delivering(outcomes)]
 
 
 # --- points ---

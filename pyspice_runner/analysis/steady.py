@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.analysis.driven import Answer, check_driven, driven_answers
-from pyspice_runner.analysis.dynamometer import STUCK, Quantities, stuck
+from pyspice_runner.analysis.dynamometer import STUCK, Quantities, delivering, stuck
 from pyspice_runner.analysis.period_map import PeriodMap, cores
 from pyspice_runner.analysis.period_means import current, extrapolated, means, quantities, speed, tip
 from pyspice_runner.analysis.shooting import Point, Shooting, start_point
@@ -144,7 +144,7 @@ class SteadyState(Quantities, Result):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit; failed convergence, instability, and exceeded limits of ceramic, contact and rotor."""
+        """Findings of the audit, failed convergence, instability, negative losses, and exceeded limits."""
         found = list(self.audit.findings)
         if not self.converged:
             found.append("No steady state was found. Run simulate to see how the motor moves.")
@@ -153,7 +153,8 @@ class SteadyState(Quantities, Result):
         elif self.held_by_friction:
             found.append(STUCK)
         limits = exceeded(self.motor, self.quantities)
-        return self._told((*found, *limits, *too_fast(self.motor.to_dict(), self.speed_rad_s)))
+        fast = too_fast(self.motor.to_dict(), self.speed_rad_s)
+        return self._told((*found, *delivering([self.quantities]), *limits, *fast))
 
     def summary(self) -> dict[str, str]:
         """Return speed, torque, forces, powers, stability and how the state was found."""

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import SkipValidation
 
 from pyspice_runner.analysis.branch import dataset_of
-from pyspice_runner.analysis.dynamometer import STUCK, UNITS
+from pyspice_runner.analysis.dynamometer import STUCK, UNITS, delivering
 from pyspice_runner.analysis.shooting import Point, between
 from pyspice_runner.analysis.speed_torque import axis, check_distinct, coordinates
 from pyspice_runner.analysis.steady import SteadyState, steady_states
@@ -147,7 +147,10 @@ def working_points(
         base, f"{objective} over {' and '.join(axes)}{held}", OUTCOME, list(rows.values()), coordinates(base, axes),
         (states[index].provenance["deck_sha256"] for index in setups),
         objective=objective, best=best, limits=bounds,
-        cautions=[STUCK] if any(state.held_by_friction for state in states.values()) else [],
+        cautions=[
+            *([STUCK] if any(state.held_by_friction for state in states.values()) else []),
+            *delivering(state.quantities for state in states.values()),
+        ],
         method=[states[index].method for index in setups],
         run=law.to_dict() | {"speed": base.load.speed, "load_torque": base.load.torque, "accuracy": accuracy},
     )  # fmt: skip

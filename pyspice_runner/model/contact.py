@@ -28,7 +28,7 @@ from __future__ import annotations
 from math import asinh, cbrt, log1p, nan, pi, sinh, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pyspice_runner.model.parameters import Contact, Mode, Mount, Rotor
 from pyspice_runner.model.recoil import mass_matrix
@@ -72,6 +72,14 @@ def total_compliance(contact: Contact) -> float:
 def limit_ratio(contact: Contact) -> float:
     """Limit of stick over penetration, κ = u_lim/δ = μ K_t K_N^(2/3), which is μ E*/G*."""
     return contact.friction * total_compliance(contact) * cbrt(contact.normal_stiffness_n_per_m15**2)
+
+
+def stick_limit(contact: Contact, penetration_m: ArrayLike, normal_n: ArrayLike) -> NDArray[np.float64]:
+    """Limit of stick u_lim = κ δ in m, times the factor of the normal force by damping; 0 where δ ≤ 0."""
+    depth = np.maximum(penetration_m, 0.0)
+    elastic = elastic_force(contact, depth)
+    factor = np.divide(normal_n, elastic, out=np.zeros(np.shape(depth)), where=elastic > 0.0)
+    return np.asarray(limit_ratio(contact) * depth * factor)
 
 
 def normal_damping(contact: Contact) -> float:

@@ -144,7 +144,7 @@ def contact_library(law: Law, contact: Contact | None = None) -> Library:
 @cache
 def _constant_friction(library: Library) -> Library:
     """Return the spring-slider without Stribeck's curve, whose exponential takes a sixth of the run time."""
-    text = re.sub(r"(?m)^(Bfriction .*V\(factor\))\*.*$", r"\1", library.subcircuit)
+    text = re.sub(r"(?m)^(Bfriction .*,1n\)\))\*.*$", r"\1", library.subcircuit)
     for name in _STRIBECK:
         text = re.sub(rf"(?m)^(\.subckt .*) {name}=\S+", r"\1", text)
     parameters = tuple(item for item in library.parameters if item.name not in _STRIBECK)
@@ -155,8 +155,9 @@ def _constant_friction(library: Library) -> Library:
 def _worn(library: Library) -> Library:
     """Return the spring-slider or Coulomb's law on the normal contact of a worn tip, as ``piezomotor_contact_worn``.
 
-    At the displacement u the tangential force is μ (F(δ) − F(δ − |u|/κ)), for any axisymmetric profile (Ciavarella,
-    Jäger). For Hertz's law that is the spring of the paper.
+    At the displacement u the tangential force is μ f (F(δ) − F(δ − |u|/(κ f))), for any axisymmetric profile
+    (Ciavarella, Jäger); f is the factor of the damping, taken as 0.1 at least within F. For Hertz's law that is the
+    spring of the paper.
     """
     name = f"{library.name}_worn"
     force = (
@@ -165,11 +166,12 @@ def _worn(library: Library) -> Library:
     )
     ahead, behind = (force.format(f"V({node})") for node in ("ahead", "behind"))
     grip = (
-        "Bahead ahead 0 V=(V(limit)-uramp(-V(held)))/{limit_ratio}\n"
-        "Bbehind behind 0 V=(V(limit)-uramp(V(held)))/{limit_ratio}\n"
+        "Bahead ahead 0 V=(V(limit)-uramp(-V(held)))/({limit_ratio}*max(V(factor),0.1))\n"
+        "Bbehind behind 0 V=(V(limit)-uramp(V(held)))/({limit_ratio}*max(V(factor),0.1))\n"
         f"Bgrip grip 0 V={{mu*normal_stiffness*1.414213562373095e-9}}*({ahead}-{behind})"
     )
     text = re.sub(r"(?m)^Bgrip .*$", lambda _: grip, library.subcircuit)
+    text = text.replace("V(grip)/sqrt(max(V(factor),1n))", "V(grip)*V(factor)")
     text = re.sub(rf"\b{library.name}\b", name, text)
     text = re.sub(r"(?m)^(Xnormal .*) piezomotor_normal (.*)$", r"\1 piezomotor_worn \2 flat={flat}", text)
     text = re.sub(r"(?m)^(\.subckt .*)$", r"\1 flat=1", text)
@@ -244,7 +246,7 @@ def brush_library(sliders: int = SLIDERS) -> str:
         w = f"V(w{number})"
         cells += [
             f"Bw{number} w{number} 0 V=max(0,{width})",
-            f"Bl{number} l{number} 0 V={{mu*ratio}}*{w}*(V(depth)-{{cell}}*({inner**2}+{w}*({inner}+{w}/3)))",
+            f"Bl{number} l{number} 0 V=V(grip)*{w}*(V(depth)-{{cell}}*({inner**2}+{w}*({inner}+{w}/3)))",
             f"Bc{number} c{number} 0 V=max(-V(l{number}),min(V(l{number}),V(q{number})))",
             f"Bq{number} 0 q{number} I={w}*V(slip)",
             f"Rpull{number} q{number} c{number} {{1e6*slider_time}}",

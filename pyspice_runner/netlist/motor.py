@@ -192,7 +192,9 @@ class MotorSubCircuit(Assembly):
         if library:
             moved = self._add_sway(static_sway(motor, law, discretisation) / preload)
             moved |= self._add_mount(approach=approach)
-            moved |= self._add_stem(motor.contact.series_compliance_m_per_n, moved.get("y", "y"))
+            moved |= self._add_stem(
+                motor.contact.series_compliance_m_per_n, flexibility, moved.get("y", "y"), moved.get("vy", "vy")
+            )
             check_parameters(library.name, library.parameters, touching)
             expressions = _expressions(library, touching, flexibility)
             self._put("contact", library, [moved.get(pin, pin) for pin in PINS], {**touching, **expressions})
@@ -238,12 +240,16 @@ class MotorSubCircuit(Assembly):
         self.V("sway", "x", CROWN, f"DC {{{rounded(1e6 * sway)!r}*preload}}")
         return {"x": CROWN}
 
-    def _add_stem(self, compliance: float, y: str) -> dict[str, str]:
+    def _add_stem(self, compliance: float, flexibility: float, y: str, vy: str) -> dict[str, str]:
         """Add the compliance in series with the contact, in m/N, which the contact force compresses."""
         if not compliance:
             return {}
         self.VCVS("stem", "stem_y", y, "normal", self.gnd, voltage_gain=rounded(-1e6 * compliance))
-        return {"y": "stem_y"}
+        # the share of the velocity that indents the contact: 1/(1 + c dF/dδ), with dF/dδ = 1.5 K δ^(1/2) of Hertz
+        seat = f"{{1e6*(preload/normal_stiffness)**(2/3)+{rounded(1e6 * flexibility)!r}*preload}}"
+        stiffness = f"{{{rounded(1.5e-3 * compliance)!r}*normal_stiffness}}*sqrt(max(V(stem_y)+{seat},1n))"
+        self.B("stem_vy", "stem_vy", self.gnd, v=f"V({vy})/(1+{stiffness})")
+        return {"y": "stem_y", "vy": "stem_vy"}
 
     def _add_dry_bearing(self) -> None:
         rotor = self._motor.rotor

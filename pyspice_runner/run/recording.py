@@ -29,7 +29,7 @@ VECTORS: dict[str, tuple[str, ...]] = {  # of the columns, but for the currents,
     "tip_y_m": ("v(xmotor.y)",),
     "normal_force_n": ("v(xmotor.normal)",),
     "friction_force_n": ("v(xmotor.friction)",),
-    "contact_displacement_m": ("v(xmotor.slider)", "v(xmotor.xcontact.delta)"),
+    "contact_displacement_m": ("v(xmotor.slider)", "v(xmotor.xcontact.delta)", "v(xmotor.normal)"),
     "contact_state": ("v(xmotor.state)",),
     "rotor_speed_rad_s": ("v(shaft)",),
     "temperature_k": ("v(temperature)",),
@@ -60,7 +60,7 @@ class Recording:
         if signals is None:
             states = motor_states(self.motor, self.law, ("mode", "mount", "bearing"))
             names += [state.within(_MOTOR) for state in states]
-        return [name for name in names if self.law or name[2:-1] not in _OF_CONTACT]
+        return [name for name in dict.fromkeys(names) if self.law or name[2:-1] not in _OF_CONTACT]
 
     @property
     def all_columns(self) -> list[str]:
@@ -100,7 +100,8 @@ class Recording:
             columns[name] = self._after(start, vector, scale.get(name, 1.0))
             if name == "contact_displacement_m" and self.law and self.law.name == "spring-slider":
                 # while it slips, the slider's node stands above its limit by the slip velocity times half a step
-                limit = contact_law.limit_ratio(self.motor.contact) * self._penetration(samples)
+                normal = self._after(self._preload, samples["v(xmotor.normal)"])
+                limit = contact_law.stick_limit(self.motor.contact, self._penetration(samples), normal)
                 np.clip(columns[name], -limit, limit, out=columns[name])
         return columns
 

@@ -125,7 +125,7 @@ class Report(Result):
         """
         curve = self.curves[max(self.curves)]
         speed, settled = curve["speed_rad_s"].values, curve["settled"].values
-        forward = np.where(settled & (curve["shaft_power_w"].values > 0.0), curve["efficiency"].values, -np.inf)
+        forward = np.where(settled & (curve["efficiency"].values > 0.0), curve["efficiency"].values, -np.inf)
         best = int(np.argmax(forward))
         stall = curve["torque_n_m"].values[settled & (speed == 0.0)]
         free = self.free if self.free is not None and self.free.stable else None

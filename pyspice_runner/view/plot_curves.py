@@ -39,7 +39,7 @@ def speed_torque(curves: Curves) -> Sheet:
         name: partial(_over_speed, curves, quantities, label_of(label, curves.linear), title)
         for name, quantities, label, title in (
             ("torque", [data["torque_n_m"]], "torque_n_m", "Force" if curves.linear else "Torque"),
-            ("efficiency", [data["efficiency"]], "efficiency", "Efficiency: shaft power over electrical power"),
+            ("efficiency", [data["efficiency"]], "efficiency", "Efficiency: power at the shaft over electrical power"),
             ("power", [data["power_a_w"] + data["power_b_w"]], "electrical_power_w", "Electrical power of both groups"),
             ("current", [data["current_a_rms_a"], data["current_b_rms_a"]], "current_rms_a",
              "Currents of group A and (dashed) group B"),

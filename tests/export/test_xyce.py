@@ -27,7 +27,7 @@ WAVE = rf"(?:SIN|EXP)\((?:{VALUE} ){{5}}{VALUE}\)"  # section on V and I devices
 NAME = r"[A-Za-z]\w*"
 NODE = r"(?:0|[A-Za-z]\w*)"
 DEVICES = {
-    "B": rf"B\w+ {NODE} {NODE} [VI]=\{{[^{{}}]+\}}",
+    "B": rf"B\w+ {NODE} {NODE} [VIvi]=\{{[^{{}}]+\}}",
     "R": rf"R\w+ {NODE} {NODE} {VALUE}",
     "C": rf"C\w+ {NODE} {NODE} {VALUE}(?: ic={VALUE})?",
     "L": rf"L\w+ {NODE} {NODE} {VALUE}(?: ic={VALUE})?",

@@ -53,7 +53,7 @@ def contact_period(
     central = [np.roll(values, -1) - np.roll(values, 1) for values in (along, towards)]
     hold = np.maximum(1.0 + CONTACT["damping"] * rate * (central[1] - along / radius * central[0]), 0.0)
     normal = stiffness * depth**1.5 * hold
-    limit = CONTACT["mu"] * CONTACT["compliance"] * stiffness ** (2.0 / 3.0) * depth
+    limit = CONTACT["mu"] * CONTACT["compliance"] * stiffness ** (2.0 / 3.0) * depth * hold
     moved = along - np.roll(along, 1) - speed * radius / (phases * frequency)
     moved += 0.5 * (along + np.roll(along, 1)) / radius * (towards - np.roll(towards, 1))
     slider = np.zeros(phases)

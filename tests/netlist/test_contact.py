@@ -63,7 +63,7 @@ def test_only_friction_that_falls_with_the_velocity_has_the_exponential() -> Non
     contact = load_motor("andersen2002").contact
     plain = contact_library(Law(), contact)
     falling = contact_library(Law(), contact.model_copy(update={"sliding_ratio": 0.7}))
-    assert "Bfriction friction 0 V=V(grip)*V(factor)\n" in plain.subcircuit
+    assert "Bfriction friction 0 V=V(grip)/sqrt(max(V(factor),1n))\n" in plain.subcircuit
     assert "exp(" in falling.subcircuit
     assert {item.name for item in falling.parameters} - {item.name for item in plain.parameters} == {
         "sliding", "stribeck"
@@ -191,6 +191,25 @@ def test_normal_damping_is_hunt_and_crossleys() -> None:
     pulled = run_deck(text.replace("Vvy vy 0 0.5", "Vvy vy 0 -5"), vectors=list(SAVED), stop_time=40e-6).raw.vectors
     assert pulled["v(normal)"].real[-1] == 0.0  # a contact does not pull
     assert pulled["v(friction)"].real[-1] == 0.0
+
+
+@pytest.mark.parametrize("law", ["brush", "spring-slider"])
+def test_damping_scales_the_limit_of_stick_and_not_its_stiffness(law: str) -> None:
+    """A stiffness that followed the damped force would deliver power."""
+    text = DECK.replace("piezomotor_brush", contact_library(Law(law)).name)
+    text = text if law == "brush" else text.replace("span={span}", "")
+    friction = {}
+    for speed, rate in ((1e-4, 0.0), (1e-4, 0.5), (1e-4, -0.5), (1.0, 0.5), (1.0, -0.5)):
+        deck = text.format(
+            library=definitions(contact_library(Law(law))), y="0", speed=speed, span=0.8, more="damping=0.6"
+        )
+        run = run_deck(deck.replace("Vvy vy 0 0", f"Vvy vy 0 {rate}"), vectors=["v(friction)"], stop_time=40e-6)
+        friction[speed, rate] = float(run.raw.vectors["v(friction)"].real[-1])
+    # at 2 % of the limit the secant of Cattaneo and Mindlin's curve changes by 0.5 % per per cent of it
+    assert friction[1e-4, 0.5] == pytest.approx(friction[1e-4, 0.0], rel=5e-3)
+    assert friction[1e-4, -0.5] == pytest.approx(friction[1e-4, 0.0], rel=5e-3)
+    assert friction[1.0, 0.5] == pytest.approx(0.3 * 5.0 * 1.3, rel=1e-5)
+    assert friction[1.0, -0.5] == pytest.approx(0.3 * 5.0 * 0.7, rel=1e-5)
 
 
 @pytest.mark.parametrize("restitution", [0.1, 0.5, 0.9, 0.999])

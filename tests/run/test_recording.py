@@ -29,7 +29,9 @@ def test_what_is_recorded_is_what_the_whole_run_has(whole: Waveforms, every: int
     signals = ("tip_x_m", "contact_displacement_m", "rotor_speed_rad_s")
     run = pr.simulate(MOTOR, DRIVE, duration=1e-3, signals=signals, record_every=every)
     assert run.recorded == ["time_s", *signals]
-    assert len(run.deck.split(".save ")[1].splitlines()[0].split()) == 4  # and no more is stored: the slider takes two
+    assert (
+        len(run.deck.split(".save ")[1].splitlines()[0].split()) == 5
+    )  # and no more is stored: the slider takes three
     for name in run.recorded:
         # the start stands in front, then every so-many-th point
         expected = np.concatenate((getattr(whole, name)[:1], getattr(whole, name)[1::every]))
