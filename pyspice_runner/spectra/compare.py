@@ -111,19 +111,22 @@ class Comparison(_Tabulated):
         return found | {("clamped_capacitance", None): self.clamped_capacitance_deviation_error}
 
     def outside(self, tolerances: Mapping[str, float]) -> tuple[str, ...]:
-        """Return the deviations outside of tolerances, one sentence each.
+        """Return the deviations outside of tolerances, one sentence each, with their standard errors.
 
         Args:
             tolerances: quantity (of ``QUANTITIES``) → limit of the magnitude of its relative deviation.
         """
         said = [f"Mode {item.mode} is missing." for item in self.modes if item.measured is None]
+        errors = self.errors()
         for (name, mode), deviation in self.deviations().items():
             limit = tolerances.get(name, inf)
             if isfinite(deviation) and abs(deviation) > limit:
                 where = "" if mode is None else f" of mode {mode}"
+                error = errors[name, mode]
+                near = error is not None and abs(deviation) - error <= limit
                 said.append(
-                    f"The {name.replace('_', ' ')}{where} is off by {100.0 * deviation:+.3g} %; "
-                    f"the limit is {100.0 * limit:.3g} %."
+                    f"The {name.replace('_', ' ')}{where} is off by {_percent(deviation, error, told=False)}; "
+                    f"the limit is {100.0 * limit:.3g} %{', within the error' if near else ''}."
                 )
         return tuple(said)
 
@@ -365,12 +368,15 @@ def _compare(measured: SpectrumFit, reference: SpectrumFit) -> Comparison:
     )
 
 
-def _percent(deviation: float, error: float | None) -> str:
-    """Return a deviation in percent, with its sign unless it is 0, and its standard error."""
+def _percent(deviation: float, error: float | None, *, told: bool = True) -> str:
+    """Return a deviation in percent, with its sign unless it is 0, and its standard error.
+
+    If ``told``, a deviation that is not greater than its error is said to be within it.
+    """
     value = f"{100.0 * deviation:+.3g}" if deviation else "0"
     if not error:
         return f"{value} %"
-    return f"{value} ± {100.0 * error:.1g} %{' (within the error)' if abs(deviation) <= error else ''}"
+    return f"{value} ± {100.0 * error:.1g} %{' (within the error)' if told and abs(deviation) <= error else ''}"
 
 
 def _listed(fit: SpectrumFit) -> str:

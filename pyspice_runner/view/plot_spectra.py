@@ -23,6 +23,7 @@ from pyspice_runner.view.style import BLUE, CYCLE, GREY, GROUPS, LABELS, ORANGE,
 
 _DOTS: dict[str, Any] = {"marker": ".", "markersize": 3, "linestyle": ""}
 _MARKS = ("o", "s", "^", "D")
+_ERROR_BARS: dict[str, Any] = {"capsize": 3, "ecolor": VERMILION, "elinewidth": 1.2}
 _MEGAHERTZ = Label("frequency", "MHz", 1e-6)
 
 
@@ -163,13 +164,16 @@ def comparison(result: Comparison) -> Sheet:
 
 def _deviations(result: Comparison, ax: Axes) -> None:
     known = {key: 100.0 * value for key, value in result.deviations().items() if np.isfinite(value)}
+    errors = [100.0 * (result.errors()[key] or 0.0) for key in known]  # 0, and no bar, where it is not determined
     names = [name.replace("_", " ") + (f", mode {mode}" if mode else "") for name, mode in known]
-    bars = ax.barh(names, list(known.values()), color=BLUE)
-    ax.bar_label(bars, [f"{value:+.2f}" for value in known.values()], padding=3, fontsize=7)
+    bars = ax.barh(names, list(known.values()), xerr=errors, color=BLUE, error_kw=_ERROR_BARS)
+    told = [f"{value:+.2f}" for value in known.values()]
+    told = [f"{text} ± {error:.1g}" if error else text for text, error in zip(told, errors, strict=True)]
+    ax.bar_label(bars, told, padding=3, fontsize=7)
     ax.invert_yaxis()
-    ax.margins(x=0.2)
+    ax.margins(x=0.3)
     ax.axvline(0.0, **AXIS)
-    dress(ax, LABELS["deviation"], "", "Measured less reference")
+    dress(ax, LABELS["deviation"], "", "Measured less reference, with standard errors")
 
 
 def trend(result: Trend) -> Sheet:
@@ -193,8 +197,10 @@ def _trend(result: Trend, name: str, title: str, ax: Axes) -> None:
     tables = [item.deviations() for item in result.comparisons]
     for number, key in enumerate(key for key in tables[0] if key[0] == name):
         values = [100.0 * table[key] if np.isfinite(table[key]) else np.nan for table in tables]
+        errors = [100.0 * (item.errors()[key] or 0.0) for item in result.comparisons]
         label = f"mode {key[1]}" if key[1] else None
-        ax.plot(result.at, values, color=CYCLE[number % 4], marker=_MARKS[number % 4], label=label)
+        look: dict[str, Any] = {"color": CYCLE[number % 4], "marker": _MARKS[number % 4], "capsize": 3}
+        ax.errorbar(result.at, values, errors, label=label, **look)
     ax.axhline(0.0, **AXIS)
     if np.ptp(ax.get_ylim()) < 0.01:  # only rounding errors
         ax.set_ylim(-0.1, 0.1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -52,9 +53,26 @@ def test_what_was_changed_is_what_deviates() -> None:
 def test_tolerances_tell_what_is_outside() -> None:
     found = one(measured("part", frequencies=[20.2e3, 33e3], qualities=[120.0, 240.0]))
     assert found.outside({"frequency": 0.02, "quality_factor": 0.25}) == ()
-    assert found.outside({"frequency": 0.005}) == ("The frequency of mode 1 is off by +1 %; the limit is 0.5 %.",)
+    (told,) = found.outside({"frequency": 0.005})
+    assert re.fullmatch(r"The frequency of mode 1 is off by \+1 ± \S+ %; the limit is 0\.5 %\.", told)
     assert len(found.outside({"frequency": 0.005, "quality_factor": 0.1})) == 2
     assert found.outside({}) == ()
+
+
+def test_a_tolerance_and_a_plot_tell_the_error_of_a_deviation() -> None:
+    found = one(measured("part", noise=0.02, frequencies=[20.2e3, 33e3], qualities=[120.0, 240.0]))
+    deviation, error = (table["frequency", 1] for table in (found.deviations(), found.errors()))
+    assert error is not None
+    assert 1e-5 < error < 0.1 * deviation
+    (told,) = found.outside({"frequency": deviation - 0.5 * error})
+    assert f"± {100.0 * error:.1g} %; the limit is " in told
+    assert told.endswith(" %, within the error.")
+    assert "within" not in found.outside({"frequency": deviation - 2.0 * error})[0]
+    axes = {ax.get_title(): ax for ax in found.plot().figure.axes}
+    bars = axes["Measured less reference, with standard errors"]
+    widths = [float(np.ptp(line[:, 0])) for line in bars.collections[0].get_segments()]
+    place = list(found.deviations()).index(("frequency", 1))
+    assert widths[place] == pytest.approx(200.0 * error)
 
 
 def test_a_missing_mode_is_told_and_one_too_many() -> None:
@@ -170,7 +188,7 @@ def test_exit_status_is_by_tolerance(tolerances: list[str], status: int, capsys:
     (comparison,) = document["comparisons"]
     assert comparison["modes"][0]["deviations"]["frequency"] == pytest.approx(0.01, rel=1e-6)
     assert len(comparison["outside_tolerance"]) == status
-    assert ("part.csv: The frequency of mode 1 is off by +1 %" in err) == bool(status)
+    assert ("part.csv: The frequency of mode 1 is off by +1 ± " in err) == bool(status)
 
 
 def test_one_is_drawn_over_its_reference_and_many_as_a_trend(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
