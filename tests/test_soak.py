@@ -22,7 +22,7 @@ from pyspice_runner.run.waveforms import Waveforms
 from tests import soak
 
 SEED = 20
-NUMBERS = [field for field in Contact.model_json_schema()["properties"].values() if field["type"] == "number"]
+NUMBERS = [field for field in Contact.model_json_schema()["properties"].values() if field.get("type") == "number"]
 
 
 @settings(max_examples=6, derandomize=True, deadline=None)

@@ -339,7 +339,7 @@ def test_behind_a_driver_a_steady_state_is_what_a_run_settles_to(kind: str, netw
 def test_a_half_bridge_with_a_filter_has_a_curve_of_steady_states() -> None:
     driver = pr.Driver(kind="half-bridge", voltage=100.0, frequency=46e3, phase_deg=180.0, network="llcc")
     curve = pr.speed_torque(HELD, driver, speeds=[6.0])
-    assert json.loads(curve.attrs["method"]) == ["newton"]
+    assert json.loads(curve.attrs["method"])[0] in ("newton", "settled")  # the first in ngspice 39, the second in 44
     # a run of 5.4 ms from rest settles to 11.372 mN·m, which the soak test repeats; required: 0.5 %
     assert float(curve["torque_n_m"][0]) == pytest.approx(11.372e-3, abs=5e-3 * friction_torque(HELD))
     assert abs(float(curve["balance_residual"][0])) < 1e-3

@@ -118,7 +118,7 @@ def test_a_steady_state_wears_by_the_slip_of_its_own_motion() -> None:
     assert state.tensile_stress_pa == pytest.approx(wear.tensile_stress(FLAGSHIP.contact, greatest), rel=1e-3)
     tension, flat = spoken(state.cautions)
     assert tension.startswith("Friction puts the trailing edge of the contact under a tension of 1.415 GPa;")
-    assert flat.startswith("The results are those of a new tip: after 1.5")
+    assert flat.startswith("The results are those of a new tip: after 1.3")
 
 
 def test_a_brush_wears_by_its_loss_and_a_free_tip_does_not() -> None:
