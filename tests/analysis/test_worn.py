@@ -10,6 +10,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.speed_torque import operating_point
+from pyspice_runner.model.contact import contact_radius
 from tests.reference.integrator import Tone, integrate
 
 MOTOR = pr.load_motor("bimodal40").updated({"contact.worn_flat_radius_m": 60e-6})
@@ -33,6 +34,25 @@ def test_a_run_is_that_of_the_independent_integrator() -> None:
 
 
 @pytest.mark.soak
+def test_the_page_of_the_motor_has_the_numbers_new_and_run_in() -> None:
+    root = Path(__file__).resolve().parents[2]
+    page = (root / "docs" / "bimodal40.md").read_text(encoding="utf-8").partition("## New and run in")[2]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if " N | " in line]
+    names = ["bimodal40"] * 3 + [str(root / "examples" / "plate40.toml")] * 3
+    assert len(rows) == len(names)
+    for name, (_, flat, _, pressure, stall, free) in zip(names, rows, strict=True):
+        radius = 0.0 if "new" in flat else 1e-6 * float(flat.split()[0])
+        motor = pr.load_motor(name).updated({"contact.worn_flat_radius_m": radius})
+        preload, rim = motor.contact.preload_n, motor.rotor.radius_m
+        mean = preload / np.pi / contact_radius(motor.contact, preload) ** 2
+        states = [pr.steady_state(motor, pr.default_drive(motor), speed=speed) for speed in (0.0, None)]
+        found = (1e-9 * mean, states[0].torque_n_m / rim, states[1].speed_rad_s * rim)
+        for cell, value in zip((pressure, stall, free), found, strict=True):
+            told = cell.split()[0].replace("\N{MINUS SIGN}", "-")
+            assert float(told) == pytest.approx(value, abs=0.6 * 10.0 ** -len(told.partition(".")[2])), (flat, cell)
+
+
+@pytest.mark.soak
 def test_a_steady_state_is_what_the_motor_settles_to() -> None:
     state = pr.steady_state(MOTOR, DRIVE, speed=10.0)
     settled = operating_point(MOTOR, DRIVE, speed=10.0, mode="settle", tolerance=1e-3)
@@ -40,7 +60,7 @@ def test_a_steady_state_is_what_the_motor_settles_to() -> None:
     assert state.stable
     assert state.torque_n_m == pytest.approx(settled["torque_n_m"], abs=5e-3 * friction)  # as for a new tip
     assert np.isnan(state.peak_pressure_pa)
-    assert state.wear_volume_m3_per_s > 1e-17
+    assert state.wear_volume_m3_per_s > 1e-18
 
 
 def test_new_and_worn_tips_stand_in_one_curve() -> None:
