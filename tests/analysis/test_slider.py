@@ -68,7 +68,7 @@ def test_the_deck_is_that_of_a_rotor_of_radius_1_m() -> None:
     assert slides.energy_residual < 1e-3
 
 
-@pytest.mark.parametrize("speed", [0.0, 0.2])
+@pytest.mark.parametrize("speed", [0.0, pytest.param(0.2, marks=pytest.mark.soak)])
 def test_the_face_is_flat(speed: float) -> None:
     slides = pr.steady_state(STAGE, DRIVE, speed=speed, **COARSE)
     turns = pr.steady_state(turning(STAGE, 2.0), DRIVE, speed=speed / 2.0, **COARSE)
@@ -130,6 +130,7 @@ def test_the_table_of_a_curve_is_in_newton_and_metres_per_second(
     assert [row.split()[0] for row in rows] == ["0.0", "0.2"]
 
 
+@pytest.mark.soak
 def test_a_point_of_a_sweep_has_force_and_speed() -> None:
     point = pr.operating_point(STAGE, DRIVE, speed=0.1, step=4e-7)
     assert point["force_n"] == point["torque_n_m"]
@@ -162,6 +163,7 @@ def test_a_map_has_force_and_speed() -> None:
     assert "shaft" not in points.attrs["title"] or "m/s" in points.attrs["title"]
 
 
+@pytest.mark.soak
 def test_small_signals_are_in_newton_and_metres_per_second() -> None:
     small = pr.small_signals(STAGE, DRIVE, frequencies=[1000.0], speed=0.1, step=4e-7)
     assert small.unit("speed", "load_torque") == "m/s/N"
@@ -214,6 +216,7 @@ def test_a_tracker_keeps_a_motor_with_a_slider() -> None:
     assert found.plot(panel="speed").get_ylabel() == "slider speed in mm/s"
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 def test_the_data_sheet_is_in_newton_and_metres_per_second(tmp_path: Path) -> None:
     sheet = pr.report(STAGE, DRIVE, duration=2e-4, speeds=[0.0, 0.3], levels=[1.0])

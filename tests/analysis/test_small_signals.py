@@ -165,6 +165,7 @@ def compare(of: str, numbers: tuple[int, ...], rest: int, window: int) -> None:
         assert abs(ours - value) < 0.02 * abs(value), (of, number, output, ours, value)  # required
 
 
+@pytest.mark.soak
 def test_a_modulated_transient_shows_the_transfer_functions() -> None:
     compare("load_torque", FAST, rest=40, window=80)
 

@@ -419,6 +419,7 @@ def test_what_is_not_settled_is_not_a_headline(report: Report) -> None:
     assert datasheet(restless).count("<dd>–</dd>") == 5
 
 
+@pytest.mark.soak
 def test_dry_friction_of_the_bearing_lowers_the_speed_without_load_or_stops_the_rotor() -> None:
     motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)

@@ -247,6 +247,7 @@ def test_the_settings_stay_in_view(desktop: tuple[Page, list[str]]) -> None:
         assert bottom <= DESKTOP["height"]
 
 
+@pytest.mark.soak
 def test_a_slider_is_shown_in_newton_and_millimetres_per_second(browser: Browser, tmp_path: Path) -> None:
     motor = sliding(pr.load_motor("bimodal40"))
     assert "rad/s" not in "".join(live_decks(motor).values())
