@@ -110,8 +110,9 @@ def _rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w:
     if plant.law != PAPER_LAW:
         return loss_w / plant.motor.contact.friction
     velocity = wear.slip_velocity(
-        plant.motor.contact, trace.slider_um, trace.penetration_um, discretisation.slider_time
-    )
+        plant.motor.contact, 1e-6 * trace.slider_um, 1e-6 * trace.penetration_um, trace.normal,
+        discretisation.slider_time,
+    )  # fmt: skip
     return float((trace.normal * velocity)[1:].mean())
 
 

@@ -25,7 +25,7 @@ from math import nan, pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.model.contact import contact_radius, limit_ratio
+from pyspice_runner.model.contact import contact_radius, stick_limit
 from pyspice_runner.model.parameters import Contact
 
 Array = NDArray[np.float64]
@@ -50,10 +50,10 @@ def tensile_stress(contact: Contact, force_n: float) -> float:
     return peak_pressure(contact, force_n) * ((1.0 - 2.0 * contact.poisson) / 3.0 + of_friction)
 
 
-def slip_velocity(contact: Contact, slider_um: Array, penetration_um: Array, slider_time_s: float) -> Array:
+def slip_velocity(contact: Contact, slider_m: Array, penetration_m: Array, normal_n: Array, held_s: float) -> Array:
     """Return the slip velocity in m/s of the spring-slider: the excess over its limit divided by its time constant."""
-    limit = limit_ratio(contact) * np.maximum(penetration_um, 0.0)
-    return np.asarray(1e-6 * np.maximum(np.abs(slider_um) - limit, 0.0) / slider_time_s)
+    limit = stick_limit(contact, penetration_m, normal_n)
+    return np.asarray(np.maximum(np.abs(slider_m) - limit, 0.0) / held_s)
 
 
 def of_contact(contact: Contact, greatest_n: float, rubbing_w: float) -> dict[str, float]:

@@ -64,7 +64,8 @@ def _of_contact(
     greatest = nan if normal is None else float(normal[window.points].max())
     rubbing = nan
     if law == PAPER_LAW and normal is not None and slider is not None and depth is not None:
-        rubbing = window.mean(normal * slip_velocity(motor.contact, slider, depth, discretisation.slider_time))
+        velocity = slip_velocity(motor.contact, 1e-6 * slider, 1e-6 * depth, normal, discretisation.slider_time)
+        rubbing = window.mean(normal * velocity)
     return of_contact(motor.contact, greatest, rubbing)
 
 

@@ -94,7 +94,8 @@ def _solid(motor: model.Motor, solid: Solid) -> Sheet:
             turn = np.argsort(np.arctan2(*(nodes[plane][:, cells] - centres)), axis=0)
             cells = np.take_along_axis(cells, turn, axis=0)
             size = np.sqrt((shape**2).sum(axis=0))[cells].mean(axis=0)
-            ax.add_collection(PolyCollection(moved[:, cells].transpose(2, 1, 0), array=size, clim=(0.0, 1.0), lw=0.2))
+            faces = list(moved[:, cells].transpose(2, 1, 0))
+            ax.add_collection(PolyCollection(faces, array=size, clim=(0.0, 1.0), lw=0.2))
             ax.autoscale_view()
             title = f"{mode.name}, {mode.frequency_hz / 1e3:.4g} kHz"
             _frame(ax, plane, f"{title}: displacement, drawn up to {swing:.2g} mm")

@@ -46,6 +46,7 @@ def test_a_branch_without_folds_is_that_of_the_steady_states() -> None:
     assert short.piezomotor.cautions == ("The branch does not reach its end: It has 3 points.",)
 
 
+@pytest.mark.soak
 def test_behind_a_fold_the_branch_is_unstable() -> None:
     data = branch()
     (fold,) = data.piezomotor.folds
@@ -56,6 +57,7 @@ def test_behind_a_fold_the_branch_is_unstable() -> None:
     assert data.piezomotor.cautions == ("The branch does not reach its end: It comes back to start.",)
 
 
+@pytest.mark.soak
 def test_an_unstable_motion_that_is_disturbed_leaves_to_either_side() -> None:
     at = branch().isel(point=-1)
     drive = DRIVE.model_copy(update={"frequency": float(at["drive.frequency"])})

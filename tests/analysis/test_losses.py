@@ -12,6 +12,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
+from pyspice_runner.analysis.dynamometer import delivering
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.contact import normal_damping, normal_stiffness_at_preload, static_penetration
 from pyspice_runner.run.waveforms import Waveforms
@@ -167,3 +168,26 @@ def test_damping_works_on_the_penetration_and_not_on_the_compliance_in_series(
     assert loss == pytest.approx(np.trapezoid((exact * np.gradient(depth, run.time_s))[late], time), rel=0.01)
     # what is left, c F_N a d²δ/dt², grows with the damping
     assert np.std((exact - run.normal_force_n)[late]) < allowed * np.std(force)
+
+
+def test_a_loss_that_is_negative_has_its_sentence_with_the_largest_share() -> None:
+    point = {
+        "power_a_w": 1.0, "power_b_w": 1.0, "shaft_power_w": -2.0, "friction_loss_w": 0.1, "normal_loss_w": -0.001,
+        "damping_loss_w": 0.1, "dielectric_loss_w": 0.0,
+    }  # fmt: skip
+    assert delivering([point]) == ()  # 1 mW of the 4 W that come from the source and the shaft are below 0.1 %
+    some, more = (point | {"friction_loss_w": loss} for loss in (-0.02, -0.08))
+    (told,) = delivering([some, more, point])
+    assert told.startswith("Friction delivers 2 % of the power put in")
+    unknown = dict.fromkeys(point, float("nan"))
+    assert delivering([unknown]) == ()
+
+
+def test_a_stalled_motor_whose_friction_delivers_power_says_so_and_the_brush_does_not() -> None:
+    motor = pr.load_motor("bimodal40")
+    drive = pr.default_drive(motor)
+    spring, brush = (pr.steady_state(motor, drive, speed=0.0, contact=law) for law in ("spring-slider", "brush"))
+    assert spring.friction_loss_w < 0.0 < brush.friction_loss_w
+    assert any(text.startswith("Friction delivers") for text in spring.cautions)
+    assert not any("delivers" in text for text in brush.cautions)
+    assert spring.efficiency == 0.0

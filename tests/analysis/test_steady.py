@@ -335,6 +335,7 @@ def test_behind_a_driver_a_steady_state_is_what_a_run_settles_to(kind: str, netw
         assert getattr(ours, name) == pytest.approx(settled[name], rel=1e-2), name  # settled means to its tolerance
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 def test_a_half_bridge_with_a_filter_has_a_curve_of_steady_states() -> None:
     driver = pr.Driver(kind="half-bridge", voltage=100.0, frequency=46e3, phase_deg=180.0, network="llcc")
@@ -377,3 +378,26 @@ def test_a_shaft_that_turns_slowly_has_no_steady_state_that_sticks() -> None:
     motor = pr.load_motor("andersen2002")
     found = pr.steady_state(motor, pr.default_drive(motor).updated({"voltage": 2.0}), speed=1e-4)
     assert not found.converged or found.slip > 0.0
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    ("name", "voltage", "speed"),
+    [
+        ("bimodal40", 110.0, 20.0),
+        ("bimodal40", 110.0, 50.0),
+        ("andersen2002-unintended-mode", 60.0, 5.0),
+        ("andersen2002-unintended-mode", 100.0, 0.0),
+        (str(Path(__file__).parents[2] / "examples" / "plate40.toml"), 100.0, 0.0),
+        (str(Path(__file__).parents[2] / "examples" / "plate40.toml"), 100.0, 0.1),
+    ],
+)
+def test_the_estimated_error_of_the_torque_holds_where_the_contact_opens(
+    name: str, voltage: float, speed: float
+) -> None:
+    """Against a step of 25 ns, whose own error is a few times smaller."""
+    motor = pr.load_motor(name)
+    drive = pr.default_drive(motor).updated({"voltage": voltage})
+    state, fine = (pr.steady_state(motor, drive, speed=speed, step=step) for step in (None, 2.5e-8))
+    assert state.separated > 0.1
+    assert abs(state.torque_n_m - fine.torque_n_m) < state.torque_error_n_m + fine.torque_error_n_m

@@ -511,6 +511,7 @@ def test_a_sweep_that_is_killed_and_resumed_gives_the_same_file(kills: int, valu
     assert stored() == 2 * values
 
 
+@pytest.mark.soak
 def test_the_memory_of_a_worker_does_not_grow(tmp_path: Path) -> None:
     """The short version; benchmarks/sweep.py does a thousand points."""
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
