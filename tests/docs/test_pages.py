@@ -48,7 +48,7 @@ def snippets(page: Path) -> list[str]:
 
 
 # pages whose commands or Python take 4 to 12 s
-LONG = {"drive", "impedance", "steady_state", "tracking"}
+LONG = {"drive", "impedance", "report", "steady_state", "sweeps", "tracking"}
 LONG |= {"tutorial_driver", "tutorial_impedance", "tutorial_speed_loop", "tutorial_tracking"}
 
 
