@@ -11,15 +11,31 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import typer
 
-from pyspice_runner.cli import run
+from pyspice_runner.cli import app, run
 
 pytestmark = pytest.mark.slow  # among the first, since the commands run in order
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 TASKS = (ROOT / "docs" / "tasks.md").read_text(encoding="utf-8")
-COMMANDS = list(dict.fromkeys(re.findall(r"(?:^    |`)(piezomotor [^`\n]+)", README + TASKS, re.M)))
+
+
+def commands(text: str) -> list[str]:
+    """Return the commands of a text, each once."""
+    return list(dict.fromkeys(re.findall(r"(?:^    |`)(piezomotor [^`\n]+)", text, re.M)))
+
+
+COMMANDS = commands(README + TASKS)
+
+
+def parse(words: str) -> None:
+    """Parse a command without running it."""
+    group = typer.main.get_command(app)
+    with group.make_context("piezomotor", []) as context:
+        name, *arguments = shlex.split(words)[1:]
+        group.get_command(context, name).make_context(name, arguments, parent=context).close()
 
 
 # values with which a command takes less
@@ -42,19 +58,28 @@ def shortened(arguments: list[str]) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "form", [pytest.param(shortened, id="shorter"), pytest.param(list, id="as they stand", marks=pytest.mark.soak)]
+    ("lines", "form"),
+    [
+        pytest.param(commands(README), shortened, id="README, shorter"),
+        pytest.param(COMMANDS, list, id="README and tasks as they stand", marks=pytest.mark.soak),
+    ],
 )
-def test_the_commands_of_the_readme_and_the_tasks_run_in_order(
-    form: Callable[[list[str]], list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_the_commands_run_in_order(
+    lines: list[str], form: Callable[[list[str]], list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    for words in COMMANDS:
+    for words in lines:
         arguments = form(shlex.split(words)[1:])
         assert run(arguments) == 0, words
         for option in ("--output", "--plot"):
             if option in arguments:
                 assert (tmp_path / arguments[arguments.index(option) + 1]).stat().st_size > 0
+
+
+@pytest.mark.parametrize("words", [words for words in COMMANDS if words not in commands(README)])
+def test_a_command_of_the_tasks_is_valid(words: str) -> None:
+    parse(words)
 
 
 def test_the_python_of_the_readme_runs(tmp_path: Path) -> None:

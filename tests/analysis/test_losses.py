@@ -166,7 +166,7 @@ def test_damping_works_on_the_penetration_and_not_on_the_compliance_in_series(
     loss = np.trapezoid(force * np.gradient(approach, run.time_s)[late], time)
     # The model takes dδ/dy without damping. The rate of the total approach gave 15 and 27 % less loss.
     assert loss == pytest.approx(np.trapezoid((exact * np.gradient(depth, run.time_s))[late], time), rel=0.01)
-    # what is left, c F_N a d²δ/dt², grows with the damping
+    # the remaining error, c F_N a d²δ/dt², grows with the damping
     assert np.std((exact - run.normal_force_n)[late]) < allowed * np.std(force)
 
 

@@ -195,6 +195,7 @@ def test_slow_modulation_follows_the_steady_states() -> None:
         assert near == pytest.approx(far, rel=0.02)
 
 
+@pytest.mark.soak
 def test_where_effects_cancel_a_transfer_function_is_that_of_steady_states_within_its_error() -> None:
     """Two modes meet: the drive of the set is near the frequency of the greatest speed."""
     motor = pr.load_motor("bimodal40")

@@ -117,7 +117,7 @@ def test_speed_torque_behind_a_half_bridge() -> None:
     assert powers == pytest.approx(report.motor_power_w, rel=0.005)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_loop_tracks_through_an_amplifier() -> None:
     tracker = pr.Tracker(kind="pll", voltage=50.0, ratio_b=2.0, frequency=54e3, offset=0.01)
     amplifier = pr.Driver(kind="linear", voltage=50.0, ratio_b=2.0, frequency=54e3)

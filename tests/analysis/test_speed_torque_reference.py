@@ -11,7 +11,6 @@ import xarray
 
 import pyspice_runner as pr
 from tests.reference.integrator import Tone, integrate
-from tests.selection import mostly
 
 pytestmark = pytest.mark.xdist_group("reference")  # the integrator is compiled once there
 
@@ -75,8 +74,8 @@ def reference(name: str, speed: float) -> dict[str, float]:
     }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", mostly(pytest.mark.soak, CURVES, ["unintended mode"]))
+@pytest.mark.soak
+@pytest.mark.parametrize("name", CURVES)
 def test_the_curve_is_that_of_the_independent_integrator(name: str) -> None:
     points = curve(name)
     stall = abs(reference(name, 0.0)["torque_n_m"])

@@ -118,14 +118,15 @@ def test_a_tracker_that_cannot_lock_is_reported_as_not_locked(kind: str, values:
 # --- keeping lock --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("disturb", "values"),
     [
         # half of the stall torque that the next test measures
         ("load", {"load_torque": 0.18e-3, "duration": 5.5e-3}),
-        pytest.param("preload", {"preload_change": 0.3, "duration": 6e-3}, marks=pytest.mark.soak),
-        pytest.param("preload", {"preload_change": -0.3, "duration": 6e-3}, marks=pytest.mark.soak),
-        pytest.param("temperature", {"drift": -0.02, "drift_time": 10e-3, "contact": None}, marks=pytest.mark.soak),
+        ("preload", {"preload_change": 0.3, "duration": 6e-3}),
+        ("preload", {"preload_change": -0.3, "duration": 6e-3}),
+        ("temperature", {"drift": -0.02, "drift_time": 10e-3, "contact": None}),
     ],
 )
 def test_the_phase_locked_loop_keeps_lock(disturb: Any, values: dict[str, Any]) -> None:

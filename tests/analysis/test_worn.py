@@ -63,6 +63,7 @@ def test_a_steady_state_is_what_the_motor_settles_to() -> None:
     assert state.wear_volume_m3_per_s > 1e-18
 
 
+@pytest.mark.soak
 def test_new_and_worn_tips_stand_in_one_curve() -> None:
     """Both are copies in one deck. At half of the voltage, where there is one steady state."""
     path, drive = "contact.worn_flat_radius_m", DRIVE.updated({"voltage": 55.0})

@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer
 
-from pyspice_runner.cli import app, run
+from pyspice_runner.cli import run
 from tests.test_readme import COMMANDS as README_COMMANDS
+from tests.test_readme import parse
 
 ROOT = Path(__file__).parents[2]
 ELSEWHERE = ("own_motor", "tasks")  # test_own_motor_page.py and test_readme.py run these
@@ -63,11 +63,8 @@ def pages_with(parts: Callable[[Path], list[str]]) -> list[Any]:
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page.stem in LONG], ids=lambda page: page.stem)
 def test_commands_of_long_pages_are_valid(page: Path) -> None:
-    group = typer.main.get_command(app)
     for command in commands(page):
-        with group.make_context("piezomotor", []) as context:
-            name, *words = shlex.split(command)[1:]
-            group.get_command(context, name).make_context(name, words, parent=context).close()
+        parse(command)
 
 
 @pytest.mark.parametrize("page", pages_with(commands))

@@ -453,6 +453,7 @@ INSTRUMENT = {"R1": "resistance_ohm", "L1": "inductance_h", "C1": "capacitance_f
 needs_measured = pytest.mark.skipif(not MEASURED.is_dir(), reason="the measured spectra are not here")
 
 
+@pytest.mark.soak
 @needs_measured
 def test_thickness_mode_against_the_instruments_own_circuit() -> None:
     """The instrument's circuit has one arm for the neighbours too, as the definition "one arm", whose values agree.

@@ -353,6 +353,7 @@ def test_the_page_names_the_folds_of_the_full_motor() -> None:
     assert [1e-3 * fold for fold in branch.piezomotor.folds] == pytest.approx(FOLDS, abs=0.005)
 
 
+@pytest.mark.soak
 def test_a_motor_with_a_loss_that_the_preview_leaves_out_runs_cycle_by_cycle(browser: Browser, tmp_path: Path) -> None:
     light = {"rotor.bearing_friction_n_m": 1e-3, "rotor.inertia_kg_m2": 1e-6}  # settles soon
     motor = pr.load_motor("bimodal40").updated(light)
