@@ -18,7 +18,7 @@ SHORT, WHOLE, WARM_UP = 20e-3, 1.0, 600.0  # s
 
 def main() -> None:
     """Print wall and CPU time of each run, and the ratio of full to averaged."""
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor)
     pr.simulate_averaged(motor, drive, 1e-3)  # imports all modules
     print(f"{motor.name}, {drive.label}, {WHOLE:g} s of motor time; full: {SHORT * 1e3:g} ms, scaled")

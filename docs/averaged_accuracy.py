@@ -35,8 +35,8 @@ CASES = (  # set, mount, V, Hz, degrees, speeds of the held shaft in rad/s
     ("andersen2002-unintended-mode", None, 100.0, 46e3, 180.0, (0.0, 10.0)),
     ("andersen2002-unintended-mode", None, 50.0, 48e3, 180.0, (0.0, 5.0)),
     ("andersen2002-unintended-mode", None, 100.0, 44.5e3, 180.0, (0.0, 10.0)),
-    ("bimodal40", SPRINGS, 60.0, 40.1e3, 120.0, (0.0, 20.0)),
-    ("bimodal40", SPRINGS, 110.0, 40.1e3, -120.0, (0.0, -50.0)),
+    ("beam40", SPRINGS, 60.0, 40.1e3, 120.0, (0.0, 20.0)),
+    ("beam40", SPRINGS, 110.0, 40.1e3, -120.0, (0.0, -50.0)),
 )
 STEP, END = 10e-3, 20e-3  # s, of the transients
 SAMPLE = 0.25e-3  # s: over which their speeds are averaged
@@ -49,7 +49,7 @@ TRANSIENTS = {  # what changes at STEP
     "load step": {"load_torque": LOAD},
 }
 MOVING = (  # set, V, Hz, degrees
-    ("bimodal40", 110.0, 40.1e3, 120.0),
+    ("beam40", 110.0, 40.1e3, 120.0),
     ("andersen2002-unintended-mode", 50.0, 48e3, 180.0),
 )
 INTRODUCTION = f"""

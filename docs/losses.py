@@ -123,7 +123,7 @@ def square_wave_loss(motor: pr.Motor, amplitude_v: float, frequency_hz: float) -
 def square_waves() -> str:
     """Return the table of the losses under a square wave."""
     lines = []
-    for name, amplitude, frequency in (("andersen2002-unintended-mode", 100.0, 46e3), ("bimodal40", 110.0, 40.1e3)):
+    for name, amplitude, frequency in (("andersen2002-unintended-mode", 100.0, 46e3), ("beam40", 110.0, 40.1e3)):
         losses = square_wave_loss(pr.load_motor(name), amplitude, frequency)
         for circuit, (sine, square) in losses.items():
             lines.append(
@@ -136,7 +136,7 @@ def square_waves() -> str:
 def page() -> str:
     """Measure and return the text of the page."""
     paper = pr.load_motor("andersen2002-unintended-mode")
-    new = pr.load_motor("bimodal40")
+    new = pr.load_motor("beam40")
     speeds = [0.0, 4.0, 8.0, 12.0, 16.0, 20.0, 25.0, 30.0, 36.0]
     parts = [HEAD.format(count=len(speeds), runs=RUNS)]
     for frequency in (44.5e3, 46e3):

@@ -27,7 +27,7 @@ from tests.spectra.test_admittance import preloaded_closed_form
 from tests.tools import second_simulator
 
 PAGE = Path(__file__).with_name("simulators.md")
-MOTORS = ("andersen2002", "andersen2002-unintended-mode", "bimodal40")
+MOTORS = ("andersen2002", "andersen2002-unintended-mode", "beam40")
 FREQUENCIES = (10e3, 70e3, 601)  # Hz, Hz, points
 INTRODUCTION = """
 The same runs in four simulators, each against the independent, event-driven integrator of `tests/reference`, which is

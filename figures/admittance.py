@@ -28,7 +28,7 @@ POINTS = 3000
 
 
 def draw(folder: Path) -> list[str]:
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     figure, axes = canvas(3, 2, 8.6, height_ratios=(1.0, 0.8, 1.25))
     lines = []
     for column, (connection, (start, stop, title)) in zip(axes.T, CONNECTIONS.items(), strict=True):

@@ -59,7 +59,7 @@ CHOICES = {
         "power", 10.0, 100.0,
         {"drive.frequency": np.arange(44.4e3, 46.1e3, 200.0), "drive.voltage": np.arange(70.0, 120.0, 10.0)},
     ),
-    "bimodal40": Choice(
+    "beam40": Choice(
         "efficiency", 33.0, HALF_BRIDGE,
         {"drive.frequency": np.arange(39.8e3, 40.45e3, 100.0), "drive.phase_deg": np.arange(90.0, 151.0, 10.0)},
     ),
@@ -95,7 +95,7 @@ def draw(folder: Path) -> list[str]:
     caption = (
         f"Steady states at held speeds of {speeds} rad/s, about half of those of the free rotors. Hatched: above the "
         f"limit of the voltage ({voltages} V), above half the Curie temperature or the strength of the ceramic. Cross: "
-        "not stable. Star: best point. Circle: the set's drive. bimodal40: at 110 V, below the limit. "
+        "not stable. Star: best point. Circle: the set's drive. beam40: at 110 V, below the limit. "
         f"ngspice {data.attrs['ngspice_version']}."
     )
     write(figure, folder / "recommended_drives.png", "Recommended drives as the best working points", caption)

@@ -20,7 +20,7 @@ VOLTAGE = 50.0
 
 def draw(folder: Path) -> list[str]:
     duration = 0.02 if draft() else 0.1
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     mode = motor.updated(SOFTENING).modes[1]
     lines = softening_deck(motor, VOLTAGE, duration).splitlines()
     deck = "\n".join(line for line in lines if not line.startswith(".meas")).replace(
@@ -51,7 +51,7 @@ def draw(folder: Path) -> list[str]:
     linear = force / (2.0 * pi * mode.frequency_hz * mode.damping_n_s_per_m)
     softer = 75.0 * mode.softening_per_m2 * linear**2
     words = (
-        f"Free stator of bimodal40 at {VOLTAGE:g} V in antiphase. The softening of its second mode is "
+        f"Free stator of beam40 at {VOLTAGE:g} V in antiphase. The softening of its second mode is "
         f"{mode.softening_per_m2:.3g} 1/m², {softer:.2g} % of the stiffness at the linear amplitude. Swept in "
         f"{1e3 * duration:g} ms each way. Closed form: jump down at {1e-3 * fold[0]:.2f} kHz, up at "
         f"{1e-3 * fold[1]:.2f} kHz."

@@ -11,7 +11,7 @@ from style import BLACK, BLUE, GREY, VERMILION, canvas, draft, drive_words, fart
 import pyspice_runner as pr
 from pyspice_runner.analysis.controlled import ControlledRun, Sample
 
-MOTOR = pr.load_motor("bimodal40")
+MOTOR = pr.load_motor("beam40")
 DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": 69.0})
 SAMPLE_TIME = 0.5e-3  # s; the loop delays by it: half by the mean over the last interval, half by the next
 CROSSOVER, MARGIN = 40.0, 60.0  # Hz, deg

@@ -37,7 +37,7 @@ PERIODS = 3
 
 
 def draw(folder: Path) -> list[str]:
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor)
     run = simulated(motor, drive, duration=DURATION)
     loaded = simulated(motor, drive, duration=DURATION, load_torque=LOAD)

@@ -27,7 +27,7 @@ SAMPLES = 2 if draft() else 16
 
 
 def draw(folder: Path) -> list[str]:
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor)
     speeds = {"run.speed": SPEEDS}
     tolerances = {path: pr.Tolerance(relative) for path, (relative, _) in TOLERANCES.items()}

@@ -11,7 +11,7 @@ import pyspice_runner as pr
 from pyspice_runner.analysis.track import running_resonance
 from pyspice_runner.analysis.tracking import Tracking
 
-MOTOR = pr.load_motor("bimodal40")
+MOTOR = pr.load_motor("beam40")
 RECOMMENDED = pr.default_drive(MOTOR)
 DRIVE = RECOMMENDED.model_dump(include={"voltage", "phase_deg"})
 NAMES = {"pll": "phase-locked loop", "observe-current": "perturb and observe", "none": "not tracked"}

@@ -12,7 +12,7 @@ from style import BLACK, BLUE, GREEN, VERMILION, canvas, draft, main, motor_word
 import pyspice_runner as pr
 from pyspice_runner.analysis.track import running_resonance
 
-MOTOR = pr.load_motor("bimodal40")
+MOTOR = pr.load_motor("beam40")
 DRIVE = pr.default_drive(MOTOR)
 FIRST, WHOLE = (2.4e-3, 600.0) if draft() else (10e-3, 600.0)
 OFFSET, TARGET = 0.02, -20.0

@@ -273,11 +273,11 @@ def test_a_two_port_file_gives_the_same_motor(bench: Path, tmp_path: Path, capsy
         (["--two-port", "--with", "both.csv"], "--with has no effect"),
         (["--two-port", "--voltages", "1,2"], "--voltages has no effect"),
         (["--two-port", "--temperatures", "1,2"], "--temperatures has no effect"),
-        (["--two-port", "--base", "bimodal40"], "--base has no effect without --mass-kg"),
+        (["--two-port", "--base", "beam40"], "--base has no effect without --mass-kg"),
         (["--two-port", "--connection", "B"], "--connection has no effect where both groups are fitted"),
         (["--two-port", "--mass-kg", "1e-3", "--connection", "B"], "without --velocity-per-current"),
         (["--two-port", "--start", "1e6"], "from 1e+06 Hz to inf Hz"),
-        (["--base", "bimodal40"], "--base has no effect without --two-port"),
+        (["--base", "beam40"], "--base has no effect without --two-port"),
         (["--load-ohm", "75"], "--load-ohm has no effect without --load"),
     ],
 )

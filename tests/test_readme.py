@@ -99,7 +99,7 @@ def test_the_python_of_the_readme_runs(tmp_path: Path) -> None:
 
 def test_the_spice_of_the_readme_runs(tmp_path: Path) -> None:
     (circuit,) = re.findall(r"^```spice\n(.*?)^```", README, re.M | re.S)
-    assert run(["export", "bimodal40", "--output", str(tmp_path / "motor.lib")]) == 0
+    assert run(["export", "beam40", "--output", str(tmp_path / "motor.lib")]) == 0
     (tmp_path / "spin.cir").write_text(circuit, encoding="utf-8")
     done = subprocess.run(
         ["ngspice", "-b", "spin.cir"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False

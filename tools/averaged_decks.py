@@ -17,7 +17,7 @@ from pyspice_runner.model.thermal import Thermal, heat_capacity
 from pyspice_runner.netlist.averaged import OPTIONS, SUBCIRCUIT, averaged_library
 from pyspice_runner.netlist.library import read_library
 
-MOTOR = "bimodal40"
+MOTOR = "beam40"
 LIBRARY = f"{SUBCIRCUIT}.lib"
 _FASTER = 100.0  # by which the heat capacity is divided, so that one second warms as much as 100 s do
 _FROM_REST = "* the iteration begins with a rotor at rest: a load torque alone would turn it fast\n.nodeset v(shaft)=0"

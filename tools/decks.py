@@ -43,7 +43,7 @@ from pyspice_runner.netlist.trackers import (
 from tools.averaged_decks import LIBRARY, averaged_deck_texts, averaged_library_text
 from tools.benches.hysteresis import cyclic_bench
 
-PAPER, WORKING = "andersen2002", "bimodal40"  # the paper's motor, and one that was designed to turn
+PAPER, WORKING = "andersen2002", "beam40"  # the paper's motor, and one that was designed to turn
 _STEP = 100e-9  # s: twice the default slider_time of the contact, 180 points a period at 55 kHz
 _TAIL_PERIODS = 20  # the last periods of a run, over which the deck measures
 _TAIL = f"FROM={{stop-{_TAIL_PERIODS}/frequency}} TO={{stop}}"

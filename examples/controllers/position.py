@@ -17,7 +17,7 @@ import numpy as np
 import pyspice_runner as pr
 from pyspice_runner.analysis.controlled import ControlledRun
 
-MOTOR = pr.load_motor("bimodal40")
+MOTOR = pr.load_motor("beam40")
 DEAD_BAND, HIGHEST = 40.0, 110.0  # V
 PHASE = 120.0  # deg, of the recommended drive
 DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": DEAD_BAND})

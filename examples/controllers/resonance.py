@@ -16,7 +16,7 @@ from math import degrees, pi, radians
 import pyspice_runner as pr
 from pyspice_runner.analysis.controlled import ControlledRun
 
-MOTOR = pr.load_motor("bimodal40")
+MOTOR = pr.load_motor("beam40")
 DRIVE = pr.default_drive(MOTOR).model_copy(update={"frequency": 40.8e3})  # 1.7 % above the recommended frequency
 LOAD_TORQUE = 8e-3  # N·m
 SAMPLE_TIME = 0.5e-3  # s

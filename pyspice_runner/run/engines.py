@@ -142,10 +142,10 @@ def _verdict(shape: tuple[int, bool, bool], law: Law, used: str, folder: Path) -
 def _similar(modes: int, mounted: bool, dry: bool, law: Law) -> Motor:
     """Return the motor that represents all motors with the same module.
 
-    It is ``bimodal40`` with losses, its modes repeated at other frequencies. Every mode moves the tip
+    It is ``beam40`` with losses, its modes repeated at other frequencies. Every mode moves the tip
     both ways and shakes the carrier.
     """
-    base = load_motor("bimodal40").updated(
+    base = load_motor("beam40").updated(
         {
             **_LOSSES,
             **(_FALLING if law.name == "spring-slider" else {}),

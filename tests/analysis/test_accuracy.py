@@ -117,7 +117,7 @@ def test_a_default_run_that_is_not_within_one_per_cent_says_so() -> None:
     assert abs(fine.mean_rotor_speed_rad_s - run.mean_rotor_speed_rad_s) <= run.speed_error_rad_s
 
 
-@pytest.mark.parametrize("name", ["bimodal40", "andersen2002"])
+@pytest.mark.parametrize("name", ["beam40", "andersen2002"])
 def test_a_weak_drive_has_the_relative_error_of_a_stronger_one(name: str) -> None:
     """A tip that sticks moves in proportion to the voltage, to 1e-3 at 0.1 V; the place of rest does not count."""
     motor = pr.load_motor(name)

@@ -186,14 +186,14 @@ def test_parameters_of_the_x_line_are_those_of_the_motor(motor: pr.Motor, tmp_pa
     ],
 )
 def test_a_loss_without_an_averaged_model_is_an_error(name: str, value: float) -> None:
-    lossy = pr.load_motor("bimodal40").updated({name: value})
+    lossy = pr.load_motor("beam40").updated({name: value})
     with pytest.raises(pr.ParameterError, match=f"{name} = {value:g} has no averaged model"):
         pr.simulate_averaged(lossy, pr.default_drive(lossy), 1e-3)
 
 
 def test_a_preload_that_presses_the_tip_too_deep_is_an_error() -> None:
     """A phase of the averaged contact stops at 1 mm, where the normal force would be that of a smaller preload."""
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     softer = (motor.contact.normal_stiffness_n_per_m15 / 4e5) ** (2.0 / 3.0)
     names = [f"tangential_compliance_{body}_m_per_n23" for body in ("tip", "rotor")]
     compliances = {f"contact.{name}": softer * getattr(motor.contact, name) for name in names}
@@ -203,7 +203,7 @@ def test_a_preload_that_presses_the_tip_too_deep_is_an_error() -> None:
 
 
 def test_the_json_has_the_cautions_of_the_averaged_model() -> None:
-    opening = pr.load_motor("bimodal40")
+    opening = pr.load_motor("beam40")
     run = simulate_averaged(opening, pr.default_drive(opening), 2e-3)
     assert any("open for up to" in caution for caution in run.cautions)
     assert run.to_dict()["cautions"] == list(run.cautions)

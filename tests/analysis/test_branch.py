@@ -95,7 +95,7 @@ def test_the_folds_are_where_sweeps_up_and_down_jump() -> None:
 
 @pytest.mark.slow
 def test_the_branch_of_a_free_stator_that_softens_is_duffings_curve_through_both_folds() -> None:
-    motor = pr.load_motor("bimodal40").updated(SOFTENING)
+    motor = pr.load_motor("beam40").updated(SOFTENING)
     mode, voltage = motor.modes[1], 30.0
     force = voltage * abs(mode.coupling_a_n_per_v - mode.coupling_b_n_per_v)
     drive = pr.TwoPhaseDrive(voltage=voltage, frequency=mode.frequency_hz, phase_deg=180.0)

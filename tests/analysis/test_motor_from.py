@@ -21,7 +21,7 @@ SHEET_ERROR = 0.01
 # drive of the data sheet and band of the spectra
 SHEETS = {
     "andersen2002": (pr.TwoPhaseDrive(voltage=300.0, frequency=54e3, phase_deg=90.0), (8e3, 90e3)),
-    "bimodal40": (pr.TwoPhaseDrive(voltage=110.0, frequency=40.1e3, phase_deg=120.0), (25e3, 60e3)),
+    "beam40": (pr.TwoPhaseDrive(voltage=110.0, frequency=40.1e3, phase_deg=120.0), (25e3, 60e3)),
 }
 
 
@@ -135,9 +135,9 @@ def test_the_command_writes_the_motor_and_a_page_with_data_and_model(
 
 
 def test_tips_are_those_of_the_other_motor_for_one_modal_mass() -> None:
-    """The modes of bimodal40 have masses of 3.3 and 117 g, in coordinates of their own."""
-    base = pr.load_motor("bimodal40")
-    free = measured(base, 300, 1, SHEETS["bimodal40"][1])
+    """The modes of beam40 have masses of 3.3 and 117 g, in coordinates of their own."""
+    base = pr.load_motor("beam40")
+    free = measured(base, 300, 1, SHEETS["beam40"][1])
     fit = pr.fit_two_port(free, 2)
     tips = _tips(fit, base)
     assert tips is not None
@@ -150,7 +150,7 @@ def test_tips_are_those_of_the_other_motor_for_one_modal_mass() -> None:
             )
             assert one == pytest.approx(other, rel=5e-3, abs=1e-9)
     assert made.mount == base.mount
-    assert _tips(fit, pr.load_motor("bimodal40").updated({"modes.0.coupling_b_n_per_v": -0.01})) is None
+    assert _tips(fit, pr.load_motor("beam40").updated({"modes.0.coupling_b_n_per_v": -0.01})) is None
 
 
 def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -21,7 +21,7 @@ from tests.runs import simulated
 pytestmark = pytest.mark.xdist_group("reference")  # the integrator is compiled once there
 
 RECOIL, CARRIER = 4e-3, 0.05  # kg
-FLAGSHIP = pr.load_motor("bimodal40").updated(
+FLAGSHIP = pr.load_motor("beam40").updated(
     {"modes.0.mass_kg": 3.32e-3, "modes.0.stiffness_n_per_m": 1.935e8, "modes.0.recoil_kg": RECOIL,
      "modes.1.recoil_kg": 0.0, "mount.mass_kg": CARRIER}
 )  # fmt: skip
@@ -108,7 +108,7 @@ def test_a_run_with_recoil_follows_the_independent_integrator(name: str) -> None
 
 def test_the_steady_state_and_the_averaged_motor_brake_where_the_recoil_detunes_the_mode() -> None:
     # the beam's own recoil raises mode 1 by fifteen half bandwidths; a separate circuit model gave -12 mN·m
-    motor = changed_motor("bimodal40", {"beam.recoil": True})
+    motor = changed_motor("beam40", {"beam.recoil": True})
     assert [mode.recoil_kg for mode in motor.modes] == pytest.approx([3.889e-3, 0.0], rel=1e-3)
     drive = pr.default_drive(motor)
     state = pr.steady_state(motor, drive, speed=15.0)
@@ -122,13 +122,13 @@ def test_the_steady_state_and_the_averaged_motor_brake_where_the_recoil_detunes_
 
 @pytest.mark.parametrize("frequency", [39.5e3, 40.1e3, 41.2e3])
 def test_the_averaged_motor_does_not_trust_itself_on_a_light_carrier(frequency: float) -> None:
-    motor = pr.load_motor("bimodal40").updated({"mount.mass_kg": 2e-3, "mount.stiffness_n_per_m": 1e6})
+    motor = pr.load_motor("beam40").updated({"mount.mass_kg": 2e-3, "mount.stiffness_n_per_m": 1e6})
     run = pr.simulate_averaged(motor, two_phase(40.0, frequency, 120.0), 5e-3, speed=0.0)
     assert not run.trusted
 
 
 def test_an_unknown_recoil_that_may_detune_a_mode_is_a_caution() -> None:
-    unknown = pr.load_motor("bimodal40")
+    unknown = pr.load_motor("beam40")
     said = pr.steady_state(unknown, pr.default_drive(unknown), speed=15.0).cautions
     assert any("The recoil of mode bending-1 on the carrier is not known: one of 3.3 g" in one for one in said)
     assert pr.admittance(unknown, **BAND).cautions == unknown.cautions == said[: len(unknown.cautions)]
@@ -137,6 +137,6 @@ def test_an_unknown_recoil_that_may_detune_a_mode_is_a_caution() -> None:
 
 def test_modes_that_shake_more_than_the_carrier_are_refused() -> None:
     with pytest.raises(pr.ParameterError, match=r"shakes 0.271 kg, .* mount.mass_kg = 0.05 kg"):
-        pr.load_motor("bimodal40").updated({"modes.0.recoil_kg": 0.03})
+        pr.load_motor("beam40").updated({"modes.0.recoil_kg": 0.03})
     with pytest.raises(pr.ParameterError, match=r"beam.recoil = 3 is not valid: it must be true or false"):
-        changed_motor("bimodal40", {"beam.recoil": 3})
+        changed_motor("beam40", {"beam.recoil": 3})

@@ -18,7 +18,7 @@ from pyspice_runner.units import linear_name, linear_words, with_linear
 from tests.motors import sliding, turning
 from tests.runs import simulated
 
-SHEET: Motor = pr.load_motor("bimodal40")
+SHEET: Motor = pr.load_motor("beam40")
 STAGE = sliding(SHEET)
 DRIVE = pr.default_drive(SHEET)
 PLL = pr.Tracker(kind="pll", voltage=60.0, frequency=40.1e3, phase_deg=120.0)
@@ -124,7 +124,7 @@ def test_the_table_of_a_curve_is_in_newton_and_metres_per_second(
     (tmp_path / "stage.toml").write_text(STAGE.to_toml(), encoding="utf-8")
     assert run(["speed-torque", str(tmp_path / "stage.toml"), "--speeds", "0,0.2", "--step", "4e-7"]) == 0
     title, head, along, *rows = capsys.readouterr().out.splitlines()
-    assert title.startswith("bimodal40: speed and force, ")
+    assert title.startswith("beam40: speed and force, ")
     assert head.split()[0] == "force_n"
     assert along.split() == ["speed_m_s"]
     assert [row.split()[0] for row in rows] == ["0.0", "0.2"]

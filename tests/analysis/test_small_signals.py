@@ -198,7 +198,7 @@ def test_slow_modulation_follows_the_steady_states() -> None:
 @pytest.mark.soak
 def test_where_effects_cancel_a_transfer_function_is_that_of_steady_states_within_its_error() -> None:
     """Two modes meet: the drive of the set is near the frequency of the greatest speed."""
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor)
     assert isinstance(drive, pr.TwoPhaseDrive)
     found = small_signals(motor, drive, frequencies=[0.5])
@@ -247,7 +247,7 @@ def test_a_group_that_moves_no_mode_has_no_phase_of_its_motional_current() -> No
 
 @pytest.mark.soak
 def test_the_error_of_the_hot_admittance_is_that_of_the_time_step() -> None:
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     drive, at = pr.default_drive(motor), [100.0, 1000.0]
     found = small_signals(motor, drive, frequencies=at)
     finer = small_signals(motor, drive, frequencies=at, step=0.5 * found.state.step_s)

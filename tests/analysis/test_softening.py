@@ -14,7 +14,7 @@ from tests.netlist.test_decks import measured
 from tools.benches.duffing import amplitudes, folds
 from tools.decks import SOFTENING
 
-MOTOR = pr.load_motor("bimodal40")
+MOTOR = pr.load_motor("beam40")
 SOFT = MOTOR.updated(SOFTENING)
 MODE = SOFT.modes[1]
 VOLTAGE = 50.0

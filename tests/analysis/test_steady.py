@@ -175,7 +175,7 @@ def test_a_period_of_a_steady_state_counts_as_settled() -> None:
 
 @pytest.mark.parametrize("sliders", [16, pytest.param(32, marks=[pytest.mark.slow, pytest.mark.soak])])
 def test_sliders_that_slip_add_no_multipliers(sliders: int) -> None:
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor)
     few, many = (pr.steady_state(motor, drive, speed=45.0, contact=pr.Law("brush", count)) for count in (8, sliders))
     assert many.stable
@@ -205,7 +205,7 @@ def linear_multipliers(motor: pr.Motor, period: float, *, turns: bool) -> np.nda
     return np.exp(np.linalg.eigvals(system) * period)
 
 
-@pytest.mark.parametrize("name", ["andersen2002", "bimodal40"])
+@pytest.mark.parametrize("name", ["andersen2002", "beam40"])
 @pytest.mark.parametrize("speed", [0.0, None])
 def test_a_row_of_sliders_that_stick_has_the_multipliers_of_one_spring(name: str, speed: float | None) -> None:
     motor = pr.load_motor(name)
@@ -384,8 +384,8 @@ def test_a_shaft_that_turns_slowly_has_no_steady_state_that_sticks() -> None:
 @pytest.mark.parametrize(
     ("name", "voltage", "speed"),
     [
-        ("bimodal40", 110.0, 20.0),
-        ("bimodal40", 110.0, 50.0),
+        ("beam40", 110.0, 20.0),
+        ("beam40", 110.0, 50.0),
         ("andersen2002-unintended-mode", 60.0, 5.0),
         ("andersen2002-unintended-mode", 100.0, 0.0),
         (str(Path(__file__).parents[2] / "examples" / "plate40.toml"), 100.0, 0.0),

@@ -92,7 +92,7 @@ def test_an_observer_has_no_averaged_model(motor: pr.Motor) -> None:
 
 
 def test_the_command_states_temperature_and_check(capsys: pytest.CaptureFixture[str]) -> None:
-    command = "track bimodal40 --averaged --disturb warm-up --target -20 --duration 60 --json"
+    command = "track beam40 --averaged --disturb warm-up --target -20 --duration 60 --json"
     assert run(command.split()) == 0
     told = capsys.readouterr()
     found = json.loads(told.out)

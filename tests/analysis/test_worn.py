@@ -13,7 +13,7 @@ from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.model.contact import contact_radius
 from tests.reference.integrator import Tone, integrate
 
-MOTOR = pr.load_motor("bimodal40").updated({"contact.worn_flat_radius_m": 60e-6})
+MOTOR = pr.load_motor("beam40").updated({"contact.worn_flat_radius_m": 60e-6})
 DRIVE = pr.TwoPhaseDrive(voltage=110.0, frequency=40.1e3, phase_deg=120.0)
 
 
@@ -36,9 +36,9 @@ def test_a_run_is_that_of_the_independent_integrator() -> None:
 @pytest.mark.soak
 def test_the_page_of_the_motor_has_the_numbers_new_and_run_in() -> None:
     root = Path(__file__).resolve().parents[2]
-    page = (root / "docs" / "bimodal40.md").read_text(encoding="utf-8").partition("## New and run in")[2]
+    page = (root / "docs" / "beam40.md").read_text(encoding="utf-8").partition("## New and run in")[2]
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if " N | " in line]
-    names = ["bimodal40"] * 3 + [str(root / "examples" / "plate40.toml")] * 3
+    names = ["beam40"] * 3 + [str(root / "examples" / "plate40.toml")] * 3
     assert len(rows) == len(names)
     for name, (_, flat, _, pressure, stall, free) in zip(names, rows, strict=True):
         radius = 0.0 if "new" in flat else 1e-6 * float(flat.split()[0])

@@ -67,7 +67,7 @@ class Unit:
 
 @pytest.fixture(scope="module")
 def motor() -> pr.Motor:
-    return pr.load_motor("bimodal40")
+    return pr.load_motor("beam40")
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +160,7 @@ def test_without_a_compiler_the_export_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert run(["export", "bimodal40", "--output", str(tmp_path / "motor.fmu")]) == 3
+    assert run(["export", "beam40", "--output", str(tmp_path / "motor.fmu")]) == 3
     assert "No C compiler was found on the PATH (cc, gcc, clang)" in capfd.readouterr().err
     assert not (tmp_path / "motor.fmu").exists()
 

@@ -16,7 +16,7 @@ from pyspice_runner.netlist.motor import motor_library
 from pyspice_runner.netlist.veriloga import motor_module
 from tests.motors import sliding, turning
 
-STAGE = sliding(pr.load_motor("bimodal40"), guide_friction_n=0.1)
+STAGE = sliding(pr.load_motor("beam40"), guide_friction_n=0.1)
 ROTARY = turning(STAGE, 1.0)
 ROTOR = re.compile(r"rad/s|N\.m\b|kg\.m2|torque|rotor|rad\b|inertia of|speed_rad_s")
 
@@ -46,7 +46,7 @@ def test_the_module_has_parameters_in_newton_and_metres_per_second() -> None:
     assert not ROTOR.search(head.replace("_rotor and", ""))
     assert '(* desc="mass", units="kg" *) parameter real inertia' in slides
     assert '(* desc="dry friction of the guide", units="N" *) parameter real bearing_torque' in slides
-    with pytest.raises(pr.ParameterError, match="bimodal40 has a slider, and a rotational shaft is for a rotor: leave"):
+    with pytest.raises(pr.ParameterError, match="beam40 has a slider, and a rotational shaft is for a rotor: leave"):
         motor_module(STAGE, rotational=True)
 
 

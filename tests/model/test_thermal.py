@@ -11,8 +11,8 @@ import pyspice_runner as pr
 def test_a_motor_heats_by_its_own_resistance_and_capacity() -> None:
     """Steel of 470 and ceramic of 440 J/(kg K); the unintended mode has no beam, and keeps the default capacity."""
     assert pr.Thermal.of(pr.load_motor("andersen2002")).heat_capacity_j_per_k == pytest.approx(2.1, rel=0.02)
-    small = pr.Thermal.of(pr.load_motor("bimodal40"))
+    small = pr.Thermal.of(pr.load_motor("beam40"))
     assert small.thermal_resistance_k_per_w == 60.0
     assert small.time_constant == pytest.approx(60.0 * small.heat_capacity_j_per_k)
     assert pr.Thermal.of(pr.load_motor("andersen2002-unintended-mode")) == pr.Thermal()
-    assert pr.Thermal.of(pr.load_motor("bimodal40").updated({"limits": None})).thermal_resistance_k_per_w == 100.0
+    assert pr.Thermal.of(pr.load_motor("beam40").updated({"limits": None})).thermal_resistance_k_per_w == 100.0

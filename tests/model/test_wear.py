@@ -20,7 +20,7 @@ ALUMINA = Materials(
     rotor_youngs_modulus_pa=370e9, rotor_poisson=0.22,
 )  # fmt: skip
 NEW = Contact(**ALUMINA.constants(0.015), friction=0.3, preload_n=6.5, specific_wear_rate_m3_per_n_m=1e-15)
-FLAGSHIP = pr.load_motor("bimodal40")
+FLAGSHIP = pr.load_motor("beam40")
 OF_CONTACT = ("The peak pressure", "Friction puts", "The results are those of a")
 
 

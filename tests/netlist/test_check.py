@@ -17,7 +17,7 @@ from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import coarsest_step, motor_library
 from tests.netlist.batch import measured
 
-MOTOR = pr.load_motor("bimodal40")
+MOTOR = pr.load_motor("beam40")
 STEP = coarsest_step(MOTOR)
 PHASES = "Va a 0 SIN(0 110 40.1k)\nVb b 0 SIN(0 110 40.1k 0 0 120)"
 RIGHT = "Xmotor a b 0 shaft piezomotor"

@@ -70,7 +70,7 @@ def test_only_friction_that_falls_with_the_velocity_has_the_exponential() -> Non
     }  # fmt: skip
 
 
-WORN = load_motor("bimodal40").contact.model_copy(update={"worn_flat_radius_m": 60e-6, "preload_n": 4.0})
+WORN = load_motor("beam40").contact.model_copy(update={"worn_flat_radius_m": 60e-6, "preload_n": 4.0})
 
 
 def test_the_normal_contact_of_a_worn_tip_differs_by_its_force_only() -> None:

@@ -145,7 +145,7 @@ def test_admittance_decks_find_resonance_and_conductance(name: str, preloaded: b
             2e-3,
             0.0,
         ),
-        ("spin_up", "bimodal40", pr.default_drive(pr.load_motor("bimodal40")), 3e-3, 5e-3),
+        ("spin_up", "beam40", pr.default_drive(pr.load_motor("beam40")), 3e-3, 5e-3),
     ],
 )
 def test_transient_decks_agree_with_simulate(
@@ -270,7 +270,7 @@ def test_first_resonance_hammers(tmp_path: Path) -> None:
 
 
 def test_dynamometer_deck_integrates_what_the_waveforms_of_simulate_hold(tmp_path: Path) -> None:
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor)
     stop = 60 * drive.period
     result = run_with("dynamometer", {"stop": repr(stop), "periods": "20"}, tmp_path)
@@ -330,7 +330,7 @@ def test_the_averaged_library_is_what_the_package_writes() -> None:
 
 
 def test_the_averaged_operating_point_is_the_steady_state_of_the_full_model(tmp_path: Path) -> None:
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     found = measured("averaged_operating_point", tmp_path)
     state = pr.steady_state(motor, pr.default_drive(motor), load_torque=4e-3)
     assert state.converged

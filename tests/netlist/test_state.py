@@ -13,7 +13,7 @@ from pyspice_runner.netlist.state import Discretisation, motion, motion_of, moto
 from pyspice_runner.run.kernel import transient
 
 STEP = 1e-12  # s: within it no state moves visibly
-SPRUNG = pr.load_motor("bimodal40").updated({"rotor.bearing_friction_n_m": 1e-4})
+SPRUNG = pr.load_motor("beam40").updated({"rotor.bearing_friction_n_m": 1e-4})
 HELD = SPRUNG.updated({"mount": None})
 
 

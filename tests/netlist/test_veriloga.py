@@ -41,15 +41,15 @@ def parameters(text: str) -> dict[str, re.Match[str]]:
     return {found["name"]: found for found in PARAMETER.finditer(text)}
 
 
-def test_the_file_has_the_values_of_bimodal40() -> None:
+def test_the_file_has_the_values_of_beam40() -> None:
     text = (data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8")
-    assert set(text.splitlines()) <= set(motor_module(pr.load_motor("bimodal40")).splitlines())
+    assert set(text.splitlines()) <= set(motor_module(pr.load_motor("beam40")).splitlines())
 
 
 def test_constants_stand_inside_the_time_derivative() -> None:
     """A constant before ddt has been seen to compile to wrong dynamics in OpenVAF, without a message."""
     for law in WRITTEN:
-        text = motor_module(pr.load_motor("bimodal40"), contact=law)
+        text = motor_module(pr.load_motor("beam40"), contact=law)
         assert "ddt(" in text
         assert not re.search(r"\* *ddt\(", text)
 
@@ -57,7 +57,7 @@ def test_constants_stand_inside_the_time_derivative() -> None:
 @pytest.mark.parametrize("name", SAME)
 def test_a_parameter_has_the_unit_and_range_of_the_subcircuit(name: str) -> None:
     law = "coulomb" if name == "creep" else "spring-slider"
-    found = parameters(motor_module(pr.load_motor("bimodal40"), contact=law))[name]
+    found = parameters(motor_module(pr.load_motor("beam40"), contact=law))[name]
     library, inner = SAME[name]
     (declared,) = (item for item in read_library(f"piezomotor_{library}").parameters if item.name == inner)
     assert (float(found["least"]), float(found["greatest"])) == (declared.least, declared.greatest)
@@ -79,7 +79,7 @@ def test_every_mode_has_its_states_equations_and_values() -> None:
 
 @pytest.mark.parametrize("law", WRITTEN)
 def test_a_rotational_shaft_has_the_access_functions_of_its_discipline(law: ContactLaw) -> None:
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     electrical, rotational = (motor_module(motor, contact=law, rotational=option) for option in (False, True))
     assert re.findall(r"^ +rotational_omega (.+);$", rotational, re.M) == ["shaft"]
     assert not re.search(r"electrical [^;]*\bshaft\b|\b[VI]\(shaft\)", rotational)
@@ -89,7 +89,7 @@ def test_a_rotational_shaft_has_the_access_functions_of_its_discipline(law: Cont
 
 
 def test_options_of_a_motor_become_parameters() -> None:
-    motor = pr.load_motor("bimodal40").updated({"mount": None, "contact.sliding_ratio": 0.7})
+    motor = pr.load_motor("beam40").updated({"mount": None, "contact.sliding_ratio": 0.7})
     found = parameters(motor_module(motor, thermal=pr.Thermal(frequency_drift_per_k=-2e-4)))
     assert (found["mounted"]["value"], found["sliding"]["value"], found["drift_f"]["value"]) == ("0", "0.7", "-0.0002")
     assert {"creep", "sliding"} & set(
@@ -108,7 +108,7 @@ def test_a_module_takes_a_name_and_no_law_that_it_does_not_have(tmp_path: Path) 
 
 @pytest.mark.parametrize("sliders", [1, 8, 20])
 def test_a_brush_has_a_cell_for_every_slider(sliders: int, tmp_path: Path) -> None:
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     text = pr.export_motor(motor, tmp_path / "m.va", contact=pr.Law("brush", sliders)).read_text(encoding="utf-8")
     found = parameters(text)
     (span,) = (item for item in read_library("piezomotor_brush").parameters if item.name == "span")

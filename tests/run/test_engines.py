@@ -21,7 +21,7 @@ from pyspice_runner.run import engines
 from pyspice_runner.run.engines import COMPARED, TOLERANCE, is_compiled
 from pyspice_runner.run.operating_point import OperatingPoint
 
-MOTOR = pr.load_motor("bimodal40")
+MOTOR = pr.load_motor("beam40")
 DRIVE = pr.default_drive(MOTOR)
 GOOD = dict.fromkeys(COMPARED, 0.1 * TOLERANCE)
 BAD = GOOD | {"tip_x_m": 0.3}

@@ -8,7 +8,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.run.operating_point import OperatingPoint
 
-MOTOR = pr.load_motor("bimodal40")
+MOTOR = pr.load_motor("beam40")
 DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=40e3)
 POINT = OperatingPoint.of(MOTOR, DRIVE)
 

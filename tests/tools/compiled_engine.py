@@ -20,7 +20,7 @@ from pyspice_runner.run import engines
 from pyspice_runner.run.kernel import modules_folder
 from pyspice_runner.run.waveforms import Waveforms
 
-MOTOR = pr.load_motor("bimodal40")
+MOTOR = pr.load_motor("beam40")
 DRIVE = pr.default_drive(MOTOR)
 
 

@@ -20,5 +20,5 @@ def test_a_point_of_the_page_is_what_is_measured(name: str) -> None:
 
 
 def test_the_admittances_of_the_page_are_what_is_measured() -> None:
-    told = [float(cell) for cell in ROWS["bimodal40"]]
-    assert SCRIPT["deviations"]("bimodal40") == pytest.approx(told, rel=0.2)
+    told = [float(cell) for cell in ROWS["beam40"]]
+    assert SCRIPT["deviations"]("beam40") == pytest.approx(told, rel=0.2)

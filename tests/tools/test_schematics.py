@@ -131,7 +131,7 @@ def test_the_circuit_of_a_drawing_runs_as_simulate_does(tool: str, read: object,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     speed = float(re.search(r"speed_end\s*=\s*(\S+)", done.stdout)[1])  # type: ignore[index]
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor)
     run = pr.simulate(motor, drive, duration=0.5e-3)
     expected = float(np.interp(499e-6, run.time_s, run.rotor_speed_rad_s))
@@ -143,7 +143,7 @@ def test_the_circuit_of_a_drawing_runs_as_simulate_does(tool: str, read: object,
 @pytest.mark.parametrize(("tool", "read"), [("ltspice", from_ltspice), ("kicad", from_kicad)])
 def test_a_parameter_that_is_edited_on_the_drawing_changes_the_motor(tool: str, read: object, tmp_path: Path) -> None:
     parts, _ = read(EXAMPLES / tool)  # type: ignore[operator]
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     forces = []
     for preload in (motor.contact.preload_n, 4.0):
         x1 = " ".join(parts["X1"]).replace(f"preload={motor.contact.preload_n!r} ", f"preload={preload!r} ")

@@ -13,7 +13,7 @@ import pyspice_runner as pr
 from pyspice_runner.netlist.contact import Law
 from tests.tools import second_simulator
 
-MOTOR = pr.load_motor("bimodal40")
+MOTOR = pr.load_motor("beam40")
 CASES: dict[str, tuple[pr.Motor, dict[str, Any], Law]] = {
     "free shaft": (MOTOR, {}, Law()),
     "held shaft": (MOTOR, {"speed": 5.0}, Law()),
@@ -39,7 +39,7 @@ def test_a_transient_in_vacask_is_that_of_ngspice(case: str) -> None:
     assert theirs.energy_residual < 1e-3
 
 
-@pytest.mark.parametrize("name", ["bimodal40", "andersen2002-unintended-mode"])
+@pytest.mark.parametrize("name", ["beam40", "andersen2002-unintended-mode"])
 def test_the_admittance_in_vacask_is_that_of_ngspice(name: str) -> None:
     motor = pr.load_motor(name)
     ours = pr.admittance(motor, start=30e3, stop=60e3, points=121, state="preloaded")

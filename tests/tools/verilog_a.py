@@ -16,7 +16,7 @@ from pyspice_runner.netlist.motor import coarsest_step, motor_library, source_li
 from pyspice_runner.netlist.veriloga import motor_module
 
 NGSPICE = Path(__file__).parents[2] / ".tools" / "ngspice" / "bin" / "ngspice"
-DURATION = 2e-3  # s, some ten decay times of the modes of bimodal40, four of the others
+DURATION = 2e-3  # s, some ten decay times of the modes of beam40, four of the others
 
 
 def compiled(text: str, folder: Path) -> None:
@@ -51,11 +51,11 @@ def transient(folder: Path, motor: list[str], drive: pr.TwoPhaseDrive, step: flo
 
 SPRING = ["N1 a b 0 shaft 0 device", ".model device piezomotor"]
 CASES = {
-    "bimodal40": ("bimodal40", {}, "spring-slider", (110.0, 40.1e3, 120.0)),
+    "beam40": ("beam40", {}, "spring-slider", (110.0, 40.1e3, 120.0)),
     "three modes": ("andersen2002-unintended-mode", {}, "spring-slider", (100.0, 44.5e3, 180.0)),
     "fixed distance": ("andersen2002", {"mount": None}, "spring-slider", (200.0, 51.7e3, 90.0)),
     "losses of a real motor": (
-        "bimodal40",
+        "beam40",
         {
             "contact.sliding_ratio": 0.8, "contact.stribeck_velocity_m_s": 0.05, "rotor.bearing_friction_n_m": 3e-4,
             "contact.series_compliance_m_per_n": 2e-9, "modes.0.softening_per_m2": 1e9,
@@ -64,8 +64,8 @@ CASES = {
         "spring-slider",
         (100.0, 40.1e3, 120.0),
     ),
-    "coulomb": ("bimodal40", {}, "coulomb", (90.0, 40.1e3, -120.0)),
-    "brush": ("bimodal40", {}, "brush", (90.0, 40.1e3, 120.0)),
+    "coulomb": ("beam40", {}, "coulomb", (90.0, 40.1e3, -120.0)),
+    "brush": ("beam40", {}, "brush", (90.0, 40.1e3, 120.0)),
 }  # fmt: skip
 
 
@@ -86,7 +86,7 @@ def test_the_compiled_motor_spins_up_as_the_subcircuits_do(case: str, tmp_path: 
 
 
 def test_a_rotational_shaft_changes_no_result(tmp_path: Path) -> None:
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     drive = pr.TwoPhaseDrive(voltage=110.0, frequency=40.1e3, phase_deg=120.0)
     found = []
     for rotational in (False, True):
@@ -97,7 +97,7 @@ def test_a_rotational_shaft_changes_no_result(tmp_path: Path) -> None:
 
 
 def test_a_drift_with_temperature_and_its_heat_are_those_of_the_subcircuits(tmp_path: Path) -> None:
-    motor, thermal = pr.load_motor("bimodal40"), pr.Thermal()
+    motor, thermal = pr.load_motor("beam40"), pr.Thermal()
     drive = pr.TwoPhaseDrive(voltage=80.0, frequency=39.9e3, phase_deg=120.0)
     step = 0.5 * coarsest_step(motor)
     warm = "Vtemperature temperature 0 40"
@@ -112,7 +112,7 @@ def test_a_drift_with_temperature_and_its_heat_are_those_of_the_subcircuits(tmp_
         assert np.sqrt(np.mean(error**2)) < 3e-3 * np.sqrt(np.mean(expected[:, column] ** 2)), column
 
 
-@pytest.mark.parametrize("name", ["bimodal40", "andersen2002-unintended-mode"])
+@pytest.mark.parametrize("name", ["beam40", "andersen2002-unintended-mode"])
 def test_the_admittance_of_the_preloaded_stator_is_that_of_the_subcircuits(name: str, tmp_path: Path) -> None:
     motor = pr.load_motor(name)
     compiled(motor_module(motor), tmp_path)

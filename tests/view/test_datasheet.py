@@ -383,9 +383,9 @@ def without_load(curve: xarray.Dataset) -> float:
 
 
 def test_the_headline_is_that_of_steady_states(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The rotor of bimodal40 still accelerates when the run ends."""
+    """The rotor of beam40 still accelerates when the run ends."""
     monkeypatch.setattr("pyspice_runner.view.report.SPEEDS", 5)
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor)
     report = pr.report(motor, drive, duration=1e-3)
     figures = {name: value or np.nan for name, value in report.key_figures.items()}
@@ -421,7 +421,7 @@ def test_what_is_not_settled_is_not_a_headline(report: Report) -> None:
 
 @pytest.mark.soak
 def test_dry_friction_of_the_bearing_lowers_the_speed_without_load_or_stops_the_rotor() -> None:
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor)
     rough = motor.updated({"rotor.bearing_friction_n_m": 1e-3})
     free = _free_rotor(rough, drive, None)

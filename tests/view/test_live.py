@@ -32,7 +32,7 @@ PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
 @pytest.fixture(scope="module")
 def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("live") / "live.html"
-    assert run(["live", "bimodal40", "--output", str(target)]) == 0
+    assert run(["live", "beam40", "--output", str(target)]) == 0
     return target
 
 
@@ -63,10 +63,10 @@ def desktop(browser: Browser, page_file: Path) -> Iterator[tuple[Page, list[str]
 
 @pytest.fixture(scope="module")
 def drawn(desktop: tuple[Page, list[str]]) -> tuple[Page, list[str]]:
-    """The page with all its curves, at a frequency where bimodal40 has two stable steady motions."""
+    """The page with all its curves, at a frequency where beam40 has two stable steady motions."""
     page, wrong = desktop
     page.evaluate("void (window.further = curves)")
-    answered(page, lambda: page.select_option("#preset-choice", label="bimodal40: recommended drive"))
+    answered(page, lambda: page.select_option("#preset-choice", label="beam40: recommended drive"))
     answered(page, typed(page, "frequency", 39.65))
     page.wait_for_selector("html[data-further=done]", state="attached", timeout=90_000)
     page.evaluate("void (window.further = () => {})")
@@ -135,9 +135,9 @@ def test_the_page_is_small_states_its_engine_and_paints_at_once(
 
 def test_speed_and_limits_are_those_of_the_steady_state(desktop: tuple[Page, list[str]]) -> None:
     page, _ = desktop
-    recommended = "bimodal40: recommended drive"
+    recommended = "beam40: recommended drive"
     found = answered(page, lambda: page.select_option("#preset-choice", label=recommended), settled=True)
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor)
     steady = pr.steady_state(motor, drive, load_torque=0.0)
     assert found["settled"] == "true"
@@ -204,7 +204,7 @@ def test_every_control_reaches_the_deck(desktop: tuple[Page, list[str]]) -> None
 
 def test_a_value_out_of_range_is_named_and_limited(desktop: tuple[Page, list[str]]) -> None:
     page, _ = desktop
-    answered(page, lambda: page.select_option("#preset-choice", label="bimodal40: recommended drive"))
+    answered(page, lambda: page.select_option("#preset-choice", label="beam40: recommended drive"))
     typed(page, "friction", 7.0)()
     assert "Coefficient of friction = 7 is not valid: it must be 0.01 to 1.5." in page.inner_text("#status")
     assert page.input_value("#friction-number") == "1.5"
@@ -223,7 +223,7 @@ def test_slider_and_field_have_the_same_value(desktop: tuple[Page, list[str]]) -
             assert [(key, number) for key, _, number in page.evaluate(pairs)] == [
                 (key, slider) for key, slider, _ in page.evaluate(pairs)
             ]
-        page.select_option("#preset-choice", label="bimodal40: recommended drive")
+        page.select_option("#preset-choice", label="beam40: recommended drive")
         assert page.input_value("#preload-slider") == "6.5"
         for do in (
             typed(page, "preload", 6.537),
@@ -249,7 +249,7 @@ def test_the_settings_stay_in_view(desktop: tuple[Page, list[str]]) -> None:
 
 @pytest.mark.soak
 def test_a_slider_is_shown_in_newton_and_millimetres_per_second(browser: Browser, tmp_path: Path) -> None:
-    motor = sliding(pr.load_motor("bimodal40"))
+    motor = sliding(pr.load_motor("beam40"))
     assert "rad/s" not in "".join(live_decks(motor).values())
     file = save_live_page(motor, tmp_path / "live.html")
     page, wrong = opened(browser, file, reduced_motion="reduce")
@@ -273,7 +273,7 @@ def test_two_settings_stand_side_by_side_and_a_link_restores_them(
     desktop: tuple[Page, list[str]], browser: Browser, page_file: Path
 ) -> None:
     page, wrong = desktop
-    answered(page, lambda: page.select_option("#preset-choice", label="bimodal40: recommended drive"))
+    answered(page, lambda: page.select_option("#preset-choice", label="beam40: recommended drive"))
     answered(page, lambda: page.click("#compare"))
     slow = answered(page, typed(page, "voltage", 90.0))
     cells, speed = page.evaluate(  # at once: the settled answer follows the first
@@ -306,7 +306,7 @@ def test_escape_stops_a_run_and_the_next_change_runs_again(desktop: tuple[Page, 
     page.keyboard.press("Escape")
     page.wait_for_selector("html[data-busy=false]", state="attached")
     assert page.inner_text("#status").startswith("Stopped.")
-    found = answered(page, lambda: page.select_option("#preset-choice", label="bimodal40: stall: the shaft is held"))
+    found = answered(page, lambda: page.select_option("#preset-choice", label="beam40: stall: the shaft is held"))
     assert abs(float(found["speed"])) < 1e-3
 
 
@@ -345,7 +345,7 @@ def test_speed_over_frequency_shows_hysteresis(drawn: tuple[Page, list[str]]) ->
 
 @pytest.mark.soak
 def test_the_page_names_the_folds_of_the_full_motor() -> None:
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor).updated({"frequency": 39.73e3})
     branch = pr.steady_branch(motor, drive, follow="drive.frequency", start=39.73e3, stop=39.55e3)
     assert branch.piezomotor.ended == "It reaches stop."
@@ -356,7 +356,7 @@ def test_the_page_names_the_folds_of_the_full_motor() -> None:
 @pytest.mark.soak
 def test_a_motor_with_a_loss_that_the_preview_leaves_out_runs_cycle_by_cycle(browser: Browser, tmp_path: Path) -> None:
     light = {"rotor.bearing_friction_n_m": 1e-3, "rotor.inertia_kg_m2": 1e-6}  # settles soon
-    motor = pr.load_motor("bimodal40").updated(light)
+    motor = pr.load_motor("beam40").updated(light)
     file = tmp_path / "live.html"
     file.write_text(live_page(motor, []), encoding="utf-8")
     page, wrong = opened(browser, file, reduced_motion="reduce")
@@ -392,7 +392,7 @@ def test_the_deck_gives_the_same_numbers_in_ngspice(drawn: tuple[Page, list[str]
 def test_ngspice_runs_a_driver_and_its_messages_stand_at_their_lines(desktop: tuple[Page, list[str]]) -> None:
     page, _ = desktop
     with without_runs(page):
-        page.select_option("#preset-choice", label="bimodal40: recommended drive")
+        page.select_option("#preset-choice", label="beam40: recommended drive")
     page.evaluate("document.getElementById('driver').open = true")
     page.click("#driver-example")
     found = answered(page, lambda: page.click("#driver-run"))
@@ -453,7 +453,7 @@ def test_a_driver_cannot_change_the_deck(desktop: tuple[Page, list[str]], text: 
 
 def test_a_link_cannot_change_the_deck(browser: Browser, page_file: Path) -> None:
     first, second = (
-        f"#A.motor=bimodal40&A.driver={quote(text)}"
+        f"#A.motor=beam40&A.driver={quote(text)}"
         for text in (".param foo=1\n+ frequency=1e3 voltage=0.001", "Vx xmotor.x 0 1")
     )
     page, wrong = opened(browser, page_file, first, reduced_motion="reduce")

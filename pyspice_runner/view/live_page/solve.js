@@ -199,7 +199,7 @@ const BLOCK = 40, WINDOW = 20; // periods of the drive in a run, and of them tho
 const DRIVER_BLOCK = 100, COLD_BLOCK = 120; // with a driver, whose own state starts anew; from rest
 const MOST_BLOCKS = 24;
 const LIGHT = 20; // periods in which the speed of a light rotor settles, for a run from rest
-const RESONANT_VELOCITY = 1.3; // m/s, of the tip of bimodal40 at resonance; a lighter rotor lags less behind a ramp
+const RESONANT_VELOCITY = 1.3; // m/s, of the tip of beam40 at resonance; a lighter rotor lags less behind a ramp
 const SETTLED = 0.001; // change of the speed that is left, over the speed
 
 /**

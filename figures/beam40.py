@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The motor bimodal40 at its recommended drive: speed, torque, efficiency, preload, dead band, current and limits."""
+"""The motor beam40 at its recommended drive: speed, torque, efficiency, preload, dead band, current and limits."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ COLOURS = (ORANGE, GREEN, BLUE)
 
 
 def draw(folder: Path) -> list[str]:
-    motor = pr.load_motor("bimodal40")
+    motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor)
     assert isinstance(drive, pr.TwoPhaseDrive)
     radius, limits = motor.rotor.radius_m, motor.limits
@@ -68,8 +68,8 @@ def draw(folder: Path) -> list[str]:
         f"{1e3 * float(np.fmax(full['current_a_rms_a'], full['current_b_rms_a']).max()):.1f} mA rms, "
         f"{1e-6 * float(full['ceramic_stress_pa'].max()):.1f} MPa and {float(full['temperature_rise_k'].max()):.1f} K."
     )
-    path = folder / "bimodal40.png"
-    write(figure, path, "bimodal40 at its recommended drive", facts)
+    path = folder / "beam40.png"
+    write(figure, path, "beam40 at its recommended drive", facts)
     return [str(path), facts]
 
 

@@ -16,7 +16,7 @@ from tests.runs import simulated
 
 pytestmark = pytest.mark.xdist_group("reference")  # the integrator is compiled once there
 
-MOTOR = pr.load_motor("bimodal40")
+MOTOR = pr.load_motor("beam40")
 DRIVE = pr.default_drive(MOTOR)
 DYNAMIC_STRENGTH_PA = 24e6  # rated dynamic tensile strength of PZT-4: 3,500 psi (Berlincourt, Krueger, Near, TP-226)
 
