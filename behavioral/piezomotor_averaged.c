@@ -144,13 +144,15 @@ static void evaluate(const struct motor *m, const double state[STATES], struct f
     double gain = 1.0 + p->coupling_drift * warm, drift = 1.0 + p->frequency_drift * warm;
     phasor x[HARMONICS + 1] = {{0.0, 0.0}}, y[HARMONICS + 1] = {{0.0, 0.0}};
 
-    /* groups: clamped capacitance with a constant loss tangent */
+    /* groups: clamped capacitances with a constant loss tangent */
     double susceptance = 2.0 * PI * p->frequency * (1.0 + p->capacitance_drift * warm)
         * pow(REFERENCE / p->frequency, 2.0 / PI * atan(p->loss));
     phasor admittance = {susceptance * p->loss, susceptance};
-    f->current_a = scaled(p->capacitance_a, product(admittance, u_a));
-    f->current_b = scaled(p->capacitance_b, product(admittance, u_b));
-    f->heat = 0.5 * admittance.re * (p->capacitance_a * square(u_a) + p->capacitance_b * square(u_b));
+    phasor q_a = sum(scaled(p->capacitance_a, u_a), scaled(-p->capacitance_ab, u_b));
+    phasor q_b = sum(scaled(p->capacitance_b, u_b), scaled(-p->capacitance_ab, u_a));
+    f->current_a = product(admittance, q_a);
+    f->current_b = product(admittance, q_b);
+    f->heat = 0.5 * admittance.re * (q_a.re * u_a.re + q_a.im * u_a.im + q_b.re * u_b.re + q_b.im * u_b.im);
 
     /* tip: the sum of the modes; x from the crown of the rotor, which is above the tip at rest; y with the carrier */
     for (int i = 0; i < MODES; i++) {

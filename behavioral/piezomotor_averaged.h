@@ -66,6 +66,7 @@ enum {
     ENTRY(bearing, "N.m.s", 0, 1e3, "viscous bearing coefficient") \
     ENTRY(capacitance_a, "F", 1e-15, 1e-3, "clamped capacitance of group A at 100 kHz") \
     ENTRY(capacitance_b, "F", 1e-15, 1e-3, "clamped capacitance of group B at 100 kHz") \
+    ENTRY(capacitance_ab, "F", -1e-3, 1e-3, "capacitance between the groups at 100 kHz, a part of both others") \
     ENTRY(loss, "1", 0, 0.5, "dielectric loss tangent") \
     ENTRY(frequency_drift, "1/K", -0.01, 0.01, "relative drift of the resonance frequencies") \
     ENTRY(coupling_drift, "1/K", -0.01, 0.01, "relative drift of the couplings") \

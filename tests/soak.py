@@ -142,7 +142,7 @@ def _schema(kind: type[Parameters]) -> dict[str, Any]:
 
 
 def random_motor(rng: np.random.Generator) -> Motor:
-    rotor, piezo = Rotor(**_values(rng, Rotor)), Piezo(**_values(rng, Piezo))
+    rotor, piezo = Rotor(**_values(rng, Rotor)), _accepted(lambda: Piezo(**_values(rng, Piezo)))
     contact = _accepted(lambda: Contact(**_values(rng, Contact)))
     count = min(1 + int(rng.exponential(1.5)), 20)
     motor: Motor | None = None

@@ -355,6 +355,7 @@ def _columns(
     for group, capacitance in (("a", motor.piezo.capacitance_a_f), ("b", motor.piezo.capacitance_b_f)):
         electrical += 0.5 * np.real(voltages[group] * currents[group].conjugate())
         stored += 0.25 * capacitance * np.abs(voltages[group]) ** 2
+    stored -= 0.5 * motor.piezo.capacitance_ab_f * np.real(voltages["a"] * voltages["b"].conjugate())
     for order in range(1, harmonics + 1):
         forces = {axis: amplitude(f"v(xmotor.f{axis}_{{}}{order})") for axis in "xy"}
         for index, mode in enumerate(motor.modes, start=1):

@@ -214,9 +214,10 @@ class Dynamometer:
         energy = stored_energy(
             self.motor, motion.displacements_m, motion.velocities_m_s, motion.carrier_m, motion.carrier_m_s
         )
-        for group, plates in (("a", motion.plates_a_v), ("b", motion.plates_b_v)):
-            for branch, voltage in zip(dielectric_branches(self.motor, group), plates, strict=True):
-                energy += 0.5 * branch.capacitance_f * voltage**2
+        share = self.motor.piezo.capacitance_ab_f / self.motor.piezo.capacitance_a_f
+        branches = zip(*(dielectric_branches(self.motor, group) for group in "ab"), strict=True)
+        for (a, b), u, v in zip(branches, motion.plates_a_v, motion.plates_b_v, strict=True):
+            energy += 0.5 * (a.capacitance_f * u * (u - 2.0 * share * v) + b.capacitance_f * v**2)
         return energy
 
     @property
@@ -225,6 +226,11 @@ class Dynamometer:
         modes = [str(index) for index in range(1, len(self.motor.modes) + 1)]
         return [*modes, "mount"] if self.motor.mount else modes
 
+    @property
+    def dielectrics(self) -> list[str]:
+        """Names of the capacitances: the groups, and that between them if there is one."""
+        return ["a", "b", *(["ab"] if self.motor.piezo.capacitance_ab_f else [])]
+
     def integrals(self, meters: bool) -> list[str]:
         """Return the vectors of the integrals of the instruments."""
         integrals: dict[str, tuple[str, ...]] = {"xbrake": ("normal", "friction", "taken")}
@@ -232,7 +238,7 @@ class Dynamometer:
             integrals["xcontactmeter"] = ("work", "press", "given", "square", "contact", "slip")
             for group in "ab":
                 integrals[f"xmeter_{group}"] = ("energy", "square_i", "square_v", "peak")
-            for heat in (*self.dampers, "a", "b"):
+            for heat in (*self.dampers, *self.dielectrics):
                 integrals[f"xheat_{heat}"] = ("heat",)
         return [f"v({instrument}.v_{one})" for instrument, several in integrals.items() for one in several]
 
@@ -317,7 +323,7 @@ def quantities(blocks: list[Block]) -> dict[str, float]:
         "friction_square": mean["xcontactmeter.v_square"],
         "touching": mean["xcontactmeter.v_contact"],
         **{name: mean[f"xcontactmeter.v_{name}"] for name in ("slip", "work", "press", "given")},
-        "dielectric_loss": mean["xheat_a.v_heat"] + mean["xheat_b.v_heat"],
+        "dielectric_loss": sum(mean[f"xheat_{group}.v_heat"] for group in bench.dielectrics),
         "damping_loss": sum(mean[f"xheat_{damper}.v_heat"] for damper in bench.dampers),
         "stored": (bench.stored(blocks[-1].end) - bench.stored(blocks[0].start)) / (len(blocks) * bench.duration),
         **strength.peak_of_amplitudes(bench.motor, amplitudes),

@@ -6,6 +6,7 @@ The instruments of the dynamometer integrate inside the circuit; here the same m
 
 from __future__ import annotations
 
+from cmath import rect
 from collections.abc import Mapping
 from math import nan
 
@@ -14,9 +15,11 @@ import numpy as np
 from pyspice_runner.analysis.dynamometer import quantities_of, stored_energy
 from pyspice_runner.analysis.period_map import Trace
 from pyspice_runner.model import strength, wear
+from pyspice_runner.model.drive import Drive
+from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.copies import Plant, drive_voltage, phasor_at
-from pyspice_runner.netlist.motor import dielectric_admittance
+from pyspice_runner.netlist.motor import dielectric_matrix
 from pyspice_runner.netlist.state import Discretisation, static_sway
 from pyspice_runner.run.window import Array
 
@@ -45,9 +48,25 @@ def current(plant: Plant, group: str, trace: Trace) -> Array:
     """Return the current in A into a group."""
     couplings = np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in plant.motor.modes])
     amperes = couplings @ modal(plant, trace)[1]
-    for tone in getattr(plant.drive, f"tones_{group}"):  # of the clamped capacitance
-        amperes += phasor_at(tone, dielectric_admittance(plant.motor, group, tone.frequency), trace.time)[0]
+    for at, other in enumerate("ab"):  # of the clamped capacitances
+        for tone in getattr(plant.drive, f"tones_{other}"):
+            gain = complex(dielectric_matrix(plant.motor, tone.frequency)["ab".index(group), at])
+            amperes += phasor_at(tone, gain, trace.time)[0]
     return np.asarray(amperes)
+
+
+def _dielectric_loss(motor: Motor, drive: Drive) -> float:
+    """Return the mean loss in W of the clamped capacitances: their admittance is linear, at each frequency alone."""
+    loss = 0.0
+    for frequency in {tone.frequency for tone in (*drive.tones_a, *drive.tones_b)}:
+        volts = np.array(
+            [
+                sum(rect(tone.amplitude, tone.phase) for tone in tones if tone.frequency == frequency)
+                for tones in (drive.tones_a, drive.tones_b)
+            ]
+        )
+        loss += 0.5 * float(np.vdot(volts, dielectric_matrix(motor, frequency) @ volts).real)
+    return loss
 
 
 def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[str, float]:
@@ -79,11 +98,7 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         "given": radius * float((friction * turning).mean()),
         "speed": float(turning.mean()),
         "damping_loss": float((dampings @ heating).mean()) + mount_loss,
-        "dielectric_loss": sum(  # a linear admittance at each tone
-            0.5 * tone.amplitude**2 * dielectric_admittance(motor, group, tone.frequency).real
-            for group in "ab"
-            for tone in getattr(plant.drive, f"tones_{group}")
-        ),
+        "dielectric_loss": _dielectric_loss(motor, plant.drive),
         "greatest": float(normal.max()),
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
     }

@@ -33,7 +33,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.netlist.copies import Copy, Plant, Probe
-from pyspice_runner.netlist.motor import dielectric_admittance
+from pyspice_runner.netlist.motor import dielectric_matrix
 from pyspice_runner.result import Result, json_ready
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.units import linear_unit
@@ -359,9 +359,8 @@ class _Linear:
             signals = np.asarray(signals / (2.0 * sizes[place]), dtype=complex)
             if place in "ab":  # the clamped capacitance takes its current from the source alone
                 wave = np.exp(2j * pi * frequency * time)
-                signals[_SIGNALS.index(f"current_{place}")] += (
-                    dielectric_admittance(plant.motor, place, frequency) * wave
-                )
+                taken = dielectric_matrix(plant.motor, frequency)[:, "ab".index(place)]
+                signals[_CURRENTS] += np.outer(taken, wave)
             waves = np.exp(-2j * pi * np.outer(time, at + plant.drive.frequency * np.array([0, 1, -1])))
             found.append(np.asarray(signals[:, 1:] @ waves[1:] / len(waves[1:]), dtype=complex))
         return found
@@ -427,7 +426,7 @@ def _signals(plant: Plant, trace: Trace) -> Array:
 def _cold(plant: Plant, frequency: float) -> Complex:
     """Return the admittance matrix of the free stator at rest."""
     omega = 2.0 * pi * frequency
-    matrix = np.diag([dielectric_admittance(plant.motor, group, frequency) for group in "ab"])
+    matrix = dielectric_matrix(plant.motor, frequency)
     for mode in plant.motor.modes:
         coupling = np.array([mode.coupling_a_n_per_v, mode.coupling_b_n_per_v])
         stiffness = mode.stiffness_n_per_m - omega**2 * mode.mass_kg + 1j * omega * mode.damping_n_s_per_m

@@ -111,7 +111,7 @@ def _values(motor: Motor, thermal: Thermal | None) -> dict[str, float]:
         "normal_damping": contact_law.normal_damping(contact), "radius": motor.rotor.radius_m,
         "inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s,
         "capacitance_a": motor.piezo.capacitance_a_f, "capacitance_b": motor.piezo.capacitance_b_f,
-        "loss": motor.piezo.loss_tangent,
+        "capacitance_ab": motor.piezo.capacitance_ab_f, "loss": motor.piezo.loss_tangent,
         "frequency_drift": thermal.frequency_drift_per_k if thermal else 0.0,
         "coupling_drift": thermal.coupling_drift_per_k if thermal else 0.0,
         "capacitance_drift": thermal.capacitance_drift_per_k if thermal else 0.0,

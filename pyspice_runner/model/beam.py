@@ -66,7 +66,7 @@ frequency, about 1 per cent in the slope at the tip.
 
 **Omits** the bond layer; the field's non-uniformity in thick layers; axial motion and inertia; shear lag in the
 ceramic: the outer fibres of a patch are not strained near its ends. Patches of groups A and B on opposite faces of
-one stretch would have a mutual capacitance, which the motor's circuit does not have; they are an error.
+one stretch would have a mutual capacitance, which this theory does not give; they are an error.
 """
 
 from __future__ import annotations
@@ -489,5 +489,5 @@ def _require_fit(beam: Beam, patches: Sequence[Patch]) -> None:
         if first.group != second.group:
             raise ParameterError(
                 f"{where} on opposite faces but belong to different groups, whose mutual capacitance the "
-                "motor does not model; wire them to one group or shift one of them."
+                "theory of the beam does not give; wire them to one group or shift one of them."
             )

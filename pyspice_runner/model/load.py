@@ -52,6 +52,7 @@ from pyspice_runner.model.parameters import (
     Mode,
     Parameters,
     Patch,
+    Piezo,
     Rotor,
     Tip,
     label,
@@ -200,7 +201,6 @@ _SECTIONS = (
 _WAYS = ("beam", "solid", "modes", "arms")
 _FROM = {"beam": "[[patches]]", "solid": "[solid]"}
 _KINDS = ("given", "derived", "assumed")
-_MUTUAL = 0.02  # of the capacitance of group A: a mutual capacitance that does not count
 
 
 def _from_document(document: dict[str, Any], where: str) -> Motor:
@@ -239,11 +239,12 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
     radius = rotor.radius_m if isinstance(rotor, Rotor) else inf
     contact = _resolve_contact(plain["contact"], radius, where)
     contact |= _softening(contact, structure, provenance, where)
-    kinds: dict[str, type[Parameters]] = {"contact": Contact, moved: MOVED[moved], "limits": Limits}
+    kinds: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, moved: MOVED[moved], "limits": Limits}
     kinds |= {"beam": Beam, "tip": Tip} if ways[0] == "beam" else {}
+    resolved = {"piezo": piezo, "contact": contact}
     for section, kind in kinds.items():
         for name, field in kind.model_fields.items():
-            if not field.is_required() and not (section == "contact" and name in contact):
+            if not field.is_required() and name not in resolved.get(section, ()):
                 provenance.setdefault(f"{section}.{name}", Provenance("default", "not stated"))
     _check_drive(plain.get("drive"), where)
     return assemble({**plain, "modes": modes, "piezo": piezo, "contact": contact}, structure, provenance, where=where)
@@ -337,15 +338,16 @@ def _from_solid(plain: dict[str, Any], where: str) -> tuple[Solid, list[dict[str
         for index in range(len(stator.masses_kg))
     ]
     capacitance = stator.clamped_f + stator.residual_f
-    mutual = -float(capacitance[0, 1])
-    if mutual > _MUTUAL * capacitance[0, 0]:
-        warnings.warn(
-            f"{where}: groups A and B have a mutual capacitance of {1e12 * mutual:.3g} pF beside "
-            f"{1e12 * capacitance[0, 0]:.3g} pF of group A. The circuit leaves it out: the motion is right, and the "
-            "currents of the groups lack its part.",
-            stacklevel=2,
-        )
-    return solid, modes, {"capacitance_a_f": float(capacitance[0, 0]), "capacitance_b_f": float(capacitance[1, 1])}
+    between = -float(capacitance[0, 1])
+    return (
+        solid,
+        modes,
+        {
+            "capacitance_a_f": float(capacitance[0, 0]),
+            "capacitance_b_f": float(capacitance[1, 1]),
+            "capacitance_ab_f": between if abs(between) > 1e-6 * capacitance[0, 0] else 0.0,  # 0 but for rounding
+        },
+    )
 
 
 def _softening(

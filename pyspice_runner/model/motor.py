@@ -49,6 +49,7 @@ DEEPEST_SLIDER_M = 1e-3  # a tenth of the radius of a large tip: Hertz's theory 
 
 # section, parameter and value at which an effect is off or not known; the parameters that then have no meaning
 _EFFECTS: dict[tuple[str, str, float | None], tuple[str, ...]] = {
+    ("piezo", "capacitance_ab_f", 0.0): (),
     ("contact", "restitution", 1.0): ("restitution_velocity_m_s",),
     ("contact", "sliding_ratio", 1.0): ("stribeck_velocity_m_s",),
     ("contact", "series_compliance_m_per_n", 0.0): (),

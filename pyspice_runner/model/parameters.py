@@ -200,11 +200,28 @@ class Mode(Parameters):
 
 
 class Piezo(Parameters):
-    """Electrical values of both groups with the beam clamped."""
+    """Electrical values of both groups with the beam clamped.
+
+    The charges are Q_A = C_A U_A − C_AB U_B and Q_B = C_B U_B − C_AB U_A: each capacitance is that with the other group
+    shorted.
+    """
 
     capacitance_a_f: float = quantity("clamped capacitance of group A at 100 kHz", "F", gt=1e-15, le=1e-3)
     capacitance_b_f: float = quantity("clamped capacitance of group B at 100 kHz", "F", gt=1e-15, le=1e-3)
+    capacitance_ab_f: float = quantity(
+        "capacitance C_AB between the groups at 100 kHz, a part of both others", "F", ge=-1e-3, le=1e-3, default=0.0
+    )
     loss_tangent: float = quantity("dielectric loss tangent, the same from 1 kHz to 10 MHz", "1", ge=0.0, le=0.5)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        smaller = min(self.capacitance_a_f, self.capacitance_b_f)
+        if abs(self.capacitance_ab_f) >= smaller:
+            raise ValueError(
+                f"capacitance_ab_f = {self.capacitance_ab_f:g} F is a part of the capacitances of both groups, and the "
+                f"smaller is {smaller:g} F; correct one of them"
+            )
+        return self
 
 
 # K_t K_N^(2/3) = E*/G*, of elastic bodies with Poisson's ratios from 0 to 0.5: 1 to 1.5. A layer that only shears makes

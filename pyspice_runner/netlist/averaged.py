@@ -240,7 +240,16 @@ class AveragedSubCircuit(Assembly):
         self._put("rotor", "piezomotor_rotor", ("shaft",), {}, ["inertia", "bearing"])
 
     def _add_groups(self, motor: Motor, thermal: Thermal | None) -> None:
-        capacitances = {"a": motor.piezo.capacitance_a_f, "b": motor.piezo.capacitance_b_f}
+        piezo, between = motor.piezo, abs(motor.piezo.capacitance_ab_f)
+        capacitances = {"a": piezo.capacitance_a_f - between, "b": piezo.capacitance_b_f - between}
+        if between:  # a group of its own at the difference of the voltages, at their sum for a negative capacitance
+            capacitances["ab"] = between
+            sign = -1.0 if piezo.capacitance_ab_f > 0.0 else 1.0
+            for part in ("re", "im"):
+                self.B(f"ab_{part}", f"across_{part}", self.gnd, v=f"V(a_{part})+({sign})*V(b_{part})")
+                self.V(f"ab_{part}", f"across_{part}", f"ab_{part}", "DC 0")
+                self.CCCS(f"a_{part}", f"a_{part}", self.gnd, f"Vab_{part}", current_gain=1)
+                self.CCCS(f"b_{part}", f"b_{part}", self.gnd, f"Vab_{part}", current_gain=sign)
         for group, capacitance in capacitances.items():
             values = {
                 "capacitance": capacitance, "loss": motor.piezo.loss_tangent,

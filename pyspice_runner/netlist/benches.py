@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees, pi
 
@@ -91,13 +92,27 @@ def add_meters(circuit: Netlist, motor: Motor, lag: dict[str, float]) -> None:
     if motor.mount:
         nodes = ("xmotor.xmount.arm_r", "xmotor.xmount.elastic")
         instantiate(circuit, "heat_mount", "piezomotor_heat", nodes, resistance=motor.mount.damping_n_s_per_m)
+    between = abs(motor.piezo.capacitance_ab_f)
     for group, line in zip(("a", "b"), METERED, strict=True):
         nodes = (line, group, circuit.gnd)
         instantiate(circuit, f"meter_{group}", "piezomotor_wattmeter", nodes, **lag)
         nodes = (group, *(f"xmotor.{node}" for node in plate_nodes(group)))
-        resistances = [branch.resistance_ohm for branch in dielectric_branches(motor, group)]
-        values = {f"resistance{index}": value for index, value in enumerate(resistances)}
-        instantiate(circuit, f"heat_{group}", "piezomotor_groupheat", nodes, **values)
+        own = 1.0 - between / getattr(motor.piezo, f"capacitance_{group}_f")
+        _add_groupheat(circuit, motor, group, nodes, own)
+    if between:  # in a capacitance of its own at the difference of the voltages, at their sum for a negative one
+        pairs = [("a", "b"), *zip(*([f"xmotor.{node}" for node in plate_nodes(group)] for group in "ab"), strict=True)]
+        sign = "-" if motor.piezo.capacitance_ab_f > 0.0 else "+"
+        for number, (a, b) in enumerate(pairs):
+            circuit.B(f"across{number}", f"across{number}", circuit.gnd, v=f"V({a}){sign}V({b})")
+        nodes = tuple(f"across{number}" for number in range(len(pairs)))
+        _add_groupheat(circuit, motor, "ab", nodes, between / motor.piezo.capacitance_a_f)
+
+
+def _add_groupheat(circuit: Netlist, motor: Motor, name: str, nodes: Sequence[str | int], share: float) -> None:
+    """Integrate the heat in a share of the capacitance of a group; that between the groups is a share of group A's."""
+    resistances = [branch.resistance_ohm / share for branch in dielectric_branches(motor, name[0])]
+    values = {f"resistance{index}": value for index, value in enumerate(resistances)}
+    instantiate(circuit, f"heat_{name}", "piezomotor_groupheat", nodes, **values)
 
 
 def add_cooling(circuit: Circuit, thermal: Thermal) -> None:

@@ -11,7 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import degrees, pi
 
+import numpy as np
 from numpy import format_float_positional
+from numpy.typing import NDArray
 from PySpice.Spice.Netlist import Netlist, SubCircuit
 
 from pyspice_runner.errors import ParameterError
@@ -215,8 +217,23 @@ class MotorSubCircuit(Assembly):
         drift = {"capacitance_drift": thermal.capacitance_drift_per_k} if thermal else {}
         for group, capacitance in (("a", piezo.capacitance_a_f), ("b", piezo.capacitance_b_f)):
             values = {"capacitance": capacitance, "loss": _loss_tangent(self._motor)}
-            nodes = (group, self._common, *plate_nodes(group), *warm)
+            pin = f"own_{group}" if piezo.capacitance_ab_f else group
+            nodes = (pin, self._common, *plate_nodes(group), *warm)
             self._put(f"group_{group}", f"piezomotor_group{'_thermal' if thermal else ''}", nodes, values | drift)
+        if piezo.capacitance_ab_f:
+            self._add_capacitance_between(warm)
+
+    def _add_capacitance_between(self, warm: tuple[str, ...]) -> None:
+        """Add the capacitance between the groups: each group draws a share of the other's current, of opposite sign.
+
+        It has the same dielectric as the groups, so that its own plates would follow theirs.
+        """
+        for group, other in ("ab", "ba"):
+            self.V(f"own_{group}", group, f"own_{group}", "DC 0")
+            self.CCCS(f"shared_{group}", group, self._common, f"Vown_{other}", current_gain=_shared(self._motor, other))
+        if warm:
+            drawn = (f"{_shared(self._motor, b)!r}*I(Vown_{b})*V({a},{self._common})" for a, b in ("ab", "ba"))
+            self.B("heat_ab", self.gnd, "heat", i="+".join(drawn))
 
     def _add_modes(self, warm: tuple[str, ...], preload: float) -> None:
         """Add the modes and the resistors that sum their motion and heat."""
@@ -526,9 +543,23 @@ def dielectric_branches(motor: Motor, group: str) -> tuple[Branch, ...]:
 
 
 def dielectric_admittance(motor: Motor, group: str, frequency_hz: float) -> complex:
-    """Return the admittance in S of the clamped capacitance of a group in the netlist."""
+    """Return the admittance in S of the clamped capacitance of a group in the netlist, the other group shorted."""
     s = 2j * pi * frequency_hz
     return sum(s * c / (1.0 + s * r * c) for r, c in dielectric_branches(motor, group))
+
+
+def dielectric_matrix(motor: Motor, frequency_hz: float) -> NDArray[np.complex128]:
+    """Return the admittance matrix in S of the clamped capacitances in the netlist."""
+    piezo = motor.piezo
+    own, other = (dielectric_admittance(motor, group, frequency_hz) for group in "ab")
+    between = -own * piezo.capacitance_ab_f / piezo.capacitance_a_f
+    return np.array([[own, between], [between, other]])
+
+
+def _shared(motor: Motor, group: str) -> float:
+    """Return the share of the dielectric current of a group that the other group draws."""
+    clamped: float = getattr(motor.piezo, f"capacitance_{group}_f")
+    return rounded(-motor.piezo.capacitance_ab_f / clamped)
 
 
 def _loss_tangent(motor: Motor) -> float:

@@ -37,7 +37,7 @@ from pyspice_runner.model.tracking import (
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.drivers import Driver, add_driver, control_amplitude
 from pyspice_runner.netlist.library import read_library
-from pyspice_runner.netlist.motor import dielectric_admittance, instantiate
+from pyspice_runner.netlist.motor import dielectric_matrix, instantiate
 from pyspice_runner.netlist.source import GROUPS, Pins, Source
 
 RAIL = 5.0  # V, range of the control voltage
@@ -205,13 +205,17 @@ def weights(motor: Motor, mode: int) -> dict[str, float]:
 
 def sensing(motor: Motor, tracker: Tracker, mode: int) -> dict[str, float]:
     """Return the copies of the clamped capacitances and the weights by which a tracker senses a mode."""
-    copies = {}
-    for group in GROUPS:
-        impedance = 1.0 / dielectric_admittance(motor, group, tracker.frequency)
+    copies, weighted = {}, weights(motor, mode)
+    matrix = dielectric_matrix(motor, tracker.frequency)
+    for at, group in enumerate(GROUPS):
+        weight, cross = (weighted[f"current_{one}"] for one in (group, GROUPS[1 - at]))
+        # a copy also stands for the current that its voltage draws through the capacitance between the groups
+        drawn = matrix[at, at] + (matrix[1 - at, at] * cross / weight if weight else 0.0)
+        impedance = 1.0 / complex(drawn)
         capacitance = -1.0 / (2.0 * pi * tracker.frequency * impedance.imag)
         copies[f"capacitance_{group}"] = capacitance * (1.0 + tracker.capacitance_error)
         copies[f"resistance_{group}"] = impedance.real
-    return copies | weights(motor, mode)
+    return copies | weighted
 
 
 @dataclass(frozen=True)

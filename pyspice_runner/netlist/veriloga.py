@@ -181,6 +181,7 @@ def module_values(
         "mounted": int(motor.mount is not None),
         "capacitance_a": rounded(motor.piezo.capacitance_a_f),
         "capacitance_b": rounded(motor.piezo.capacitance_b_f),
+        "capacitance_ab": rounded(motor.piezo.capacitance_ab_f),
         "loss": max(motor.piezo.loss_tangent, SMALLEST_LOSS),
     }
     if motor.mount is not None:

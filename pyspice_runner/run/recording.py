@@ -192,7 +192,7 @@ class _Terms:
         mount, mount_damping = self.mount()
         return EnergyBalance(
             electrical=self.work(electrical),
-            dielectric=self.dielectric("a") + self.dielectric("b"),
+            dielectric=self.dielectric(),
             kinetic=_change(0.5 * self.masses @ self.velocity**2),
             elastic=_change(0.5 * self.stiffnesses @ (squared - 0.5 * self.softening * squared**2)),
             damping=self.work(self.dampings @ (self.velocity**2 * (1.0 + self.growth * squared))),
@@ -230,21 +230,27 @@ class _Terms:
         viscous = rotor.bearing_damping_n_m_s * self.waves["rotor_speed_rad_s"]
         return np.asarray(viscous + rotor.bearing_friction_n_m * self.share.sum(axis=0)) if len(self.share) else viscous
 
-    def dielectric(self, group: str) -> float:
-        """Return the energy in the clamped capacitance of a group and its loss."""
+    def dielectric(self) -> float:
+        """Return the energy in the clamped capacitances and their loss."""
         thermal, warm = self.recording.thermal, self.warm
-        voltage = self.waves[f"voltage_{group}_v"]
+        energy = 0.0
         if not self.recording.started or thermal is not None:
             # of a run that continues another, or whose capacitances drift, only what the pins take is known
-            couplings = np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in self.motor.modes])
             drifting = 1.0 if thermal is None or warm is None else 1.0 + thermal.coupling_drift_per_k * warm
-            return self.work(voltage * (self.waves[f"current_{group}_a"] - drifting * (couplings @ self.velocity)))
-        energy = 0.0
-        for branch in dielectric_branches(self.motor, group):
-            plate = plate_voltage(self.time, voltage, branch.resistance_ohm * branch.capacitance_f)
-            energy += _change(0.5 * branch.capacitance_f * plate**2)
-            if branch.resistance_ohm > 0.0:
-                energy += self.work((voltage - plate) ** 2) / branch.resistance_ohm
+            for group in "ab":
+                couplings = np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in self.motor.modes])
+                own = self.waves[f"current_{group}_a"] - drifting * (couplings @ self.velocity)
+                energy += self.work(self.waves[f"voltage_{group}_v"] * own)
+            return energy
+        u, v = (self.waves[f"voltage_{group}_v"] for group in "ab")
+        share = self.motor.piezo.capacitance_ab_f / self.motor.piezo.capacitance_a_f
+        for a, b in zip(*(dielectric_branches(self.motor, group) for group in "ab"), strict=True):
+            lag = a.resistance_ohm * a.capacitance_f
+            at_a, at_b = (plate_voltage(self.time, voltage, lag) for voltage in (u, v))
+            energy += _change(0.5 * (a.capacitance_f * at_a * (at_a - 2.0 * share * at_b) + b.capacitance_f * at_b**2))
+            if a.resistance_ohm > 0.0:
+                energy += self.work((u - at_a) * (u - at_a - 2.0 * share * (v - at_b))) / a.resistance_ohm
+                energy += self.work((v - at_b) ** 2) / b.resistance_ohm
         return energy
 
     def drift(self) -> float:

@@ -238,7 +238,9 @@ def _resonance(
     if arm.resistance_ohm <= 0.0:
         return None
     weight_a, weight_b = COUPLING[connection]
-    clamped = weight_a**2 * motor.piezo.capacitance_a_f + weight_b**2 * motor.piezo.capacitance_b_f
+    piezo = motor.piezo
+    clamped = weight_a**2 * piezo.capacitance_a_f + weight_b**2 * piezo.capacitance_b_f
+    clamped -= 2.0 * weight_a * weight_b * piezo.capacitance_ab_f
     frequency_anti, matrix = _zoom(sweep, fs * sqrt(1.0 + arm.capacitance_f / clamped), bandwidth)
     y_anti = connect(matrix, connection)
     fp = _peak(frequency_anti, (1.0 / y_anti).real)

@@ -155,12 +155,14 @@ def test_a_stator_is_computed_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     assert changed_motor(PLATE, {"solid.quality_factor": 200.0}).modes[0].quality_factor == pytest.approx(200.0)
 
 
-def test_a_mutual_capacitance_that_the_circuit_leaves_out_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_circuit_has_the_capacitance_matrix_of_the_solid(monkeypatch: pytest.MonkeyPatch) -> None:
     found = vars(solve_stator(plate()))
     clamped = found["clamped_f"] + np.array([[0.0, -1e-10], [-1e-10, 0.0]])
     monkeypatch.setattr("pyspice_runner.model.load.stator_of", lambda _: Stator(**found | {"clamped_f": clamped}))
-    with pytest.warns(UserWarning, match="mutual capacitance of 1.. pF beside 8.. pF of group A. The circuit leaves"):
-        pr.load_motor(PLATE)
+    piezo = pr.load_motor(PLATE).piezo
+    matrix = clamped + found["residual_f"]
+    assert [piezo.capacitance_a_f, piezo.capacitance_b_f] == pytest.approx(np.diag(matrix).tolist(), rel=1e-12)
+    assert piezo.capacitance_ab_f == pytest.approx(-matrix[0, 1], rel=1e-12)
 
 
 @pytest.mark.parametrize(
