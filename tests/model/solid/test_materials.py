@@ -9,14 +9,15 @@ from numpy.testing import assert_allclose
 
 from pyspice_runner.model.solid.materials import VACUUM, materials
 
-# B. A. Auld, Acoustic Fields and Waves in Solids, appendix 2, and Morgan TP-226: c11, c12, c13, c33, c44 in GPa, e31,
-# e33, e15 in C/m², relative permittivities at constant strain. The sets were rounded independently: within 3 % (the
-# permittivities, differences of rounded numbers, within 6 %), e31 within 0.25 C/m².
+# B. A. Auld, Acoustic Fields and Waves in Solids, appendix 2, and Morgan TP-226; of PIC181 the source of its card: c11,
+# c12, c13, c33, c44 in GPa, e31, e33, e15 in C/m², relative permittivities at constant strain. The sets were rounded
+# independently: within 3 % (the permittivities, differences of rounded numbers, within 6 %), e31 within 0.25 C/m².
 PRINTED = {
     "PZT-4": ((139.0, 77.8, 74.3, 115.0, 25.6), (-5.2, 15.1, 12.7), (730.0, 635.0)),
     "PZT-5A": ((121.0, 75.4, 75.2, 111.0, 21.1), (-5.4, 15.8, 12.3), (916.0, 830.0)),
     "PZT-5H": ((126.0, 79.5, 84.1, 117.0, 23.0), (-6.5, 23.3, 17.0), (1700.0, 1470.0)),
     "PZT-8": ((149.0, 81.1, 81.1, 132.0, 31.3), (-4.1, 14.0, 10.3), (900.0, 600.0)),
+    "PIC181": ((152.3, 89.1, 85.5, 134.0, 28.3), (-4.5, 14.7, 11.0), (740.0, 634.0)),
 }
 
 
@@ -31,7 +32,17 @@ def test_stiffness_stress_constants_and_clamped_permittivity_are_the_printed_one
 
 
 def test_every_material_is_stable_and_names_its_source() -> None:
-    assert set(materials()) == {"PZT-4", "PZT-8", "PZT-5A", "PZT-5H", "steel", "alumina", "aluminium", "brass"}
+    assert set(materials()) == {
+        "PZT-4",
+        "PZT-8",
+        "PZT-5A",
+        "PZT-5H",
+        "PIC181",
+        "steel",
+        "alumina",
+        "aluminium",
+        "brass",
+    }
     for card in materials().values():
         assert np.linalg.eigvalsh(card.stiffness_pa)[0] > 0.0
         assert card.conducts or np.linalg.eigvalsh(card.permittivity_f_m)[0] > 0.0
