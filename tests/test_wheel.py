@@ -105,6 +105,8 @@ def test_the_wheel_has_the_libraries_the_decks_and_the_licence(wheel: Path) -> N
     }
     assert {Path(name).suffix for name in wanted} == {".lib", ".cir"}
     assert wanted <= names
+    sets = ROOT / "pyspice_runner" / "model" / "sets"
+    assert {file.relative_to(ROOT).as_posix() for file in sets.rglob("*") if file.is_file()} <= names
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
 
 

@@ -60,7 +60,7 @@ from pyspice_runner.model.parameters import (
 )
 from pyspice_runner.model.refusal import allowed_range, as_table, build, check_keys, checked, limited, quoted, unit_of
 from pyspice_runner.model.solid.parameters import Solid, solid_from
-from pyspice_runner.model.solid.stator import stator_of
+from pyspice_runner.model.solid.store import stator_of
 
 SETS = Path(__file__).parent / "sets"
 
@@ -122,6 +122,13 @@ class Materials(Parameters):
 def available_motors() -> tuple[str, ...]:
     """Return the names of the parameter sets of the package."""
     return tuple(sorted(path.stem for path in SETS.glob("*.toml")))
+
+
+def stated_solid(source: str | Path) -> Solid | None:
+    """Return the ``[solid]`` of a motor, or None if it has none. Raise ParameterError as :func:`load_motor`."""
+    document, where = _read(source)
+    table = document.get("solid")
+    return None if table is None else solid_from(_strip(table, "solid", {}, where), where)
 
 
 @checked

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.motor import Motor, Structure
-from pyspice_runner.model.solid.stator import stator_of
+from pyspice_runner.model.solid.store import stator_of
 from pyspice_runner.model.wear import next_flat, time_to_flat
 from pyspice_runner.units import engineering
 

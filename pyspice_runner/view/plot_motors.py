@@ -15,7 +15,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import motor as model
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.solid.parameters import Placed, Solid
-from pyspice_runner.model.solid.stator import stator_of
+from pyspice_runner.model.solid.store import stator_of
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.view.draw import DASHES, Panel, Sheet, draw_lines, dress
 from pyspice_runner.view.style import BLUE, CYCLE, GREY, LABELS, VERMILION, Label

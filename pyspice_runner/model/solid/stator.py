@@ -13,18 +13,13 @@ the highest frequency of the range. Rigid motion is left to the mount.
 
 from __future__ import annotations
 
-import hashlib
-from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
 from math import pi
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.files import cache_folder, save_by_ending
 from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.solid.elements import VOLTS, Array, Indices, assemble, strains
 from pyspice_runner.model.solid.geometry import Geometry, build_geometry
@@ -38,8 +33,8 @@ _DIRECTIONS = 500  # in the space of modes, in which the greatest stress is soug
 
 
 @dataclass(frozen=True)
-class Stator:
-    """The modes of a stator within the range of its motor; the arrays' last index counts the modes."""
+class Modes:
+    """Elastic modes by rising frequency; the arrays' last index counts them."""
 
     frequencies_hz: Array
     masses_kg: Array
@@ -49,6 +44,21 @@ class Stator:
     tip_y: Array
     recoil_kg: Array
     """Γ = ∫ρ ψ·n dV along the normal."""
+
+    @property
+    def stiffnesses_n_per_m(self) -> Array:
+        """Modal stiffness with both groups shorted."""
+        return np.asarray(self.masses_kg * (2.0 * pi * self.frequencies_hz) ** 2)
+
+    def dampings_n_s_per_m(self, quality_factor: float) -> Array:
+        """Return the modal damping √(k m)/Q."""
+        return np.asarray(2.0 * pi * self.frequencies_hz * self.masses_kg / quality_factor)
+
+
+@dataclass(frozen=True)
+class Stator(Modes):
+    """The modes of a stator within the range of its motor, and what the others contribute."""
+
     clamped_f: Array
     """(2, 2): charges on the groups per volt on the groups, all displacements held at zero."""
     residual_f: Array
@@ -61,47 +71,14 @@ class Stator:
     """(points, modes): the strains there."""
     mass_kg: Array
     """Of the stator: a number."""
-    computed_hz: Array
-    """All elastic modes computed; those beyond the range lie in the residuals."""
+    outside: Modes
+    """Modes computed beyond the range that take part in motion or currents; they lie in the residuals."""
     nodes_m: Array
     """(axes, nodes)."""
     cells: Indices
     """(corners, cells)."""
     shapes: Array
     """(axes, nodes, modes): displacement per modal coordinate."""
-
-    @property
-    def stiffnesses_n_per_m(self) -> Array:
-        """Modal stiffness with both groups shorted."""
-        return np.asarray(self.masses_kg * (2.0 * pi * self.frequencies_hz) ** 2)
-
-    def dampings_n_s_per_m(self, quality_factor: float) -> Array:
-        """Return the modal damping √(k m)/Q."""
-        return np.asarray(2.0 * pi * self.frequencies_hz * self.masses_kg / quality_factor)
-
-
-@cache
-def stator_of(solid: Solid) -> Stator:
-    """Return the modes of a stator, from the user's cache if these parameters, by this program, are in it.
-
-    Raise ParameterError as :func:`solve_stator`.
-    """
-    from zipfile import BadZipFile
-
-    content = hashlib.sha256(solid.model_dump_json().encode())
-    for source in sorted(Path(__file__).parent.glob("*.*")):
-        content.update(source.read_bytes())
-    try:
-        stored = cache_folder("stators", ParameterError("no home")) / f"{content.hexdigest()[:32]}.npz"
-    except ParameterError:
-        return solve_stator(solid)
-    with suppress(OSError, ValueError, TypeError, BadZipFile), stored.open("rb") as file, np.load(file) as arrays:
-        return Stator(**arrays)
-    found = solve_stator(solid)
-    with suppress(OSError, ParameterError):  # a result that cannot be kept is still one
-        stored.parent.mkdir(parents=True, exist_ok=True)
-        save_by_ending(stored, {".npz": lambda place: np.savez(place, **vars(found))})
-    return found
 
 
 @one_thread  # the modes enter decks and the addresses of stored points
@@ -155,20 +132,18 @@ def solve_stator(solid: Solid) -> Stator:
     density = _mass_of_nodes(geometry)
     normal = geometry.contact[0].sum(axis=0)
     stress, strain = _stress(geometry, vectors[:, kept] / amplitude[kept])
+    recoil = np.einsum("n,anm,a->m", density, shapes, normal) / amplitude
+    columns = [frequencies, 1.0 / amplitude**2, couplings, motion[1], motion[0], recoil]
+    inside, outside = (Modes(*(column[..., chosen] for column in columns)) for chosen in (kept, others & takes_part))
     return Stator(
-        frequencies_hz=frequencies[kept],
-        masses_kg=1.0 / amplitude[kept] ** 2,
-        couplings_n_per_v=couplings[:, kept],
-        tip_x=motion[1, kept],
-        tip_y=motion[0, kept],
-        recoil_kg=np.einsum("n,anm,a->m", density, shapes[..., kept], normal) / amplitude[kept],
+        **vars(inside),
         clamped_f=clamped / VOLTS**2,
         residual_f=(total - clamped - at_shift[:2, :2] + beside[:2, :2]) / VOLTS**2,
         residual_m_per_n=compliance - at_shift[2:, 2:] + beside[2:, 2:],
         stress_pa_per_m=stress,
         strain_per_m=strain,
         mass_kg=np.array(density.sum()),
-        computed_hz=frequencies[~rigid],
+        outside=outside,
         nodes_m=np.asarray(geometry.basis.mesh.p),
         cells=np.asarray(geometry.basis.mesh.t),
         shapes=(shapes[..., kept] / amplitude[kept])[:, _corners(geometry)],

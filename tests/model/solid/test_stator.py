@@ -14,12 +14,13 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.model import strength
-from pyspice_runner.model.load import changed_motor
+from pyspice_runner.model.load import SETS, changed_motor
 from pyspice_runner.model.refusal import build
-from pyspice_runner.model.solid import stator as module
+from pyspice_runner.model.solid import store
 from pyspice_runner.model.solid.parameters import Box, Face, Solid, Support, solid_from
 from pyspice_runner.model.solid.stator import Stator, solve_stator
 from pyspice_runner.view.datasheet import parameter_rows
+from tools.stators import solids, write_stators
 
 PLATE = Path(__file__).parents[3] / "examples" / "plate40.toml"
 POINT = {"from_m": [0.0, 0.0, 0.0], "to_m": [0.0, 0.0, 0.003]}
@@ -142,17 +143,60 @@ def test_a_motor_of_a_solid_knows_its_stress() -> None:
 
 def test_a_stator_is_computed_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    module.stator_of.cache_clear()
+    store.stator_of.cache_clear()
     first = pr.load_motor(PLATE)
-    module.stator_of.cache_clear()
+    store.stator_of.cache_clear()
     with monkeypatch.context() as without:
-        without.setattr(module, "solve_stator", lambda _: pytest.fail("computed again"))
+        without.setattr(store, "solve_stator", lambda _: pytest.fail("computed again"))
         assert pr.load_motor(PLATE).to_dict() == first.to_dict()
     (stored,) = tmp_path.rglob("*.npz")
     stored.write_bytes(stored.read_bytes()[:1000])  # a damaged file is computed again
-    module.stator_of.cache_clear()
+    store.stator_of.cache_clear()
     assert pr.load_motor(PLATE).to_dict() == first.to_dict()
     assert changed_motor(PLATE, {"solid.quality_factor": 200.0}).modes[0].quality_factor == pytest.approx(200.0)
+
+
+def test_a_bundled_stator_needs_no_finite_elements(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(store, "BUNDLED", tmp_path)
+    computed = solve_stator(plate())
+    (tmp_path / "0123456789abcdef.npz").write_text("of a set that has changed")
+    (written,) = write_stators([PLATE], tmp_path)
+    assert list(tmp_path.iterdir()) == [written]
+    assert written.stat().st_size < 100_000
+    monkeypatch.setitem(sys.modules, "skfem", None)
+    store.stator_of.cache_clear()
+    assert pr.load_motor(PLATE).modes[1].frequency_hz == pytest.approx(39.64e3, rel=3e-4)
+    assert_same(store.stator_of(plate()), computed)
+    with pytest.raises(pr.ParameterError, match="pip install"):
+        changed_motor(PLATE, {"solid.element_m": 0.002})
+    store.stator_of.cache_clear()
+    assert not (tmp_path / "cache").exists()
+
+
+def test_the_bundled_stators_are_those_of_the_bundled_sets() -> None:
+    wanted = solids(sorted(SETS.glob("*.toml")))
+    assert {path.name for path in store.BUNDLED.glob("*")} == set(wanted), "run python -m tools.stators"
+    for solid in wanted.values():
+        assert_same(store.stator_of(solid), solve_stator(solid))
+
+
+def assert_same(bundled: Stator, found: Stator) -> None:
+    # the sums of another BLAS differ by rounding, which the condition of the matrix magnifies to some 1e-8; of float32
+    # are the nodes and shapes. The sign of a mode that does not move the contact is arbitrary.
+    assert bundled.frequencies_hz == pytest.approx(found.frequencies_hz, rel=1e-6)
+    sign = np.sign((bundled.shapes * found.shapes).sum(axis=(0, 1)))
+    pairs = [
+        (getattr(bundled, name), getattr(found, name) * sign)
+        for name in ("couplings_n_per_v", "tip_x", "tip_y", "recoil_kg", "shapes")
+    ]
+    pairs += [
+        (getattr(bundled, name), getattr(found, name))
+        for name in ("masses_kg", "clamped_f", "residual_f", "residual_m_per_n", "nodes_m", "cells", "mass_kg")
+    ]
+    pairs += [(np.abs(stator.stress_pa_per_m).max(axis=0) for stator in (bundled, found))]  # at points that may differ
+    for read, computed in pairs:
+        assert read == pytest.approx(computed, abs=1e-5 * np.abs(computed).max())
 
 
 def test_the_circuit_has_the_capacitance_matrix_of_the_solid(monkeypatch: pytest.MonkeyPatch) -> None:
