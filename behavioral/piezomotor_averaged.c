@@ -165,10 +165,11 @@ static void evaluate(const struct motor *m, const double state[STATES], struct f
             y[h] = sum(y[h], scaled(mode->tip_y, amplitude));
         }
     }
+    x[0].re += state[CARRIER_X];
     y[0].re += state[CARRIER];
     f->x = x[1];
     f->y = y[1];
-    f->contact = touch(m, x, y, state[SLIDER], state[SPEED]);
+    f->contact = touch(m, x, y, state[SLIDER], state[SPEED] - state[CARRIER_X_VELOCITY] / p->radius);
 
     /* modes */
     for (int i = 0; i < MODES; i++) {
@@ -199,10 +200,14 @@ static void evaluate(const struct motor *m, const double state[STATES], struct f
     /* carrier, rotor, slider, temperature */
     double push = p->preload + f->contact.fy[0].re - p->mount_stiffness * state[CARRIER]
         - p->mount_damping * state[CARRIER_VELOCITY];
+    double push_x = f->contact.fx[0].re - p->mount_x_stiffness * state[CARRIER_X]
+        - p->mount_x_damping * state[CARRIER_X_VELOCITY];
     double drive = p->radius * f->contact.friction - p->load_torque - p->bearing * state[SPEED];
     double cooling = (state[TEMPERATURE] - p->ambient_temperature) / p->thermal_resistance;
     f->rate[CARRIER] = state[CARRIER_VELOCITY];
     f->rate[CARRIER_VELOCITY] = MOUNTED ? push / p->mount_mass : 0.0;
+    f->rate[CARRIER_X] = state[CARRIER_X_VELOCITY];
+    f->rate[CARRIER_X_VELOCITY] = MOUNTED_X ? push_x / p->mount_x_mass : 0.0;
     f->rate[SPEED] = drive / p->inertia;
     f->rate[POSITION] = state[SPEED];
     f->rate[SLIDER] = p->frequency * (f->contact.slider - state[SLIDER]);
@@ -223,6 +228,10 @@ static double check(const struct values *p, const struct contact *contact)
         if (MOUNTED) {
             phasor spring = {p->mount_stiffness - p->mount_mass * omega * omega, p->mount_damping * omega};
             y = quotient(contact->fy[h], spring);
+        }
+        if (MOUNTED_X) {
+            phasor spring = {p->mount_x_stiffness - p->mount_x_mass * omega * omega, p->mount_x_damping * omega};
+            x = quotient(contact->fx[h], spring);
         }
         for (int i = 0; h > HARMONICS && i < MODES; i++) {
             const struct mode *mode = &p->mode[i];
@@ -316,7 +325,7 @@ static void find_scales(const struct motor *m, double scale[STATES])
             scale[s] = depth / fmax(1e-6, fmax(fabs(p->mode[i].tip_x), fabs(p->mode[i].tip_y)));
     scale[POSITION] = depth / p->radius;
     scale[SPEED] = scale[POSITION] * p->frequency;
-    scale[CARRIER_VELOCITY] = depth * p->frequency;
+    scale[CARRIER_VELOCITY] = scale[CARRIER_X_VELOCITY] = depth * p->frequency;
     scale[TEMPERATURE] = 1.0;
 }
 

@@ -11,7 +11,7 @@
  * A motor is one struct motor without pointers: a copy of it is a complete copy of its state. There are no other
  * variables, so that several threads may each run a motor.
  *
- * piezomotor_start.h is written by the export: MODES, MOUNTED, START and NAME.
+ * piezomotor_start.h is written by the export: MODES, MOUNTED, MOUNTED_X, START and NAME.
  *
  * SOURCE generalised averaging of the motor of Andersen, Helbo, Blanke, 2002; docs/averaged.md
  * OMITS  motion of the contact between two phases, partial slip before gross slip, roughness, wear, adhesion; the current
@@ -80,6 +80,12 @@ enum {
     ENTRY(mount_mass, "kg", 1e-9, 1e3, "mass of the carrier") \
     ENTRY(mount_damping, "N.s/m", 1e-9, 1e9, "damping of the mount")
 
+/* of the carrier along the rotor; without effect where MOUNTED_X is 0 */
+#define MOUNT_X_PARAMETERS(ENTRY) \
+    ENTRY(mount_x_stiffness, "N/m", 1, 1e13, "stiffness of the mount along the rotor") \
+    ENTRY(mount_x_mass, "kg", 1e-9, 1e3, "mass of the carrier along the rotor") \
+    ENTRY(mount_x_damping, "N.s/m", 1e-9, 1e9, "damping of the mount along the rotor")
+
 /* of each mode */
 #define MODE_PARAMETERS(ENTRY) \
     ENTRY(mass, "kg", 1e-12, 1e3, "modal mass") \
@@ -96,6 +102,7 @@ struct values {
     OUTPUTS(FIELD)
     PARAMETERS(FIELD)
     MOUNT_PARAMETERS(FIELD)
+    MOUNT_X_PARAMETERS(FIELD)
     struct mode { MODE_PARAMETERS(FIELD) } mode[MODES];
 };
 #undef FIELD
@@ -107,6 +114,7 @@ enum {
     SPEED, POSITION, TEMPERATURE,
     SLIDER,                     /* displacement of the slider at the end of the period, m */
     CARRIER, CARRIER_VELOCITY,  /* m, m/s, towards the rotor */
+    CARRIER_X, CARRIER_X_VELOCITY, /* the same along the rotor */
     DEFLECTION,
     AMPLITUDE = DEFLECTION + MODES,
     STATES = AMPLITUDE + 2 * MODES * HARMONICS

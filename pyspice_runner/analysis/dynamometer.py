@@ -8,7 +8,7 @@ the simulated time.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from math import ceil, nan, pi, sqrt
 from typing import Any
@@ -17,7 +17,7 @@ import numpy as np
 
 from pyspice_runner.model import strength, wear
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.recoil import recoils
+from pyspice_runner.model.recoil import carriers, recoils
 from pyspice_runner.netlist.benches import SpeedRamp
 from pyspice_runner.netlist.motor import dielectric_branches, require_linear
 from pyspice_runner.netlist.source import Source
@@ -211,9 +211,8 @@ class Dynamometer:
 
     def stored(self, motion: Motion) -> float:
         """Return the energy in J in modes, plates and mount, without rotor and contact."""
-        energy = stored_energy(
-            self.motor, motion.displacements_m, motion.velocities_m_s, motion.carrier_m, motion.carrier_m_s
-        )
+        lifts, rises = (motion.carrier_m, motion.carrier_x_m), (motion.carrier_m_s, motion.carrier_x_m_s)
+        energy = stored_energy(self.motor, motion.displacements_m, motion.velocities_m_s, lifts, rises)
         share = self.motor.piezo.capacitance_ab_f / self.motor.piezo.capacitance_a_f
         branches = zip(*(dielectric_branches(self.motor, group) for group in "ab"), strict=True)
         for (a, b), u, v in zip(branches, motion.plates_a_v, motion.plates_b_v, strict=True):
@@ -224,7 +223,7 @@ class Dynamometer:
     def dampers(self) -> list[str]:
         """Names of the dampers: the modes, and the mount if there is one."""
         modes = [str(index) for index in range(1, len(self.motor.modes) + 1)]
-        return [*modes, "mount"] if self.motor.mount else modes
+        return [*modes, *("mount", "mount_x")[: len(carriers(self.motor.mount))]]
 
     @property
     def dielectrics(self) -> list[str]:
@@ -290,18 +289,23 @@ def off_beat(setup: OperatingPoint) -> OperatingPoint:
 
 
 def stored_energy(
-    motor: Motor, displacements_m: Iterable[float], velocities_m_s: Iterable[float], lift_m: float, rise_m_s: float
+    motor: Motor,
+    displacements_m: Iterable[float],
+    velocities_m_s: Iterable[float],
+    lifts_m: Sequence[float],
+    rises_m_s: Sequence[float],
 ) -> float:
-    """Return the energy in J in the modes and the mount, whose carrier has the displacement ``lift_m``."""
+    """Return the energy in J in the modes and the mount, whose carrier has displacements along y and x."""
     energy, velocities = 0.0, list(velocities_m_s)
     for mode, r, v in zip(motor.modes, displacements_m, velocities, strict=True):
         energy += 0.5 * (
             mode.mass_kg * v**2 + mode.stiffness_n_per_m * r**2 * (1.0 - 0.5 * mode.softening_per_m2 * r**2)
         )
-    if mount := motor.mount:
-        energy += 0.5 * (mount.mass_kg * rise_m_s**2 + mount.stiffness_n_per_m * lift_m**2)
-        energy += rise_m_s * float(recoils(motor.modes) @ np.array(velocities))
-        energy -= motor.contact.preload_n * lift_m
+    momenta = (recoils(motor.modes) @ np.array(velocities)).tolist()
+    for along, lift, rise, momentum in zip(carriers(motor.mount), lifts_m, rises_m_s, momenta, strict=False):
+        energy += 0.5 * (along.mass_kg * rise**2 + along.stiffness_n_per_m * lift**2) + rise * momentum
+    if motor.mount and lifts_m:
+        energy -= motor.contact.preload_n * lifts_m[0]
     return float(energy)
 
 

@@ -17,6 +17,7 @@ from pyspice_runner.analysis.period_map import Trace
 from pyspice_runner.model import strength, wear
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.recoil import carriers
 from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.copies import Plant, drive_voltage, phasor_at
 from pyspice_runner.netlist.motor import dielectric_matrix
@@ -73,16 +74,22 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
     """Return the means over a period from which the quantities follow; all are linear in time averages."""
     motor, radius = plant.motor, plant.motor.rotor.radius_m
     x, _, vx, vy = (values[1:] for values in tip(plant, trace))
-    rise = trace.states[plant.carrier][1, 1:] if plant.mount else np.zeros(len(vy))
-    vy = vy + rise
+    carried = trace.states[plant.carrier]  # displacement and velocity of the carrier along y, then along x
     x = x - static_sway(motor, plant.law, discretisation)
+    if len(carried):
+        vy = vy + carried[1, 1:]
+    if len(carried) > 2:
+        x, vx = x + carried[2, 1:], vx + carried[3, 1:]
     normal, friction, state = trace.normal[1:], trace.friction[1:], trace.contact_state[1:]
     turning = speed(plant, trace)[1:]
     slipping = state > 1.5
     sticking = (state > 0.5) & ~slipping
     ended = sticking & np.roll(slipping, 1)  # slip that ended within a step: on average half of it
     displacement, velocity = modal(plant, trace)
-    mount_loss = plant.mount.damping_n_s_per_m * float((rise**2).mean()) if plant.mount else 0.0
+    mount_loss = sum(
+        spring.damping_n_s_per_m * float((rise[1:] ** 2).mean())
+        for spring, rise in zip(carriers(plant.mount), carried[1::2], strict=True)
+    )
     dampings = np.array([mode.damping_n_s_per_m for mode in motor.modes])
     growth = np.array([mode.damping_growth_per_m2 for mode in motor.modes])[:, np.newaxis]
     heating = velocity[:, 1:] ** 2 * (1.0 + growth * displacement[:, 1:] ** 2)
@@ -134,8 +141,8 @@ def _rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w:
 def _stored(plant: Plant, trace: Trace, at: int) -> float:
     """Return the energy in J in the modes and the mount."""
     displacement, velocity = (values[:, at].tolist() for values in modal(plant, trace))
-    lift, rise = trace.states[plant.carrier][:, at].tolist() if plant.mount else (0.0, 0.0)
-    return stored_energy(plant.motor, displacement, velocity, lift, rise)
+    carried = trace.states[plant.carrier][:, at].tolist()
+    return stored_energy(plant.motor, displacement, velocity, carried[::2], carried[1::2])
 
 
 def extrapolated(fine: Mapping[str, float], coarse: Mapping[str, float], ratio: float) -> dict[str, float]:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from pyspice_runner.analysis.period_map import PeriodMap, Trace
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.parameters import Mode, Mount
-from pyspice_runner.model.recoil import mass_matrix
+from pyspice_runner.model.recoil import carriers, mass_matrix
 from pyspice_runner.netlist.copies import Copy, Plant, phasor_at
 
 Array = NDArray[np.float64]
@@ -284,8 +284,8 @@ def start_point(plant: Plant) -> Point:
     preload = motor.contact.preload_n if plant.law else 0.0
     state = np.zeros(plant.order)
     amplitudes = np.zeros(n)
-    springs: list[Mode | Mount] = [*motor.modes, *([plant.mount] if plant.mount else [])]
-    places = [*range(n), *range(plant.carrier.start, plant.carrier.stop)][: len(springs)]
+    springs: list[Mode | Mount] = [*motor.modes, *carriers(plant.mount)]
+    places = [*range(n), *range(plant.carrier.start, plant.carrier.stop, 2)]
     elastic, damping = (
         np.diag([getattr(spring, name) for spring in springs]) for name in ("stiffness_n_per_m", "damping_n_s_per_m")
     )
@@ -317,11 +317,11 @@ def start_point(plant: Plant) -> Point:
     along = max(abs(mode.tip_x) * v for mode, v in zip(motor.modes, fastest, strict=True))
     towards = max(abs(mode.tip_y) * v for mode, v in zip(motor.modes, fastest, strict=True))
     carrier = []
-    if plant.mount:
+    for _, name in zip(carriers(plant.mount), ("tip_y", "tip_x"), strict=False):
         lift = contact_law.static_penetration(motor.contact) + max(
-            abs(mode.tip_y) * a for mode, a in zip(motor.modes, amplitudes, strict=True)
+            abs(getattr(mode, name)) * a for mode, a in zip(motor.modes, amplitudes, strict=True)
         )
-        carrier = [lift, lift / plant.drive.period]
+        carrier += [lift, lift / plant.drive.period]
     turning = [max(along, towards) / motor.rotor.radius_m] if plant.turns else []
     sliders = plant.where("contact")
     scale = np.array([
@@ -444,8 +444,7 @@ class Shooting:
         """Run points from preloaded rest for a number of decay times of their slowest mode."""
         longest = 0.0
         for point in points:
-            mount = point.plant.mount
-            springs: list[Mode | Mount] = [*point.plant.motor.modes, *([mount] if mount else [])]
+            springs: list[Mode | Mount] = [*point.plant.motor.modes, *carriers(point.plant.mount)]
             longest = max(longest, decays * max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs))
             point.restart(_rest(point.plant))
         periods = max(10, ceil(longest / self.map.period))

@@ -30,6 +30,7 @@ from pyspice_runner.analysis.steady import SteadyState, steady_state
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive, Tone, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.recoil import modes_on_carrier
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.netlist.copies import Copy, Plant, Probe
@@ -427,7 +428,7 @@ def _cold(plant: Plant, frequency: float) -> Complex:
     """Return the admittance matrix of the free stator at rest."""
     omega = 2.0 * pi * frequency
     matrix = dielectric_matrix(plant.motor, frequency)
-    for mode in plant.motor.modes:
+    for mode in modes_on_carrier(plant.motor.modes, plant.motor.mount):
         coupling = np.array([mode.coupling_a_n_per_v, mode.coupling_b_n_per_v])
         stiffness = mode.stiffness_n_per_m - omega**2 * mode.mass_kg + 1j * omega * mode.damping_n_s_per_m
         matrix = matrix + np.outer(coupling, coupling) * 1j * omega / stiffness

@@ -27,7 +27,7 @@ from xml.etree import ElementTree
 from pyspice_runner.engine.compiler import compile_library
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.recoil import modes_on_carrier
+from pyspice_runner.model.recoil import carriers, modes_on_carrier
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import SUBCIRCUIT, default_two_phase, require_averaged
 from pyspice_runner.netlist.expressions import HELPERS, equations, translated
@@ -38,7 +38,10 @@ from pyspice_runner.units import linear_unit
 C_FILES = ("piezomotor_averaged.c", "piezomotor_fmi2.c")  # what a compiler is given
 _HEADER, _START, _PHASE = "piezomotor_averaged.h", "piezomotor_start.h", "piezomotor_phase.h"
 STEP_SIZE = 1e-3  # s, of the default experiment: a controller at 1 kHz
-_GROUPS = ("INPUTS", "OUTPUTS", "PARAMETERS", "MOUNT_PARAMETERS", "MODE_PARAMETERS")  # in the order of struct values
+# in the order of struct values
+_GROUPS = ("INPUTS", "OUTPUTS", "PARAMETERS", "MOUNT_PARAMETERS", "MOUNT_X_PARAMETERS", "MODE_PARAMETERS")
+_MOUNTS = ("mount_", "mount_x_")  # prefixes of the springs of the carrier, along y and x
+_OF_SPRINGS = ("mass", "damping", "stiffness")
 # SI base units with their exponents; FMI 2.0 has whole exponents only, so that two units have no such definition
 _UNITS: dict[str, dict[str, float]] = {
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1}, "A": {"A": 1}, "Hz": {"s": -1}, "K": {"K": 1}, "s": {"s": 1},
@@ -117,8 +120,9 @@ def _values(motor: Motor, thermal: Thermal | None) -> dict[str, float]:
         "capacitance_drift": thermal.capacitance_drift_per_k if thermal else 0.0,
         "heat_capacity": body.heat_capacity_j_per_k, "thermal_resistance": body.thermal_resistance_k_per_w,
     }  # fmt: skip
-    carrier = spring_values(motor.mount) if motor.mount else dict.fromkeys(("mass", "damping", "stiffness"), 1.0)
-    values |= {f"mount_{name}": value for name, value in carrier.items()}
+    held = dict.fromkeys(_OF_SPRINGS, 1.0)
+    for prefix, along in zip(_MOUNTS, (*carriers(motor.mount), None, None), strict=False):
+        values |= {f"{prefix}{name}": value for name, value in (spring_values(along) if along else held).items()}
     for number, mode in enumerate(motor.modes, start=1):
         values |= {f"mode[{number}].{name}": value for name, value in mode_values(mode).items()}
     return {name: rounded(value) for name, value in values.items()}
@@ -211,6 +215,7 @@ def _start_header(motor: Motor, known: list[Variable]) -> str:
         " */",
         f"#define MODES {len(motor.modes)}",
         f"#define MOUNTED {int(motor.mount is not None)}",
+        f"#define MOUNTED_X {int(len(carriers(motor.mount)) > 1)}",
         "#define START { \\",
         *rows,
         "}",
@@ -231,7 +236,8 @@ def _model_description(motor: Motor, known: list[Variable], identifier: str, gui
     files = ElementTree.SubElement(simulation, "SourceFiles")
     for file in C_FILES:
         ElementTree.SubElement(files, "File", {"name": file})
-    shown = [item for item in known if motor.mount or not item.name.startswith("mount_")]
+    hidden = {f"{prefix}{name}" for prefix in _MOUNTS[len(carriers(motor.mount)) :] for name in _OF_SPRINGS}
+    shown = [item for item in known if item.name not in hidden]
     units = ElementTree.SubElement(root, "UnitDefinitions")
     for unit in sorted({item.unit for item in shown} - {"1"}):
         base = ElementTree.SubElement(units, "Unit", {"name": unit})

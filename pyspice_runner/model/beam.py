@@ -108,6 +108,7 @@ class Resonator:
     wavenumbers: Array
     """jπ/L in 1/m, of the shape functions."""
     recoils_kg: Array
+    recoils_x_kg: Array | None
     """Γ = ∫ μ w dx + m_t w(x_t) of the modes: momentum along y per modal velocity."""
     shears: Array
     """(shapes + 1, modes): γ(x) = Σ_j shears[j] cos(jπx/L); none without shear."""
@@ -254,6 +255,11 @@ def solve_resonator(
         couplings_n_per_v=_without_round_off(coupling @ coefficients, coupling_scale @ np.abs(coefficients)),
         wavenumbers=k,
         recoils_kg=_without_round_off(recoil @ coefficients, np.abs(recoil).max() * np.abs(coefficients).sum(axis=0)),
+        recoils_x_kg=None
+        if tip.centre_m is None
+        else _without_round_off(
+            -tip.mass_kg * (sideways @ coefficients), tip.mass_kg * centre * k @ np.abs(coefficients[:shapes])
+        ),
         shears=coefficients[angle],
         tip_x=_without_round_off(tip_x, tip.length_m * k @ np.abs(coefficients[:shapes])),
         tip_y=_without_round_off(rise @ coefficients, 1.0),
@@ -283,6 +289,8 @@ def resonator_modes(
     }  # fmt: skip
     if beam.recoil:
         columns["recoil_kg"] = resonator.recoils_kg
+        if resonator.recoils_x_kg is not None:
+            columns["recoil_x_kg"] = resonator.recoils_x_kg
     columns["damping_n_s_per_m"] = np.array([*map(damping.modal, columns["mass_kg"], columns["stiffness_n_per_m"])])
     try:
         return tuple(

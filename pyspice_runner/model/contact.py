@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pyspice_runner.model.parameters import Contact, Mode, Mount, Rotor
-from pyspice_runner.model.recoil import mass_matrix
+from pyspice_runner.model.recoil import carriers, mass_matrix
 from pyspice_runner.model.roots import root
 
 Array = NDArray[np.float64]
@@ -212,12 +212,12 @@ def linearised_resonances(
     The rotor on the contact's tangential spring adds one to those of the modes. A carrier on springs adds another, the
     lowest if the carrier is heavy: it moves on the contact's normal stiffness.
     """
-    carrier = [] if mount is None else [mount]
-    springs: list[Mode | Mount] = [*modes, *carrier]
+    moving = carriers(mount)
+    springs: list[Mode | Mount] = [*modes, *moving]
     mass = np.diag([*(spring.mass_kg for spring in springs), rotor.inertia_kg_m2 / rotor.radius_m**2])
     mass[:-1, :-1] = mass_matrix(modes, mount)
-    normal = np.array([*(mode.tip_y for mode in modes), *(1.0 for _ in carrier), 0.0])
-    tangential = np.array([*(mode.tip_x for mode in modes), *(0.0 for _ in carrier), -1.0])
+    normal = np.array([*(mode.tip_y for mode in modes), *(1.0, 0.0)[: len(moving)], 0.0])
+    tangential = np.array([*(mode.tip_x for mode in modes), *(0.0, 1.0)[: len(moving)], -1.0])
     stiffness = (
         np.diag([*(spring.stiffness_n_per_m for spring in springs), 0.0])
         + normal_stiffness_at_preload(contact) * np.outer(normal, normal)

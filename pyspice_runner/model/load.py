@@ -27,6 +27,7 @@ from math import inf, sqrt
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from pyspice_runner.errors import ParameterError
@@ -50,6 +51,7 @@ from pyspice_runner.model.parameters import (
     Damping,
     Limits,
     Mode,
+    Mount,
     Parameters,
     Patch,
     Piezo,
@@ -79,6 +81,10 @@ class Arm(Parameters):
     recoil_kg: float | None = quantity(
         "recoil Γ on the carrier of a mount: momentum along y per modal velocity", "kg", ge=-1e3, le=1e3, default=None
     )
+    recoil_x_kg: float | None = quantity(
+        "recoil Γₓ on a carrier that moves along the rotor, too: momentum along x per modal velocity", "kg", ge=-1e3,
+        le=1e3, default=None,
+    )  # fmt: skip
 
     def to_mode(self) -> Mode:
         """Return the mechanical arm: θ_A² = m/L, k = θ_A²/C, c = θ_A² R."""
@@ -88,7 +94,7 @@ class Arm(Parameters):
             stiffness_n_per_m=coupling_squared / self.capacitance_f,
             coupling_a_n_per_v=sqrt(coupling_squared),
             coupling_b_n_per_v=self.coupling_ratio * sqrt(coupling_squared),
-            **self.model_dump(include={"name", "mass_kg", "tip_x", "tip_y", "recoil_kg"}),
+            **self.model_dump(include={"name", "mass_kg", "tip_x", "tip_y", "recoil_kg", "recoil_x_kg"}),
         )
 
 
@@ -248,6 +254,7 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
     contact |= _softening(contact, structure, provenance, where)
     kinds: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, moved: MOVED[moved], "limits": Limits}
     kinds |= {"beam": Beam, "tip": Tip} if ways[0] == "beam" else {}
+    kinds |= {"mount": Mount} if "mount" in plain else {}
     resolved = {"piezo": piezo, "contact": contact}
     for section, kind in kinds.items():
         for name, field in kind.model_fields.items():
@@ -338,7 +345,10 @@ def _from_solid(plain: dict[str, Any], where: str) -> tuple[Solid, list[dict[str
         "damping_n_s_per_m": stator.dampings_n_s_per_m(solid.quality_factor),
         "coupling_a_n_per_v": stator.couplings_n_per_v[0], "coupling_b_n_per_v": stator.couplings_n_per_v[1],
         "tip_x": stator.tip_x, "tip_y": stator.tip_y,
-        "recoil_kg": [x if abs(x) > 1e-6 * stator.mass_kg else 0.0 for x in stator.recoil_kg],  # 0 but for rounding
+        **{  # 0 but for rounding
+            name: np.where(np.abs(recoil) > 1e-6 * stator.mass_kg, recoil, 0.0)
+            for name, recoil in (("recoil_kg", stator.recoil_kg), ("recoil_x_kg", stator.recoil_x_kg))
+        },
     }  # fmt: skip
     modes = [
         {"name": f"mode-{index + 1}", **{name: float(column[index]) for name, column in columns.items()}}

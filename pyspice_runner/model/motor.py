@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import pi, sqrt
 from typing import Any, Self
 
+import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer, model_validator
 
 from pyspice_runner.display import Shown
@@ -30,7 +31,7 @@ from pyspice_runner.model.parameters import (
     Slider,
     Tip,
 )
-from pyspice_runner.model.recoil import unknown_recoil
+from pyspice_runner.model.recoil import carriers, recoils, unknown_recoil
 from pyspice_runner.model.refusal import allowed_range, build, checked, limited, positive, quoted, refusal
 from pyspice_runner.model.save import motor_toml
 from pyspice_runner.model.solid.parameters import Solid
@@ -57,13 +58,19 @@ _EFFECTS: dict[tuple[str, str, float | None], tuple[str, ...]] = {
     ("contact", "effective_radius_m", None): (),
     ("contact", "poisson", None): (),
     ("contact", "specific_wear_rate_m3_per_n_m", None): (),
+    ("mount", "tangential_stiffness_n_per_m", None): ("tangential_damping_n_s_per_m",),
     ("rotor", "bearing_friction_n_m", 0.0): ("bearing_presliding_rad",),
     ("slider", "guide_friction_n", 0.0): ("guide_presliding_m",),
 }
 
 
 ALIASES = {"frequency_hz": "stiffness_n_per_m", "quality_factor": "damping_n_s_per_m"}  # other ways to state a mode
-_OF_MODE = ("softening_per_m2", "damping_growth_per_m2", "recoil_kg")  # effects of a mode, off at 0 or unknown
+_OF_MODE = (
+    "softening_per_m2",
+    "damping_growth_per_m2",
+    "recoil_kg",
+    "recoil_x_kg",
+)  # effects of a mode, off at 0 or unknown
 _OPTIONAL: dict[str, type[Parameters]] = {"mount": Mount, "limits": Limits}  # sections that may be null
 MOVED: dict[str, type[Parameters]] = {"rotor": Rotor, "slider": Slider}  # what the tip moves: one of them
 _SECTIONS: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, **MOVED, **_OPTIONAL}
@@ -156,7 +163,8 @@ class Motor(Shown, Parameters):
                 f"{WIDEST_SPREAD:g} apart, so leave out those that do not take part"
             )
         self._check_groups()
-        shaken = sum((mode.recoil_kg or 0.0) ** 2 / mode.mass_kg for mode in self.modes)
+        shaking = recoils(self.modes)[: len(carriers(self.mount))] / np.sqrt([mode.mass_kg for mode in self.modes])
+        shaken = float(np.linalg.norm(shaking, 2)) ** 2 if self.mount else 0.0  # along the direction that moves most
         if self.mount and shaken >= self.mount.mass_kg:
             raise ValueError(
                 f"the modes' recoil_kg shakes {shaken:.3g} kg, the sum of recoil_kg²/mass_kg, and mount.mass_kg = "
@@ -211,7 +219,7 @@ class Motor(Shown, Parameters):
     @property
     def decay_s(self) -> float:
         """Time in s in which the slowest free mode, or the carrier on its mount, decays by e."""
-        springs: list[Any] = [*self.modes, *([self.mount] if self.mount else [])]
+        springs: list[Any] = [*self.modes, *carriers(self.mount)]
         return float(max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs))
 
     @property
@@ -259,7 +267,7 @@ class Motor(Shown, Parameters):
         """
         document = self.model_dump()
         for (section, name, off), companions in _EFFECTS.items():
-            if section in document and document[section][name] == off:
+            if document.get(section) and document[section][name] == off:
                 for absent in (name, *companions):
                     del document[section][absent]
         document["modes"] = [
@@ -304,7 +312,7 @@ class Motor(Shown, Parameters):
                         f"{where}: modes.{index}.{alias} and the {other} are both changed; give one of them."
                     )
             document["modes"][index] = with_constants(mode, f"modes.{index}", where)
-        changed_modes = any(re.match(r"modes\.(?!\d+\.recoil_kg)", path) for path in changed)
+        changed_modes = any(re.match(r"modes\.(?!\d+\.recoil_)", path) for path in changed)
         document["drive"] = self.drive
         return assemble(document, None if changed_modes else self.structure or self.solid, provenance, where=where)
 

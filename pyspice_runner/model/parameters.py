@@ -158,8 +158,8 @@ class Damping(Parameters):
 class Mode(Parameters):
     """One bending mode: the motional arm of the Butterworth–Van Dyke circuit and its couplings.
 
-    m r̈ + c ṙ + k r = θ_A U_A + θ_B U_B + X F_x + Y F_y − Γ z̈, with r the modal coordinate (m) and z̈ the acceleration
-    of the carrier, which is 0 without a mount.
+    m r̈ + c ṙ + k r = θ_A U_A + θ_B U_B + X F_x + Y F_y − Γ z̈ − Γₓ z̈ₓ, with r the modal coordinate (m), and z̈ and z̈ₓ
+    the accelerations of the carrier, which are 0 without a mount.
     """
 
     # A mass from a MEMS plate 10 µm across to the 1 kg of modes normalised by their mass, and beyond. Couplings and tip
@@ -182,6 +182,10 @@ class Mode(Parameters):
     recoil_kg: float | None = quantity(
         "recoil Γ on the carrier of a mount: momentum along y per modal velocity", "kg", ge=-1e3, le=1e3, default=None
     )
+    recoil_x_kg: float | None = quantity(
+        "recoil Γₓ on a carrier that moves along the rotor, too: momentum along x per modal velocity", "kg", ge=-1e3,
+        le=1e3, default=None,
+    )  # fmt: skip
 
     @property
     def linear(self) -> bool:
@@ -319,17 +323,44 @@ class Mount(Parameters):
     """The carrier of the stator: plate springs press it towards the rotor, so that the preload is a force.
 
     m_c z̈ + d_c ż + k_c z = F₀ + F_y − Σ Γ r̈, with z its displacement towards the rotor, F_y the force of the contact
-    and Γ the recoil of a mode.
+    and Γ the recoil of a mode. Along the rotor it is held, or it moves on springs of its own:
+    m_c z̈ₓ + d_x żₓ + k_x zₓ = F_x − Σ Γₓ r̈.
     """
 
     stiffness_n_per_m: float = quantity("stiffness k_c of the springs along y", "N/m", ge=1.0, le=1e13)
     mass_kg: float = quantity("mass m_c of the carrier, with that of the stator", "kg", ge=1e-9, le=1e3)
     damping_n_s_per_m: float = quantity("damping d_c of the springs", "N·s/m", ge=1e-9, le=1e9)
+    tangential_stiffness_n_per_m: float | None = quantity(
+        "stiffness k_x of the springs along the rotor; not stated: held along it", "N/m", ge=1.0, le=1e13, default=None
+    )
+    tangential_damping_n_s_per_m: float | None = quantity(
+        "damping d_x of the springs along the rotor", "N·s/m", ge=1e-9, le=1e9, default=None
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if (self.tangential_stiffness_n_per_m is None) != (self.tangential_damping_n_s_per_m is None):
+            raise ValueError(
+                "a carrier that moves along the rotor needs tangential_stiffness_n_per_m and "
+                "tangential_damping_n_s_per_m; state both, or neither for one that is held along it"
+            )
+        return self
 
     @property
     def frequency_hz(self) -> float:
         """Undamped natural frequency √(k_c/m_c)/2π in Hz of a carrier with a free stator."""
         return sqrt(self.stiffness_n_per_m / self.mass_kg) / (2.0 * pi)
+
+    @property
+    def tangential(self) -> Mount | None:
+        """The carrier along the rotor, with the springs of that direction; ``None`` if it is held along it."""
+        if self.tangential_stiffness_n_per_m is None or self.tangential_damping_n_s_per_m is None:
+            return None
+        return Mount(
+            stiffness_n_per_m=self.tangential_stiffness_n_per_m,
+            mass_kg=self.mass_kg,
+            damping_n_s_per_m=self.tangential_damping_n_s_per_m,
+        )
 
 
 class Limits(Parameters):

@@ -21,7 +21,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Load, TwoPhaseDrive, default_drive
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.recoil import modes_on_carrier
+from pyspice_runner.model.recoil import carriers, modes_on_carrier
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import add_cooling
 from pyspice_runner.netlist.contact import PAPER_LAW, ContactLaw, law_of
@@ -29,6 +29,7 @@ from pyspice_runner.netlist.library import Library, Pin, check_name, read_librar
 from pyspice_runner.netlist.motor import (
     CROWN,
     MOUNTED,
+    MOUNTED_X,
     REVISION,
     Assembly,
     mode_values,
@@ -269,6 +270,14 @@ class AveragedSubCircuit(Assembly):
             pins = ("fy_carrier", "y_0", self.gnd, *MOUNTED.values(), "base")
             self._put("mount", "piezomotor_mount", pins, spring_values(motor.mount), ["preload"])
             nodes[nodes.index("y_0")] = MOUNTED["y"]
+        if motor.mount and (along := motor.mount.tangential):  # likewise, by the mean force along the rotor
+            self.VCVS("carrier_x", "fx_carrier", self.gnd, "fx_0", self.gnd, voltage_gain=1)
+            pins = ("fx_carrier", nodes[0], self.gnd, *MOUNTED_X.values(), "base_x")
+            self._put("mount_x", "piezomotor_mount", pins, spring_values(along) | {"preload": 0.0})
+            nodes[0] = MOUNTED_X["x"]
+            # its velocity adds to that of the tip on the rotor; the torque passes through the source
+            self.VCVS("passed", "passed", "shaft", MOUNTED_X["vx"], self.gnd, voltage_gain="{-1/radius}")
+            nodes[nodes.index("shaft")] = "passed"
         values: dict[str, float | str] = {
             "compliance": contact_law.total_compliance(contact), "mu": "{friction}",
             "damping": contact_law.normal_damping(contact),
@@ -293,14 +302,14 @@ class AveragedSubCircuit(Assembly):
                     node = f"left_{axis}_{part}{order}"
                     self.R(f"sum_{node}", node, self.gnd, 1)
                     squares.append(f"(V({node})/{{{limit}}})**2")
-        if motor.mount:  # in the expression: with nodes of their own, runs of ngspice near a fold fail
-            mount = motor.mount
+        # in the expression: with nodes of their own, runs of ngspice near a fold fail
+        for mount, axis in zip(carriers(motor.mount), "yx", strict=False):
             for order in range(1, harmonics + CHECKED_HARMONICS + 1):
                 omega = f"({2.0 * pi * order:.10g}*V(frequency))"
                 reactance = f"({mount.stiffness_n_per_m:.10g}-{mount.mass_kg:.10g}*{omega}**2)"
                 impedance = f"({reactance}**2+({mount.damping_n_s_per_m:.10g}*{omega})**2)"
-                force = f"(V(fy_re{order})**2+V(fy_im{order})**2)"
-                squares.append(f"{force}*{{(1e6/{depth})**2}}/{impedance}")
+                force = f"(V(f{axis}_re{order})**2+V(f{axis}_im{order})**2)"
+                squares.append(f"{force}*{{(1e6/{limits[axis]})**2}}/{impedance}")
         self.raw_spice += f".param outside={outside(self.settable)}\n"
         self.raw_spice += f"Bcheck check 0 V=sqrt({'+'.join(squares)}+{{1e-24+outside}})\n"
 

@@ -12,6 +12,7 @@ from PySpice.Spice.Netlist import Circuit, Netlist
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Drive, Tone
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.recoil import carriers
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import PAPER_LAW, Law
 from pyspice_runner.netlist.library import Library, read_library
@@ -89,9 +90,9 @@ def add_meters(circuit: Netlist, motor: Motor, lag: dict[str, float]) -> None:
     for index, mode in enumerate(motor.modes, start=1):
         nodes = (f"xmotor.xmode{index}.arm_r", f"xmotor.xmode{index}.elastic")
         instantiate(circuit, f"heat_{index}", "piezomotor_heat", nodes, resistance=mode.damping_n_s_per_m)
-    if motor.mount:
-        nodes = ("xmotor.xmount.arm_r", "xmotor.xmount.elastic")
-        instantiate(circuit, "heat_mount", "piezomotor_heat", nodes, resistance=motor.mount.damping_n_s_per_m)
+    for spring, part in zip(carriers(motor.mount), ("mount", "mount_x"), strict=False):
+        nodes = (f"xmotor.x{part}.arm_r", f"xmotor.x{part}.elastic")
+        instantiate(circuit, f"heat_{part}", "piezomotor_heat", nodes, resistance=spring.damping_n_s_per_m)
     between = abs(motor.piezo.capacitance_ab_f)
     for group, line in zip(("a", "b"), METERED, strict=True):
         nodes = (line, group, circuit.gnd)

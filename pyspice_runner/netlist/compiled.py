@@ -17,12 +17,14 @@ from functools import cache
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.recoil import carriers
 from pyspice_runner.netlist.contact import PAPER_LAW, Law
 from pyspice_runner.netlist.state import PLATES, Discretisation, motor_states, plate_nodes, written
 from pyspice_runner.netlist.veriloga import WRITTEN, module_source, module_values
 
 # states and pins that a motor may not need: their nodes, and the comment before their equations
 _CARRIER = ("carrier on plate springs", ("carrier", "carrier_velocity"))
+_CARRIER_X = ("carrier along the rotor", ("carrier_x", "carrier_x_velocity"))
 _BEARING = ("dry bearing", ("share",))
 _HEAT = ("heat of dielectric and modes", ("temperature",))
 _HEAD = re.compile(r"module piezomotor\([^)]*\);\n +inout [^;]*;\n")
@@ -70,13 +72,13 @@ def module_of(motor: Motor, law: Law) -> Module:
 
     Motors with the same number of modes, with or without mount and dry friction of the bearing, have the same module.
     """
-    return _module(len(motor.modes), law, motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0)
+    return _module(len(motor.modes), law, len(carriers(motor.mount)), motor.rotor.bearing_friction_n_m > 0.0)
 
 
 @cache
-def _module(modes: int, law: Law, mounted: bool, dry: bool) -> Module:
+def _module(modes: int, law: Law, moving: int, dry: bool) -> Module:
     text = module_source(modes, law)
-    unused = [_HEAT, *(() if mounted else (_CARRIER,)), *(() if dry else (_BEARING,))]
+    unused = [_HEAT, *(_CARRIER, _CARRIER_X)[moving:], *(() if dry else (_BEARING,))]
     for comment, nodes in unused:  # their voltages are 0, and their equations are left out
         text, count = re.subn(rf"(?ms)^ *// {comment}.*?^ *// end of the [^\n]*\n", "", text)
         assert count == 1, comment
@@ -94,7 +96,7 @@ def _module(modes: int, law: Law, mounted: bool, dry: bool) -> Module:
     listed = ", ".join(ports)
     kind = {"spring-slider": (), "coulomb": ("coulomb",), "brush": (f"{law.sliders}_sliders",)}[law.name]
     parts = (f"{modes}_modes", *kind)
-    name = "_".join(("piezomotor", *parts, *(("mount",) if mounted else ()), *(("dry",) if dry else ())))
+    name = "_".join(("piezomotor", *parts, *("mount", "x")[:moving], *(("dry",) if dry else ())))
     return Module(name, _HEAD.sub(f"module {name}({listed});\n    inout {listed};\n", text, count=1), ports)
 
 

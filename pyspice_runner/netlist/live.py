@@ -320,6 +320,8 @@ def _meaning(name: str) -> str:
     return {
         "slider": "um, displacement of the contact's slider at the start",
         "carrier": "um, displacement of the carrier at the start",
+        "carrier_x": "um, displacement of the carrier along the rotor at the start",
+        "carrier_x_velocity": "m/s, of the carrier along the rotor at the start",
         "carrier_velocity": "m/s, of the carrier at the start",
         "damping": "N.s/m, of the carrier; more than the motor's, so that it settles within the run",
         "bearing_share": "1, share of its torque that the dry bearing takes at the start",

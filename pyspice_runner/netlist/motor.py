@@ -56,11 +56,12 @@ from pyspice_runner.netlist.state import (
     start_parameters,
     static_sway,
     written,
-    written_recoil,
+    written_recoils,
 )
 
 SUBCIRCUIT = PREFIX
 MOUNTED = {"y": "contact_y", "vy": "contact_vy"}  # nodes of the tip at the contact if there is a mount
+MOUNTED_X = {"x": "contact_x", "vx": "contact_vx"}  # those along the rotor if the carrier moves along it, too
 CROWN = "crown"  # node of a motor whose preload bends the tip sideways: x of the tip from the rotor's crown, in µm
 THERMAL_SUBCIRCUIT = "piezomotor_thermal"
 REVISION = 3  # of the exported motor: its pins, its parameters and what they mean
@@ -193,6 +194,7 @@ class MotorSubCircuit(Assembly):
         self._add_modes(warm, preload if law else 0.0)
         if library:
             moved = self._add_sway(static_sway(motor, law, discretisation) / preload)
+            moved |= self._add_tangential("fx", moved.get("x", "x"))
             moved |= self._add_mount(approach=approach)
             moved |= self._add_stem(
                 motor.contact.series_compliance_m_per_n, flexibility, moved.get("y", "y"), moved.get("vy", "vy")
@@ -206,6 +208,7 @@ class MotorSubCircuit(Assembly):
             if self._mount:
                 values = spring_values(self._mount, discretisation) | {"preload": 0.0}
                 self._put("mount", "piezomotor_mount", (self.gnd, "y", "vy", *MOUNTED.values(), "base"), values)
+                self._add_tangential(self.gnd, "x")
         self._put("rotor", rotor, ("shaft",), turning, tuple(turning))
         self._add_dry_bearing()
         if check:
@@ -240,15 +243,37 @@ class MotorSubCircuit(Assembly):
         for index, mode in enumerate(self._motor.modes, start=1):
             part, more = _mode_part(self._motor, mode, self._thermal)
             values = mode_values(mode, self._discretisation) | {"preload": preload}
-            if self._mount and mode.recoil_kg:
-                values["recoil"] = written_recoil(mode, self._mount, self._discretisation)
+            along_y, along_x = written_recoils(mode, self._mount, self._discretisation)
+            base: str | int = "base" if self._mount else self.gnd
+            if along_y and along_x:
+                base = self._add_slant(index, along_x / along_y)
+            elif along_x:
+                base = "base_x"
+            if along_y or along_x:
+                values["recoil"] = along_y or along_x
             tip = ("fx", "fy", "x", "y", "vx", "vy")
-            nodes = ("a", "b", self._common, *tip, f"xmode{index}.elastic", "base" if self._mount else self.gnd, *warm)
+            nodes = ("a", "b", self._common, *tip, f"xmode{index}.elastic", base, *warm)
             self._put(f"mode{index}", part, nodes, values | more, ["preload"] if preload else [])
         for node in ("x", "y", "vx", "vy", *(("heat",) if warm else ())):
             self.R(f"sum_{node}", node, self.gnd, 1)
         if warm:
             self.R("open_temperature", "temperature", self.gnd, 1e9)
+
+    def _add_slant(self, index: int, slope: float) -> str:
+        """Return the pin base of a mode that shakes the carrier along y and, ``slope`` times as much, along x."""
+        self.V(f"slant{index}", "base", f"slant{index}", "DC 0")
+        self.VCVS(f"slant{index}", f"base{index}", f"slant{index}", "base_x", self.gnd, voltage_gain=rounded(slope))
+        self.CCCS(f"slant{index}", "base_x", self.gnd, f"Vslant{index}", current_gain=rounded(slope))
+        return f"base{index}"
+
+    def _add_tangential(self, force: str | int, x: str) -> dict[str, str]:
+        """Add the carrier along the rotor, if it moves; return the nodes to which the contact is connected."""
+        along = self._mount and self._mount.tangential
+        if not along:
+            return {}
+        values = spring_values(along, self._discretisation) | {"preload": 0.0}
+        self._put("mount_x", "piezomotor_mount", (force, x, "vx", *MOUNTED_X.values(), "base_x"), values)
+        return MOUNTED_X
 
     def _add_sway(self, sway: float) -> dict[str, str]:
         """Add the crown of the rotor, in m per N of preload from the tip at rest; return the contact's node for x."""
@@ -361,7 +386,7 @@ def contact_nodes(motor: Motor) -> dict[str, str]:
     nodes = {name: name for name in ("x", "y", "vx", "vy")}
     if contact_law.static_sway(motor.contact, motor.modes):
         nodes["x"] = CROWN
-    return nodes | (MOUNTED if motor.mount else {})
+    return nodes | (MOUNTED if motor.mount else {}) | (MOUNTED_X if motor.mount and motor.mount.tangential else {})
 
 
 def coarsest_step(motor: Motor) -> float:
@@ -522,6 +547,7 @@ def _mount_line(motor: Motor) -> str:
     return (
         f"* MOUNT {mount.mass_kg:g} kg on springs of {mount.stiffness_n_per_m:g} N/m, "
         f"damping {mount.damping_n_s_per_m:g} N.s/m: the preload is a force"
+        + (f"; along the rotor {mount.tangential_stiffness_n_per_m:g} N/m" if mount.tangential else "")
     )
 
 

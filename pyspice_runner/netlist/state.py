@@ -15,7 +15,7 @@ from typing import Literal
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount
-from pyspice_runner.model.recoil import recoils
+from pyspice_runner.model.recoil import carriers, recoils
 from pyspice_runner.netlist.contact import Law
 
 PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
@@ -53,23 +53,31 @@ def written(spring: Mode | Mount, discretisation: Discretisation | None) -> tupl
     return discretisation.mode(spring) if discretisation else (spring.mass_kg, spring.stiffness_n_per_m)
 
 
-def written_recoil(mode: Mode, mount: Mount, discretisation: Discretisation | None) -> float:
-    """Return the recoil in kg of a mode in the netlist, with which the discretised mode on its carrier is exact, too.
+def written_recoils(mode: Mode, mount: Mount | None, discretisation: Discretisation | None) -> tuple[float, float]:
+    """Return the recoil in kg of a mode in the netlist, along y and x.
 
-    The recoil raises a mode from ω to ω/√(1 − s) with s = Γ²/(m m_c), if the springs of the carrier are soft.
+    With it the discretised mode on its carrier is exact, too. The recoil raises a mode from ω to ω/√(1 − s), with s the
+    sum of Γ²/(m m_c) along y and x, if the springs of the carrier are soft.
     """
-    recoil = mode.recoil_kg or 0.0
-    if not (recoil and discretisation and discretisation.exact_resonance):
-        return recoil
-    share = recoil**2 / (mode.mass_kg * mount.mass_kg)
-    half_angle = pi * mode.frequency_hz * discretisation.step
-    share = 1.0 - (tan(half_angle) / tan(half_angle / sqrt(1.0 - share))) ** 2
-    return copysign(sqrt(share * discretisation.mode(mode)[0] * discretisation.mode(mount)[0]), recoil)
+    moving = carriers(mount)
+    given = [mode.recoil_kg or 0.0, mode.recoil_x_kg or 0.0][: len(moving)]
+    whole = sum(recoil**2 for recoil in given)
+    if whole and mount and discretisation and discretisation.exact_resonance:
+        share = whole / (mode.mass_kg * mount.mass_kg)
+        half_angle = pi * mode.frequency_hz * discretisation.step
+        share = 1.0 - (tan(half_angle) / tan(half_angle / sqrt(1.0 - share))) ** 2
+        mass = discretisation.mode(mode)[0]
+        given = [
+            copysign(sqrt(share * (recoil**2 / whole) * mass * discretisation.mode(along)[0]), recoil)
+            for recoil, along in zip(given, moving, strict=True)
+        ]
+    along_y, along_x = (*given, 0.0, 0.0)[:2]
+    return along_y, along_x
 
 
 def carrier(motor: Motor, law: Law | None) -> Mount | None:
     """Return the mount of a motor in the netlist: a free tip, without a law, has one only if its modes shake it."""
-    return motor.mount if law or recoils(motor.modes).any() else None
+    return motor.mount if law or recoils(motor.modes)[: len(carriers(motor.mount))].any() else None
 
 
 def static_sway(motor: Motor, law: Law | None, discretisation: Discretisation | None) -> float:
@@ -93,6 +101,8 @@ class Motion:
     contact_m: tuple[float, ...] = ()  # states of another law, the nodes :attr:`.Law.states`, 1 V = 1 µm
     carrier_m: float = 0.0  # displacement of the carrier towards the rotor
     carrier_m_s: float = 0.0  # velocity of the carrier
+    carrier_x_m: float = 0.0  # displacement of the carrier along the rotor
+    carrier_x_m_s: float = 0.0  # its velocity
     bearing: float = 0.0  # share of its torque that a dry bearing takes, from -1 to 1
 
 
@@ -165,12 +175,13 @@ def motor_states(motor: Motor, law: Law | None, kinds: Sequence[Kind] | None = N
             State(node, "contact", f"v({{0}}.{node})", "contact_m", at, unit=MICRO)
             for at, node in enumerate(law.states)
         ]
-    if mount := carrier(motor, law):
+    for spring, (name, part) in zip(
+        carriers(carrier(motor, law)), (("carrier", "mount"), ("carrier_x", "mount_x")), strict=False
+    ):
         states += [
-            State("carrier", "mount", "v({0}.xmount.elastic)", "carrier_m", None, "mount", unit=MICRO,
-                  spring=mount),
-            State("carrier_velocity", "mount", "i(v.{0}.xmount.vvelocity)", "carrier_m_s", None, "mount", "velocity"),
-        ]  # fmt: skip
+            State(name, "mount", f"v({{0}}.x{part}.elastic)", f"{name}_m", None, part, unit=MICRO, spring=spring),
+            State(f"{name}_velocity", "mount", f"i(v.{{0}}.x{part}.vvelocity)", f"{name}_m_s", None, part, "velocity"),
+        ]
     states.append(State("speed", "rotor", "v({1})", "speed_rad_s", part="rotor"))
     if motor.rotor.bearing_friction_n_m:
         states.append(State("share", "bearing", "v({0}.xbearing.share)", "bearing", part="bearing"))

@@ -12,20 +12,22 @@ from collections.abc import Mapping
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.recoil import carriers
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import LIBRARIES, ContactLaw, Law, contact_library, contact_values, touching_law
 from pyspice_runner.netlist.expressions import HELPERS, equations, translated
 from pyspice_runner.netlist.library import check_name, data_path, read_library, slider_words
 from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, coarsest_step, mode_values, rounded, spring_values
-from pyspice_runner.netlist.state import Discretisation, written_recoil
+from pyspice_runner.netlist.state import Discretisation, written_recoils
 
 WRITTEN = ("spring-slider", "coulomb", "brush")  # the laws that have a Verilog-A form
 _BLOCKS = ("parameters of mode", "states of mode", "motion of mode", "mode")
 _OF_CONTACT = {"mu": "friction", "damping": "normal_damping"}  # parameters of the contact with other names outside
 _OF_RUN = ("deflection", "start")  # parameters of the contact that rest and the start of a run replace
 # nodes of the contact with other names outside; those that are not listed get the prefix contact_
-_NODES = {"y": "contact_y", "vy": "contact_vy", "shaft": "V(shaft)", "slider": "V(slider)", "friction": "tangential"}
-_NODES |= {name: name for name in ("x", "vx", "fx", "fy", "normal", "delta", "state")}
+_NODES = {name: f"contact_{name}" for name in ("x", "y", "vx", "vy")}
+_NODES |= {"shaft": "V(shaft)", "slider": "V(slider)", "friction": "tangential"}
+_NODES |= {name: name for name in ("fx", "fy", "normal", "delta", "state")}
 _ROTATIONAL = "electrical a, b, com, temperature;\n    rotational_omega shaft;"
 _ACCESS = {"V": "Omega", "I": "Tau"}  # functions of the discipline electrical → of rotational_omega
 _ITERATIONS = 5  # of an equation that contains its own node; each reduces the error by penetration over radius
@@ -179,13 +181,14 @@ def module_values(
         "bearing_torque": motor.rotor.bearing_friction_n_m,
         "bearing_angle": motor.rotor.bearing_presliding_rad,
         "mounted": int(motor.mount is not None),
+        "mounted_x": int(len(carriers(motor.mount)) > 1),
         "capacitance_a": rounded(motor.piezo.capacitance_a_f),
         "capacitance_b": rounded(motor.piezo.capacitance_b_f),
         "capacitance_ab": rounded(motor.piezo.capacitance_ab_f),
         "loss": max(motor.piezo.loss_tangent, SMALLEST_LOSS),
     }
-    if motor.mount is not None:
-        values |= {f"mount_{name}": value for name, value in spring_values(motor.mount, discretisation).items()}
+    for along, prefix in zip(carriers(motor.mount), ("mount", "mount_x"), strict=False):
+        values |= {f"{prefix}_{name}": value for name, value in spring_values(along, discretisation).items()}
     if thermal is not None:
         values |= {
             "drift_f": thermal.frequency_drift_per_k,
@@ -196,7 +199,7 @@ def module_values(
         of_mode = {
             **mode_values(mode, discretisation), "softening": mode.softening_per_m2,
             "growth": mode.damping_growth_per_m2,
-            "recoil": written_recoil(mode, motor.mount, discretisation) if motor.mount else 0.0,
         }  # fmt: skip
+        of_mode |= dict(zip(("recoil", "recoil_x"), written_recoils(mode, motor.mount, discretisation), strict=True))
         values |= {f"{parameter}_{number}": rounded(value) for parameter, value in of_mode.items()}
     return values

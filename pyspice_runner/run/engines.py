@@ -35,6 +35,7 @@ from pyspice_runner.files import save_by_ending
 from pyspice_runner.model.drive import Load, TwoPhaseDrive
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.recoil import carriers
 from pyspice_runner.netlist.compiled import missing_form, module_of
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.sources import DriveSource
@@ -51,6 +52,7 @@ _DRIVE = TwoPhaseDrive(voltage=150.0, frequency=40.1e3, phase_deg=120.0)
 _LOAD = 1e-3  # N·m
 _SKEW = 0.1  # of the tip's motion in one direction, in the other
 _DRY = {"rotor.bearing_friction_n_m": 2e-3, "rotor.bearing_presliding_rad": 3e-5}
+_SIDEWAYS = {"mount.tangential_stiffness_n_per_m": 2e4, "mount.tangential_damping_n_s_per_m": 50.0}
 _LOSSES = {
     "contact.preload_n": 2.0,
     "contact.series_compliance_m_per_n": 2e-9,
@@ -110,7 +112,7 @@ def verdict(motor: Motor, law: Law) -> Mapping[str, float]:
     Each signal of :data:`COMPARED` has its RMS difference over its RMS, infinite if the compiled motor failed. Raise
     SimulationError if compiler or ngspice are missing or fail.
     """
-    shape = (len(motor.modes), motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0)
+    shape = (len(motor.modes), len(carriers(motor.mount)), motor.rotor.bearing_friction_n_m > 0.0)
     return _verdict(shape, law, tools(), modules_folder())
 
 
@@ -121,7 +123,7 @@ def tools() -> str:
 
 
 @cache
-def _verdict(shape: tuple[int, bool, bool], law: Law, used: str, folder: Path) -> Mapping[str, float]:
+def _verdict(shape: tuple[int, int, bool], law: Law, used: str, folder: Path) -> Mapping[str, float]:
     motor = _similar(*shape, law)
     spice = OperatingPoint(motor, DriveSource(_DRIVE), Load(None, _LOAD), law)
     setups = [replace(spice, solver=Solver(compiled=compiled)) for compiled in (False, True)]
@@ -139,7 +141,7 @@ def _verdict(shape: tuple[int, bool, bool], law: Law, used: str, folder: Path) -
     return found
 
 
-def _similar(modes: int, mounted: bool, dry: bool, law: Law) -> Motor:
+def _similar(modes: int, moving: int, dry: bool, law: Law) -> Motor:
     """Return the motor that represents all motors with the same module.
 
     It is ``beam40`` with losses, its modes repeated at other frequencies. Every mode moves the tip
@@ -150,7 +152,8 @@ def _similar(modes: int, mounted: bool, dry: bool, law: Law) -> Motor:
             **_LOSSES,
             **(_FALLING if law.name == "spring-slider" else {}),
             **(_DRY if dry else {}),
-            **({} if mounted else {"mount": None}),
+            **({} if moving else {"mount": None}),
+            **(_SIDEWAYS if moving > 1 else {}),
         }
     )
     several = []
@@ -162,6 +165,7 @@ def _similar(modes: int, mounted: bool, dry: bool, law: Law) -> Motor:
             "tip_x": mode.tip_x + _SKEW * mode.tip_y,
             "tip_y": mode.tip_y + _SKEW * mode.tip_x,
             "recoil_kg": _SKEW * mode.mass_kg,
+            "recoil_x_kg": _SKEW * mode.mass_kg,
         }
         several.append(mode.model_copy(update=changed))
     return base.model_copy(update={"modes": tuple(several)})

@@ -12,7 +12,7 @@ import numpy as np
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Load
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.recoil import recoils
+from pyspice_runner.model.recoil import carriers, recoils
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.motor import dielectric_branches
@@ -264,14 +264,16 @@ class _Terms:
 
     def mount(self) -> tuple[float, float]:
         """Return the change of the energy of carrier and springs, and the loss in the springs."""
-        mount = self.motor.mount
-        if mount is None or not len(self.carrier):
+        if not len(self.carrier):
             return 0.0, 0.0
-        lift, rise = self.carrier
-        pressed = 0.5 * (mount.mass_kg * rise**2 + mount.stiffness_n_per_m * lift**2)
-        pressed += rise * (recoils(self.motor.modes) @ self.velocity)
-        change = _change(pressed - self.recording._preload * lift)
-        return change, self.work(mount.damping_n_s_per_m * rise**2)
+        change, loss = -_change(self.recording._preload * self.carrier[0]), 0.0
+        momenta = recoils(self.motor.modes) @ self.velocity
+        for number, along in enumerate(carriers(self.motor.mount)):
+            lift, rise = self.carrier[2 * number : 2 * number + 2]
+            stored = 0.5 * (along.mass_kg * rise**2 + along.stiffness_n_per_m * lift**2) + rise * momenta[number]
+            change += _change(stored)
+            loss += self.work(along.damping_n_s_per_m * rise**2)
+        return change, loss
 
     def contact_elastic(self) -> float:
         """Return the change of the elastic energy of the contact and of the compliance in series."""
@@ -283,10 +285,13 @@ class _Terms:
         """Return the work of the friction force on the motion of the tip against the rotor."""
         along, towards = (np.array([getattr(mode, name) for mode in self.motor.modes]) for name in ("tip_x", "tip_y"))
         vx, vy = along @ self.velocity, towards @ self.velocity
+        x = self.waves["tip_x_m"] - self.recording.sway
         if len(self.carrier):
             vy = vy + self.carrier[1]
+        if len(self.carrier) > 2:
+            x, vx = x + self.carrier[2], vx + self.carrier[3]
         radius = self.motor.rotor.radius_m
-        sine = (self.waves["tip_x_m"] - self.recording.sway) / (radius - self.penetration)
+        sine = x / (radius - self.penetration)
         cosine = np.sqrt(np.maximum(1.0 - sine**2, 0.0))  # a tip that ran away is for the audit
         tangential = vx * cosine + vy * sine
         return self.work(self.waves["friction_force_n"] * (tangential - radius * self.waves["rotor_speed_rad_s"]))

@@ -181,7 +181,7 @@ def test_an_older_file_with_a_reference_frequency_of_the_loss_is_read(load: Call
 
 def test_modes_are_taken_as_stated_and_sorted(load: Callable[[Document], Motor]) -> None:
     subject = load(MODES | {"modes": [SIDE, MODE]})
-    linear = {"softening_per_m2": 0.0, "damping_growth_per_m2": 0.0, "recoil_kg": None}
+    linear = {"softening_per_m2": 0.0, "damping_growth_per_m2": 0.0, "recoil_kg": None, "recoil_x_kg": None}
     assert [item.model_dump() for item in subject.modes] == [MODE | linear, SIDE | linear]
     assert subject.piezo.model_dump() == LOSS | CAPACITANCES | {"capacitance_ab_f": 0.0}
 

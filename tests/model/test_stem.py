@@ -92,6 +92,9 @@ def test_the_recoil_is_that_of_the_beam_and_of_the_head(beam: Beam) -> None:
         momentum = line * moving + tip.mass_kg * found.tip_y[mode]
         assert found.recoils_kg[mode] == pytest.approx(momentum, rel=1e-6, abs=1e-9)
     assert not np.allclose(found.tip_y, found.deflection(tip.position_m), rtol=1e-2)  # the stem is stretched
+    # along x the beam's axis does not move; a contact at the centre of mass of the head moves with it
+    at_centre = solve_resonator(beam, (), tip.model_copy(update={"length_m": 0.007}), count=3)
+    assert found.recoils_x_kg == pytest.approx(tip.mass_kg * at_centre.tip_x, rel=1e-9)
 
 
 def test_a_stem_between_the_patches_keeps_the_symmetries() -> None:

@@ -27,6 +27,8 @@ SAME = {
     "inertia": ("rotor", "inertia"), "bearing": ("rotor", "bearing"),
     "bearing_torque": ("bearing", "torque"), "bearing_angle": ("bearing", "angle"),
     "mount_stiffness": ("mount", "stiffness"), "mount_mass": ("mount", "mass"), "mount_damping": ("mount", "damping"),
+    "mount_x_stiffness": ("mount", "stiffness"), "mount_x_mass": ("mount", "mass"),
+    "mount_x_damping": ("mount", "damping"),
     "capacitance_a": ("group", "capacitance"), "capacitance_b": ("group", "capacitance"), "loss": ("group", "loss"),
     "drift_f": ("mode_thermal", "frequency_drift"), "drift_k": ("mode_thermal", "coupling_drift"),
     "drift_c": ("group_thermal", "capacitance_drift"),

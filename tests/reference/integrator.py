@@ -14,6 +14,8 @@ The law
 On a mount the stator's carrier moves by z, and y above is Σ Y_n r_n + z:
     m_c z'' + d_c z' + k_c z = F_0 + F_y - Σ Γ_n r_n''
 and -Γ_n z'' acts on mode n, with its recoil Γ_n. A free tip has a carrier only if there is recoil, and then no F_0.
+A carrier that moves along the rotor, too, has the same equation for z_x, with Γ_xn, F_x, springs of its own and no F_0;
+x above is then Σ X_n r_n + z_x.
 Stribeck friction, with w = |v_rel − u'| the slip velocity, μ_∞ = ρ μ the friction of fast sliding:
     slip: |F_T| = μ F_N [ρ + (1 − ρ) exp(−(w/v_s)²)]
 A tip worn to a flat of radius b, with R* of the new tip and E* = 3 K_N/(4 √R*): the contact's radius a from
@@ -103,12 +105,13 @@ _EVENTS_A_STEP = 40
 _DONE, _CHATTER, _NOT_FINITE = 0, 1, 2
 
 # Rows of the matrix of modes, places in the vector of scalars.
-_M, _C, _K, _TA, _TB, _X, _Y, _RECOIL = range(8)
+_M, _C, _K, _TA, _TB, _X, _Y, _RECOIL, _RECOIL_X = range(9)
 _R, _GAP, _KN, _KAPPA, _MU, _J, _CR, _TAU, _FREE_SHAFT, _CONTACT = range(10)
 _SPRUNG, _MASS, _RESIST, _SPRING, _PRELOAD, _DROP, _VS, _DRY, _ANGLE, _FLAT, _ROUND = range(10, 21)
-_SCALARS = 21
-# The state: r_1 … r_n, r_1' … r_n', u, Ω, z, z', T, then the quadratures.
-_U, _OMEGA, _Z, _ZDOT, _T, _Q = range(6)  # after the modes
+_SPRUNG_X, _RESIST_X, _SPRING_X = range(21, 24)
+_SCALARS = 24
+# The state: r_1 … r_n, r_1' … r_n', u, Ω, z, z', T, z_x, z_x', then the quadratures.
+_U, _OMEGA, _Z, _ZDOT, _T, _ZX, _ZXDOT, _Q = range(8)  # after the modes
 
 
 @njit(nogil=True, cache=True)
@@ -129,6 +132,8 @@ def _contact(z, modes, p):
         y += modes[_Y, i] * z[i]
         vx += modes[_X, i] * z[n + i]
         vy += modes[_Y, i] * z[n + i]
+    x += z[2 * n + _ZX]
+    vx += z[2 * n + _ZXDOT]
     y += z[2 * n + _Z]
     vy += z[2 * n + _ZDOT]
     approach = p[_GAP] + y  # R − h, so that δ = R − D loses no digits
@@ -194,7 +199,11 @@ def _rates(z, ua, ub, state, modes, p, dz):
     power_in = power_lost = 0.0
     rise = z[2 * n + _ZDOT]
     push = p[_PRELOAD] + fy - p[_RESIST] * rise - p[_SPRING] * z[2 * n + _Z]  # on the carrier
-    borne = p[_MASS]  # what z'' accelerates once the modal accelerations are eliminated
+    rise_x = z[2 * n + _ZXDOT]
+    push_x = fx - p[_RESIST_X] * rise_x - p[_SPRING_X] * z[2 * n + _ZX]
+    # what z'' and z_x'' accelerate once the modal accelerations are eliminated
+    borne = borne_x = p[_MASS]
+    shared = 0.0
     for i in range(n):
         v = z[n + i]
         drive = modes[_TA, i] * ua + modes[_TB, i] * ub
@@ -204,6 +213,9 @@ def _rates(z, ua, ub, state, modes, p, dz):
         dz[n + i] = force / modes[_M, i]
         push -= modes[_RECOIL, i] * dz[n + i]
         borne -= modes[_RECOIL, i] ** 2 / modes[_M, i]
+        push_x -= modes[_RECOIL_X, i] * dz[n + i]
+        borne_x -= modes[_RECOIL_X, i] ** 2 / modes[_M, i]
+        shared -= modes[_RECOIL, i] * modes[_RECOIL_X, i] / modes[_M, i]
         power_in += drive * v
         power_lost += resist * v
     torque = p[_R] * ft
@@ -211,9 +223,16 @@ def _rates(z, ua, ub, state, modes, p, dz):
     dz[2 * n + 1] = p[_FREE_SHAFT] * (torque - p[_CR] * speed - dry - p[_TAU]) / p[_J]
     dz[2 * n + _Z] = rise
     shaken = p[_SPRUNG] * push / borne
+    shaken_x = 0.0
+    if p[_SPRUNG_X]:
+        whole = borne * borne_x - shared * shared
+        shaken = (push * borne_x - push_x * shared) / whole
+        shaken_x = (push_x * borne - push * shared) / whole
     dz[2 * n + _ZDOT] = shaken
+    dz[2 * n + _ZX] = rise_x
+    dz[2 * n + _ZXDOT] = shaken_x
     for i in range(n):
-        dz[n + i] -= modes[_RECOIL, i] * shaken / modes[_M, i]
+        dz[n + i] -= (modes[_RECOIL, i] * shaken + modes[_RECOIL_X, i] * shaken_x) / modes[_M, i]
     dz[2 * n + _T] = (p[_DRY] * speed - dry * abs(speed)) / p[_ANGLE]
     q = 2 * n + _Q
     dz[q] = power_in
@@ -223,7 +242,7 @@ def _rates(z, ua, ub, state, modes, p, dz):
     dz[q + 4] = (p[_CR] * speed + dry) * speed
     dz[q + 5] = p[_TAU] * speed
     dz[q + 6] = torque * speed
-    dz[q + 7] = p[_RESIST] * rise * rise
+    dz[q + 7] = p[_RESIST] * rise * rise + p[_RESIST_X] * rise_x * rise_x
 
 
 @njit(nogil=True, cache=True)
@@ -472,7 +491,8 @@ def integrate(
         "tip_y",
     )
     modes = np.array([[float(mode[column]) for mode in motor["modes"]] for column in columns])
-    modes = np.vstack((modes, [float(mode.get("recoil_kg") or 0.0) for mode in motor["modes"]]))
+    recoils = [[float(mode.get(name) or 0.0) for mode in motor["modes"]] for name in ("recoil_kg", "recoil_x_kg")]
+    modes = np.vstack((modes, recoils))
     law, rotor = motor["contact"], motor["rotor"]
     friction, preload = float(law["friction"]), float(law["preload_n"])
     hertz, radius = float(law["normal_stiffness_n_per_m15"]), float(rotor["radius_m"])
@@ -484,7 +504,10 @@ def integrate(
     scalars[[_KN, _FLAT, _ROUND]] = hertz, law.get("worn_flat_radius_m", 0.0), law.get("effective_radius_m", 1.0)
     approach = _seat((preload / hertz) ** (2.0 / 3.0), preload, scalars)
     bending = preload * float(np.sum(modes[_Y] ** 2 / modes[_K]))
-    mount = (motor.get("mount") or {}) if contact or modes[_RECOIL].any() else {}
+    mount = (motor.get("mount") or {}) if contact or np.any(recoils) else {}
+    along = mount.get("tangential_stiffness_n_per_m")
+    scalars[_SPRUNG_X] = along is not None
+    scalars[[_RESIST_X, _SPRING_X]] = mount.get("tangential_damping_n_s_per_m") or 0.0, along or 0.0
     scalars[[_SPRUNG, _MASS, _PRELOAD]] = bool(mount), mount.get("mass_kg", np.inf), preload if contact else 0.0
     scalars[[_RESIST, _SPRING]] = mount.get("damping_n_s_per_m", 0.0), mount.get("stiffness_n_per_m", 0.0)
     scalars[[_DROP, _VS]] = 1.0 - law.get("sliding_ratio", 1.0), law.get("stribeck_velocity_m_s", 1.0)
@@ -502,7 +525,7 @@ def integrate(
 
     def indentation(z: Array) -> Array:
         r = z[:n]
-        x, s = modes[_X] @ r, approach + bending + modes[_Y] @ r + z[2 * n + _Z]
+        x, s = modes[_X] @ r + z[2 * n + _ZX], approach + bending + modes[_Y] @ r + z[2 * n + _Z]
         distance = np.hypot(x, radius - s)
         return np.asarray((2.0 * radius * s - s * s - x * x) / (radius + distance))
 
@@ -554,6 +577,7 @@ def integrate(
     def stored(z: Array) -> tuple[float, float, float, float, float]:
         depth = max(float(indentation(z)), 0.0) if contact else 0.0
         lift, rise = float(z[2 * n + _Z]), float(z[2 * n + _ZDOT])
+        lift_x, rise_x = float(z[2 * n + _ZX]), float(z[2 * n + _ZXDOT])
         return (
             0.5 * float(modes[_M] @ z[n : 2 * n] ** 2),
             0.5 * float(modes[_K] @ z[:n] ** 2),
@@ -562,6 +586,8 @@ def integrate(
             0.5 * float(scalars[_SPRING]) * lift**2
             - float(scalars[_PRELOAD]) * lift
             + (0.5 * float(scalars[_MASS]) * rise + float(modes[_RECOIL] @ z[n : 2 * n])) * rise
+            + 0.5 * float(scalars[_SPRING_X]) * lift_x**2
+            + (0.5 * float(scalars[_MASS]) * rise_x + float(modes[_RECOIL_X] @ z[n : 2 * n])) * rise_x
             if mount
             else 0.0,
         )

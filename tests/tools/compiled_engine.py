@@ -55,6 +55,18 @@ CASES: dict[str, tuple[pr.Motor, dict[str, Any]]] = {
     "held shaft": (MOTOR, {"speed": 5.0}),
     "three modes": (pr.load_motor("andersen2002-unintended-mode"), {}),
     "recoil": (MOTOR.updated({"modes.0.recoil_kg": 3.9e-3, "modes.1.recoil_kg": 2e-3}), {}),
+    "recoil along the rotor": (
+        MOTOR.updated(
+            {
+                "modes.0.recoil_kg": 2e-3,
+                "modes.1.recoil_x_kg": 0.02,
+                "modes.1.recoil_kg": 5e-3,
+                "mount.tangential_stiffness_n_per_m": 1e5,
+                "mount.tangential_damping_n_s_per_m": 50.0,
+            }
+        ),
+        {},
+    ),
     "capacitance between the groups": (MOTOR.updated({"piezo.capacitance_ab_f": 2e-10}), {}),
     "fixed distance": (pr.load_motor("andersen2002").updated({"mount": None}), {}),
     "Coulomb friction": (MOTOR, {"contact": "coulomb"}),

@@ -44,6 +44,8 @@ class Modes:
     tip_y: Array
     recoil_kg: Array
     """Γ = ∫ρ ψ·n dV along the normal."""
+    recoil_x_kg: Array
+    """The same along the tangent."""
 
     @property
     def stiffnesses_n_per_m(self) -> Array:
@@ -130,10 +132,9 @@ def solve_stator(solid: Solid) -> Stator:
     at_shift = _response(generalised, squares - shift)
     beside = _response(generalised[:, others], squares[others] - under)
     density = _mass_of_nodes(geometry)
-    normal = geometry.contact[0].sum(axis=0)
     stress, strain = _stress(geometry, vectors[:, kept] / amplitude[kept])
-    recoil = np.einsum("n,anm,a->m", density, shapes, normal) / amplitude
-    columns = [frequencies, 1.0 / amplitude**2, couplings, motion[1], motion[0], recoil]
+    recoils = np.einsum("n,anm,da->dm", density, shapes, geometry.contact.sum(axis=1)) / amplitude
+    columns = [frequencies, 1.0 / amplitude**2, couplings, motion[1], motion[0], *recoils]
     inside, outside = (Modes(*(column[..., chosen] for column in columns)) for chosen in (kept, others & takes_part))
     return Stator(
         **vars(inside),

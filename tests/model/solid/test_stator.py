@@ -112,7 +112,13 @@ def test_a_block_on_springs_swings_with_its_whole_mass() -> None:
     assert found.mass_kg == pytest.approx(mass, rel=1e-9)
     assert found.frequencies_hz[0] == pytest.approx(sqrt(1e4 / mass) / (2 * pi), rel=1e-3)
     assert found.recoil_kg[0] == pytest.approx(mass, rel=1e-3)
-    assert solve_stator(plate()).recoil_kg == pytest.approx(np.zeros(3), abs=1e-9 * mass)  # free: orthogonal to it
+    free = solve_stator(plate())  # orthogonal to it
+    for recoil in (free.recoil_kg, free.recoil_x_kg):
+        assert recoil == pytest.approx(np.zeros(3), abs=1e-9 * mass)
+    turned = [{**support, "directions": "y" if support["directions"] == "x" else "x"} for support in held]
+    sideways = solve_stator(plate(supports=turned, lowest_hz=10.0))
+    assert abs(sideways.recoil_x_kg[0]) == pytest.approx(mass, rel=1e-3)
+    assert sideways.recoil_kg[0] == pytest.approx(0.0, abs=0.05 * mass)
 
 
 def test_the_stress_of_the_ceramic_follows_the_strain_of_a_bar() -> None:
