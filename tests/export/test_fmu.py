@@ -210,6 +210,33 @@ def test_all_outputs_under_load_warmth_and_detuning_are_those_of_simulate_averag
     unit.fmu.freeInstance()
 
 
+ALONG = {"mount.tangential_stiffness_n_per_m": 1e5, "mount.tangential_damping_n_s_per_m": 50.0}
+ON_CARRIERS: dict[str, dict[str, float]] = {
+    "heavy carrier": {"modes.0.recoil_kg": 2e-3},
+    "along the rotor, and capacitance between the groups": {
+        "modes.0.recoil_kg": 2e-3, "modes.1.recoil_x_kg": 0.01, **ALONG, "piezo.capacitance_ab_f": 2e-10
+    },
+    "light carrier": {"modes.0.recoil_kg": 1e-3, "mount.mass_kg": 2e-3, "mount.stiffness_n_per_m": 1e6},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [pytest.param("heavy carrier", marks=pytest.mark.soak), *list(ON_CARRIERS)[1:]])
+def test_a_motor_that_shakes_its_carrier_is_that_of_simulate_averaged(
+    name: str, motor: pr.Motor, tmp_path: Path
+) -> None:
+    shaking = motor.updated(ON_CARRIERS[name])
+    drive = pr.TwoPhaseDrive(voltage=110.0, frequency=40.6e3, phase_deg=120.0)
+    unit = Unit(pr.export_motor(shaking, tmp_path / "motor.fmu"))
+    unit.set(amplitude_a=110.0, amplitude_b=110.0, phase=120.0, frequency=40.6e3)
+    for _ in range(10):
+        unit.advance()
+    expected = simulate_averaged(shaking, drive, 0.01)  # at a constant temperature
+    for ours, column in (item for item in COLUMNS.items() if item[0] != "temperature"):
+        values = getattr(expected, column)
+        assert unit.get(ours)[0] == pytest.approx(values[-1], abs=WITHIN * np.abs(values).max()), ours
+    unit.fmu.freeInstance()
+
+
 def test_phase_of_the_currents_and_power_agree(unit: Unit) -> None:
     unit.advance(5e-3)
     names = ("amplitude_a", "current_amplitude_a", "current_phase_a", "amplitude_b", "current_amplitude_b")
