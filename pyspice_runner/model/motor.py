@@ -40,6 +40,7 @@ from pyspice_runner.units import engineering
 # Relations between the values of a motor.
 LOWEST_FREQUENCY, HIGHEST_FREQUENCY = 10.0, 1e7  # Hz, of a mode: from large quasi-static stages to MEMS
 LOWEST_QUALITY, HIGHEST_QUALITY = 0.5, 1e6  # below it does not ring; quartz in vacuum, the best there is, has 1e6
+MOST_MODES = 20
 WIDEST_SPREAD = 1e3  # of the modes' frequencies: a beam's 20th, and there may be no more, is 400 times its first
 CLOSEST_COUPLING = 0.9  # k², of the best single crystals (k₃₃ = 0.95)
 STIFFEST_CONTACT = 100.0  # fastest motion in contact over that of the stator: the tip has 1e-4 of the stator's mass
@@ -114,7 +115,9 @@ class Motor(Shown, Parameters):
         pattern=r"^[A-Za-z0-9][A-Za-z0-9_. -]*$",
         json_schema_extra={"made_of": "letters, digits, spaces, dots, - and _, the first a letter or digit"},
     )
-    modes: tuple[Mode, ...] = Field(description="the bending modes, by rising frequency", min_length=1, max_length=20)
+    modes: tuple[Mode, ...] = Field(
+        description="the bending modes, by rising frequency", min_length=1, max_length=MOST_MODES
+    )
     piezo: Piezo
     contact: Contact
     rotor: Rotor

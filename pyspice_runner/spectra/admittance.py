@@ -30,6 +30,7 @@ from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.parameters import Mode
 from pyspice_runner.model.recoil import modes_on_carrier
 from pyspice_runner.model.refusal import checked
+from pyspice_runner.model.solid.whole import with_outside_modes
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_two_port
@@ -139,6 +140,8 @@ def admittance(
 ) -> Admittance:
     """Compute the two-port admittance by ngspice's AC analysis, and the equivalent circuit of every mode in range.
 
+    That of a ``[solid]`` also has the modes computed outside the motor's range whose currents count.
+
     Args:
         motor: the motor.
         start: first frequency in Hz.
@@ -158,6 +161,7 @@ def admittance(
         )
     if not 3 <= points <= _MOST_POINTS:  # of two points, ngspice returns only the first
         raise ParameterError(f"points = {points} is not valid: it must be a whole number from 3 to {_MOST_POINTS}.")
+    motor = with_outside_modes(motor)
     preloaded = state == "preloaded"
     bench = two_port_bench(motor, preloaded=preloaded)
     normal_force = _operating_force(motor, bench, timeout) if preloaded else 0.0

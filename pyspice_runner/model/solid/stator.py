@@ -28,7 +28,7 @@ from pyspice_runner.model.solid.parameters import Solid
 _RIGID = 1e-8  # ω² of a rigid motion, over that of the shift
 _ZERO = 1e-7  # of its natural scale: a motion or a coupling that symmetry forbids
 _SLIGHT = 1e-3  # of the largest displacement: a motion of the contact that does not count
-_UNSEEN = 0.01  # of the current through the clamped capacitance: a current at resonance that does not count
+UNSEEN = 0.01  # of the current through the clamped capacitance: a current at resonance that does not count
 _DIRECTIONS = 500  # in the space of modes, in which the greatest stress is sought
 
 
@@ -82,6 +82,11 @@ class Stator(Modes):
     shapes: Array
     """(axes, nodes, modes): displacement per modal coordinate."""
 
+    def static_from(self, others_hz: Array) -> Array:
+        """Return ω² in (rad/s)² at which the residuals count modes outside the range: 0 for those above it."""
+        squares = (2.0 * pi * self.frequencies_hz) ** 2
+        return np.where(others_hz < self.frequencies_hz.min(), squares.mean(), 0.0)
+
 
 @one_thread  # the modes enter decks and the addresses of stored points
 def solve_stator(solid: Solid) -> Stator:
@@ -116,7 +121,7 @@ def solve_stator(solid: Solid) -> Stator:
     couplings = np.where(generalised[:2] ** 2 <= _ZERO**2 * capacitance * squares, 0.0, generalised[:2])
     couplings = couplings / (VOLTS * amplitude)
     motion = np.where(np.abs(generalised[2:] / amplitude) <= _ZERO, 0.0, generalised[2:] / amplitude)
-    seen = solid.quality_factor * generalised[:2] ** 2 > _UNSEEN * capacitance * squares
+    seen = solid.quality_factor * generalised[:2] ** 2 > UNSEEN * capacitance * squares
     takes_part = seen.any(axis=0) | (np.abs(motion) > _SLIGHT).any(axis=0)
     kept = ~rigid & takes_part & (solid.lowest_hz <= frequencies) & (frequencies <= solid.highest_hz)
     if not kept.any():

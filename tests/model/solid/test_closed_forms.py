@@ -16,7 +16,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.special import j0, j1
 
-from pyspice_runner.model.solid.elements import Part, assemble, plate_matrix
+from pyspice_runner.model.solid.elements import VOLTS, Part, assemble, plate_matrix
 from pyspice_runner.model.solid.materials import VACUUM, materials
 from pyspice_runner.model.solid.parameters import Box, Electrode, Face, Solid, Support
 from pyspice_runner.model.solid.stator import Stator, solve_stator
@@ -203,9 +203,10 @@ def test_a_disc_has_the_radial_modes_of_the_standard() -> None:
     # IEEE Std 176-1987, 6.4: η J₀(η) = (1 − σ) J₁(η), f = η/(2πa) √(c/ρ), c = s₁₁/(s₁₁² − s₁₂²), σ = −s₁₂/s₁₁
     from skfem import Basis, ElementTriP2, MeshTri2
 
-    sigma, wanted = -S12 / S11, []
+    sigma, wanted, roots = -S12 / S11, [], []
     for low, high in ((1.5, 2.5), (5.0, 6.0)):
         eta = brentq(lambda x: x * j0(x) - (1 - sigma) * j1(x), low, high)
+        roots.append(eta)
         wanted.append(eta / (2 * pi * 0.01) * sqrt(S11 / (S11**2 - S12**2) / DENSITY))
     mesh = MeshTri2.init_circle(2).scaled(0.01)
     basis = Basis(mesh, ElementTriP2(), intorder=4)
@@ -219,3 +220,8 @@ def test_a_disc_has_the_radial_modes_of_the_standard() -> None:
     charges = np.abs(stiffness[unknowns, :unknowns] @ vectors)  # only radial modes have one
     radial = np.sqrt(squares[np.sort(np.argsort(charges)[-2:])]) / (2 * pi)
     assert radial == pytest.approx(wanted, rel=5e-3)
+    # u = J₁(ηr/a): θ = 2πa e J₁(η), e = d₃₁/(s₁₁ + s₁₂), m = πρta² (J₁² − J₀ J₂); the vectors have a mass of 1
+    for index, eta in enumerate(roots):
+        mass = pi * DENSITY * 1e-3 * 0.01**2 * (j1(eta) ** 2 - j0(eta) * (2 * j1(eta) / eta - j0(eta)))
+        theta = 2 * pi * 0.01 * abs(D31) / (S11 + S12) * abs(j1(eta)) / sqrt(mass)
+        assert np.sort(charges)[-1 - index] / VOLTS == pytest.approx(theta, rel=0.02)

@@ -280,6 +280,37 @@ def test_parts_are_checked_one_by_one() -> None:
             build(kind, POINT | table, "solid.part.0", "m.toml")
 
 
+def test_the_admittance_of_a_solid_has_the_overtones_beyond_the_motor() -> None:
+    # R. Holland, E. P. EerNisse: Y = jωC (1 − k² + k² tan X/X), X = π f/(2 f_r), of a slender bar. At 2.7 f_r, near the
+    # third harmonic, the width of L/40 lowers its frequency by 1e-3, and the slope there makes 1 % of it.
+    length, height, thickness = 0.04, 0.001, 0.001
+    bar = {
+        "solid.boxes": [{"material": "PZT-4", "from_m": [0.0, 0.0, 0.0], "to_m": [length, height, thickness]}],
+        "solid.contact": {"from_m": [length, 0.0, 0.0], "to_m": [length, height, 0.0], "normal": "+x", "tangent": "+y"},
+        "solid.electrodes": [
+            {"group": group, "from_m": [a, 0.0, z], "to_m": [b, height, z]}
+            for group, a, b, z in (
+                ("A", 0.0, 0.02, thickness), ("B", 0.02, length, thickness), ("ground", 0.0, length, 0.0)
+            )
+        ],
+        "piezo.loss_tangent": 0.0,
+    }  # fmt: skip
+    motor = changed_motor(PLATE, bar)
+    assert max(mode.frequency_hz for mode in motor.modes) < 60e3
+    compliance, permittivity, charge = 12.3e-12, 1300 * 8.8541878e-12, 123e-12
+    squared = charge**2 / (compliance * permittivity)
+    resonance = 1.0 / (2.0 * length * sqrt(7500.0 * compliance))
+    found = pr.admittance(motor, start=0.3 * resonance, stop=2.7 * resonance, points=25)
+    for index in (3, 11, 17, 24):
+        frequency = found.frequency_hz[index]
+        x = pi * frequency / (2.0 * resonance)
+        wanted = permittivity * length * height / thickness * (1.0 - squared + squared * np.tan(x) / x)
+        assert found.matrix_s[index].sum().imag == pytest.approx(2.0 * pi * frequency * wanted, rel=0.01)
+    third = pr.admittance(motor, start=2.9 * resonance, stop=3.1 * resonance, points=401)
+    peak = third.frequency_hz[np.argmax(third.matrix_s.sum(axis=(1, 2)).real)]
+    assert peak == pytest.approx(3.0 * resonance, rel=5e-3)
+
+
 def test_geometry_electrodes_and_modes_are_drawn(tmp_path: Path) -> None:
     motor = pr.load_motor(PLATE)
     motor.plot(tmp_path / "plate.png")
