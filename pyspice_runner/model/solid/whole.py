@@ -36,6 +36,7 @@ def with_outside_modes(motor: Motor) -> Motor:
             "coupling_a_n_per_v": float(modes.couplings_n_per_v[0, index]),
             "coupling_b_n_per_v": float(modes.couplings_n_per_v[1, index]),
             "tip_x": float(modes.tip_x[index]), "tip_y": float(modes.tip_y[index]), "recoil_kg": 0.0,
+            "recoil_x_kg": 0.0,
         }
         for index in range(len(chosen))
     ]  # fmt: skip

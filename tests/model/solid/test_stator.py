@@ -194,7 +194,7 @@ def assert_same(bundled: Stator, found: Stator) -> None:
     sign = np.sign((bundled.shapes * found.shapes).sum(axis=(0, 1)))
     pairs = [
         (getattr(bundled, name), getattr(found, name) * sign)
-        for name in ("couplings_n_per_v", "tip_x", "tip_y", "recoil_kg", "shapes")
+        for name in ("couplings_n_per_v", "tip_x", "tip_y", "recoil_kg", "recoil_x_kg", "shapes")
     ]
     pairs += [
         (getattr(bundled, name), getattr(found, name))
