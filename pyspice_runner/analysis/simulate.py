@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from math import isfinite, sqrt
 from typing import Any
 
+from pyspice_runner.analysis.dynamometer import delivering
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
@@ -152,8 +153,10 @@ def _run(
         waves = recording.columns(samples, recording.all_columns if signals is None else signals)
         energy: EnergyBalance | None = None
         findings: tuple[str, ...] = ()
+        inexact: list[str] = []
         if balanced:
             energy = recording.energy(waves, samples)
+            inexact = [*recording.cautions(waves, samples), *_delivering(energy)]
             findings = audit_run(motor, waves, energy, step=setup.step, contact=setup.law is not None)
             if setup.solver.audit and complete:
                 Audit(findings).withhold("run")
@@ -181,6 +184,7 @@ def _run(
             "deck_sha256": outcome.deck_sha256,
             "audit": {"passed": not findings if balanced else None, "findings": list(findings)},
             **stressed,
+            "cautions": [*stressed["cautions"], *inexact],
         }
         arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED)}
         found = Waveforms(
@@ -215,6 +219,13 @@ def _run(
         reached = f"The run was interrupted at {partial.time_s[-1]:.4g} of {duration:g} s."
         raise Interrupted(reached, partial) from None
     return waveforms(outcome, complete=True)
+
+
+def _delivering(energy: EnergyBalance) -> tuple[str, ...]:
+    """Return a sentence for each loss that is negative over the run; energies stand for the powers of a point."""
+    losses = {"friction_loss_w": energy.friction, "normal_loss_w": energy.contact_damping}
+    rest = dict.fromkeys(("power_b_w", "shaft_power_w", "damping_loss_w", "dielectric_loss_w"), 0.0)
+    return delivering([{"power_a_w": energy.passed, **losses, **rest}])
 
 
 def points_per_period(accuracy: float) -> float:

@@ -270,7 +270,7 @@ class Waveforms(Result):
             moving = [names[name] for name, share in self.to_come.items() if share is None or share > SETTLED]
             told.append(f"Not settled at the end of the run: {' and '.join(moving)}. Run it longer.")
         told += [] if self.complete else ["The run did not reach its end."]
-        told += self.provenance.get("cautions", ())  # a period of a steady state has none of its own
+        told += self.provenance.get("cautions", ())
         return self._told(told)
 
     @property

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cache
 from math import hypot, pi
 
@@ -13,9 +13,10 @@ from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.dynamometer import delivering
+from pyspice_runner.analysis.simulate import _delivering
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.contact import normal_damping, normal_stiffness_at_preload, static_penetration
-from pyspice_runner.run.waveforms import Waveforms
+from pyspice_runner.run.waveforms import EnergyBalance, Waveforms
 from tests.reference.integrator import ReferenceRun, Tone, integrate
 from tests.runs import simulated
 from tests.selection import mostly
@@ -170,6 +171,18 @@ def test_damping_works_on_the_penetration_and_not_on_the_compliance_in_series(
     assert np.std((exact - run.normal_force_n)[late]) < allowed * np.std(force)
 
 
+def test_a_run_says_where_damping_and_a_compliance_in_series_make_the_normal_force_inexact() -> None:
+    """The limit is 1 % of the force: below, no random motor was more than 1 % off a reference without this error."""
+    motor = PAPER.updated({"mount": None, "contact.series_compliance_m_per_n": 2e-8})
+    drive = two_phase(100.0, 17e3)  # opens the contact
+    said = [
+        any(text.startswith("The normal force is off by") for text in run.cautions)
+        for restitution in (1.0, 0.5)
+        for run in [simulated(motor.updated({"contact.restitution": restitution}), drive, duration=5e-4)]
+    ]
+    assert said == [False, True]
+
+
 def test_a_loss_that_is_negative_has_its_sentence_with_the_largest_share() -> None:
     point = {
         "power_a_w": 1.0, "power_b_w": 1.0, "shaft_power_w": -2.0, "friction_loss_w": 0.1, "normal_loss_w": -0.001,
@@ -191,3 +204,10 @@ def test_a_stalled_motor_whose_friction_delivers_power_says_so_and_the_brush_doe
     assert any(text.startswith("Friction delivers") for text in spring.cautions)
     assert not any("delivers" in text for text in brush.cautions)
     assert spring.efficiency == 0.0
+
+
+def test_a_run_whose_friction_delivers_energy_says_so() -> None:
+    nothing = dict.fromkeys((item.name for item in fields(EnergyBalance)), 0.0)
+    assert _delivering(EnergyBalance(**nothing | {"passed": 1.0, "friction": -0.0009})) == ()
+    (told,) = _delivering(EnergyBalance(**nothing | {"passed": 1.0, "friction": -0.0075}))
+    assert told.startswith("Friction delivers 0.75 % of the power put in")
