@@ -82,7 +82,7 @@ static struct contact touch(const struct motor *m, const phasor x_part[], const 
         deflection += p->mode[i].tip_y * p->mode[i].tip_y * p->preload / p->mode[i].stiffness;
     struct phase at = {
         .normal_stiffness = p->normal_stiffness, .compliance = p->compliance, .mu = p->friction, .radius = p->radius,
-        .preload = p->preload, .deflection = 1e6 * deflection, .damping = p->normal_damping,
+        .preload = p->preload, .deflection = 1e6 * deflection, .damping = p->normal_damping, .series = p->series_compliance,
         .slider_before = 1e6 * slider, .turn = 1e6 * p->radius * speed / (PHASES * p->frequency),
         .rate = 0.5 * PHASES * p->frequency,
     };
@@ -131,6 +131,17 @@ struct flow {
     struct contact contact;
 };
 
+/* A mode, or the carrier towards and along the rotor, which the drive does not move. */
+static struct mode moving(const struct values *p, int number)
+{
+    if (number < MODES)
+        return p->mode[number];
+    if (number == MODES)
+        return (struct mode){.mass = p->mount_mass, .damping = p->mount_damping, .stiffness = p->mount_stiffness, .tip_y = 1.0};
+    return (struct mode){
+        .mass = p->mount_x_mass, .damping = p->mount_x_damping, .stiffness = p->mount_x_stiffness, .tip_x = 1.0};
+}
+
 /* The place of an amplitude among the states. */
 static int place(int mode, int harmonic) { return AMPLITUDE + 2 * (HARMONICS * mode + harmonic - 1); }
 
@@ -159,10 +170,13 @@ static void evaluate(const struct motor *m, const double state[STATES], struct f
         const struct mode *mode = &p->mode[i];
         x[0].re += mode->tip_x * (state[DEFLECTION + i] + mode->tip_y * p->preload / mode->stiffness);
         y[0].re += mode->tip_y * state[DEFLECTION + i];
+    }
+    for (int i = 0; i < MOVING; i++) {
+        struct mode mode = moving(p, i);
         for (int h = 1; h <= HARMONICS; h++) {
             phasor amplitude = {state[place(i, h)], state[place(i, h) + 1]};
-            x[h] = sum(x[h], scaled(mode->tip_x, amplitude));
-            y[h] = sum(y[h], scaled(mode->tip_y, amplitude));
+            x[h] = sum(x[h], scaled(mode.tip_x, amplitude));
+            y[h] = sum(y[h], scaled(mode.tip_y, amplitude));
         }
     }
     x[0].re += state[CARRIER_X];
@@ -176,11 +190,15 @@ static void evaluate(const struct motor *m, const double state[STATES], struct f
         const struct mode *mode = &p->mode[i];
         double mean = mode->tip_x * f->contact.fx[0].re + mode->tip_y * f->contact.fy[0].re;
         f->rate[DEFLECTION + i] = (mean / mode->stiffness - state[DEFLECTION + i]) / LAG;
+    }
+    for (int i = 0; i < MOVING; i++) {
+        struct mode one = moving(p, i), *mode = &one;
+        double stiffness = i < MODES ? mode->stiffness * drift * drift : mode->stiffness;
         for (int h = 1; h <= HARMONICS; h++) {
             int s = place(i, h);
             double omega = 2.0 * PI * h * p->frequency;
             phasor amplitude = {state[s], state[s + 1]};
-            phasor spring = {mode->stiffness * drift * drift - mode->mass * omega * omega, mode->damping * omega};
+            phasor spring = {stiffness - mode->mass * omega * omega, mode->damping * omega};
             phasor force = sum(scaled(mode->tip_x, f->contact.fx[h]), scaled(mode->tip_y, f->contact.fy[h]));
             if (h == 1)
                 force = sum(force, scaled(gain, sum(scaled(mode->coupling_a, u_a), scaled(mode->coupling_b, u_b))));
@@ -189,7 +207,8 @@ static void evaluate(const struct motor *m, const double state[STATES], struct f
             phasor velocity = sum(rate, scaled(omega, turned(amplitude)));
             f->rate[s] = rate.re;
             f->rate[s + 1] = rate.im;
-            f->heat += 0.5 * mode->damping * square(velocity);
+            if (i < MODES)
+                f->heat += 0.5 * mode->damping * square(velocity);
             if (h == 1) {
                 f->current_a = sum(f->current_a, scaled(gain * mode->coupling_a, velocity));
                 f->current_b = sum(f->current_b, scaled(gain * mode->coupling_b, velocity));
@@ -214,27 +233,18 @@ static void evaluate(const struct motor *m, const double state[STATES], struct f
     f->rate[TEMPERATURE] = (f->heat - cooling) / p->heat_capacity;
 }
 
-/* The motion that the harmonics left out would cause, and that of the carrier at all harmonics, relative to the static
-   penetration and the limit of stick. */
+/* The motion that the harmonics left out would cause, relative to the static penetration and the limit of stick. */
 static double check(const struct values *p, const struct contact *contact)
 {
     double depth = pow(p->preload / p->normal_stiffness, 2.0 / 3.0);
     double limit = p->friction * p->compliance * pow(p->normal_stiffness, 2.0 / 3.0) * depth;
     double total = 0.0;
 
-    for (int h = 1; h < ORDERS; h++) {
+    for (int h = HARMONICS + 1; h < ORDERS; h++) {
         double omega = 2.0 * PI * h * p->frequency;
         phasor x = {0.0, 0.0}, y = {0.0, 0.0};
-        if (MOUNTED) {
-            phasor spring = {p->mount_stiffness - p->mount_mass * omega * omega, p->mount_damping * omega};
-            y = quotient(contact->fy[h], spring);
-        }
-        if (MOUNTED_X) {
-            phasor spring = {p->mount_x_stiffness - p->mount_x_mass * omega * omega, p->mount_x_damping * omega};
-            x = quotient(contact->fx[h], spring);
-        }
-        for (int i = 0; h > HARMONICS && i < MODES; i++) {
-            const struct mode *mode = &p->mode[i];
+        for (int i = 0; i < MOVING; i++) {
+            struct mode one = moving(p, i), *mode = &one;
             phasor spring = {mode->stiffness - mode->mass * omega * omega, mode->damping * omega};
             phasor force = sum(scaled(mode->tip_x, contact->fx[h]), scaled(mode->tip_y, contact->fy[h]));
             phasor moved = quotient(force, spring);

@@ -61,6 +61,7 @@ enum {
     ENTRY(normal_stiffness, "N/m^1.5", 1e3, 1e13, "K_N of the Hertz law") \
     ENTRY(compliance, "m/N^(2/3)", 2.2e-10, 1e-2, "tangential compliance K_t of tip and rotor together") \
     ENTRY(normal_damping, "s/m", 0, 1e6, "Hunt-Crossley damping: the normal force grows by this times the approach velocity") \
+    ENTRY(series_compliance, "m/N", 0, 1e-3, "compliance along the normal, in series with the contact") \
     ENTRY(radius, "m", 1e-4, 10, "radius of the rotor") \
     ENTRY(inertia, "kg.m2", 1e-13, 1e3, "moment of inertia") \
     ENTRY(bearing, "N.m.s", 0, 1e3, "viscous bearing coefficient") \
@@ -109,6 +110,8 @@ struct values {
 
 typedef struct { double re, im; } phasor;
 
+#define MOVING (MODES + MOUNTED + MOUNTED_X) /* at the harmonics the carrier is one or two further modes, the last */
+
 /* the states; those of a mode are its static deflection (m) and the amplitudes (m) of its harmonics, real and imaginary */
 enum {
     SPEED, POSITION, TEMPERATURE,
@@ -117,7 +120,7 @@ enum {
     CARRIER_X, CARRIER_X_VELOCITY, /* the same along the rotor */
     DEFLECTION,
     AMPLITUDE = DEFLECTION + MODES,
-    STATES = AMPLITUDE + 2 * MODES * HARMONICS
+    STATES = AMPLITUDE + 2 * MOVING * HARMONICS
 };
 
 struct motor {

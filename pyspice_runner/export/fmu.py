@@ -51,7 +51,7 @@ _UNITS: dict[str, dict[str, float]] = {
     "W": {"kg": 1, "m": 2, "s": -3}, "kg": {"kg": 1}, "kg.m2": {"kg": 1, "m": 2}, "N/m": {"kg": 1, "s": -2},
     "N.s/m": {"kg": 1, "s": -1}, "N/V": {"m": -1, "s": 1, "A": 1}, "F": {"kg": -1, "m": -2, "s": 4, "A": 2},
     "J/K": {"kg": 1, "m": 2, "s": -2, "K": -1}, "K/W": {"kg": -1, "m": -2, "s": 3, "K": 1}, "1/K": {"K": -1},
-    "s/m": {"m": -1, "s": 1}, "N/m^1.5": {}, "m/N^(2/3)": {},
+    "s/m": {"m": -1, "s": 1}, "m/N": {"kg": -1, "s": 2}, "N/m^1.5": {}, "m/N^(2/3)": {},
 }  # fmt: skip
 
 
@@ -111,7 +111,8 @@ def _values(motor: Motor, thermal: Thermal | None) -> dict[str, float]:
         "frequency": drive.frequency, "load_torque": 0.0, "ambient_temperature": body.ambient_k,
         "preload": contact.preload_n, "friction": contact.friction,
         "normal_stiffness": contact.normal_stiffness_n_per_m15, "compliance": contact_law.total_compliance(contact),
-        "normal_damping": contact_law.normal_damping(contact), "radius": motor.rotor.radius_m,
+        "normal_damping": contact_law.normal_damping(contact),
+        "series_compliance": contact.series_compliance_m_per_n, "radius": motor.rotor.radius_m,
         "inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s,
         "capacitance_a": motor.piezo.capacitance_a_f, "capacitance_b": motor.piezo.capacitance_b_f,
         "capacitance_ab": motor.piezo.capacitance_ab_f, "loss": motor.piezo.loss_tangent,

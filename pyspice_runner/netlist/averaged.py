@@ -9,6 +9,7 @@ at N phases of the period, and sums over the phases give the mean and the harmon
 
 from __future__ import annotations
 
+import re
 from cmath import rect
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -50,6 +51,7 @@ CHECKED_HARMONICS = 2  # above those of the model; the check node gives the resp
 DEEPEST_M = 5e-4  # static penetration: half of the largest in piezomotor_averaged_phase.lib
 _CONTACT = "piezomotor_averaged_contact"
 _PHASE = "piezomotor_averaged_phase"
+_OF_BENDING = ("stiffness", "tip_x", "tip_y")
 _OF_PHASE = ("slider", "normal", "friction", "fx", "fy", "open", "slip")  # outputs of a phase
 
 
@@ -83,7 +85,6 @@ def require_averaged(motor: Motor) -> None:
     require_linear(motor, "The averaged motor")
     left_out = {
         "contact.sliding_ratio": (motor.contact.sliding_ratio, 1.0),
-        "contact.series_compliance_m_per_n": (motor.contact.series_compliance_m_per_n, 0.0),
         "contact.worn_flat_radius_m": (motor.contact.worn_flat_radius_m, 0.0),
         motor.dry_friction[0]: (motor.dry_friction[1], 0.0),
     }
@@ -129,7 +130,21 @@ def _source(name: str, target: str, source: str, gain: float) -> str | None:
 
 
 @cache
-def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS) -> Library:
+def _phase(series: bool) -> Library:
+    """Return ``piezomotor_averaged_phase``; without a compliance in series it is smaller."""
+    library = read_library(_PHASE)
+    if series:
+        return library
+    text = re.sub(r"(?m)^(B(soft|load|depth) |\* compliance).*\n", "", library.subcircuit)
+    text = re.sub(r"/\(1\+1\.5\*.*\)(?=\),4\)$)", "", text, flags=re.M)
+    text = text.replace(" series=0", "").replace("+1e6*series*preload", "")
+    text = text.replace("Bapproach approach", "Bdepth depth")
+    parameters = tuple(item for item in library.parameters if item.name != "series")
+    return replace(library, subcircuit=text, parameters=parameters)
+
+
+@cache
+def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS, series: bool = True) -> Library:
     """Return ``piezomotor_averaged_contact``, which chains one ``piezomotor_averaged_phase`` per phase.
 
     The parameters are those of a phase. The displacement of the slider goes from phase to phase and, by a capacitor,
@@ -137,7 +152,7 @@ def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS) -> Librar
     what the model leaves out. Raise ParameterError for a number out of range.
     """
     check_resolution(phases, harmonics)
-    phase = read_library(_PHASE)
+    phase = _phase(series)
     defaults = phase.subcircuit.partition("\n")[0].split()[len(phase.pins) + 2 :]
     passed = " ".join(f"{item.name}={{{item.name}}}" for item in phase.parameters)
     pins = contact_pins(harmonics)
@@ -216,29 +231,42 @@ class AveragedSubCircuit(Assembly):
             "coupling_drift": thermal.coupling_drift_per_k if thermal else 0.0,
         }
         for index, mode in enumerate(motor.modes, start=1):
-            values = mode_values(mode)
-            bending, arm = (
-                {name: value for name, value in values.items() if not name.startswith(left_out)}
-                for left_out in (("mass", "damping", "coupling"), "coupling")
-            )
-            self._put(f"bending{index}", f"{SUBCIRCUIT}_bending", ("fx_0", "fy_0", "x_0", "y_0"), bending, ["preload"])
-            for order in range(1, harmonics + 1):
-                groups = ("a_re", "a_im", "b_re", "b_im") if order == 1 else (self.gnd,) * 4
-                forces = [f"{axis}_{part}{order}" for axis in ("fx", "fy") for part in ("re", "im")]
-                moves = [f"{axis}_{part}{order}" for axis in "xy" for part in ("re", "im")]
-                nodes = (*groups, *forces, *moves, "frequency", "temperature", "heat")
-                self._put(f"mode{index}_{order}", f"{SUBCIRCUIT}_mode", nodes, values | drift | {"harmonic": order})
-            for order in range(harmonics + 1, harmonics + CHECKED_HARMONICS + 1):
-                forces = [f"{axis}_{part}{order}" for axis in ("fx", "fy") for part in ("re", "im")]
-                moves = [f"left_{axis}_{part}{order}" for axis in "xy" for part in ("re", "im")]
-                nodes = (*forces, *moves, "frequency")
-                self._put(f"check{index}_{order}", f"{SUBCIRCUIT}_check", nodes, {**arm, "harmonic": order})
+            values = {name: value for name, value in mode_values(mode).items() if name in _OF_BENDING}
+            self._put(f"bending{index}", f"{SUBCIRCUIT}_bending", ("fx_0", "fy_0", "x_0", "y_0"), values, ["preload"])
+            self._add_harmonics(f"mode{index}", mode_values(mode) | drift, ("temperature", "heat"), harmonics)
+        for springs, axis in zip(carriers(motor.mount), "yx", strict=False):  # at the harmonics modes without a drive
+            shape = {f"tip_{name}": float(name == axis) for name in "xy"}
+            moved = spring_values(springs) | {"coupling_a": 0.0, "coupling_b": 0.0} | shape
+            self._add_harmonics(f"carrier_{axis}", moved, (self.gnd, self.gnd), harmonics)
         for node in (*_orders("x", harmonics), *_orders("y", harmonics), "heat"):
             self.R(f"sum_{node}", node, self.gnd, 1)
         self.R("open_temperature", "temperature", self.gnd, 1e9)
         self._add_check(motor, harmonics)
-        self._add_contact(motor, averaged_contact(phases, harmonics), contact_pins(harmonics))
+        series = contact.series_compliance_m_per_n > 0.0
+        self._libraries.append(_phase(series))  # instead of that which the contact needs by its name
+        self._add_contact(motor, averaged_contact(phases, harmonics, series), contact_pins(harmonics))
         self._put("rotor", "piezomotor_rotor", ("shaft",), {}, ["inertia", "bearing"])
+
+    def _add_harmonics(
+        self, name: str, values: dict[str, float], warm: tuple[str | int, str | int], harmonics: int
+    ) -> None:
+        """Add a mode at each harmonic, and its response to the harmonics left out."""
+        for order in range(1, harmonics + CHECKED_HARMONICS + 1):
+            within = order <= harmonics
+            groups = ("a_re", "a_im", "b_re", "b_im") if order == 1 else (self.gnd,) * 4
+            forces = [f"{axis}_{part}{order}" for axis in ("fx", "fy") for part in ("re", "im")]
+            moves = [f"{'' if within else 'left_'}{axis}_{part}{order}" for axis in "xy" for part in ("re", "im")]
+            if within:
+                nodes = (*groups, *forces, *moves, "frequency", *warm)
+                self._put(f"{name}_{order}", f"{SUBCIRCUIT}_mode", nodes, values | {"harmonic": order})
+            else:
+                arm = {key: value for key, value in values.items() if not key.startswith(("coupling", "frequency"))}
+                self._put(
+                    f"check_{name}_{order}",
+                    f"{SUBCIRCUIT}_check",
+                    (*forces, *moves, "frequency"),
+                    arm | {"harmonic": order},
+                )
 
     def _add_groups(self, motor: Motor, thermal: Thermal | None) -> None:
         piezo, between = motor.piezo, abs(motor.piezo.capacitance_ab_f)
@@ -265,7 +293,7 @@ class AveragedSubCircuit(Assembly):
         if sway:  # the crown of the rotor is above the tip at rest
             self.V("sway", "x_0", CROWN, f"DC {{{1e6 * sway:.10g}*preload}}")
             nodes[0] = CROWN
-        if motor.mount:  # the carrier follows the mean force; its inertia keeps it at rest at the drive frequency
+        if motor.mount:
             self.VCVS("carrier", "fy_carrier", self.gnd, "fy_0", self.gnd, voltage_gain=1)
             pins = ("fy_carrier", "y_0", self.gnd, *MOUNTED.values(), "base")
             self._put("mount", "piezomotor_mount", pins, spring_values(motor.mount), ["preload"])
@@ -283,12 +311,13 @@ class AveragedSubCircuit(Assembly):
             "damping": contact_law.normal_damping(contact),
             "deflection": f"{{{1e6 * contact_law.static_deflection(contact, motor.modes) / preload:.10g}*preload}}",
         }  # fmt: skip
+        if contact.series_compliance_m_per_n:
+            values["series"] = contact.series_compliance_m_per_n
         self._put("contact", library, nodes, values, ["normal_stiffness", "radius", "preload"])
 
     def _add_check(self, motor: Motor, harmonics: int) -> None:
-        """Add the node ``check``: the motion left out, over the static penetration and limit of stick.
+        """Add the node ``check``: the motion at the harmonics left out, over the static penetration and limit of stick.
 
-        That is the motion of the tip at the harmonics left out, and of the carrier at all harmonics.
         It is at least 1 if a parameter of the X line is out of its range.
         """
         depth = "(1e6*(preload/normal_stiffness)**(2/3))"
@@ -302,14 +331,6 @@ class AveragedSubCircuit(Assembly):
                     node = f"left_{axis}_{part}{order}"
                     self.R(f"sum_{node}", node, self.gnd, 1)
                     squares.append(f"(V({node})/{{{limit}}})**2")
-        # in the expression: with nodes of their own, runs of ngspice near a fold fail
-        for mount, axis in zip(carriers(motor.mount), "yx", strict=False):
-            for order in range(1, harmonics + CHECKED_HARMONICS + 1):
-                omega = f"({2.0 * pi * order:.10g}*V(frequency))"
-                reactance = f"({mount.stiffness_n_per_m:.10g}-{mount.mass_kg:.10g}*{omega}**2)"
-                impedance = f"({reactance}**2+({mount.damping_n_s_per_m:.10g}*{omega})**2)"
-                force = f"(V(f{axis}_re{order})**2+V(f{axis}_im{order})**2)"
-                squares.append(f"{force}*{{(1e6/{limits[axis]})**2}}/{impedance}")
         self.raw_spice += f".param outside={outside(self.settable)}\n"
         self.raw_spice += f"Bcheck check 0 V=sqrt({'+'.join(squares)}+{{1e-24+outside}})\n"
 

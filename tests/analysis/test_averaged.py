@@ -181,7 +181,6 @@ def test_parameters_of_the_x_line_are_those_of_the_motor(motor: pr.Motor, tmp_pa
     ("name", "value"),
     [
         ("contact.sliding_ratio", 0.8),
-        ("contact.series_compliance_m_per_n", 1e-8),
         ("rotor.bearing_friction_n_m", 1e-4),
     ],
 )
@@ -207,3 +206,39 @@ def test_the_json_has_the_cautions_of_the_averaged_model() -> None:
     run = simulate_averaged(opening, pr.default_drive(opening), 2e-3)
     assert any("open for up to" in caution for caution in run.cautions)
     assert run.to_dict()["cautions"] == list(run.cautions)
+
+
+UNINTENDED, SERIES = "andersen2002-unintended-mode", "contact.series_compliance_m_per_n"
+SOFT = {SERIES: 1e-8, "contact.restitution": 0.6}
+PLATE = str(Path(__file__).parents[2] / "examples" / "plate40.toml")
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "drive", "speeds"),
+    [
+        (PLATE, {}, (40.0, 41.5e3, -90.0), (-0.03,)),
+        pytest.param(PLATE, {}, (40.0, 41.5e3, -90.0), (0.0,), marks=pytest.mark.soak),
+        pytest.param(PLATE, {}, (20.0, 41.5e3, 70.0), (0.02, 0.005), marks=pytest.mark.soak),
+        pytest.param(UNINTENDED, {SERIES: 2e-8}, (50.0, 48e3, 180.0), (0.0, 2.0, 5.0), marks=pytest.mark.soak),
+        pytest.param("beam40", SOFT, (60.0, 40.1e3, 120.0), (10.0, 20.0), marks=pytest.mark.soak),
+    ],
+)
+def test_a_compliance_in_series_has_the_torque_of_the_full_motor(
+    name: str, changes: dict[str, float], drive: tuple[float, float, float], speeds: tuple[float, ...]
+) -> None:
+    """2 % of the friction torque, the error below which a run is trusted. The plate's light carrier moves at 40 kHz."""
+    motor = pr.load_motor(name).updated(changes)
+    assert motor.contact.series_compliance_m_per_n > 0.0
+    voltage, frequency, phase = drive
+    both = pr.TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase)
+    limit = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    for speed in speeds:
+        run = simulate_averaged(motor, both, 0.06, speed=speed)
+        full = pr.steady_state(motor, both, speed=speed)
+        assert run.trusted
+        assert run.torque_n_m[-1] == pytest.approx(full.torque_n_m, abs=0.02 * limit)
+
+
+def test_a_plate_whose_contact_opens_is_not_trusted() -> None:
+    plate = pr.load_motor(PLATE)
+    assert not simulate_averaged(plate, pr.default_drive(plate), 5e-3, speed=0.0).trusted
