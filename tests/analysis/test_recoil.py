@@ -193,11 +193,15 @@ def test_the_dynamometer_balances_the_powers_of_a_carrier_that_moves_along_the_r
     assert abs(float(settled["balance_residual"][0])) < 1e-5
 
 
-@pytest.mark.parametrize("frequency", [39.5e3, 40.1e3, 41.2e3])
-def test_the_averaged_motor_does_not_trust_itself_on_a_light_carrier(frequency: float) -> None:
+@pytest.mark.parametrize("speed", [5.0, pytest.param(15.0, marks=pytest.mark.soak)])
+def test_the_averaged_motor_is_right_on_a_light_carrier(speed: float) -> None:
+    """2 % of the friction torque, the bound for a trusted run: the carrier moves at the drive's harmonics."""
     motor = pr.load_motor("beam40").updated({"mount.mass_kg": 2e-3, "mount.stiffness_n_per_m": 1e6})
-    run = pr.simulate_averaged(motor, two_phase(40.0, frequency, 120.0), 5e-3, speed=0.0)
-    assert not run.trusted
+    drive = two_phase(40.0, 40.1e3, 120.0)
+    run = pr.simulate_averaged(motor, drive, 30e-3, speed=speed)
+    state = pr.steady_state(motor, drive, speed=speed)
+    assert run.trusted
+    assert run.torque_n_m[-1] == pytest.approx(state.torque_n_m, abs=0.02 * 0.3 * 6.5 * 0.015)
 
 
 @pytest.mark.soak
