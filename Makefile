@@ -44,6 +44,7 @@ soak: setup ## run all further cases of tests, and 2,000 random motors (30 minut
 	$(PY) -m tests.violent
 	$(PY) -m tests.live_runs
 	$(PY) -m tests.random_runs
+	$(PY) -m tests.random_losses
 	$(PY) -m tests.contradictions
 
 bench: ## measure speed, accuracy and memory (minutes, on an otherwise idle machine)

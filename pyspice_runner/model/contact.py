@@ -108,7 +108,7 @@ def hunt_crossley_damping(restitution: float, velocity_m_s: float) -> float:
     return root(mismatch, lowest, (1.0 - 1e-15) / restitution) / velocity_m_s
 
 
-LEFT_OUT = 0.01  # of the normal force; below, random motors were within 1 % of a reference
+LEFT_OUT = 1e-3  # of the normal force; below, random motors were within 1 % of a reference
 
 
 def left_out(contact: Contact, time_s: Array, penetration_m: Array, normal_n: Array) -> float:

@@ -172,7 +172,7 @@ def test_damping_works_on_the_penetration_and_not_on_the_compliance_in_series(
 
 
 def test_a_run_says_where_damping_and_a_compliance_in_series_make_the_normal_force_inexact() -> None:
-    """The limit is 1 % of the force: below, no random motor was more than 1 % off a reference without this error."""
+    """The limit is 0.1 % of the force: below, no random motor was more than 1 % off a reference without this error."""
     motor = PAPER.updated({"mount": None, "contact.series_compliance_m_per_n": 2e-8})
     drive = two_phase(100.0, 17e3)  # opens the contact
     said = [
