@@ -213,13 +213,16 @@ def _unit(kind: type[Parameters], name: str) -> str:
 def _allowed(kind: type[Parameters], name: str) -> str:
     """Say in symbols what values a field takes."""
     schema = kind.model_json_schema()["properties"][name]
+    made_of = schema.get("made_of")
+    schema = next(iter(schema.get("anyOf", [schema])))  # of an optional entry
     if "enum" in schema:
         return ", ".join(schema["enum"])
-    schema = next(iter(schema.get("anyOf", [schema])))  # of an optional number
+    if "$ref" in schema:
+        return "path of a file"
     if schema.get("type") == "array":
         return "three coordinates, ≥ -1, ≤ 1"
-    if schema.get("made_of"):
-        return f"up to {schema['maxLength']} {schema['made_of']}"
+    if made_of:
+        return f"up to {schema['maxLength']} {made_of}"
     if schema.get("type") == "boolean":
         return "true, false"
     if schema.get("type") == "string":

@@ -37,13 +37,13 @@ def read_document(path: Path, wanted: str, most: int = MOST_BYTES) -> str:
     return _read(path, str(path), wanted, most, lambda file: file.read_text(encoding="utf-8"))
 
 
-def read_bytes(path: str, what: str, most: int) -> bytes:
-    """Return at most ``most`` bytes of a library; ``what`` is its kind for messages, such as ``"contact law"``.
+def read_bytes(path: str, what: str, most: int, wanted: str = "the path of a .lib file") -> bytes:
+    """Return at most ``most`` bytes of a file; ``what`` is its kind for messages, such as ``"contact law"``.
 
     Raise ParameterError if the file is not a regular file, is too large, or cannot be read.
     """
     shown = repr(path if len(path) <= 200 else f"{path[:197]}...")
-    return _read(Path(path), f"the {what} {shown}", "the path of a .lib file", most, Path.read_bytes)
+    return _read(Path(path), f"the {what} {shown}", wanted, most, Path.read_bytes)
 
 
 def _read(path: Path, shown: str, wanted: str, most: int, read: Callable[[Path], Content]) -> Content:

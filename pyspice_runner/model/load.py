@@ -132,9 +132,10 @@ def available_motors() -> tuple[str, ...]:
 
 def stated_solid(source: str | Path) -> Solid | None:
     """Return the ``[solid]`` of a motor, or None if it has none. Raise ParameterError as :func:`load_motor`."""
-    document, where = _read(source)
+    document, path = _read(source)
     table = document.get("solid")
-    return None if table is None else solid_from(_strip(table, "solid", {}, where), where)
+    where = path.name
+    return None if table is None else solid_from(_strip(table, "solid", {}, where), where, path.parent)
 
 
 @checked
@@ -147,8 +148,7 @@ def load_motor(source: str | Path) -> Motor:
     Raises:
         ParameterError: for an unknown name, an unreadable file, a misspelt or missing entry, or an invalid value.
     """
-    document, name = _read(source)
-    return _from_document(document, name)
+    return _from_document(*_read(source))
 
 
 def changed_motor(source: str | Path, changes: Mapping[str, Any]) -> Motor:
@@ -157,11 +157,11 @@ def changed_motor(source: str | Path, changes: Mapping[str, Any]) -> Motor:
     Paths are those of :meth:`Motor.updated`, and those of the structure and the materials in the file:
     ``beam.length_m``, ``patches.0.end_m``, ``contact.materials.tip_poisson``. Values are in SI units.
     """
-    document, name = _read(source)
+    document, file = _read(source)
     of_file = {path: value for path, value in changes.items() if path.startswith(_ONLY_IN_FILES)}
     for path, value in of_file.items():
-        _put(document, path, value, name)
-    motor = _from_document(document, name)
+        _put(document, path, value, file.name)
+    motor = _from_document(document, file)
     for path in of_file:
         motor.provenance[path] = Provenance("set", "by the user")
     others = {path: value for path, value in changes.items() if path not in of_file}
@@ -185,8 +185,8 @@ def _put(document: dict[str, Any], path: str, value: Any, where: str) -> None:
     place[key] = value
 
 
-def _read(source: str | Path) -> tuple[dict[str, Any], str]:
-    """Return the document of a motor and the name of its file."""
+def _read(source: str | Path) -> tuple[dict[str, Any], Path]:
+    """Return the document of a motor and its file."""
     path = Path(source)
     if isinstance(source, str) and path.suffix != ".toml" and len(path.parts) == 1:
         path = SETS / f"{source}.toml"
@@ -204,7 +204,7 @@ def _read(source: str | Path) -> tuple[dict[str, Any], str]:
         raise ParameterError(
             f"There is no file {quoted(str(source))}. Give the path of a TOML file or the name of a set."
         )
-    return parse_toml(read_document(path, "a readable TOML file"), path.name), path.name
+    return parse_toml(read_document(path, "a readable TOML file"), path.name), path
 
 
 _SECTIONS = (
@@ -216,7 +216,8 @@ _FROM = {"beam": "[[patches]]", "solid": "[solid]"}
 _KINDS = ("given", "derived", "assumed")
 
 
-def _from_document(document: dict[str, Any], where: str) -> Motor:
+def _from_document(document: dict[str, Any], file: Path) -> Motor:
+    where = file.name
     check_keys(document, _SECTIONS, where, "")
     ways = [way for way in _WAYS if way in document]
     if len(ways) != 1:
@@ -234,7 +235,7 @@ def _from_document(document: dict[str, Any], where: str) -> Motor:
     plain = {key: _strip(value, key, provenance, where) for key, value in document.items() if key != "description"}
 
     rotor = build(MOVED[moved], plain[moved], moved, where)
-    structure, modes, capacitances = _resolve_modes(plain, ways[0], where)
+    structure, modes, capacitances = _resolve_modes(plain, ways[0], file)
     piezo = dict(as_table(plain["piezo"], "piezo", where))
     if piezo.pop("loss_reference_hz", None) is not None:  # of files from before the ladder
         provenance.pop("piezo.loss_reference_hz", None)
@@ -276,12 +277,13 @@ def _moved(document: Mapping[str, Any], where: str) -> str:
 
 
 def _resolve_modes(
-    plain: dict[str, Any], way: str, where: str
+    plain: dict[str, Any], way: str, file: Path
 ) -> tuple[Structure | Solid | None, list[dict[str, Any]], dict[str, float] | None]:
+    where = file.name
     if way == "beam":
         return _from_beam(plain, where)
     if way == "solid":
-        return _from_solid(plain, where)
+        return _from_solid(plain, where, file.parent)
     for key in ("ceramic", "patches", "tip"):
         if key in plain:
             raise ParameterError(f"{where}: [{key}] belongs to a [beam]; with [[{way}]] leave it out.")
@@ -331,11 +333,13 @@ def _from_beam(plain: dict[str, Any], where: str) -> tuple[Structure, list[dict[
     return structure, [mode.model_dump() for mode in modes], capacitances
 
 
-def _from_solid(plain: dict[str, Any], where: str) -> tuple[Solid, list[dict[str, Any]], dict[str, float]]:
+def _from_solid(
+    plain: dict[str, Any], where: str, folder: Path
+) -> tuple[Solid, list[dict[str, Any]], dict[str, float]]:
     for key in ("ceramic", "patches", "tip", "damping"):
         if key in plain:
             raise ParameterError(f"{where}: [{key}] belongs to a [beam]; with [solid] leave it out.")
-    solid = solid_from(plain["solid"], where)
+    solid = solid_from(plain["solid"], where, folder)
     try:
         stator = stator_of(solid)
     except ParameterError as error:

@@ -14,6 +14,7 @@ from pyspice_runner.analysis.impact import Impact
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import motor as model
 from pyspice_runner.model.beam import solve_resonator
+from pyspice_runner.model.solid.elements import Indices
 from pyspice_runner.model.solid.parameters import Placed, Solid
 from pyspice_runner.model.solid.store import stator_of
 from pyspice_runner.run.waveforms import Array
@@ -60,7 +61,15 @@ def _solid(motor: model.Motor, solid: Solid) -> Sheet:
     swing = _SWING * np.ptp(nodes, axis=1).max()
 
     def corners(item: Placed) -> tuple[Array, Array]:
-        return 1e3 * np.array(item.from_m)[plane], 1e3 * np.array(item.to_m)[plane]
+        low, high = item.corners
+        return 1e3 * np.array(low)[plane], 1e3 * np.array(high)[plane]
+
+    cells = _towards_viewer(nodes, stator.cells, plane, depth)
+
+    def draw_mesh(ax: Axes) -> None:
+        faces = list(nodes[plane][:, cells].transpose(2, 1, 0))
+        ax.add_collection(PolyCollection(faces, facecolor="0.9", edgecolor="0.3", lw=0.2))
+        _frame(ax, plane, f"{motor.name}: mesh")
 
     def draw_geometry(ax: Axes) -> None:
         for box in solid.boxes:
@@ -86,13 +95,6 @@ def _solid(motor: model.Motor, solid: Solid) -> Sheet:
         moved = (nodes + swing * shape)[plane]
 
         def draw_mode(ax: Axes) -> None:
-            cells = stator.cells
-            if len(nodes) == 3:  # of each cell the face towards the viewer
-                order = np.argsort(nodes[depth][cells], axis=0)[4:]
-                cells = np.take_along_axis(cells, order, axis=0)
-            centres = nodes[plane][:, cells].mean(axis=1, keepdims=True)
-            turn = np.argsort(np.arctan2(*(nodes[plane][:, cells] - centres)), axis=0)
-            cells = np.take_along_axis(cells, turn, axis=0)
             size = np.sqrt((shape**2).sum(axis=0))[cells].mean(axis=0)
             faces = list(moved[:, cells].transpose(2, 1, 0))
             ax.add_collection(PolyCollection(faces, array=size, clim=(0.0, 1.0), lw=0.2))
@@ -102,8 +104,21 @@ def _solid(motor: model.Motor, solid: Solid) -> Sheet:
 
         return draw_mode
 
-    panels = {"geometry": draw_geometry} | {mode.name: mode_panel(i) for i, mode in enumerate(motor.modes)}
+    panels = {"geometry": draw_mesh if solid.mesh else draw_geometry} | {
+        mode.name: mode_panel(i) for i, mode in enumerate(motor.modes)
+    }
     return Sheet(panels, 2, (5.5, 2.8))
+
+
+def _towards_viewer(nodes: Array, cells: Indices, plane: list[int], depth: int) -> Indices:
+    """Return of each cell the corners towards the viewer, in order around it, the nearest cells last."""
+    if len(nodes) == 3:
+        order = np.argsort(nodes[depth][cells], axis=0)[-4 if len(cells) == 8 else -3 :]
+        cells = np.take_along_axis(cells, order, axis=0)
+        cells = cells[:, np.argsort(nodes[depth][cells].mean(axis=0))]
+    centres = nodes[plane][:, cells].mean(axis=1, keepdims=True)
+    turn = np.argsort(np.arctan2(*(nodes[plane][:, cells] - centres)), axis=0)
+    return np.take_along_axis(cells, turn, axis=0)
 
 
 def _frame(ax: Axes, plane: list[int], title: str) -> None:

@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
-from math import ceil
 from typing import Any
 
 import numpy as np
@@ -15,9 +13,8 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.solid.elements import Array, Indices, Part, plate_matrix
 from pyspice_runner.model.solid.materials import materials
 from pyspice_runner.model.solid.parameters import Box, Electrode, Placed, Solid, Support
+from pyspice_runner.model.solid.places import Places, places_of
 
-MOST_CELLS = 20_000  # some 350,000 unknowns, beyond the memory of most machines
-_NEAR = 1e-6  # of an element: places that are meant to coincide
 _GROUPS = ("A", "B", "ground")
 
 
@@ -51,89 +48,57 @@ class Geometry:
 def build_geometry(solid: Solid) -> Geometry:
     """Return mesh, materials and places of a stator. Raise ParameterError for parts that miss it or touch wrongly."""
     try:
-        from skfem import Basis, ElementHexS2, ElementQuadS2, MeshHex, MeshQuad
+        from skfem import Basis
     except ImportError:
         raise ParameterError(
             "[solid] needs the finite elements of scikit-fem. Install them: `pip install 'pyspice-runner[solid]'`."
         ) from None
     plate = solid.theory == "plate"
-    lines = [_lines(solid, axis) for axis in range(2 if plate else 3)]
-    cells = int(np.prod([len(line) - 1 for line in lines]))
-    if cells > MOST_CELLS:
-        raise ParameterError(
-            f"solid.element_m = {solid.element_m:g} m gives {cells} elements; the limit is {MOST_CELLS}, so raise it."
-        )
-    mesh = (MeshQuad if plate else MeshHex).init_tensor(*lines)
-    mesh = mesh.restrict(np.flatnonzero(_owners(solid, mesh) >= 0))
-    basis = Basis(mesh, ElementQuadS2() if plate else ElementHexS2(), intorder=4)
-    owner = _owners(solid, mesh)
+    shape = places_of(solid)
+    owner = _owners(solid, shape)
+    kept = np.flatnonzero(owner >= 0)
+    shape.restrict(kept)
+    owner = owner[kept]
+    basis = Basis(shape.mesh, shape.element, intorder=4)
     base = (2 if plate else 4) * basis.N
     used = [(np.flatnonzero(owner == index), box) for index, box in enumerate(solid.boxes)]
-    parts = [part for cells, box in used if len(cells) for part in _parts(solid, mesh, cells, box, base)]
-    place, displacements, size = _places(solid, basis, parts)
+    parts = [part for cells, box in used if len(cells) for part in _parts(solid, shape, cells, box, base)]
+    place, displacements, size = _places(solid, shape, basis, parts)
     springs = []
     fields = 2 if plate else 4
     for index, support in enumerate(solid.supports):
         if support.stiffness_n_per_m is not None:
-            nodes, local = _spread(solid, basis, support, f"supports.{index}")
+            nodes, local = _spread(shape, basis, support, f"supports.{index}")
             held = support.stiffness_n_per_m * local
-            springs += [(fields * nodes + axis, held) for axis in _axes(support, mesh.dim())]
-    nodes, local = _spread(solid, basis, solid.contact, "contact")
+            springs += [(fields * nodes + axis, held) for axis in _axes(support, shape.mesh.dim())]
+    nodes, local = _spread(shape, basis, solid.contact, "contact")
     mean = np.bincount(nodes.ravel(), local.sum(axis=2).ravel(), minlength=basis.N)
-    contact = np.zeros((2, basis.N, mesh.dim()))
+    contact = np.zeros((2, basis.N, shape.mesh.dim()))
     for row, sense in enumerate((solid.contact.normal, solid.contact.tangent)):
         contact[row, :, "xyz".index(sense[1])] = mean if sense[0] == "+" else -mean
     return Geometry(basis, parts, place, displacements, size, springs, contact)
 
 
-def _lines(solid: Solid, axis: int) -> Array:
-    """Return the coordinates of the mesh along an axis: every edge of what is placed, and steps between them."""
-    corners = [corner[axis] for box in solid.boxes for corner in (box.from_m, box.to_m)]
-    placed = (*solid.boxes, *solid.electrodes, *solid.supports, solid.contact)
-    near = _NEAR * solid.element_m
-    edges: list[float] = []
-    for edge in sorted(corner[axis] for item in placed for corner in (item.from_m, item.to_m)):
-        if min(corners) - near <= edge <= max(corners) + near and (not edges or edge - edges[-1] > near):
-            edges.append(edge)
-    steps = [ceil((high - low) / solid.element_m - _NEAR) for low, high in pairwise(edges)]
-    pieces = [
-        np.linspace(low, high, count, endpoint=False) for (low, high), count in zip(pairwise(edges), steps, strict=True)
-    ]
-    return np.concatenate([*pieces, edges[-1:]])
-
-
-def inside(item: Placed, points: Array, near: float) -> NDArray[np.bool_]:
-    """Return which points, (axes, …), lie within what is placed; a plate has no z."""
-    shape = (-1, *[1] * (points.ndim - 1))
-    low, high = (np.reshape(corner[: len(points)], shape) for corner in (item.from_m, item.to_m))
-    return np.asarray(np.all((points >= low - near) & (points <= high + near), axis=0))
-
-
-def _centres(mesh: Any) -> Array:
-    return np.asarray(mesh.p[:, mesh.t].mean(axis=1))
-
-
-def _owners(solid: Solid, mesh: Any) -> Indices:
+def _owners(solid: Solid, shape: Places) -> Indices:
     """Return the number of the box that each cell belongs to, −1 for none."""
-    owner, centres = np.full(mesh.t.shape[1], -1), _centres(mesh)
+    owner = np.full(shape.mesh.nelements, -1)
     for index, box in enumerate(solid.boxes):
-        owner[inside(box, centres, 0.0)] = index
+        owner[shape.cells(box, f"boxes.{index}")] = index
     return owner
 
 
-def _parts(solid: Solid, mesh: Any, cells: Indices, box: Box, base: int) -> list[Part]:
+def _parts(solid: Solid, shape: Places, cells: Indices, box: Box, base: int) -> list[Part]:
     """Return the cells of a box as parts: of a plate those between the same electrodes."""
     card = materials()[box.material]
     matrix, ceramic = card.matrix(box.polarisation), bool(card.stress_constants_c_m2.any())
     if solid.theory == "solid":
         return [Part(cells, matrix, card.density_kg_m3, ceramic=ceramic)]
-    centres = _centres(mesh)[:, cells]
-    near = _NEAR * solid.element_m
     faces = np.full((2, len(cells)), -1)
-    for row, height in enumerate((box.to_m[2], box.from_m[2])):
-        for electrode in solid.electrodes:
-            if abs(electrode.from_m[2] - height) <= near and abs(electrode.to_m[2] - height) <= near:
-                faces[row, inside(electrode, centres, near)] = _GROUPS.index(electrode.group)
+    for index, electrode in enumerate(solid.electrodes):
+        side = shape.side(electrode, box)
+        if side is not None:
+            covered = shape.cells(electrode, f"electrodes.{index}")[cells]
+            faces[side, covered] = _GROUPS.index(electrode.group)
     found = []
     for upper, lower in np.unique(faces, axis=1).T:
         shorted = min(upper, lower) >= 0
@@ -142,7 +107,7 @@ def _parts(solid: Solid, mesh: Any, cells: Indices, box: Box, base: int) -> list
                 cells[(faces[0] == upper) & (faces[1] == lower)],
                 plate_matrix(matrix, shorted=shorted),
                 card.density_kg_m3,
-                box.to_m[2] - box.from_m[2],
+                box.height_m,
                 (base + int(upper), base + int(lower)) if shorted else (base + 2, base + 2),
                 ceramic,
             )
@@ -150,16 +115,14 @@ def _parts(solid: Solid, mesh: Any, cells: Indices, box: Box, base: int) -> list
     return found
 
 
-def _places(solid: Solid, basis: Any, parts: list[Part]) -> tuple[Indices, int, int]:
+def _places(solid: Solid, shape: Places, basis: Any, parts: list[Part]) -> tuple[Indices, int, int]:
     """Return the row of each unknown, and the numbers of displacements and of all rows."""
-    dimension, nodes, near = basis.mesh.dim(), basis.doflocs, _NEAR * solid.element_m
+    dimension = basis.mesh.dim()
     fields = 2 if dimension == 2 else 4
     free = np.ones((basis.N, dimension), dtype=bool)
     for index, support in enumerate(solid.supports):
         if support.stiffness_n_per_m is None:
-            held = inside(support, nodes, near)
-            if not held.any():
-                raise _misses(f"supports.{index}")
+            held = shape.nodes(basis, support, f"supports.{index}")
             for axis in _axes(support, dimension):
                 free[held, axis] = False
     place = np.full((basis.N, fields), -1)
@@ -172,7 +135,8 @@ def _places(solid: Solid, basis: Any, parts: list[Part]) -> tuple[Indices, int, 
             if part.matrix[6:, 6:].any():
                 potential[basis.element_dofs[:, part.cells]] = len(_GROUPS)
         for index, electrode in enumerate(solid.electrodes):
-            _cover(potential, inside(electrode, nodes, near) & (potential >= 0), electrode, index)
+            covered = shape.nodes(basis, electrode, f"electrodes.{index}") & (potential >= 0)
+            _cover(potential, covered, electrode, index)
         between = potential == len(_GROUPS)
         place[between, 3] = displacements + np.arange(between.sum())
         unknown += int(between.sum())
@@ -184,7 +148,7 @@ def _places(solid: Solid, basis: Any, parts: list[Part]) -> tuple[Indices, int, 
 def _cover(potential: Indices, covered: NDArray[np.bool_], electrode: Electrode, index: int) -> None:
     """Give the nodes under an electrode its group. Raise ParameterError if there are none, or another has them."""
     if not covered.any():
-        raise _misses(f"electrodes.{index}")
+        raise ParameterError(f"solid.electrodes.{index} touches no ceramic; correct its place.")
     group = _GROUPS.index(electrode.group)
     others = set(potential[covered]) - {group, len(_GROUPS)}
     if others:
@@ -200,21 +164,13 @@ def _axes(support: Support, dimension: int) -> list[int]:
     return [axis for axis in range(dimension) if "xyz"[axis] in support.directions]
 
 
-def _spread(solid: Solid, basis: Any, item: Placed, name: str) -> tuple[Indices, Array]:
+def _spread(shape: Places, basis: Any, item: Placed, name: str) -> tuple[Indices, Array]:
     """Return the nodes of a face, (facets, n), and ∫NᵢNⱼ over its area, (facets, n, n); of a point its nodes."""
-    mesh, near = basis.mesh, _NEAR * solid.element_m
-    facets = mesh.boundary_facets()
-    facets = facets[inside(item, mesh.p[:, mesh.facets[:, facets]], near).all(axis=0)]
+    facets = shape.facets(item, name)
     if len(facets):
         face = basis.boundary(facets)
         values = np.stack([np.asarray(field[0]) for field in face.basis])
         local = np.einsum("afq,bfq,fq->fab", values, values, face.dx / face.dx.sum())
         return face.element_dofs.T, np.asarray(local)
-    nodes = np.flatnonzero(inside(item, basis.doflocs, near))
-    if not len(nodes):
-        raise _misses(name)
+    nodes = np.flatnonzero(shape.nodes(basis, item, name))
     return nodes[:, None], np.full((len(nodes), 1, 1), 1.0 / len(nodes))
-
-
-def _misses(name: str) -> ParameterError:
-    return ParameterError(f"solid.{name} touches no box; correct its from_m and to_m.")
