@@ -138,8 +138,9 @@ def main() -> None:
     with Pool(2) as pool:
         for number, values in pool.imap_unordered(measured, wanted):
             found[str(number)] = values
-            text = {"speeds_m_s": SPEEDS_M_S, "motors": dict(sorted(found.items(), key=lambda item: int(item[0])))}
-            FILE.write_text(json.dumps(text, indent=1) + "\n", encoding="utf-8")
+            lines = ",\n".join(f'"{key}": {json.dumps(found[key])}' for key in sorted(found, key=int))
+            text = f'{{"speeds_m_s": {json.dumps(SPEEDS_M_S)}, "motors": {{\n{lines}\n}}}}\n'
+            FILE.write_text(text, encoding="utf-8")
             sys.stdout.write(f"{len(found)} of {COUNT}\n")
             sys.stdout.flush()
 

@@ -21,14 +21,14 @@ MARKS = {
     "fn": ("v", "fn, least |Y|"),
 }
 CONNECTIONS = {
-    "A+B": (37e3, 42e3, "A+B drives mode 1, towards the rotor"),
-    "A-B": (39e3, 46e3, "A−B drives mode 2, along the rotor"),
+    "A+B": (38.5e3, 44e3, "A+B drives the longitudinal mode"),
+    "A-B": (39e3, 45e3, "A−B drives the bending mode"),
 }
 POINTS = 3000
 
 
 def draw(folder: Path) -> list[str]:
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor("bimodal40")
     figure, axes = canvas(3, 2, 8.6, height_ratios=(1.0, 0.8, 1.25))
     lines = []
     for column, (connection, (start, stop, title)) in zip(axes.T, CONNECTIONS.items(), strict=True):

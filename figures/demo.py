@@ -14,8 +14,8 @@ from rich.console import Console
 from style import main
 
 PARTS = {
-    "spin_up.png": ("beam40: the rotor spins up", spin_up.draw),
-    "admittance.png": ("beam40: its resonances, free and pressed on the rotor", admittance.draw),
+    "spin_up.png": ("bimodal40: the rotor spins up", spin_up.draw),
+    "admittance.png": ("bimodal40: its resonances, free and pressed on the rotor", admittance.draw),
     "patch_position.png": ("andersen2002, the paper's motor: another place for the patches", patch_position.draw),
     "figure_5.png": ("andersen2002: the path of its tip (figure 5 of the paper)", figure_5.draw),
 }

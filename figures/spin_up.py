@@ -31,13 +31,13 @@ from style import (
 
 import pyspice_runner as pr
 
-LOAD = 6e-3  # N·m
+LOAD = 30e-3  # N·m
 DURATION = 2e-3 if draft() else 30e-3
 PERIODS = 3
 
 
 def draw(folder: Path) -> list[str]:
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)
     run = simulated(motor, drive, duration=DURATION)
     loaded = simulated(motor, drive, duration=DURATION, load_torque=LOAD)

@@ -52,12 +52,12 @@ for name, command in NAMES.items():
     app.command(name=name, cls=OnceCommand)(command)
 
 FIRST_STEPS = {
-    "Try first": {"report beam40": "a motor on one page"},
+    "Try first": {"report bimodal40": "a motor on one page"},
     "Then": {
-        "simulate beam40 --plot run.png": "one run, plotted",
-        "export beam40 --output motor.lib": "a .subckt for SPICE",
-        "drive beam40 --driver half-bridge": "its driver's losses",
-        "admittance beam40 --state preloaded": "its impedance",
+        "simulate bimodal40 --plot run.png": "one run, plotted",
+        "export bimodal40 --output motor.lib": "a .subckt for SPICE",
+        "drive bimodal40 --driver half-bridge": "its driver's losses",
+        "admittance bimodal40 --state preloaded": "its impedance",
     },
     "Help": {
         "COMMAND --help": "one command with an example",

@@ -109,7 +109,7 @@ def test_the_deck_that_simulate_writes_runs_by_itself(tmp_path: Path) -> None:
 def test_the_command_alone_prints_the_first_steps() -> None:
     done = command()
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.index("Try first") < done.stdout.index("piezomotor report beam40")
+    assert done.stdout.index("Try first") < done.stdout.index("piezomotor report bimodal40")
     lines = done.stdout.splitlines()
     assert len(lines) <= 24  # one screen
     assert all(line.startswith(("  piezomotor", "Try", "Then", "Help", "A SPICE")) for line in lines if line.strip())

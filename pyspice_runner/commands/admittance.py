@@ -27,7 +27,7 @@ def admittance(
 ) -> None:
     """Compute the stator's two-port admittance and the equivalent circuit of each mode. Writes .csv, .nc or .json.
 
-    Example: piezomotor admittance beam40 --state preloaded --plot admittance.png
+    Example: piezomotor admittance bimodal40 --state preloaded --plot admittance.png
     """
     targets.check(".csv", ".nc", ".json")
     with common.busy("ngspice sweeps the frequency"):

@@ -34,7 +34,7 @@ def motors(targets: Targets) -> None:
 def show(motor: common.MotorArgument, changes: common.SetOption = None, *, targets: Targets) -> None:
     """Show a motor: its modes, groups, contact and rotor, in SI units.
 
-    Example: piezomotor show beam40 --plot modes.png
+    Example: piezomotor show bimodal40 --plot modes.png
     """
     targets.check(".json", ".csv")
     loaded = common.load_changed(motor, changes)
@@ -88,7 +88,7 @@ def export(
     .va (Verilog-A), .fmu (averaged motor for control tools, FMI 2.0), .asy (LTspice symbol), .kicad_sym (KiCad symbol),
     .s2p or .s1p (Touchstone) or .toml; without --output, the .lib.
 
-    Example: piezomotor export beam40 --output motor.lib
+    Example: piezomotor export bimodal40 --output motor.lib
     """
     from pyspice_runner.export.motor import FORMATS, MotorExport, check_rotational, endings
     from pyspice_runner.export.xyce import Dialect, check_dialect

@@ -44,7 +44,7 @@ def report(
 
     The page is self-contained. Without --output it is MOTOR.html.
 
-    Example: piezomotor report beam40 --output report.html
+    Example: piezomotor report bimodal40 --output report.html
     """
     if measured is None:
         common.refuse_idle(context, "without --measured", "connection", "columns", "through")
@@ -98,7 +98,7 @@ def live(
 ) -> None:
     """Write a page in which ngspice runs the motor in the browser: one file, without installation or network.
 
-    Example: piezomotor live beam40 --output live.html
+    Example: piezomotor live bimodal40 --output live.html
     """
     from pyspice_runner.view.live import engine_facts, save_live_page
 

@@ -69,7 +69,7 @@ def simulate(
 ) -> None:
     """Run a motor from rest under preload. Writes .csv or .nc (waveforms), .json (summary) or .cir (the deck).
 
-    Example: piezomotor simulate beam40 --voltage 100 --duration 20e-3 --output run.csv --plot run.png
+    Example: piezomotor simulate bimodal40 --voltage 100 --duration 20e-3 --output run.csv --plot run.png
     """
     contact = law.law
     targets.check(".csv", ".nc", ".json", ".cir")

@@ -33,7 +33,7 @@ def steady(
 ) -> int:
     """Find the periodic steady state and its stability. Writes .json, .csv or .nc (one period), .cir (its deck).
 
-    Example: piezomotor steady beam40 --voltage 90 --speed 30 --json
+    Example: piezomotor steady bimodal40 --voltage 90 --speed 30 --json
     """
     targets.check(".json", ".csv", ".nc", ".cir")
     loaded = common.load_changed(motor, changes)

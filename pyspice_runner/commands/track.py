@@ -67,7 +67,7 @@ def track(
 
     Writes .json (result), .csv (frequency, phase and speed of each period) or .cir (the deck).
 
-    Example: piezomotor track beam40 --tracker pll --disturb load --plot track.png
+    Example: piezomotor track bimodal40 --tracker pll --disturb load --plot track.png
     """
     _refuse_idle(context, tracker, disturb, driver)
     targets.check(".json", ".csv", ".cir")

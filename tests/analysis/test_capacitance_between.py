@@ -65,6 +65,7 @@ def test_the_currents_are_those_of_the_independent_integrator_and_the_energy_is_
         assert float(np.std(error)) < 5e-3 * float(np.std(theirs))
 
 
+@pytest.mark.soak
 def test_the_steady_state_has_the_loss_of_the_closed_form() -> None:
     # the motion is that without the capacitance, which takes its current from the sources alone
     motor = with_between(2e-10)

@@ -167,6 +167,7 @@ def test_the_steady_state_and_the_averaged_motor_brake_where_the_recoil_detunes_
     assert averaged.torque_n_m[-1] == pytest.approx(state.torque_n_m, abs=0.02 * 0.3 * 6.5 * 0.015)
 
 
+@pytest.mark.soak
 def test_steady_state_and_averaged_motor_agree_on_a_carrier_that_moves_along_the_rotor() -> None:
     motor = FLAGSHIP.updated(
         {"modes.bending-1.recoil_kg": 0.0, "modes.bending-2.recoil_x_kg": 0.02,
@@ -193,7 +194,8 @@ def test_the_dynamometer_balances_the_powers_of_a_carrier_that_moves_along_the_r
     assert abs(float(settled["balance_residual"][0])) < 1e-5
 
 
-@pytest.mark.parametrize("speed", [5.0, pytest.param(15.0, marks=pytest.mark.soak)])
+@pytest.mark.soak
+@pytest.mark.parametrize("speed", [5.0, 15.0])
 def test_the_averaged_motor_is_right_on_a_light_carrier(speed: float) -> None:
     """2 % of the friction torque, the bound for a trusted run: the carrier moves at the drive's harmonics."""
     motor = pr.load_motor("beam40").updated({"mount.mass_kg": 2e-3, "mount.stiffness_n_per_m": 1e6})

@@ -24,6 +24,7 @@ from pyspice_runner.analysis.averaged import simulate_averaged
 from pyspice_runner.cli import run
 from pyspice_runner.engine.compiler import compile_library
 from pyspice_runner.export.fmu import C_FILES, fmu_texts, variables
+from tests.selection import mostly
 
 pytestmark = pytest.mark.xdist_group("fmu")
 SAMPLE = 1e-3  # s
@@ -220,7 +221,9 @@ ON_CARRIERS: dict[str, dict[str, float]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", [pytest.param("heavy carrier", marks=pytest.mark.soak), *list(ON_CARRIERS)[1:]])
+@pytest.mark.parametrize(
+    "name", mostly(pytest.mark.soak, ON_CARRIERS, ["along the rotor, and capacitance between the groups"])
+)
 def test_a_motor_that_shakes_its_carrier_is_that_of_simulate_averaged(
     name: str, motor: pr.Motor, tmp_path: Path
 ) -> None:
