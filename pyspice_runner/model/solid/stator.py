@@ -13,6 +13,7 @@ the highest frequency of the range. Rigid motion is left to the mount.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
 from typing import Any
@@ -29,6 +30,10 @@ _RIGID = 1e-8  # ω² of a rigid motion, over that of the shift
 _ZERO = 1e-7  # of its natural scale: a motion or a coupling that symmetry forbids
 _SLIGHT = 1e-3  # of the largest displacement: a motion of the contact that does not count
 UNSEEN = 0.01  # of the current through the clamped capacitance: a current at resonance that does not count
+_LEAST = 24  # modes that are computed
+_BLOCK = 8  # more than the rigid motions of one body
+_EXACT = 1e-11  # of an eigenvalue: its residual
+_SMALL = 4  # cells that are not divided
 _DIRECTIONS = 500  # in the space of modes, in which the greatest stress is sought
 
 
@@ -98,16 +103,21 @@ def solve_stator(solid: Solid) -> Stator:
     system, electric = stiffness[inner, inner], stiffness[inner, -2:].toarray()
     loads = np.hstack([-electric, _contact_loads(geometry)])
     shift = -((0.5 * pi * solid.highest_hz) ** 2)
-    factor = _factor(system - shift * mass[inner, inner])
-    squares, vectors = _lowest(factor, mass[:count, :count].tocsr(), shift, (2.0 * pi * solid.highest_hz) ** 2)
+    order = _dissection(geometry)
+    solve = _factor(system - shift * mass[inner, inner], order)
+    squares, vectors = _lowest(
+        solve, mass[:count, :count].tocsr(), len(order), shift, (2.0 * pi * solid.highest_hz) ** 2
+    )
     generalised = loads.T @ vectors  # forces of the groups and motions of the contact, per modal coordinate
 
     clamped = -stiffness[-2:, -2:].toarray()
-    total = clamped + loads[:, :2].T @ factor.solve(loads[:, :2])
+    total = clamped + loads[:, :2].T @ solve(loads[:, :2])
     if system.shape[0] > count:
         between = slice(count, geometry.size - 2)
-        clamped = clamped + electric[between].T @ _factor(system[between, between]).solve(electric[between])
-    compliance = loads[:, 2:].T @ factor.solve(loads[:, 2:])
+        clamped = clamped + electric[between].T @ _factor(system[between, between], order[order >= count] - count)(
+            electric[between]
+        )
+    compliance = loads[:, 2:].T @ solve(loads[:, 2:])
 
     rigid = squares < _RIGID * -shift
     _require_whole(int(rigid.sum()), geometry.dimension)
@@ -156,39 +166,84 @@ def solve_stator(solid: Solid) -> Stator:
     )
 
 
-def _factor(matrix: Any) -> Any:
-    """Return the factors of a sparse symmetric matrix, positive in displacements and negative in potentials.
+def _dissection(geometry: Geometry) -> Indices:
+    """Return an order of the inner unknowns in which a sparse matrix has few factors.
+
+    Nested dissection (A. George, SIAM J. Numer. Anal. 10 (1973) 345): the cells are halved along their greatest extent,
+    and the nodes that both halves share come after those of either half.
+    """
+    nodes, mesh = geometry.basis.element_dofs, geometry.basis.mesh
+    centres = mesh.p[:, mesh.t].mean(axis=1)
+    free = np.ones(geometry.basis.N, dtype=bool)
+    found: list[Indices] = []
+
+    def halve(cells: Indices) -> None:
+        if len(cells) <= _SMALL:
+            shared = np.unique(nodes[:, cells])
+        else:
+            axis = np.ptp(centres[:, cells], axis=1).argmax()
+            cells = cells[np.argsort(centres[axis, cells], kind="stable")]
+            middle = len(cells) // 2
+            shared = np.intersect1d(nodes[:, cells[:middle]], nodes[:, cells[middle:]])
+        shared = shared[free[shared]]
+        free[shared] = False
+        if len(cells) > _SMALL:
+            halve(cells[:middle])
+            halve(cells[middle:])
+        found.append(shared)
+
+    halve(np.arange(mesh.nelements))
+    rows = geometry.place[: len(free) * geometry.fields].reshape(len(free), -1)[np.concatenate(found)].ravel()
+    return np.asarray(rows[(rows >= 0) & (rows < geometry.size - 2)])
+
+
+def _factor(matrix: Any, order: Indices) -> Callable[[Array], Array]:
+    """Return the solver of a sparse symmetric matrix, positive in displacements and negative in potentials.
 
     Such a matrix has factors in any order (R. J. Vanderbei, SIAM J. Optim. 5 (1995) 100), so that no pivot is sought.
     """
     from scipy.sparse.linalg import splu
 
-    return splu(matrix.tocsc(), diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-
-def _lowest(factor: Any, mass: Any, shift: float, highest: float) -> tuple[Array, Array]:
-    """Return ω² and vectors of unit modal mass, with their potentials, of all modes up to ω² = ``highest`` and more."""
-    from scipy.sparse.linalg import LinearOperator, eigsh
-
-    size = mass.shape[0]
-    start = np.random.default_rng(0).standard_normal(size)  # the same modes in every run
+    ordered = matrix[order][:, order].tocsc()
+    factor = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
     def solve(right: Array) -> Array:
-        whole = np.zeros((factor.shape[0], *right.shape[1:]))
-        whole[:size] = right
-        return np.asarray(factor.solve(whole))
+        found = np.empty_like(right)
+        found[order] = factor.solve(right[order])
+        return found
 
-    wanted = min(24, size - 1)
-    inverse = LinearOperator((size, size), lambda right: solve(right)[:size], dtype=np.float64)
+    return solve
+
+
+def _lowest(solve: Callable[[Array], Array], mass: Any, rows: int, shift: float, highest: float) -> tuple[Array, Array]:
+    """Return ω² and vectors of unit modal mass, with their potentials, of all modes up to ω² = ``highest`` and more.
+
+    Block Lanczos with full orthogonalisation and without restarts, which needs no guess of the number of modes; a block
+    finds modes of the same frequency together (G. H. Golub, R. Underwood, in Mathematical Software III, 1977, 361).
+    """
+    size = mass.shape[0]
+    block = np.random.default_rng(0).standard_normal((size, min(_BLOCK, size)))  # the same modes in every run
+    basis = heavy = np.empty((size, 0))  # heavy = mass @ basis
+    images, projected = None, np.empty((0, 0))
     while True:
-        squares, vectors = eigsh(mass, wanted, mass, shift, v0=start, OPinv=inverse)
-        if squares.max() > highest or wanted == size - 1:
-            break
-        density = (highest / squares.max()) ** 1.5  # of the modes of a block; of a bar or a plate there are fewer
-        wanted = min(int(wanted * min(1.1 * density, 4.0)) + 4, size - 1)
-    order = np.argsort(squares)
-    squares, vectors = squares[order], vectors[:, order]
-    return squares, solve(mass @ vectors) * (squares - shift)
+        for _ in range(2):  # which is enough against rounding
+            block = np.linalg.qr(block - basis @ (heavy.T @ block))[0]
+            factor = np.linalg.cholesky(block.T @ (mass @ block))
+            block = np.asarray(np.linalg.solve(factor, block.T).T, dtype=np.float64)
+        basis, heavy = np.hstack([basis, block]), np.hstack([heavy, mass @ block])
+        image = solve(np.vstack([heavy[:, -block.shape[1] :], np.zeros((rows - size, block.shape[1]))]))
+        images = image if images is None else np.hstack([images, image])
+        columns = heavy.T @ image[:size]
+        projected = np.block([[projected, columns[: len(projected)]], [columns.T]])
+        values, turns = (found[..., ::-1] for found in np.linalg.eigh(projected))
+        rest = image[:size] - basis @ columns
+        last = turns[-block.shape[1] :]
+        errors = np.sqrt(np.maximum(np.einsum("im,ij,jm->m", last, rest.T @ (mass @ rest), last, optimize=True), 0.0))
+        within = int((values >= 1.0 / (highest - shift)).sum())
+        wanted = min(max(_LEAST, within + 1), size)
+        if basis.shape[1] == size or (wanted <= len(values) and (errors <= _EXACT * values)[:wanted].all()):
+            return shift + 1.0 / values[:wanted], images @ turns[:, :wanted] / values[:wanted]
+        block = rest[:, : size - basis.shape[1]]
 
 
 def _response(generalised: Array, stiffness: Array) -> Array:
