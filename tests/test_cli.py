@@ -182,6 +182,7 @@ def test_progress_shows_on_a_terminal_and_nowhere_else(tmp_path: Path) -> None:
     assert isinstance(json.loads(done.stdout.read()), dict)
     done.stdout.close()
     assert done.wait(timeout=60) == 0
+    assert "reading the motor" in shown.decode()
     assert "ngspice runs the motor" in shown.decode()
 
 

@@ -144,7 +144,9 @@ def refuse_covered(context: typer.Context, axes: Iterable[str]) -> None:
 def load_changed(motor: str, changes: list[str] | None) -> pr.Motor:
     """Return the motor with the values of ``--set`` in place."""
     told = "is not PATH=VALUE; write it as contact.preload_n=8."
-    return changed_motor(motor, {path: _value(text.strip()) for path, text in pairs_of("--set", changes, told)})
+    values = {path: _value(text.strip()) for path, text in pairs_of("--set", changes, told)}
+    with busy("reading the motor"):  # the modes of a solid can take a minute
+        return changed_motor(motor, values)
 
 
 def _value(text: str) -> float | int | str | None:
