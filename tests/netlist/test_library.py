@@ -73,7 +73,7 @@ def test_header_says_what_a_reader_needs(name: str) -> None:
     # the unit of a node or parameter in the netlist: SI, or um where the conventions say so; 1 for a pure number
     allowed = (
         "V A W J K ohm um m/s m/s2 N N.m rad/s 1 kg N.s/m N/m N/V F Hz N/m^1.5 "
-        "m/N^(2/3) m s s/m kg.m2 N.m.s J/K K/W H V/s deg rad 1/K 1/m2"
+        "m/N^(2/3) m/N m s s/m kg.m2 N.m.s J/K K/W H V/s deg rad 1/K 1/m2"
     )
     assert set(units) <= set(allowed.split())
     for parameter in library.parameters:
