@@ -285,6 +285,7 @@ def test_mean_normal_force_of_a_held_rotor() -> None:
     says(f"it is {run.mean(run.normal_force_n):.1f} N at the end of 5 ms")
 
 
+@pytest.mark.soak
 def test_error_of_a_deck() -> None:
     """100 ns, true modes; against 20 ns exact at resonance, whose own error is (20/141)² of 0.03 %."""
     fine = pr.simulate(MOTOR, WORKING, duration=3e-3, step=20e-9)

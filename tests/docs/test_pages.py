@@ -49,7 +49,14 @@ def snippets(page: Path) -> list[str]:
 
 # pages whose commands or Python take 4 to 12 s
 LONG = {"drive", "impedance", "report", "steady_state", "sweeps", "tracking"}
-LONG |= {"tutorial_driver", "tutorial_impedance", "tutorial_speed_loop", "tutorial_tracking"}
+LONG |= {
+    "beam40",
+    "tutorial_control_tool",
+    "tutorial_driver",
+    "tutorial_impedance",
+    "tutorial_speed_loop",
+    "tutorial_tracking",
+}
 
 
 def pages_with(parts: Callable[[Path], list[str]]) -> list[Any]:

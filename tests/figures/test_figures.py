@@ -21,7 +21,7 @@ FIGURES = Path(__file__).resolve().parents[2] / "figures"
 DEMO = ["admittance", "figure_5", "patch_position", "spin_up"]  # the others are `make figures`
 # their kinds of curves, contact laws and controllers are those of the others, which `make soak` draws
 ALWAYS = [
-    "contact_patch", "control_speed", "diagram_motor", "drivers", "figure_6_region", "fit", "softening",
+    "contact_patch", "control_speed", "diagram_motor", "figure_6_region", "fit", "softening",
     "speed_torque", "work_precision",
 ]  # fmt: skip
 SCRIPTS = sorted(path for path in FIGURES.glob("*.py") if path.stem not in ("diagram", "style", "demo"))

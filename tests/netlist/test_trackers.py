@@ -125,6 +125,7 @@ def test_errors_name_the_value(values: dict[str, Any], sentence: str) -> None:
 # --- decks ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.soak
 def test_deck_of_the_phase_locked_loop_locks(tmp_path: Path) -> None:
     found = run_with("tracker_pll", {"stop": "5.5m"}, tmp_path)  # locked after 3 ms; means of the last 2 ms
     lag = running_resonance(MOTOR, tracker(ratio_b=2.0))
