@@ -190,6 +190,7 @@ def test_a_figure_says_what_to_know_before_using_it(tmp_path: Path) -> None:
     assert Curves(curves()).plot(tmp_path / "plot.svg").figure.get_supxlabel() == ""  # type: ignore[union-attr]
 
 
+@pytest.mark.soak
 def test_a_command_plots_with_any_backend_named_in_the_environment(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "pyspice_runner", "show", "andersen2002", "--plot", tmp_path / "modes.png"],

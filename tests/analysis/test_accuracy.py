@@ -30,9 +30,7 @@ def accurate(name: str, accuracy: float) -> Waveforms:
 
 
 # all of the points passed when the estimate was made
-@pytest.mark.parametrize(
-    "name", mostly(pytest.mark.soak, [*POINTS, *MORE], ["stick only", "sprung, mostly slip", "slippery"])
-)
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, [*POINTS, *MORE], ["sprung, mostly slip", "slippery"]))
 def test_the_estimated_error_is_the_true_one_within_a_factor_of_three(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -133,6 +133,7 @@ def test_two_tones_are_an_error_that_names_simulate(motor: pr.Motor) -> None:
         simulate_averaged(motor, tones, 1e-3)
 
 
+@pytest.mark.soak
 def test_run_is_saved_by_its_ending(spin_up: AveragedRun, tmp_path: Path) -> None:
     for ending in ("csv", "json", "nc", "cir"):
         assert spin_up.save(tmp_path / f"run.{ending}").stat().st_size > 0

@@ -116,6 +116,7 @@ def test_a_motor_far_from_the_other_one_comes_back_too(mass: float, friction: fl
     comes_back(invented("andersen2002", mass, friction), "andersen2002", 1)
 
 
+@pytest.mark.soak
 def test_the_command_writes_the_motor_and_a_page_with_data_and_model(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -118,6 +118,7 @@ def test_a_curve_has_force_and_speed_beside_the_rotary_ones() -> None:
     assert axes.lines[0].get_ydata() == pytest.approx(curve["force_n"].values)
 
 
+@pytest.mark.soak
 def test_the_table_of_a_curve_is_in_newton_and_metres_per_second(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -142,6 +143,7 @@ def test_a_point_of_a_sweep_has_force_and_speed() -> None:
     assert abs(swept["speed_m_s"].values[0]) > abs(swept["speed_m_s"].values[1])
 
 
+@pytest.mark.soak
 def test_the_command_sweeps_force_and_speed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "stage.toml").write_text(STAGE.to_toml(), encoding="utf-8")
     words = ["sweep", str(tmp_path / "stage.toml"), "--over", "slider.mass_kg=0.01,0.02", "--duration", "1e-4"]

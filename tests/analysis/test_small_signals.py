@@ -176,6 +176,7 @@ def test_modulated_transients_show_all_transfer_functions(of: str) -> None:
     compare(of, PERIODS, rest=300, window=600)
 
 
+@pytest.mark.soak
 def test_slow_modulation_follows_the_steady_states() -> None:
     slow = signals(FAST)
     volt = {"voltage": DRIVE.voltage + 1.0}, {"voltage": DRIVE.voltage - 1.0}

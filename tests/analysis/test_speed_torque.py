@@ -81,6 +81,7 @@ def dynamometer(excitation: pr.TwoPhaseDrive | pr.TwoToneDrive, law: Law = PAPER
 
 
 @pytest.mark.slow
+@pytest.mark.soak
 def test_a_ramp_gives_the_same_curve(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(settling, "RAMP_BLOCKS", 7)  # as steep as 16 blocks over the whole range of SPEEDS
     speeds = SPEEDS[2:6]  # where the curve bends
@@ -310,6 +311,7 @@ def test_steady_states_are_where_the_points_settle(mount: Any) -> None:
     assert steady["torque_n_m"].values == pytest.approx(settled["torque_n_m"].values, abs=5e-3 * friction_torque)
 
 
+@pytest.mark.soak
 def test_following_points_start_from_the_motion_before() -> None:
     points = pr.speed_torque(MOTOR, drive(46e3), speeds=[5.0, 6.0], mode="settle", follow="speed_rad_s")
     assert points["settled"].all()
@@ -327,6 +329,7 @@ def test_two_tones_that_beat_never_settle_and_say_so() -> None:
     assert abs(point["torque_drift_n_m"]) > 1e-5
 
 
+@pytest.mark.soak
 def test_a_soft_start_is_waited_for() -> None:
     soft = drive(46e3).model_copy(update={"soft_start": 3e-3})
     point = operating_point(MOTOR, soft, speed=6.0, mode="settle")

@@ -146,6 +146,7 @@ def test_a_free_rotor_runs_where_the_curve_of_held_ones_crosses_the_load() -> No
     assert free.speed_rad_s == pytest.approx(float(crossing), rel=1e-3)
 
 
+@pytest.mark.soak
 def test_a_free_rotor_under_load_reaches_its_steady_speed() -> None:
     load, motor = 5e-3, MOTOR.updated({"mount": None})  # on the mount it settles ten times as slowly
     free = pr.steady_state(motor, DRIVE, load_torque=load)

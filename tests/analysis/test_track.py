@@ -70,7 +70,7 @@ def test_the_phase_locked_loop_locks_from_three_per_cent(offset: float) -> None:
     ("kind", "offset", "period", "duration"),
     [
         pytest.param("observe-current", -0.03, FAST["period_s"], 17e-3, marks=pytest.mark.soak),
-        ("observe-power", 0.03, 0.5e-3, 11e-3),  # the same number of steps
+        pytest.param("observe-power", 0.03, 0.5e-3, 11e-3, marks=pytest.mark.soak),  # the same number of steps
     ],
 )
 def test_observers_lock_from_three_per_cent(kind: str, offset: float, period: float, duration: float) -> None:

@@ -11,6 +11,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
+from tests.selection import mostly
 
 PAGE = (Path(__file__).parents[2] / "docs" / "own_motor.md").read_text(encoding="utf-8")
 TABLES = re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S)
@@ -33,7 +34,10 @@ def test_a_motor_loads_and_turns(text: str, tmp_path: Path) -> None:
     assert abs(waves.mean_rotor_speed_rad_s) * motor.rotor.radius_m > 1e-5
 
 
-@pytest.mark.parametrize("words", COMMANDS)
+@pytest.mark.parametrize(
+    "words",
+    mostly(pytest.mark.soak, COMMANDS, [words for words in COMMANDS if not words.startswith("piezomotor report")]),
+)
 def test_a_command_runs(words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("mine.toml").write_text(MOTORS[0], encoding="utf-8")

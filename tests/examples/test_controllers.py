@@ -14,6 +14,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.controlled import ControlledRun
+from tests.selection import mostly
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "controllers"
 SHORT, LONG = 3e-3, 50e-3  # s, six or twelve samples at least
@@ -41,7 +42,7 @@ def check_equal_samples(averaged: ControlledRun, full: ControlledRun) -> None:
     assert np.abs((error + 180.0) % 360.0 - 180.0).max() <= ALLOWED * 180.0
 
 
-@pytest.mark.parametrize("name", ENOUGH)
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, ENOUGH, ["position", "speed"]))
 def test_full_motor_gives_the_samples_of_the_averaged_one(
     name: str, examples: dict[str, tuple[dict[str, Any], ControlledRun]]
 ) -> None:

@@ -11,11 +11,15 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from tests.selection import mostly
 
 SCRIPT = Path(__file__).resolve().parents[2] / "figures" / "recommended_drives.py"
 
 
-@pytest.mark.parametrize("name", ["andersen2002", "andersen2002-unintended-mode", "beam40"])
+NAMES = ["andersen2002", "andersen2002-unintended-mode", "beam40"]
+
+
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, NAMES, ["andersen2002"]))
 def test_the_drive_of_a_set_is_the_best_of_its_neighbours_within_the_limits(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

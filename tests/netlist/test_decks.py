@@ -188,7 +188,7 @@ def test_a_deck_begins_with_parameters_to_which_its_lines_refer(name: str) -> No
 
 # one value each, and a short run; the measurements then begin at t = 0
 CHANGES = {
-    "averaged_frequency_response": {"voltage": "100", "lowest": "40k", "increment": "100"},
+    "averaged_frequency_response": {"voltage": "100", "lowest": "40.1k", "increment": "100"},
     "averaged_operating_point": {"torque": "6m"},
     "averaged_position_loop": {"angle": "0.3", "stop": "0.25"},
     "averaged_small_signal": {"preload": "6", "highest": "10"},

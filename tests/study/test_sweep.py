@@ -481,7 +481,8 @@ def test_ctrl_c_ends_all_processes_and_says_how_to_resume(tmp_path: Path) -> Non
     assert not (tmp_path / "sweep.nc").exists()
 
 
-@pytest.mark.parametrize(("kills", "values"), [(1, 4), pytest.param(10, 40, marks=pytest.mark.soak)])
+@pytest.mark.soak
+@pytest.mark.parametrize(("kills", "values"), [(1, 4), (10, 40)])
 def test_a_sweep_that_is_killed_and_resumed_gives_the_same_file(kills: int, values: int, tmp_path: Path) -> None:
     words = ["--over", f"drive.voltage=1:50:{values}", "--over", "contact.preload_n=5,10", *ALONE]
     in_this_process(tmp_path, *words, "--store", "alone", "--output", "alone.nc")
@@ -567,6 +568,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
 
 
 @pytest.mark.slow
+@pytest.mark.soak
 def test_a_dask_cluster_gives_the_same_file_and_may_lose_a_worker(
     cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
 ) -> None:
@@ -633,6 +635,7 @@ pr.sweep(motor, pr.default_drive(motor), over={"drive.voltage": [10.0]}, duratio
 """
 
 
+@pytest.mark.soak
 def test_a_sweep_stored_by_the_command_is_found_from_python_with_more_threads(in_folder: Path) -> None:
     words = ["sweep", "beam40", "--duration", "5e-5", "--speed", "1", "--over", "drive.voltage=10", *ALONE]
     assert processes.command(*words, "--store", "points", cwd=in_folder, OPENBLAS_NUM_THREADS="1")[0] == 0

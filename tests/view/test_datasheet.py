@@ -382,6 +382,7 @@ def without_load(curve: xarray.Dataset) -> float:
     return float(np.interp(0.0, loads, speeds))
 
 
+@pytest.mark.soak
 def test_the_headline_is_that_of_steady_states(monkeypatch: pytest.MonkeyPatch) -> None:
     """The rotor of beam40 still accelerates when the run ends."""
     monkeypatch.setattr("pyspice_runner.view.report.SPEEDS", 5)
@@ -431,6 +432,7 @@ def test_dry_friction_of_the_bearing_lowers_the_speed_without_load_or_stops_the_
     assert _free_rotor(motor.updated({"rotor.bearing_friction_n_m": 0.05}), drive, None) is None
 
 
+@pytest.mark.soak
 def test_the_estimated_error_is_that_of_the_step(report: Report) -> None:
     """Against a run of a quarter of the step, whose own error is a sixteenth."""
     step = report.run.provenance["run"]["step_s"]
