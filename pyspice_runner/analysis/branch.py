@@ -163,7 +163,9 @@ class _Node:
         """Derivative of the scaled gap with respect to the scaled state and parameter."""
         assert self.point.at_end is not None
         assert self.point.at_start is not None
-        return np.column_stack([self.point.at_end - self.point.at_start, self.slope])
+        matrix, stem = self.point.at_end - self.point.at_start, self.point.plant.where("stem")
+        matrix[stem] = np.eye(len(matrix))[stem]  # the period does not depend on where its lags start
+        return np.column_stack([matrix, self.slope])
 
 
 def _followed(family: _Family, points: int) -> tuple[list[_Node], str]:

@@ -110,6 +110,7 @@ class Point:
             time = self.trace.time
             later = time > self.begun + (time[-1] - time[0]) - 1.01 * (time[1] - time[0])
             felt[self.plant.where("contact")] = np.any(np.abs(self.trace.contact_state[later] - 1.0) < GROSS)
+        felt[self.plant.where("stem")] = False  # its lags forget their start in two steps
         return felt
 
     @property
@@ -324,8 +325,11 @@ def start_point(plant: Plant) -> Point:
         carrier += [lift, lift / plant.drive.period]
     turning = [max(along, towards) / motor.rotor.radius_m] if plant.turns else []
     sliders = plant.where("contact")
+    compliance = motor.contact.series_compliance_m_per_n
+    stem = [compliance * preload, towards] if plant.law and compliance else []
     scale = np.array([
-        *np.sqrt(2.0 * energy / stiffnesses), *fastest, *(slide,) * (sliders.stop - sliders.start), *carrier, *turning
+        *np.sqrt(2.0 * energy / stiffnesses), *fastest, *(slide,) * (sliders.stop - sliders.start), *stem, *carrier,
+        *turning,
     ])  # fmt: skip
     return Point(plant, state, scale)
 
@@ -364,16 +368,16 @@ class Shooting:
 
     def _evaluate(self, points: Sequence[Point]) -> None:
         """Evaluate the points where they start, with the derivative of those that have none."""
-        new = [point for point in points if point.at_end is None]
+        new = [(point, point.felt) for point in points if point.at_end is None]
         copies = [Copy(point.plant, point.state, point.begun) for point in points]
-        copies += [copy for point in new for copy in _perturbed(point)]
+        copies += [copy for point, _ in new for copy in _perturbed(point)]
         traces = self.map.traces(copies)
         for point, trace in zip(points, traces, strict=False):
             point.trace = trace
             point.failed = trace is None
         found = iter(traces[len(points) :])
-        for point in new:
-            point.differentiate([next(found) for _ in range(point.plant.order)])
+        for point, felt in new:
+            point.differentiate([next(found) if one else point.trace for one in felt])
         for point in points:
             if not point.failed:
                 point.step = point.newton_step()

@@ -156,7 +156,7 @@ def _run(
         inexact: list[str] = []
         if balanced:
             energy = recording.energy(waves, samples)
-            inexact = [*recording.cautions(waves, samples), *_delivering(energy)]
+            inexact = list(_delivering(energy))
             findings = audit_run(motor, waves, energy, step=setup.step, contact=setup.law is not None)
             if setup.solver.audit and complete:
                 Audit(findings).withhold("run")

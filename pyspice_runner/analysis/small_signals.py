@@ -354,8 +354,10 @@ class _Linear:
             added = _signals(plant, cosine) - _signals(plant, minus_cosine)
             added = added + 1j * (_signals(plant, sine) - _signals(plant, minus_sine))
             turn = np.exp(2j * pi * at * self.period_map.period)
-            missing = (turn * start - end) / point.scale
-            deviation = np.linalg.lstsq(self.at_end - turn * self.at_start, missing, rcond=1e-10)[0]
+            missing, matrix = (turn * start - end) / point.scale, self.at_end - turn * self.at_start
+            stem = plant.where("stem")  # the period does not depend on where its lags start
+            missing[stem], matrix[stem] = 0.0, np.eye(len(matrix))[stem]
+            deviation = np.linalg.lstsq(matrix, missing, rcond=1e-10)[0]
             signals = added + np.tensordot(deviation, self.slopes, axes=1)
             signals = np.asarray(signals / (2.0 * sizes[place]), dtype=complex)
             if place in "ab":  # the clamped capacitance takes its current from the source alone

@@ -154,8 +154,7 @@ class SteadyState(Quantities, Result):
             found.append(STUCK)
         limits = exceeded(self.motor, self.quantities)
         fast = too_fast(self.motor.to_dict(), self.speed_rad_s)
-        of_waveforms = self.waveforms.provenance["cautions"] if self.waveforms else ()
-        return self._told((*found, *delivering([self.quantities]), *of_waveforms, *limits, *fast))
+        return self._told((*found, *delivering([self.quantities]), *limits, *fast))
 
     def summary(self) -> dict[str, str]:
         """Return speed, torque, forces, powers, stability and how the state was found."""
@@ -538,7 +537,7 @@ def _waveforms(setup: OperatingPoint, answer: Answer, provenance: dict[str, Any]
         decay_s=setup.motor.decay_s,
         solver_seconds=period_map.effort.seconds,
         ngspice_version=period_map.effort.ngspice_version,
-        provenance=provenance | {"cautions": recording.cautions(waves, samples)},
+        provenance=provenance,
         deck=period_map.deck(Copy(plant, point.state, point.begun)),
         periodic=True,
     )

@@ -108,22 +108,6 @@ def hunt_crossley_damping(restitution: float, velocity_m_s: float) -> float:
     return root(mismatch, lowest, (1.0 - 1e-15) / restitution) / velocity_m_s
 
 
-LEFT_OUT = 1e-3  # of the normal force; below, random motors were within 1 % of a reference
-
-
-def left_out(contact: Contact, time_s: Array, penetration_m: Array, normal_n: Array) -> float:
-    """RMS of the force that damping on a contact with a compliance in series leaves out, over that of the normal force.
-
-    The model takes the rate of the penetration without the damping force, which compresses the compliance c too; that
-    leaves out c F_N a d²δ/dt². Here the rate is that of the penetration over time.
-    """
-    damping, scale = normal_damping(contact), float(np.sqrt(np.mean(normal_n**2)))
-    if not (damping and contact.series_compliance_m_per_n and scale):
-        return 0.0
-    factor = np.maximum(1.0 + damping * np.gradient(penetration_m, time_s), 0.0)
-    return float(np.sqrt(np.mean((elastic_force(contact, penetration_m) * factor - normal_n) ** 2))) / scale
-
-
 def flat_length(contact: Contact) -> float:
     """Length β = b²/R* in m of a tip that is worn to a flat of radius b; 0 for a new one."""
     if contact.effective_radius_m is None:

@@ -26,6 +26,7 @@ from pyspice_runner.netlist.veriloga import WRITTEN, module_source, module_value
 _CARRIER = ("carrier on plate springs", ("carrier", "carrier_velocity"))
 _CARRIER_X = ("carrier along the rotor", ("carrier_x", "carrier_x_velocity"))
 _BEARING = ("dry bearing", ("share",))
+_STEM = ("lags of the compression in series with the contact", ("stem", "stem_rate"))
 _HEAT = ("heat of dielectric and modes", ("temperature",))
 _HEAD = re.compile(r"module piezomotor\([^)]*\);\n +inout [^;]*;\n")
 _ELECTRICAL = re.compile(r"(?m)^    electrical ([^;]+);$")  # first the pins, then the states
@@ -70,15 +71,17 @@ def missing_form(law: Law | None) -> str:
 def module_of(motor: Motor, law: Law) -> Module:
     """Return the module for a motor with a law: the exported one without what it does not need, its states as ports.
 
-    Motors with the same number of modes, with or without mount and dry friction of the bearing, have the same module.
+    Motors with the same number of modes, with or without mount, dry friction of the bearing and a compliance in series
+    with the contact, have the same module.
     """
-    return _module(len(motor.modes), law, len(carriers(motor.mount)), motor.rotor.bearing_friction_n_m > 0.0)
+    contact, dry = motor.contact, motor.rotor.bearing_friction_n_m > 0.0
+    return _module(len(motor.modes), law, len(carriers(motor.mount)), dry, contact.series_compliance_m_per_n > 0.0)
 
 
 @cache
-def _module(modes: int, law: Law, moving: int, dry: bool) -> Module:
+def _module(modes: int, law: Law, moving: int, dry: bool, soft: bool) -> Module:
     text = module_source(modes, law)
-    unused = [_HEAT, *(_CARRIER, _CARRIER_X)[moving:], *(() if dry else (_BEARING,))]
+    unused = [_HEAT, *(_CARRIER, _CARRIER_X)[moving:], *(() if dry else (_BEARING,)), *(() if soft else (_STEM,))]
     for comment, nodes in unused:  # their voltages are 0, and their equations are left out
         text, count = re.subn(rf"(?ms)^ *// {comment}.*?^ *// end of the [^\n]*\n", "", text)
         assert count == 1, comment
@@ -96,7 +99,9 @@ def _module(modes: int, law: Law, moving: int, dry: bool) -> Module:
     listed = ", ".join(ports)
     kind = {"spring-slider": (), "coulomb": ("coulomb",), "brush": (f"{law.sliders}_sliders",)}[law.name]
     parts = (f"{modes}_modes", *kind)
-    name = "_".join(("piezomotor", *parts, *("mount", "x")[:moving], *(("dry",) if dry else ())))
+    name = "_".join(
+        ("piezomotor", *parts, *("mount", "x")[:moving], *(("dry",) if dry else ()), *(("stem",) if soft else ()))
+    )
     return Module(name, _HEAD.sub(f"module {name}({listed});\n    inout {listed};\n", text, count=1), ports)
 
 
@@ -137,7 +142,7 @@ def loading(module: Module) -> str:
 def module_signals(motor: Motor, discretisation: Discretisation | None, instance: str) -> dict[str, Signal]:
     """Return the vectors of the B-source motor that differ in the module, as sums of those of an instance."""
     found: dict[str, Signal] = {}
-    for state in motor_states(motor, PAPER_LAW, ("mode", "mount", "bearing")):
+    for state in motor_states(motor, PAPER_LAW, ("mode", "stem", "mount", "bearing")):
         factor = state.unit / state.scale(discretisation)
         found[state.within(instance)] = Signal({f"v({instance}.{state.name})": factor}, state.rest)
     for axis in "xy":

@@ -45,9 +45,9 @@ Array = NDArray[np.float64]
 class Plant:
     """A motor, its drive and its load and the order of the states that a period maps.
 
-    The states are those of modes, contact, mount and, unless the shaft is held, rotor (:func:`.motor_states`). The
-    plates are no states: ideal voltage sources set their voltages. A bench may leave them out, since their current does
-    not act on the motion.
+    The states are those of modes, contact, stem, mount and, unless the shaft is held, rotor (:func:`.motor_states`).
+    The plates are no states: ideal voltage sources set their voltages. A bench may leave them out, since their current
+    does not act on the motion.
     """
 
     motor: Motor  # the motor
@@ -68,7 +68,8 @@ class Plant:
     @cached_property
     def states(self) -> tuple[State, ...]:
         """The states that a period maps, in their order."""
-        return motor_states(self.motor, self.law, ("mode", "contact", "mount", *(("rotor",) if self.turns else ())))
+        turning: tuple[Kind, ...] = ("rotor",) if self.turns else ()
+        return motor_states(self.motor, self.law, ("mode", "contact", "stem", "mount", *turning))
 
     def where(self, kind: Kind) -> slice:
         """Return the place of the states of a part of the motor."""

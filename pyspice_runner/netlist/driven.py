@@ -96,7 +96,7 @@ class DrivenPlant(Plant):
     @cached_property
     def states(self) -> tuple[State, ...]:
         """The states of the motor, with those of its plates at the end."""
-        kinds = ("mode", "contact", "mount", *(("rotor",) if self.turns else ()), "group")
+        kinds = ("mode", "contact", "stem", "mount", *(("rotor",) if self.turns else ()), "group")
         return motor_states(self.motor, self.law, kinds)
 
     @property

@@ -325,6 +325,8 @@ def _meaning(name: str) -> str:
         "carrier_velocity": "m/s, of the carrier at the start",
         "damping": "N.s/m, of the carrier; more than the motor's, so that it settles within the run",
         "bearing_share": "1, share of its torque that the dry bearing takes at the start",
+        "stem": "um, compression in series with the contact at the start, less that at rest",
+        "stem_rate": "m/s, its rate at the start",
         "speed": "rad/s, of the rotor at the start",
     }.get(
         name,

@@ -74,6 +74,7 @@ _OF_CONTACT = {
     "compliance": "compliance",
     "radius": "radius",
 }
+SLIDER_TIME = "slider_time"  # parameter of a contact or a stem: half of the time step
 _DERIVED = ("deflection", "damping", "span", "start")  # parameters of a contact that the motor sets
 # for a loss tangent of 0: SPICE has no resistor of 0 ohm, and a tiny one costs precision
 SMALLEST_LOSS = 1e-5
@@ -196,9 +197,7 @@ class MotorSubCircuit(Assembly):
             moved = self._add_sway(static_sway(motor, law, discretisation) / preload)
             moved |= self._add_tangential("fx", moved.get("x", "x"))
             moved |= self._add_mount(approach=approach)
-            moved |= self._add_stem(
-                motor.contact.series_compliance_m_per_n, flexibility, moved.get("y", "y"), moved.get("vy", "vy")
-            )
+            moved |= self._add_stem(moved.get("y", "y"), moved.get("vy", "vy"))
             check_parameters(library.name, library.parameters, touching)
             expressions = _expressions(library, touching, flexibility)
             self._put("contact", library, [moved.get(pin, pin) for pin in PINS], {**touching, **expressions})
@@ -282,16 +281,18 @@ class MotorSubCircuit(Assembly):
         self.V("sway", "x", CROWN, f"DC {{{rounded(1e6 * sway)!r}*preload}}")
         return {"x": CROWN}
 
-    def _add_stem(self, compliance: float, flexibility: float, y: str, vy: str) -> dict[str, str]:
-        """Add the compliance in series with the contact, in m/N, which the contact force compresses."""
+    def _add_stem(self, y: str, vy: str) -> dict[str, str]:
+        """Add the compliance in series with the contact, which the contact force compresses."""
+        compliance = self._motor.contact.series_compliance_m_per_n
         if not compliance:
             return {}
-        self.VCVS("stem", "stem_y", y, "normal", self.gnd, voltage_gain=rounded(-1e6 * compliance))
-        # the share of the velocity that indents the contact: 1/(1 + c dF/dδ), with dF/dδ = 1.5 K δ^(1/2) of Hertz
-        seat = f"{{1e6*(preload/normal_stiffness)**(2/3)+{rounded(1e6 * flexibility)!r}*preload}}"
-        stiffness = f"{{{rounded(1.5e-3 * compliance)!r}*normal_stiffness}}*sqrt(max(V(stem_y)+{seat},1n))"
-        self.B("stem_vy", "stem_vy", self.gnd, v=f"V({vy})/(1+{stiffness})")
-        return {"y": "stem_y", "vy": "stem_vy"}
+        values = {"compliance": compliance}
+        passed = ["preload", *(item.name for item in self.settable if item.name == SLIDER_TIME)]
+        if SLIDER_TIME not in passed and self._discretisation:
+            values[SLIDER_TIME] = self._discretisation.slider_time
+        moved = {"y": "stem_y", "vy": "stem_vy"}
+        self._put("stem", "piezomotor_stem", (y, vy, "normal", *moved.values()), values, passed)
+        return moved
 
     def _add_dry_bearing(self) -> None:
         rotor = self._motor.rotor

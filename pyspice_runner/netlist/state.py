@@ -20,7 +20,7 @@ from pyspice_runner.netlist.contact import Law
 
 PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
 MICRO = 1e-6
-Kind = Literal["mode", "contact", "mount", "rotor", "bearing", "group"]
+Kind = Literal["mode", "contact", "stem", "mount", "rotor", "bearing", "group"]
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,8 @@ class Motion:
     plates_a_v: tuple[float, ...] = ()  # voltages of the capacitances :data:`PLATES` of group A
     plates_b_v: tuple[float, ...] = ()  # the same of group B
     contact_m: tuple[float, ...] = ()  # states of another law, the nodes :attr:`.Law.states`, 1 V = 1 µm
+    stem_m: float = 0.0  # compression of the compliance in series with the contact, less that at rest, with its lag
+    stem_m_s: float = 0.0  # its rate, with its lag
     carrier_m: float = 0.0  # displacement of the carrier towards the rotor
     carrier_m_s: float = 0.0  # velocity of the carrier
     carrier_x_m: float = 0.0  # displacement of the carrier along the rotor
@@ -174,6 +176,11 @@ def motor_states(motor: Motor, law: Law | None, kinds: Sequence[Kind] | None = N
         states += [
             State(node, "contact", f"v({{0}}.{node})", "contact_m", at, unit=MICRO)
             for at, node in enumerate(law.states)
+        ]
+    if law and motor.contact.series_compliance_m_per_n:
+        states += [
+            State("stem", "stem", "v({0}.xstem.lag)", "stem_m", part="stem", unit=MICRO),
+            State("stem_rate", "stem", "v({0}.xstem.slow)", "stem_m_s", part="stem", start="velocity"),
         ]
     for spring, (name, part) in zip(
         carriers(carrier(motor, law)), (("carrier", "mount"), ("carrier_x", "mount_x")), strict=False

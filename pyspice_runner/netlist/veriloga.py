@@ -16,8 +16,16 @@ from pyspice_runner.model.recoil import carriers
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import LIBRARIES, ContactLaw, Law, contact_library, contact_values, touching_law
 from pyspice_runner.netlist.expressions import HELPERS, equations, translated
-from pyspice_runner.netlist.library import check_name, data_path, read_library, slider_words
-from pyspice_runner.netlist.motor import SMALLEST_LOSS, SUBCIRCUIT, coarsest_step, mode_values, rounded, spring_values
+from pyspice_runner.netlist.library import LibraryParameter, check_name, data_path, read_library, slider_words
+from pyspice_runner.netlist.motor import (
+    SLIDER_TIME,
+    SMALLEST_LOSS,
+    SUBCIRCUIT,
+    coarsest_step,
+    mode_values,
+    rounded,
+    spring_values,
+)
 from pyspice_runner.netlist.state import Discretisation, written_recoils
 
 WRITTEN = ("spring-slider", "coulomb", "brush")  # the laws that have a Verilog-A form
@@ -124,12 +132,9 @@ def _contact(law: Law) -> dict[str, list[str]]:
         lines.append(f"I({port}) <+ V({port}) / {written(found.resistances[node])};")
     for node, port in {**states, "shaft": "shaft"}.items():
         lines.append(f"I({port}) <+ -({written('+'.join(found.currents[node]))});")
-    declared = []
-    for item in library.parameters:
-        unit = "" if item.unit == "1" else f', units="{item.unit}"'
-        value = f"{parameters[item.name]} = {item.default!r} from [{item.least:g}:{item.greatest:g}]"
-        if item.name not in _OF_RUN:
-            declared.append(f'    (* desc="{item.meaning}"{unit} *) parameter real {value};')
+    declared = [_declared(item, parameters[item.name]) for item in library.parameters if item.name not in _OF_RUN]
+    if SLIDER_TIME not in parameters:  # which the compliance in series needs, too
+        declared += [_declared(item) for item in read_library("piezomotor_stem").parameters if item.name == SLIDER_TIME]
     return {
         "parameters of the contact": [
             *declared,
@@ -141,6 +146,13 @@ def _contact(law: Law) -> dict[str, list[str]]:
         ],
         "contact": [f"        {line}" for line in lines],
     }
+
+
+def _declared(item: LibraryParameter, name: str = "") -> str:
+    """Return the line of a parameter of a library, by default with its own name."""
+    unit = "" if item.unit == "1" else f', units="{item.unit}"'
+    value = f"{name or item.name} = {item.default!r} from [{item.least:g}:{item.greatest:g}]"
+    return f'    (* desc="{item.meaning}"{unit} *) parameter real {value};'
 
 
 def _repeated(text: str, block: str, count: int) -> str:
@@ -176,6 +188,7 @@ def module_values(
         **{name: rounded(value) for name, value in touching.items()},
         "normal_damping": rounded(touching.get("normal_damping", 0.0)),
         "series_compliance": motor.contact.series_compliance_m_per_n,
+        **({SLIDER_TIME: discretisation.slider_time} if discretisation else {}),
         "inertia": motor.rotor.inertia_kg_m2,
         "bearing": motor.rotor.bearing_damping_n_m_s,
         "bearing_torque": motor.rotor.bearing_friction_n_m,

@@ -55,10 +55,11 @@ _DRY = {"rotor.bearing_friction_n_m": 2e-3, "rotor.bearing_presliding_rad": 3e-5
 _SIDEWAYS = {"mount.tangential_stiffness_n_per_m": 2e4, "mount.tangential_damping_n_s_per_m": 50.0}
 _LOSSES = {
     "contact.preload_n": 2.0,
-    "contact.series_compliance_m_per_n": 2e-9,
+    "contact.restitution": 0.8,
     "modes.0.softening_per_m2": 1e11,
     "modes.0.damping_growth_per_m2": 1e12,
 }
+_SOFT = {"contact.series_compliance_m_per_n": 2e-9}
 _FALLING = {"contact.sliding_ratio": 0.8, "contact.stribeck_velocity_m_s": 0.05}  # friction of the spring-slider
 
 
@@ -112,7 +113,8 @@ def verdict(motor: Motor, law: Law) -> Mapping[str, float]:
     Each signal of :data:`COMPARED` has its RMS difference over its RMS, infinite if the compiled motor failed. Raise
     SimulationError if compiler or ngspice are missing or fail.
     """
-    shape = (len(motor.modes), len(carriers(motor.mount)), motor.rotor.bearing_friction_n_m > 0.0)
+    dry, soft = motor.rotor.bearing_friction_n_m > 0.0, motor.contact.series_compliance_m_per_n > 0.0
+    shape = (len(motor.modes), len(carriers(motor.mount)), dry, soft)
     return _verdict(shape, law, tools(), modules_folder())
 
 
@@ -123,7 +125,7 @@ def tools() -> str:
 
 
 @cache
-def _verdict(shape: tuple[int, int, bool], law: Law, used: str, folder: Path) -> Mapping[str, float]:
+def _verdict(shape: tuple[int, int, bool, bool], law: Law, used: str, folder: Path) -> Mapping[str, float]:
     motor = _similar(*shape, law)
     spice = OperatingPoint(motor, DriveSource(_DRIVE), Load(None, _LOAD), law)
     setups = [replace(spice, solver=Solver(compiled=compiled)) for compiled in (False, True)]
@@ -141,7 +143,7 @@ def _verdict(shape: tuple[int, int, bool], law: Law, used: str, folder: Path) ->
     return found
 
 
-def _similar(modes: int, moving: int, dry: bool, law: Law) -> Motor:
+def _similar(modes: int, moving: int, dry: bool, soft: bool, law: Law) -> Motor:
     """Return the motor that represents all motors with the same module.
 
     It is ``beam40`` with losses, its modes repeated at other frequencies. Every mode moves the tip
@@ -152,6 +154,7 @@ def _similar(modes: int, moving: int, dry: bool, law: Law) -> Motor:
             **_LOSSES,
             **(_FALLING if law.name == "spring-slider" else {}),
             **(_DRY if dry else {}),
+            **(_SOFT if soft else {}),
             **({} if moving else {"mount": None}),
             **(_SIDEWAYS if moving > 1 else {}),
         }

@@ -109,20 +109,6 @@ class Recording:
         """Balance the run by the physical parameters, not by those that the step asked for in the netlist."""
         return _Terms(self, waves, samples).balance()
 
-    def cautions(self, waves: Mapping[str, Array], samples: Mapping[str, Array]) -> list[str]:
-        """Return a sentence if damping and a compliance in series, together, make the normal force inexact."""
-        if not self.law:
-            return []
-        depth = self._penetration(samples)
-        share = contact_law.left_out(self.motor.contact, waves["time_s"], depth, waves["normal_force_n"])
-        if share <= contact_law.LEFT_OUT:
-            return []
-        said = (
-            f"The normal force is off by {100.0 * share:.2g} % (RMS): damping along the normal is approximate with a "
-            "compliance in series. Raise contact.restitution, or lower contact.series_compliance_m_per_n."
-        )
-        return [said]
-
     @property
     def sway(self) -> float:
         """Sideways displacement in m of the tip under the preload, where the rotor's crown stands."""

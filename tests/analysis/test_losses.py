@@ -9,6 +9,7 @@ from math import hypot, pi
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
@@ -17,6 +18,7 @@ from pyspice_runner.analysis.simulate import _delivering
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.contact import normal_damping, normal_stiffness_at_preload, static_penetration
 from pyspice_runner.run.waveforms import EnergyBalance, Waveforms
+from tests.reference.damped import integrate_damped
 from tests.reference.integrator import ReferenceRun, Tone, integrate
 from tests.runs import simulated
 from tests.selection import mostly
@@ -146,41 +148,73 @@ def test_a_compliance_in_series_lowers_the_contact_resonance_as_computed() -> No
     assert found[0].fs == pytest.approx(expected, rel=2e-4)  # of a quality factor of 75, read off a grid
 
 
-@pytest.mark.parametrize(("restitution", "allowed"), [(0.9, 0.02), (0.8, 0.05)])
-def test_damping_works_on_the_penetration_and_not_on_the_compliance_in_series(
-    restitution: float, allowed: float
-) -> None:
-    """F_N = K_N δ^(3/2) (1 + a δ̇) with δ the approach less c F_N, in a contact that opens."""
-    compliance = 1e-8  # m/N: a tenth to a half of that of the contact in this run
-    motor = PAPER.updated({
-        "contact.series_compliance_m_per_n": compliance, "contact.restitution": restitution, "mount": None,
-    })  # fmt: skip
+STRONG = {"contact.series_compliance_m_per_n": COMPLIANCE, "contact.restitution": 0.6, "mount": None}
+
+
+def damped(motor: pr.Motor, run: Waveforms) -> NDArray[np.float64]:
+    """K_N δ^(3/2) (1 + a δ̇) in N, with δ the approach of a held stator less c F_N and its rate by differences."""
     contact = motor.contact
-    run = pr.simulate(motor, two_phase(100.0, 17e3), duration=2e-3, step=5e-8)
+    flexible = contact.series_compliance_m_per_n + sum(mode.tip_y**2 / mode.stiffness_n_per_m for mode in motor.modes)
+    approach = static_penetration(contact) + contact.preload_n * flexible + run.tip_y_m
+    approach -= 0.5 * run.tip_x_m**2 / motor.rotor.radius_m
+    depth = np.maximum(approach - contact.series_compliance_m_per_n * run.normal_force_n, 0.0)
+    rate = np.gradient(depth, run.time_s)
+    return np.asarray(
+        contact.normal_stiffness_n_per_m15 * depth**1.5 * np.maximum(1.0 + normal_damping(contact) * rate, 0.0)
+    )
+
+
+@pytest.mark.parametrize(("compliance", "restitution"), [(1e-8, 0.8), (COMPLIANCE, 0.6), (COMPLIANCE, 0.3)])
+def test_damping_works_on_the_penetration_and_not_on_the_compliance_in_series(
+    compliance: float, restitution: float
+) -> None:
+    """In a contact that opens. Both formulas are of second order: at half the step a third to a quarter is left."""
+    changes = {"contact.series_compliance_m_per_n": compliance, "contact.restitution": restitution}
+    motor = PAPER.updated(STRONG | changes)
+    run = pr.simulate(motor, two_phase(100.0, 17e3), duration=2e-3, step=1e-7)
+    assert run.state_fractions["separated"] > 0.1
     late = run.time_s > 1e-3
-    seat = static_penetration(contact) + contact.preload_n * (compliance + 1.0 / motor.modes[0].stiffness_n_per_m)
-    approach = seat + run.tip_y_m - 0.5 * run.tip_x_m**2 / motor.rotor.radius_m
-    depth = approach - compliance * run.normal_force_n
-    elastic = contact.normal_stiffness_n_per_m15 * np.maximum(depth, 0.0) ** 1.5
-    exact = elastic * np.maximum(1.0 + normal_damping(contact) * np.gradient(depth, run.time_s), 0.0)
-    time, force = run.time_s[late], run.normal_force_n[late]
-    loss = np.trapezoid(force * np.gradient(approach, run.time_s)[late], time)
-    # The model takes dδ/dy without damping. The rate of the total approach gave 15 and 27 % less loss.
-    assert loss == pytest.approx(np.trapezoid((exact * np.gradient(depth, run.time_s))[late], time), rel=0.01)
-    # the remaining error, c F_N a d²δ/dt², grows with the damping
-    assert np.std((exact - run.normal_force_n)[late]) < allowed * np.std(force)
+    # measured 1.1e-5 to 6e-4; with a share of the velocity by the elastic stiffness it was up to 0.3
+    assert np.std((damped(motor, run) - run.normal_force_n)[late]) < 2e-3 * np.std(run.normal_force_n[late])
+    assert run.energy_residual < 1e-3
 
 
-def test_a_run_says_where_damping_and_a_compliance_in_series_make_the_normal_force_inexact() -> None:
-    """The limit is 0.1 % of the force: below, no random motor was more than 1 % off a reference without this error."""
-    motor = PAPER.updated({"mount": None, "contact.series_compliance_m_per_n": 2e-8})
-    drive = two_phase(100.0, 17e3)  # opens the contact
-    said = [
-        any(text.startswith("The normal force is off by") for text in run.cautions)
-        for restitution in (1.0, 0.5)
-        for run in [simulated(motor.updated({"contact.restitution": restitution}), drive, duration=5e-4)]
-    ]
-    assert said == [False, True]
+def test_a_steady_state_damps_the_penetration_and_not_the_compliance_in_series() -> None:
+    motor = PAPER.updated(STRONG)
+    state = pr.steady_state(motor, two_phase(100.0, 17e3), speed=1.0)
+    assert state.stable
+    assert state.waveforms is not None
+    run = state.waveforms
+    # as above, at a step of 0.26 us
+    assert np.std((damped(motor, run) - run.normal_force_n)[1:-1]) < 5e-3 * np.std(run.normal_force_n)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("speed", [0.0, 20.0, 30.0])
+def test_the_plate_motor_has_the_steady_state_of_a_reference_with_a_penetration_of_its_own(speed: float) -> None:
+    """The stall force is μ F₀; before the rate was exact, the force was 1.4 % and 7 % too small at 20 and 30 rad/s."""
+    motor = pr.load_motor("bimodal40")
+    drive = pr.default_drive(motor)
+    state = pr.steady_state(motor, drive, speed=speed)
+    tones = [[(tone.amplitude, tone.frequency, tone.phase) for tone in of] for of in (drive.tones_a, drive.tones_b)]
+    period, periods = drive.period, 2000  # 49 ms: 16 decay times of its slowest mode
+    end, begin = periods * period, (periods - 20) * period
+    runs = [
+        integrate_damped(
+            motor.to_dict(), *tones, duration=end, output_step=period, step=period / steps, speed=speed
+        )
+        for steps in (800, 1600)
+    ]  # fmt: skip
+    for name, ours in (
+        ("friction_force", state.torque_n_m / motor.rotor.radius_m),
+        ("normal_force", state.normal_force_n),
+        ("normal", state.normal_loss_w),
+        ("friction", state.friction_loss_w),
+    ):
+        coarse, fine = (run.mean(name, begin) for run in runs)
+        exact = 2.0 * fine - coarse  # of first order in the step
+        # measured 3e-5 to 3e-3, of which torque_error_n_m tells 2e-3 at 30 rad/s
+        assert ours == pytest.approx(exact, rel=4e-3), name
 
 
 def test_a_loss_that_is_negative_has_its_sentence_with_the_largest_share() -> None:

@@ -240,6 +240,8 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
         "penetration_um": (1.0 + 1e6 * (4.0 / 7e9) ** (2 / 3), 1e-6),
         "normal_n": (7e9 * (1e-6 + (4.0 / 7e9) ** (2 / 3)) ** 1.5, 1e-6),
     },
+    # 4 N compress 10 nm/N; a rate that is constant is exact two lags of 50 ns after its start
+    "piezomotor_stem": {"position_um": (-0.04, 1e-6), "velocity_m_s": (-0.01, 1e-6)},
     "piezomotor_worn": {"penetration_um": (1.0 + WORN_SEAT_UM, 1e-6), "normal_n": (_worn(1.0 + WORN_SEAT_UM), 1e-6)},
     # the same for a brush that slips as a whole: the cells' limits add up to μ F_N exactly
     "piezomotor_brush": {"friction_end_n": (0.25 * 4.0, 1e-6), "state_end": (2.0, 1e-9)},

@@ -42,7 +42,7 @@ def test_a_verdict_that_others_can_write_is_measured_again(
 ) -> None:
     measured = []
     monkeypatch.setattr(engines, "_compared", lambda *_: measured.append(1) or BAD)
-    known = ((2, True, False), Law(), "tools", tmp_path)
+    known = ((2, True, False, False), Law(), "tools", tmp_path)
     assert [engines._verdict.__wrapped__(*known) for _ in range(2)] == [BAD, BAD]
     assert len(measured) == 1
     (path,) = tmp_path.rglob("*.json")
@@ -98,12 +98,15 @@ def test_curves_whose_meters_need_the_b_sources_say_so(
         pr.speed_torque(MOTOR, DRIVE, speeds=[0.0, 1.0], engine="compiled", **settings)
 
 
-@pytest.mark.parametrize("changes", [{}, {"mount": None}, {"rotor.bearing_friction_n_m": 1e-3}])
+SOFT = {"contact.series_compliance_m_per_n": 1e-9}
+
+
+@pytest.mark.parametrize("changes", [{}, {"mount": None}, {"rotor.bearing_friction_n_m": 1e-3}, SOFT])
 def test_the_motor_of_the_comparison_has_the_same_module_and_opens_sticks_and_slips(changes: dict[str, Any]) -> None:
     """A comparison in which the contact never opens, or never slips, would not see a wrong term of these."""
     motor = MOTOR.updated(changes)
     mounted, dry = motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0
-    setup = OperatingPoint.of(engines._similar(2, mounted, dry, Law()), engines._DRIVE)
+    setup = OperatingPoint.of(engines._similar(2, mounted, dry, changes == SOFT, Law()), engines._DRIVE)
     assert module_of(setup.motor, Law()) == module_of(motor, Law())
     run = pr.simulate(
         setup.motor, engines._DRIVE, duration=engines._PERIODS / engines._DRIVE.frequency,

@@ -69,6 +69,7 @@ CASES: dict[str, tuple[pr.Motor, dict[str, Any]]] = {
     ),
     "capacitance between the groups": (MOTOR.updated({"piezo.capacitance_ab_f": 2e-10}), {}),
     "fixed distance": (pr.load_motor("andersen2002").updated({"mount": None}), {}),
+    "damping and a compliance in series": (pr.load_motor("bimodal40"), {"speed": 20.0}),
     "Coulomb friction": (MOTOR, {"contact": "coulomb"}),
     "brush": (MOTOR, {"contact": "brush"}),
     "brush of three sliders": (MOTOR, {"contact": pr.Law("brush", 3)}),

@@ -64,6 +64,8 @@ CASES = {
         "spring-slider",
         (100.0, 40.1e3, 120.0),
     ),
+    "damping and a compliance in series": ("bimodal40", {}, "spring-slider", (150.0, 40.7e3, 62.0)),
+    "the same with coulomb": ("bimodal40", {}, "coulomb", (150.0, 40.7e3, 62.0)),
     "coulomb": ("beam40", {}, "coulomb", (90.0, 40.1e3, -120.0)),
     "brush": ("beam40", {}, "brush", (90.0, 40.1e3, 120.0)),
 }  # fmt: skip
