@@ -52,6 +52,7 @@ from .spectra.readers import read_spectrum as read_spectrum
 from .spectra.spectrum import Spectrum as Spectrum
 from .spectra.together import fit_together as fit_together
 from .spectra.twoport import fit_two_port as fit_two_port
+from .study.calibration.estimate import calibrate as calibrate
 from .study.plan import Tolerance as Tolerance
 from .study.sweep import sweep as sweep
 from .view.report import report as report

@@ -38,7 +38,7 @@ WALLS = {
     "analysis": BASE | {"datasets", "model", "netlist", "engine", "run", "spectra"},
     "export": BASE | {"model", "netlist", "engine", "run"},
     "spectra": BASE | {"model", "netlist", "engine", "run", "export"},
-    "study": BASE | {"datasets", "model", "netlist", "engine", "run", "analysis"},
+    "study": BASE | {"datasets", "model", "netlist", "engine", "run", "analysis", "spectra"},
     "view": BASE | {"datasets", "model", "netlist", "engine", "run", "export", "analysis", "spectra", "study"},
     "commands": BASE
     | {"", "datasets", "model", "netlist", "engine", "run", "export", "analysis", "spectra", "study", "view"},

@@ -227,7 +227,7 @@ def steady_state(
 def steady_states(
     setups: Sequence[OperatingPoint],
     *,
-    accuracy: float = ACCURACY,
+    accuracy: float | None = ACCURACY,
     waveforms: bool = False,
     starts: Sequence[Point | None] | None = None,
 ) -> list[SteadyState]:
@@ -235,13 +235,14 @@ def steady_states(
 
     Points whose drives have the same period share runs of ngspice.
 
-    ``starts`` are guesses to start from; ``None`` stands for the response of the free stator.
+    ``starts`` are guesses to start from; ``None`` stands for the response of the free stator. Without ``accuracy`` the
+    quantities are those at the coarse step, for differences between points that are close to each other.
 
     Raises:
         ParameterError: for a drive that has no steady state to be found.
         SimulationError: if ngspice fails.
     """
-    if not 1e-6 <= accuracy <= 0.1:
+    if accuracy is not None and not 1e-6 <= accuracy <= 0.1:
         raise ParameterError(f"accuracy = {accuracy:g} is not valid: it must be a number from 1e-6 to 0.1.")
     groups: dict[tuple[Any, ...], list[int]] = {}
     behind: dict[tuple[Any, ...], list[int]] = {}
@@ -330,7 +331,7 @@ def _steps(setups: Sequence[OperatingPoint]) -> tuple[int, int]:
 def _solve(
     setups: Sequence[OperatingPoint],
     grids: tuple[int, int],
-    accuracy: float,
+    accuracy: float | None,
     waveforms: bool,
     starts: Sequence[Point | None],
     workers: int,
@@ -343,7 +344,10 @@ def _solve(
         if start is not None:
             point.guess(start)
     Shooting(points, maps[0]).search()
-    answers = _answers(points, maps, steps, accuracy)
+    if accuracy is None:
+        answers = {place: _coarse(point, maps[0]) for place, point in enumerate(points) if point.done}
+    else:
+        answers = _answers(points, maps, steps, accuracy)
     found = []
     for place, (setup, point) in enumerate(zip(setups, points, strict=True)):
         answer = answers[place] if place in answers and point.done else Answer(point)
@@ -393,6 +397,12 @@ def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accurac
                 still.append(place)
         pending = still
     return answers
+
+
+def _coarse(point: Point, period_map: PeriodMap) -> Answer:
+    """Return the answer of the coarse step, of which no error is known."""
+    assert point.trace is not None
+    return _answer(point, period_map, means(point.plant, point.trace, period_map.discretisation), float("nan"))
 
 
 def _complete(copies: Sequence[Point]) -> bool:

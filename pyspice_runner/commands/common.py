@@ -424,6 +424,13 @@ def busy(what: str, part: str = "") -> Iterator[Callable[[int, int], None]]:
 
 
 @contextmanager
+def counting(what: str) -> Iterator[Callable[[int], None]]:
+    """Show on a terminal how many of something are done, where the number of all is not known beforehand."""
+    with busy(what, "{}") as tell:
+        yield lambda number: tell(number, 0)
+
+
+@contextmanager
 def run_progress(what: str) -> Iterator[Callable[[float, float], None]]:
     """Show on a terminal the progress of a run and the remaining time."""
     console = Console(stderr=True)

@@ -30,7 +30,8 @@ from pyspice_runner.spectra.compare import Comparison, Trend
 from pyspice_runner.spectra.fit import SpectrumFit
 from pyspice_runner.spectra.spectrum import Spectrum
 from pyspice_runner.spectra.twoport import TwoPortFit
-from pyspice_runner.view import plot_curves, plot_motors, plot_runs, plot_spectra
+from pyspice_runner.study.calibration.result import Calibration
+from pyspice_runner.view import plot_calibration, plot_curves, plot_motors, plot_runs, plot_spectra
 from pyspice_runner.view.datasheet import Report
 from pyspice_runner.view.draw import Sheet, filled, save, write
 
@@ -67,6 +68,7 @@ SHEETS: dict[type, Callable[[Any], Sheet]] = {
     Branch: plot_curves.branch,
     WorkingPoints: plot_curves.working_points,
     Sweep: plot_curves.sweep,
+    Calibration: plot_calibration.calibration,
     Motor: plot_motors.motor,
     list: plot_motors.motors,
     Impact: plot_motors.impact,

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``piezomotor calibrate``: parameters of a motor from measurements."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, get_args
+
+import typer
+
+import pyspice_runner as pr
+from pyspice_runner.commands import common, measured
+from pyspice_runner.commands.driving import DriveOptions
+from pyspice_runner.commands.options import LawOptions, Targets, with_options
+from pyspice_runner.spectra.spectrum import Connection, State
+from pyspice_runner.study.calibration.prediction import SPECTRUM_ERROR
+
+
+@with_options
+def calibrate(
+    motor: common.MotorArgument,
+    drive: DriveOptions,
+    *,
+    points: Annotated[
+        Path | None, typer.Option(help="CSV of measured points: voltage, speed_rad_s, torque_n_m, torque_n_m_error, …")
+    ] = None,
+    free: Annotated[
+        str,
+        typer.Option(metavar="PATH,…", help="Parameters to calibrate: contact.friction,modes.*.quality_factor."),
+    ],
+    spectrum: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[STATE=]FILE",
+            help="Spectrum: free=FILE, or preloaded=FILE of the stator pressed on its rotor. Without a state the name "
+            "of the file tells it: preloaded if it has that word. Repeatable.",
+        ),
+    ] = None,
+    connection: Annotated[Connection, typer.Option(help="Connection of the groups in the spectra.")] = "A",
+    spectrum_error: Annotated[
+        float, typer.Option(help="Relative standard error of a measured admittance.")
+    ] = SPECTRUM_ERROR,
+    columns: measured.ColumnsOption = None,
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PATH=PERCENT", help="What is known: the motor's value with this deviation. Repeatable."),
+    ] = None,
+    starts: Annotated[int, typer.Option(help="Number of starts, all but the first within a factor of 2.")] = 1,
+    law: LawOptions,
+    timeout: common.TimeoutOption = None,
+    changes: common.SetOption = None,
+    targets: Targets,
+) -> None:
+    """Calibrate parameters against measured points and spectra. Writes .toml (the motor), .json or .csv (residuals).
+
+    Each value has a standard error and a 95 % interval; a warning names what the data do not decide, and the
+    measurement that would.
+
+    Example: piezomotor calibrate bimodal40 --points points.csv --free contact.friction --output calibrated.toml
+    """
+    files = [_stated(text) for text in spectrum or ()]
+    targets.check(".toml", ".json", ".csv", inputs=[motor, points, *(file for file, _ in files)])
+    loaded = common.load_changed(motor, changes)
+    read = measured.reader(columns, None)
+    spectra = [(read(file), state) for file, state in files]
+    told = "is not PATH=PERCENT; write it as contact.friction=20%."
+    priors = {path: _share(path, text) for path, text in common.pairs_of("--prior", prior, told)}
+    with common.counting("steady states") as progress:
+        result = pr.calibrate(
+            loaded, points, free=[path.strip() for path in free.split(",") if path.strip()],
+            spectra=spectra, connection=connection, spectrum_error=spectrum_error, priors=priors,
+            drive=drive.stated(loaded), contact=law.law, starts=starts, timeout=timeout, progress=progress,
+        )  # fmt: skip
+    common.caution(result)
+    targets.deliver(result, f"{loaded.name}, calibrated with {result.sources}")
+
+
+def _stated(text: str) -> tuple[Path, State]:
+    """Return the file of a spectrum, and the state of the tip."""
+    for state in get_args(State):
+        if text.startswith(f"{state}="):
+            return Path(text.removeprefix(f"{state}=")), state
+    return Path(text), "preloaded" if "preload" in Path(text).stem.lower() else "free"
+
+
+def _share(path: str, text: str) -> float:
+    try:
+        number, percent, rest = text.strip().removeprefix("±").partition("%")
+        if not percent or rest:
+            raise ValueError
+        return float(number) / 100.0
+    except ValueError:
+        raise pr.ParameterError(f"--prior {path}: {text!r} is not a percentage. Write {path}=20%.") from None

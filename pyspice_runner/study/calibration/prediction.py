@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a motor would show at the measured points and in the measured spectra, and how that depends on its parameters.
+
+All points of many motors are one call of :func:`~pyspice_runner.analysis.steady.steady_states`. A perturbed motor
+starts from the solution of the unperturbed one, with the derivative of its period map: by the implicit function theorem
+one Newton step from there is its steady state to first order, so that a column of the Jacobian costs few periods.
+
+The search runs at the coarse step. :meth:`Predictor.refine` adds what finer steps change at one set of parameters; the
+search is repeated with it. So its result is that of the finer steps, and its cost that of the coarse one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pyspice_runner.analysis.shooting import Point
+from pyspice_runner.analysis.steady import SteadyState, steady_states
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.two_port import sweep_two_port, two_port, two_port_bench
+from pyspice_runner.run.waveforms import Array
+from pyspice_runner.spectra.spectrum import Connection, Spectrum, State, connect
+from pyspice_runner.study.calibration.points import Points, measured_of
+from pyspice_runner.study.calibration.unknowns import Unknown
+
+# of a coordinate: the torque changes by more than it varies from event to event of a step (2e-3 of mu F0 R), and its
+# curvature stays small
+DIFFERENCE = 0.05
+ACCURACY = 2e-3  # of the friction torque, where the coarse step is compared with finer ones
+STEP = 0.9  # of the default: the steps stay those of the first motor while its stiffness grows by a fifth
+SPECTRUM_ERROR = 0.01  # relative error of a measured admittance: that of an impedance analyser with its fixture
+SPECTRUM_POINTS = 200  # of a measured spectrum that are compared; its resonances are narrow, so they are chosen there
+
+
+@dataclass(frozen=True)
+class Band:
+    """A measured spectrum: what is compared of it."""
+
+    spectrum: Spectrum
+    state: State
+    connection: Connection
+    error: float  # standard error, relative to |Y|
+    measured: Array  # real and imaginary parts over the error
+
+    @classmethod
+    def of(cls, spectrum: Spectrum, state: State, connection: Connection, error: float) -> Band:
+        """Return the comparison of a spectrum with at most :data:`SPECTRUM_POINTS` points."""
+        places = np.unique(np.linspace(0, len(spectrum.frequency_hz) - 1, SPECTRUM_POINTS).round().astype(int))
+        few = Spectrum(spectrum.frequency_hz[places], spectrum.matrix_s[places], spectrum.source, spectrum.format)
+        own = few.driven(connection).matrix_s[:, 0, 0] if few.ports == 2 else few.matrix_s[:, 0, 0]
+        return cls(few, state, connection, error, np.concatenate([own.real, own.imag]))
+
+    @property
+    def errors(self) -> Array:
+        """Standard errors of the measured parts: a share of the magnitude."""
+        half = len(self.measured) // 2
+        magnitude = np.hypot(self.measured[:half], self.measured[half:])
+        return self.error * np.concatenate([magnitude, magnitude])
+
+    def predicted(self, setup: OperatingPoint) -> Array:
+        """Return the real and imaginary parts of the motor's admittance at the measured frequencies."""
+        frequency = self.spectrum.frequency_hz
+        bench = two_port_bench(setup.motor, preloaded=self.state == "preloaded")
+        steps = np.diff(frequency)
+        even = np.ptp(steps) < 1e-6 * steps.mean()
+        points = len(frequency) if even else _FINE
+        found, matrix = two_port(sweep_two_port(bench, None, float(frequency[0]), float(frequency[-1]), points))
+        own = connect(matrix, self.connection)
+        if not even:
+            from scipy.interpolate import CubicSpline  # takes long to load
+
+            own = CubicSpline(found, own)(frequency)
+        return np.concatenate([own.real, own.imag])
+
+
+_FINE = 4001  # points of a sweep from which a spectrum with uneven frequencies is interpolated
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What one motor would show; NaN where it has no steady state."""
+
+    values: Array  # at the measured points, then in the spectra
+    solutions: tuple[Point | None, ...] = ()  # of the points
+    states: tuple[SteadyState, ...] = ()
+
+    @property
+    def known(self) -> bool:
+        """Whether anything of it is known."""
+        return bool(np.isfinite(self.values).any())
+
+
+@dataclass
+class Predictor:
+    """The measured points and spectra as a function of the free parameters."""
+
+    base: OperatingPoint  # motor at the start, drive, law and solver
+    unknowns: tuple[Unknown, ...]
+    points: Points | None
+    bands: tuple[Band, ...] = ()
+    progress: Callable[[int], None] = lambda _: None
+    solved: int = 0  # number of steady states that were computed
+    shift: Array | None = None  # of the values at the points by finer steps than the coarse one
+
+    @property
+    def measured(self) -> Array:
+        """All measured values."""
+        parts = [band.measured for band in self.bands]
+        return np.concatenate([self.points.values, *parts] if self.points else parts)
+
+    @property
+    def errors(self) -> Array:
+        """Their standard errors."""
+        parts = [band.errors for band in self.bands]
+        return np.concatenate([self.points.errors, *parts] if self.points else parts)
+
+    def changes(self, x: Array) -> dict[str, float]:
+        """Return path → value for the coordinates of the free parameters."""
+        return {unknown.path: unknown.value(float(one)) for unknown, one in zip(self.unknowns, x, strict=True)}
+
+    def at(self, vectors: Sequence[Array], near: Prediction | None = None, *, fine: bool = False) -> list[Prediction]:
+        """Predict for many sets of coordinates in one call of steady states.
+
+        Args:
+            vectors: the sets.
+            near: a prediction whose solutions are starts.
+            fine: whether finer steps are taken; if not, the coarse one with the last :meth:`refine`.
+        """
+        motors: list[OperatingPoint | None] = []
+        for x in vectors:
+            try:
+                motors.append(self.base.updated(self.changes(x)))
+            except ParameterError:  # values that do not go together: there is no such motor
+                motors.append(None)
+        setups: list[OperatingPoint] = []
+        owners: list[tuple[int, int]] = []
+        for number, motor in enumerate(motors):
+            for place, conditions in enumerate(self.points.conditions if self.points and motor else ()):
+                assert motor is not None
+                setups.append(motor.updated(conditions))
+                owners.append((number, place))
+        starts = [near.solutions[place] if near and near.solutions else None for _, place in owners]
+        states = steady_states(setups, accuracy=ACCURACY if fine else None, starts=starts) if setups else []
+        self.solved += len(states)
+        self.progress(self.solved)
+        by_owner = dict(zip(owners, states, strict=True))
+        found = [self._prediction(number, motor, by_owner) for number, motor in enumerate(motors)]
+        if self.shift is None or fine:
+            return found
+        return [replace(one, values=one.values + self.shift) for one in found]
+
+    def refine(self, x: Array, near: Prediction) -> Prediction:
+        """Take the difference between finer steps and the coarse one at these coordinates; return the finer one."""
+        self.shift = None
+        (coarse,) = self.at([x], near)
+        (fine,) = self.at([x], coarse, fine=True)
+        self.shift = np.nan_to_num(fine.values - coarse.values, nan=0.0)
+        return replace(fine, values=coarse.values + self.shift, solutions=coarse.solutions)
+
+    def _prediction(
+        self, number: int, motor: OperatingPoint | None, states: Mapping[tuple[int, int], SteadyState]
+    ) -> Prediction:
+        if motor is None:
+            return Prediction(np.full(len(self.measured), np.nan))
+        parts: list[Array] = []
+        own: tuple[SteadyState, ...] = ()
+        if self.points:
+            own = tuple(states[number, place] for place in range(len(self.points)))
+            parts.append(np.array([
+                measured_of(own[row], quantity) if _sound(own[row]) else np.nan
+                for row, quantity in zip(self.points.rows, self.points.quantities, strict=True)
+            ]))  # fmt: skip
+        for band in self.bands:
+            try:
+                parts.append(band.predicted(motor))
+            except SimulationError:
+                parts.append(np.full(len(band.measured), np.nan))
+        solutions = tuple(state.solution if state.stable else None for state in own)
+        return Prediction(np.concatenate(parts), solutions, tuple(replace(state, solution=None) for state in own))
+
+    def jacobian(self, x: Array, here: Prediction, *, central: bool = False) -> Array:
+        """Return the derivative of the predicted values; 0 where it is not known.
+
+        Central differences take twice the time and have no error by the curvature.
+        """
+        forward = np.array([1.0 if one + DIFFERENCE <= unknown.bounds[1] else -1.0
+                            for unknown, one in zip(self.unknowns, x, strict=True)])  # fmt: skip
+        steps = DIFFERENCE * np.diag(forward)
+        near = self.at([*(x + steps), *(x - steps if central else ())], here)
+        columns = []
+        for place, sign in enumerate(forward):
+            there = near[place].values
+            back = near[len(x) + place].values if central else here.values
+            one_sided = (there - here.values) / (sign * DIFFERENCE)
+            both = (there - back) / (2.0 * sign * DIFFERENCE)
+            columns.append(np.where(np.isfinite(both), both, one_sided) if central else one_sided)
+        return np.asarray(np.nan_to_num(np.array(columns).T, nan=0.0))
+
+
+def _sound(state: SteadyState) -> bool:
+    """Whether the motor stays at a steady state, and it is the only one: friction holds a stuck shaft at any torque."""
+    return state.stable and not state.held_by_friction

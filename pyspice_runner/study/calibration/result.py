@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The result of a calibration: values with their intervals, residuals, and predictions with a band."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import log
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pyspice_runner.analysis.steady import SteadyState
+from pyspice_runner.errors import SimulationError
+from pyspice_runner.model.motor import ALIASES, Motor, Provenance
+from pyspice_runner.result import Result, json_ready
+from pyspice_runner.run.waveforms import Array
+from pyspice_runner.study.calibration.points import Points, read_points
+from pyspice_runner.study.calibration.prediction import Band, Predictor
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The value of one parameter."""
+
+    path: str
+    value: float
+    standard_error: float
+    interval_95: tuple[float, float]  # of the profile likelihood; at most a factor of 10 to each side
+    identifiable: bool  # whether the data decide it: to 25 % and better, without what was known before
+    start: float
+    unit: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the estimate, JSON-ready."""
+        return {
+            "value": self.value, "standard_error": self.standard_error, "interval_95": list(self.interval_95),
+            "identifiable": self.identifiable, "start": self.start, "unit": self.unit,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PredictedCurve:
+    """Predicted values with their standard errors by the calibration, not those of a measurement."""
+
+    quantities: tuple[str, ...]
+    rows: tuple[int, ...]  # point of each value
+    values: Array
+    standard_errors: Array
+    measured: Array
+
+    @property
+    def low(self) -> Array:
+        """Lower end of the 95 % band."""
+        return self.values - 1.96 * self.standard_errors
+
+    @property
+    def high(self) -> Array:
+        """Upper end of the 95 % band."""
+        return self.values + 1.96 * self.standard_errors
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibration(Result):
+    """Calibrated parameters of a motor.
+
+    Attributes:
+        estimates: value, standard error and interval of each free parameter.
+        start: the motor before.
+        calibrated: the motor with the new values.
+        law: law of the contact.
+        points: the measured points; ``None`` without.
+        bands: the measured spectra.
+        measured, predicted, errors: all measured values, those of the calibrated motor, and the standard errors.
+        correlations, covariance: of the coordinates of the parameters, in the order of ``estimates``.
+        coordinates: of the solution: ln(value/start) of each parameter, or the difference over ``start``.
+        rms_residual: root mean square of (predicted − measured)/error.
+        squares: sum of squares, with Huber's loss.
+        freedom: number of values less that of parameters.
+        scale: by which the standard errors of the data were multiplied; 1 if they were stated.
+        warnings: what the data do not decide and what does not fit, one sentence each.
+        steady_states: number of steady states that were computed.
+    """
+
+    estimates: tuple[Estimate, ...]
+    start: Motor = field(repr=False)
+    calibrated: Motor = field(repr=False)
+    law: str
+    points: Points | None
+    bands: tuple[Band, ...]
+    measured: Array
+    predicted: Array
+    errors: Array
+    correlations: Array
+    covariance: Array
+    coordinates: Array
+    predictor: Predictor
+    rms_residual: float
+    squares: float
+    freedom: int
+    scale: float
+    warnings: tuple[str, ...]
+    steady_states: int
+    states: tuple[SteadyState, ...]
+
+    @property
+    def motor(self) -> Motor:
+        """The calibrated motor; its provenance has error, interval and data of each value."""
+        provenance = dict(self.calibrated.provenance)
+        for one in self.estimates:
+            section, _, key = one.path.rpartition(".")
+            share = one.standard_error / abs(one.value) if one.value else float("nan")
+            low, high = one.interval_95
+            note = (
+                f"calibrated with {self.sources}: {one.path} = {one.value:.5g} ± {100.0 * share:.2g} %, 95 % interval "
+                f"{low:.4g} to {high:.4g}"
+            )
+            note += "" if one.identifiable else "; the data do not decide it"
+            provenance[f"{section}.{ALIASES.get(key, key)}"] = Provenance("derived", note)
+        return self.calibrated.model_copy(update={"provenance": provenance})
+
+    @property
+    def sources(self) -> str:
+        """Names of the data."""
+        names = [self.points.source] if self.points else []
+        return " and ".join([*names, *(band.spectrum.source or f"a spectrum ({band.state})" for band in self.bands)])
+
+    @property
+    def aicc(self) -> float:
+        """Akaike's information criterion for small samples: the least of several contact laws fits best.
+
+        K. P. Burnham, D. R. Anderson, "Model Selection and Multimodel Inference", Springer 2002, sec. 2.4.
+        """
+        count, free = len(self.measured), len(self.estimates)
+        if count <= free + 2:
+            return float("nan")
+        stated = self.points is None or self.points.stated
+        fit = self.squares if stated else count * log(self.squares / count)
+        free += 0 if stated else 1  # the size of the errors
+        return fit + 2.0 * free + 2.0 * free * (free + 1.0) / (count - free - 1.0)
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """The warnings."""
+        return self.warnings
+
+    def predict(self, data: Any) -> PredictedCurve:
+        """Return the values at other points, with their standard errors by the uncertainty of the parameters.
+
+        Args:
+            data: points as for :func:`~pyspice_runner.calibrate`; their measured columns name the quantities.
+
+        Raises:
+            ParameterError: for an invalid table.
+            SimulationError: if ngspice fails.
+        """
+        points = read_points(data, self.start.slider is not None)
+        predictor = Predictor(self.predictor.base, self.predictor.unknowns, points)
+        (here,) = predictor.at([self.coordinates])
+        slope = predictor.jacobian(self.coordinates, here)
+        if not here.known:
+            raise SimulationError("The calibrated motor has no steady state at any of the points.")
+        deviations = np.sqrt(np.einsum("ij,jk,ik->i", slope, self.covariance, slope))
+        return PredictedCurve(points.quantities, points.rows, here.values, deviations, points.values)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return values, fit, correlations and residuals, JSON-ready."""
+        document: dict[str, Any] = json_ready({
+            "motor": self.start.name,
+            "data": self.sources,
+            "contact": self.law,
+            "parameters": {one.path: one.to_dict() for one in self.estimates},
+            "rms_residual": self.rms_residual,
+            "warnings": list(self.warnings),
+            "sum_of_squares": self.squares,
+            "degrees_of_freedom": self.freedom,
+            "error_scale": self.scale,
+            "aicc": self.aicc,
+            "correlations": self.correlations,
+            "steady_states": self.steady_states,
+            "points": [
+                {"point": row + 1, "quantity": quantity, "measured": float(measured), "predicted": float(predicted),
+                 "error": float(error)}
+                for row, quantity, measured, predicted, error in (
+                    zip(self.points.rows, self.points.quantities, self.measured, self.predicted, self.errors,
+                        strict=False) if self.points else ()
+                )
+            ],
+        })  # fmt: skip
+        return document
+
+    def summary(self) -> dict[str, str]:
+        """Return each value with its error and interval, and how well the data fit."""
+        found = {}
+        for one in self.estimates:
+            unit = "" if one.unit == "1" else f" {one.unit}"
+            low, high = one.interval_95
+            said = f"{one.value:.5g} ± {one.standard_error:.2g}{unit}, 95 %: {low:.4g} to {high:.4g}"
+            found[one.path] = said if one.identifiable else f"{said} (not decided by the data)"
+        found["RMS residual"] = f"{self.rms_residual:.3g} standard errors, {len(self.measured)} values"
+        return found
+
+    def columns(self) -> Mapping[str, Array]:
+        """Return point, measured and predicted value and residual of each measured value of the points."""
+        if self.points is None:
+            return {}
+        count = len(self.points.values)
+        return {
+            "point": np.array(self.points.rows, float) + 1.0,
+            "measured": self.measured[:count],
+            "predicted": self.predicted[:count],
+            "residual": (self.predicted[:count] - self.measured[:count]) / self.errors[:count],
+        }
+
+    def writers(self) -> dict[str, Callable[[Path], object]]:
+        """Return the writers by ending: ``.toml`` (the calibrated motor), ``.json`` and ``.csv`` (the residuals)."""
+        text = self.motor.to_toml(heading=f"{self.start.name}, calibrated with {self.sources}.")
+        return {**super().writers(), ".toml": lambda file: file.write_text(text, encoding="utf-8")}

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The free parameters of a calibration: their paths, their ranges, and what was known of them before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import exp, inf, log
+from typing import Any
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.motor import (
+    HIGHEST_FREQUENCY,
+    HIGHEST_QUALITY,
+    LOWEST_FREQUENCY,
+    LOWEST_QUALITY,
+    Motor,
+)
+from pyspice_runner.model.refusal import quoted
+from pyspice_runner.netlist.sources import Excitation
+from pyspice_runner.run.paths import parameter
+
+MOST = 40  # free parameters
+_DERIVED = {
+    "frequency_hz": (LOWEST_FREQUENCY, HIGHEST_FREQUENCY), "quality_factor": (LOWEST_QUALITY, HIGHEST_QUALITY),
+}  # fmt: skip
+_SECTIONS = ("modes", "piezo", "contact", "rotor", "slider", "mount")
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A free parameter, and its coordinate x: the logarithm of value over start, or their difference over a scale.
+
+    The logarithm makes a step of all parameters alike, and an interval of a poorly known one as wide as it is: a factor
+    each way. A parameter that may be zero has a linear coordinate.
+    """
+
+    path: str
+    start: float
+    low: float  # least value allowed
+    high: float  # greatest value allowed
+    unit: str
+    prior: float | None = None  # standard deviation of x about 0 that was known before; ``None``: nothing
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether x is a logarithm: the value keeps its sign."""
+        return self.start != 0.0 and (self.low > 0.0 or self.high < 0.0)
+
+    def value(self, x: float) -> float:
+        """Return the value at a coordinate, within its range."""
+        value = self.start * exp(x) if self.logarithmic else self.start + x * self._scale
+        return min(max(value, self.low), self.high)
+
+    def coordinate(self, value: float) -> float:
+        """Return the coordinate of a value."""
+        return log(value / self.start) if self.logarithmic else (value - self.start) / self._scale
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Least and greatest coordinate."""
+        found = sorted(self.coordinate(value) for value in (self.low, self.high))
+        return found[0], found[1]
+
+    def spread(self, x: float, deviation: float) -> float:
+        """Return the standard error of the value for that of its coordinate."""
+        return abs(self.value(x)) * deviation if self.logarithmic else self._scale * deviation
+
+    @property
+    def _scale(self) -> float:
+        return abs(self.start) or 1.0
+
+
+def unknowns_of(
+    motor: Motor, drive: Excitation, free: Sequence[str], priors: Mapping[str, float] | None = None
+) -> tuple[Unknown, ...]:
+    """Return the free parameters; ``modes.*.NAME`` stands for that of all modes, each of its own.
+
+    Raises:
+        ParameterError: for an unknown path, one that is given twice or is not a number of the motor, too many, or a
+            prior that is not of a free parameter.
+    """
+    paths = [own for path in free for own in _expanded(motor, path)]
+    if not 1 <= len(paths) <= MOST:
+        raise ParameterError(f"free has {len(paths)} parameters: it must have 1 to {MOST}.")
+    for path in paths:
+        if paths.count(path) > 1:
+            raise ParameterError(f"free: {path} is given twice. Give it once.")
+        if path.partition(".")[0] not in _SECTIONS:
+            raise ParameterError(
+                f"free: {quoted(path)} is not a parameter of the motor. Give paths of {', '.join(_SECTIONS)}."
+            )
+    widths = {own: width for path, width in (priors or {}).items() for own in _expanded(motor, path)}
+    for path, width in widths.items():
+        if path not in paths:
+            raise ParameterError(f"priors: {path} is not free. Name it in free, or leave its prior out.")
+        if not 0.0 < width < inf:
+            raise ParameterError(f"priors: {path} = {quoted(width)} is not valid: it must be a relative width > 0.")
+    return tuple(_unknown(motor, drive, path, widths.get(path)) for path in paths)
+
+
+def _expanded(motor: Motor, path: str) -> list[str]:
+    start, star, end = path.partition("modes.*.")
+    if not star or start:
+        return [path]
+    return [f"modes.{number}.{end}" for number in range(len(motor.modes))]
+
+
+def _unknown(motor: Motor, drive: Excitation, path: str, width: float | None) -> Unknown:
+    found = parameter(path, motor, drive, {})
+    if found.nominal is None:
+        raise ParameterError(f"free: {path} has no value in {motor.name}. Set it to one to start from.")
+    low, high = _range(motor, path)
+    start = found.nominal
+    if low < 0.0 < high and start:  # a coupling, or a motion of the tip: its sign is that of the start
+        smallest = 1e-6 * abs(start)
+        low, high = (smallest, high) if start > 0.0 else (low, -smallest)
+    elif low == 0.0 and start > 0.0:
+        low = 1e-6 * start
+    return Unknown(path, start, low, high, found.unit, width)
+
+
+def _range(motor: Motor, path: str) -> tuple[float, float]:
+    section, _, key = path.partition(".")
+    owner: Any = motor.modes[0] if section == "modes" else getattr(motor, section)
+    key = key.rpartition(".")[2]
+    if section == "modes" and key in _DERIVED:
+        return _DERIVED[key]
+    schema = type(owner).model_json_schema()["properties"][key]
+    schema = next(iter(schema.get("anyOf", [schema])))  # of an optional number
+    low = schema.get("minimum", schema.get("exclusiveMinimum"))
+    return float(low), float(schema.get("maximum", schema.get("exclusiveMaximum")))

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panels of a calibration: values with intervals, residuals of the points, and the spectra."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from pyspice_runner.study.calibration.prediction import Band
+from pyspice_runner.study.calibration.result import Calibration
+from pyspice_runner.view.draw import AXIS, Panel, Sheet, dress
+from pyspice_runner.view.style import BLUE, CYCLE, LABELS, VERMILION
+
+_MARKS = "osv^Dx+*"
+
+
+def calibration(result: Calibration) -> Sheet:
+    """Return the values over those at the start, the residuals of the points, and each spectrum."""
+    panels: dict[str, Panel] = {"values": partial(_values, result)}
+    if result.points is not None:
+        panels["residuals"] = partial(_residuals, result)
+    start = 0 if result.points is None else len(result.points.values)
+    for number, band in enumerate(result.bands, start=1):
+        panels[f"spectrum {number}"] = partial(_spectrum, band, result.predicted[start : start + len(band.measured)])
+        start += len(band.measured)
+    return Sheet(panels, 2, (5.6, 3.8), f"{result.start.name}, calibrated with {result.sources}")
+
+
+def _values(result: Calibration, ax: Axes) -> None:
+    """Draw each value with its 95 % interval over the value at the start; a hollow ring is not decided by the data."""
+    for place, one in enumerate(reversed(result.estimates)):
+        low, high, value = (number / one.start if one.start else number for number in (*one.interval_95, one.value))
+        colour = BLUE if one.identifiable else VERMILION
+        ax.plot([low, high], [place, place], "-", color=colour, linewidth=2.0)
+        ax.plot(value, place, "o", color=colour, mfc=colour if one.identifiable else "white")
+    ax.axvline(1.0, **AXIS)
+    ax.set_yticks(range(len(result.estimates)), [one.path for one in reversed(result.estimates)], fontsize=7)
+    if all(one.start and min(one.interval_95) / one.start > 0.0 for one in result.estimates):
+        ax.set_xscale("log")
+    dress(ax, "value over that at the start", "", "Values with 95 % intervals (ring: not decided by the data)")
+
+
+def _residuals(result: Calibration, ax: Axes) -> None:
+    """Draw (predicted - measured)/error of each measured value over the number of its point."""
+    points = result.points
+    assert points is not None
+    columns = result.columns()
+    for number, quantity in enumerate(dict.fromkeys(points.quantities)):
+        own = np.array([name == quantity for name in points.quantities])
+        ax.plot(
+            columns["point"][own], columns["residual"][own], _MARKS[number % len(_MARKS)], linestyle="",
+            color=CYCLE[number % len(CYCLE)], label=quantity, ms=4,
+        )  # fmt: skip
+    ax.axhline(0.0, **AXIS)
+    ax.axhspan(-2.0, 2.0, color="0.92", zorder=0)
+    dress(ax, "number of the point", "(predicted - measured) / error", "Residuals of the points; grey: two errors")
+    ax.legend(fontsize=7)
+
+
+def _spectrum(band: Band, predicted: np.ndarray, ax: Axes) -> None:
+    """Draw |Y| as measured and as predicted."""
+    half = len(band.measured) // 2
+    frequency, magnitude = LABELS["frequency_hz"], LABELS["magnitude_s"]
+    at = frequency.scale * band.spectrum.frequency_hz
+    ax.semilogy(at, magnitude.scale * np.hypot(band.measured[:half], band.measured[half:]), ".", color=BLUE, ms=3,
+                label="measured")  # fmt: skip
+    ax.semilogy(at, magnitude.scale * np.hypot(predicted[:half], predicted[half:]), "-", color=VERMILION,
+                label="calibrated")  # fmt: skip
+    dress(ax, frequency, magnitude, f"{band.spectrum.source or 'spectrum'}, {band.state}, {band.connection}")
+    ax.legend(fontsize=7)
