@@ -2,15 +2,18 @@
  *
  * The averaged motor in C; piezomotor_averaged.h says what it is and how it is used.
  *
- * A quantity is q(t) = q_0 + Re(sum of Q_h exp(j h theta)), d theta/dt = 2 pi frequency. The states are integrated by the
- * second backward differentiation formula (Gear's method), with three steps in a period of the drive or of the fastest mode.
- * As in the decks for ngspice, this damps free oscillations that the averages do not describe, such as those of a mode far
- * from the drive and of a standing rotor on the contact. Newton's method solves the equations of a step.
+ * A quantity is q(t) = q_0 + Re(sum of Q_h exp(j h theta)), d theta/dt = 2 pi frequency. The states are integrated by
+ * TR-BDF2: the trapezoidal rule for a part of a step, then the second backward differentiation formula for the whole. A
+ * step needs no step before it, so that inputs may jump between two steps. The step follows from the estimated error; it is
+ * at least a period of the drive. This damps free oscillations that the averages do not describe, such as those of a mode
+ * far from the drive. Newton's method solves both stages with one matrix, which is kept until the step or the motor's
+ * Jacobian matrix has changed.
+ *
+ * SOURCE R. E. Bank et al., IEEE Trans. CAD 4 (1985) 436; M. E. Hosea, L. F. Shampine, Appl. Numer. Math. 20 (1996) 21
  */
 #include "piezomotor_averaged.h"
 
 #include <math.h>
-#include <stddef.h>
 #include <string.h>
 
 #include "piezomotor_phase.h" /* written by the export from piezomotor_averaged_phase.lib */
@@ -18,12 +21,16 @@
 #define PI 3.14159265358979323846
 #define LAG 20e-6             /* s, time constant of the static deflection; as in piezomotor_averaged_bending */
 #define REFERENCE 100e3       /* Hz, at which the capacitances hold */
-#ifndef STEPS_OF_PERIOD
-#define STEPS_OF_PERIOD 3     /* internal steps in a period of the drive or of the fastest mode */
+#ifndef TOLERANCE
+#define TOLERANCE 1e-4        /* error of the states in a step, over their scales */
 #endif
-#define SOLVED 1e-8           /* change of the states in Newton's method, over their scales */
+#define SOLVED 0.05           /* error of Newton's method, over that of a step */
 #define ITERATIONS 8          /* with one Jacobian matrix */
-#define HALVINGS 12           /* of a step whose equations are not solved */
+#define SLOW 0.3              /* a change over the one before it, above which the Jacobian matrix is old */
+#define HALVINGS 12           /* of the shortest step, if its equations are not solved */
+#define MIDDLE 0.58578643762690495 /* 2 - sqrt(2): end of the trapezoidal part of a step */
+#define WEIGHT 0.29289321881345248 /* 1 - 1/sqrt(2): of the rate at the end of a stage, in both stages */
+#define SHARE 0.35355339059327376  /* sqrt(2)/4: of the rates at begin and middle, in the second stage */
 
 static phasor sum(phasor a, phasor b) { return (phasor){a.re + b.re, a.im + b.im}; }
 static phasor scaled(double factor, phasor a) { return (phasor){factor * a.re, factor * a.im}; }
@@ -70,8 +77,14 @@ static void analyse(const struct motor *m, const double at[PHASES], phasor part[
         part[h] = scaled((h == 0 ? 1.0 : 2.0) / PHASES, part[h]);
 }
 
-/* One period of the contact. x is measured from the crown; piezomotor_phase.h takes displacements in um. */
-static struct contact touch(const struct motor *m, const phasor x_part[], const phasor y_part[], double slider, double speed)
+/* What the contact depends on. */
+struct path {
+    phasor x[HARMONICS + 1], y[HARMONICS + 1]; /* m, mean and harmonics of the tip; x is measured from the crown */
+    double slider, speed;                      /* m at the begin of the period; rad/s against the carrier */
+};
+
+/* One period of the contact; piezomotor_phase.h takes displacements in um. */
+static struct contact touch(const struct motor *m, const struct path *path)
 {
     const struct values *p = &m->value;
     double x[PHASES], y[PHASES], fx[PHASES], fy[PHASES];
@@ -83,13 +96,13 @@ static struct contact touch(const struct motor *m, const phasor x_part[], const 
     struct phase at = {
         .normal_stiffness = p->normal_stiffness, .compliance = p->compliance, .mu = p->friction, .radius = p->radius,
         .preload = p->preload, .deflection = 1e6 * deflection, .damping = p->normal_damping, .series = p->series_compliance,
-        .slider_before = 1e6 * slider, .turn = 1e6 * p->radius * speed / (PHASES * p->frequency),
+        .slider_before = 1e6 * path->slider, .turn = 1e6 * p->radius * path->speed / (PHASES * p->frequency),
         .rate = 0.5 * PHASES * p->frequency,
     };
     phase_parameters(&at);
 
-    synthesise(m, x_part, x);
-    synthesise(m, y_part, y);
+    synthesise(m, path->x, x);
+    synthesise(m, path->y, y);
     for (int n = 0; n < PHASES; n++) {
         x[n] *= 1e6;
         y[n] *= 1e6;
@@ -126,10 +139,16 @@ static phasor inertance(const struct mode *mode, double omega)
 struct flow {
     double rate[STATES];
     phasor current_a, current_b; /* A */
-    phasor x, y;                 /* m, fundamental of the tip */
-    double heat;                 /* W */
+    double heat, contact_power;  /* W */
+    double stored;               /* J, in the modes and the clamped capacitances */
     struct contact contact;
 };
+
+/* Temperature of the stator above that at which the parameters hold. */
+static double stator_temperature(const struct values *p, const double state[STATES])
+{
+    return p->heat_capacity > 0.0 ? state[TEMPERATURE] : p->ambient_temperature;
+}
 
 /* A mode, or the carrier towards and along the rotor, which the drive does not move. */
 static struct mode moving(const struct values *p, int number)
@@ -145,15 +164,41 @@ static struct mode moving(const struct values *p, int number)
 /* The place of an amplitude among the states. */
 static int place(int mode, int harmonic) { return AMPLITUDE + 2 * (HARMONICS * mode + harmonic - 1); }
 
-/* Evaluate the motor in some state: the rates of the states, and what the outputs need. */
-static void evaluate(const struct motor *m, const double state[STATES], struct flow *f)
+/* The path of the tip: the sum of the modes; x from the crown of the rotor, which is above the tip at rest; y with the
+   carrier. */
+static struct path find_path(const struct values *p, const double state[STATES])
+{
+    struct path found = {.slider = state[SLIDER], .speed = state[SPEED] - state[CARRIER_X_VELOCITY] / p->radius};
+
+    for (int i = 0; i < MODES; i++) {
+        const struct mode *mode = &p->mode[i];
+        found.x[0].re += mode->tip_x * (state[DEFLECTION + i] + mode->tip_y * p->preload / mode->stiffness);
+        found.y[0].re += mode->tip_y * state[DEFLECTION + i];
+    }
+    for (int i = 0; i < MOVING; i++) {
+        struct mode mode = moving(p, i);
+        for (int h = 1; h <= HARMONICS; h++) {
+            phasor amplitude = {state[place(i, h)], state[place(i, h) + 1]};
+            found.x[h] = sum(found.x[h], scaled(mode.tip_x, amplitude));
+            found.y[h] = sum(found.y[h], scaled(mode.tip_y, amplitude));
+        }
+    }
+    found.x[0].re += state[CARRIER_X];
+    found.y[0].re += state[CARRIER];
+    return found;
+}
+
+/* Find the rates of the states, and what the outputs need, for the contact in f. */
+static void respond(const struct motor *m, const double state[STATES], struct flow *f)
 {
     const struct values *p = &m->value;
-    double angle = p->phase * PI / 180.0;
-    phasor u_a = {p->amplitude_a, 0.0}, u_b = {p->amplitude_b * cos(angle), p->amplitude_b * sin(angle)};
-    double warm = state[TEMPERATURE];
+    double angle = p->phase * PI / 180.0, turning = m->slope[phase_place] * PI / 180.0;
+    phasor wave = {cos(angle), sin(angle)};
+    phasor u_a = {p->amplitude_a, 0.0}, u_b = scaled(p->amplitude_b, wave);
+    phasor rise_a = {m->slope[amplitude_a_place], 0.0}; /* V/s */
+    phasor rise_b = product((phasor){m->slope[amplitude_b_place], p->amplitude_b * turning}, wave);
+    double warm = stator_temperature(p, state);
     double gain = 1.0 + p->coupling_drift * warm, drift = 1.0 + p->frequency_drift * warm;
-    phasor x[HARMONICS + 1] = {{0.0, 0.0}}, y[HARMONICS + 1] = {{0.0, 0.0}};
 
     /* groups: clamped capacitances with a constant loss tangent */
     double susceptance = 2.0 * PI * p->frequency * (1.0 + p->capacitance_drift * warm)
@@ -163,27 +208,11 @@ static void evaluate(const struct motor *m, const double state[STATES], struct f
     phasor q_b = sum(scaled(p->capacitance_b, u_b), scaled(-p->capacitance_ab, u_a));
     f->current_a = product(admittance, q_a);
     f->current_b = product(admittance, q_b);
+    f->current_a = sum(f->current_a, sum(scaled(p->capacitance_a, rise_a), scaled(-p->capacitance_ab, rise_b)));
+    f->current_b = sum(f->current_b, sum(scaled(p->capacitance_b, rise_b), scaled(-p->capacitance_ab, rise_a)));
+    f->stored = 0.25 * (q_a.re * u_a.re + q_a.im * u_a.im + q_b.re * u_b.re + q_b.im * u_b.im);
+    f->contact_power = 0.0;
     f->heat = 0.5 * admittance.re * (q_a.re * u_a.re + q_a.im * u_a.im + q_b.re * u_b.re + q_b.im * u_b.im);
-
-    /* tip: the sum of the modes; x from the crown of the rotor, which is above the tip at rest; y with the carrier */
-    for (int i = 0; i < MODES; i++) {
-        const struct mode *mode = &p->mode[i];
-        x[0].re += mode->tip_x * (state[DEFLECTION + i] + mode->tip_y * p->preload / mode->stiffness);
-        y[0].re += mode->tip_y * state[DEFLECTION + i];
-    }
-    for (int i = 0; i < MOVING; i++) {
-        struct mode mode = moving(p, i);
-        for (int h = 1; h <= HARMONICS; h++) {
-            phasor amplitude = {state[place(i, h)], state[place(i, h) + 1]};
-            x[h] = sum(x[h], scaled(mode.tip_x, amplitude));
-            y[h] = sum(y[h], scaled(mode.tip_y, amplitude));
-        }
-    }
-    x[0].re += state[CARRIER_X];
-    y[0].re += state[CARRIER];
-    f->x = x[1];
-    f->y = y[1];
-    f->contact = touch(m, x, y, state[SLIDER], state[SPEED] - state[CARRIER_X_VELOCITY] / p->radius);
 
     /* modes */
     for (int i = 0; i < MODES; i++) {
@@ -199,7 +228,8 @@ static void evaluate(const struct motor *m, const double state[STATES], struct f
             double omega = 2.0 * PI * h * p->frequency;
             phasor amplitude = {state[s], state[s + 1]};
             phasor spring = {stiffness - mode->mass * omega * omega, mode->damping * omega};
-            phasor force = sum(scaled(mode->tip_x, f->contact.fx[h]), scaled(mode->tip_y, f->contact.fy[h]));
+            phasor pushed = sum(scaled(mode->tip_x, f->contact.fx[h]), scaled(mode->tip_y, f->contact.fy[h]));
+            phasor force = pushed;
             if (h == 1)
                 force = sum(force, scaled(gain, sum(scaled(mode->coupling_a, u_a), scaled(mode->coupling_b, u_b))));
             force = sum(force, scaled(-1.0, product(spring, amplitude)));
@@ -207,8 +237,11 @@ static void evaluate(const struct motor *m, const double state[STATES], struct f
             phasor velocity = sum(rate, scaled(omega, turned(amplitude)));
             f->rate[s] = rate.re;
             f->rate[s + 1] = rate.im;
-            if (i < MODES)
+            if (i < MODES) {
                 f->heat += 0.5 * mode->damping * square(velocity);
+                f->contact_power -= 0.5 * (pushed.re * velocity.re + pushed.im * velocity.im);
+                f->stored += 0.25 * (mode->mass * square(velocity) + mode->stiffness * square(amplitude));
+            }
             if (h == 1) {
                 f->current_a = sum(f->current_a, scaled(gain * mode->coupling_a, velocity));
                 f->current_b = sum(f->current_b, scaled(gain * mode->coupling_b, velocity));
@@ -222,7 +255,6 @@ static void evaluate(const struct motor *m, const double state[STATES], struct f
     double push_x = f->contact.fx[0].re - p->mount_x_stiffness * state[CARRIER_X]
         - p->mount_x_damping * state[CARRIER_X_VELOCITY];
     double drive = p->radius * f->contact.friction - p->load_torque - p->bearing * state[SPEED];
-    double cooling = (state[TEMPERATURE] - p->ambient_temperature) / p->thermal_resistance;
     f->rate[CARRIER] = state[CARRIER_VELOCITY];
     f->rate[CARRIER_VELOCITY] = MOUNTED ? push / p->mount_mass : 0.0;
     f->rate[CARRIER_X] = state[CARRIER_X_VELOCITY];
@@ -230,7 +262,22 @@ static void evaluate(const struct motor *m, const double state[STATES], struct f
     f->rate[SPEED] = drive / p->inertia;
     f->rate[POSITION] = state[SPEED];
     f->rate[SLIDER] = p->frequency * (f->contact.slider - state[SLIDER]);
-    f->rate[TEMPERATURE] = (f->heat - cooling) / p->heat_capacity;
+    f->rate[TEMPERATURE] = 0.0;
+    if (p->heat_capacity > 0.0) {
+        double cooling = (warm - p->ambient_temperature) / p->thermal_resistance;
+        f->rate[TEMPERATURE] = (f->heat - cooling) / p->heat_capacity;
+    }
+    f->rate[CHARGE] = f->current_a.re;
+    f->rate[CHARGE + 1] = f->current_a.im;
+}
+
+/* Evaluate the motor in some state. */
+static void evaluate(const struct motor *m, const double state[STATES], struct flow *f)
+{
+    struct path path = find_path(&m->value, state);
+
+    f->contact = touch(m, &path);
+    respond(m, state, f);
 }
 
 /* The motion that the harmonics left out would cause, relative to the static penetration and the limit of stick. */
@@ -260,18 +307,16 @@ static double check(const struct values *p, const struct contact *contact)
 
 void motor_default(struct motor *motor)
 {
-    static const double start[] = START; /* inputs, outputs (0), parameters, in the order of struct values */
-    double *value = (double *)&motor->value;
+    /* inputs, outputs (0), parameters, in the order of struct values */
+    static const double start[sizeof motor->value / sizeof(double)] = START;
 
-    _Static_assert(sizeof start == sizeof motor->value, "piezomotor_start.h does not fit piezomotor_averaged.h");
-    for (size_t i = 0; i < sizeof start / sizeof *start; i++)
-        value[i] = start[i];
+    memcpy(&motor->value, start, sizeof start);
     for (int n = 0; n < PHASES; n++)
         for (int h = 0; h < ORDERS; h++)
             motor->wheel[n][h] = (phasor){cos(2.0 * PI * h * n / PHASES), sin(2.0 * PI * h * n / PHASES)};
-    memset(motor->state, 0, sizeof motor->state);
-    memset(motor->before, 0, sizeof motor->before);
-    motor->step = 0.0;
+    memset(motor->slope, 0, sizeof motor->slope);
+    motor->longest = INFINITY;
+    motor_rest(motor);
 }
 
 void motor_rest(struct motor *motor)
@@ -279,7 +324,8 @@ void motor_rest(struct motor *motor)
     const struct values *p = &motor->value;
 
     memset(motor->state, 0, sizeof motor->state);
-    motor->step = 0.0;
+    motor->step = motor_shortest_step(motor);
+    motor->solver = (struct solver){0};
     for (int i = 0; i < MODES; i++)
         motor->state[DEFLECTION + i] = -p->mode[i].tip_y * p->preload / p->mode[i].stiffness;
     motor->state[TEMPERATURE] = p->ambient_temperature;
@@ -301,7 +347,7 @@ void motor_measure(struct motor *motor)
     p->current_phase_a = 180.0 / PI * atan2(flow.current_a.im, flow.current_a.re);
     p->current_amplitude_b = size(current_b);
     p->current_phase_b = 180.0 / PI * atan2(current_b.im, current_b.re);
-    p->temperature = motor->state[TEMPERATURE];
+    p->temperature = stator_temperature(p, motor->state);
     p->check = check(p, &flow.contact);
     p->separated = flow.contact.separated;
     p->slip = flow.contact.slip;
@@ -309,23 +355,18 @@ void motor_measure(struct motor *motor)
     p->normal_force = flow.contact.normal;
     p->electrical_power = 0.5 * (p->amplitude_a * flow.current_a.re + p->amplitude_b * current_b.re);
     p->heat = flow.heat;
-    p->tip_x_amplitude = size(flow.x);
-    p->tip_y_amplitude = size(flow.y);
+    p->contact_power = flow.contact_power;
+    p->stored_energy = flow.stored;
+    struct path path = find_path(p, motor->state);
+    p->tip_x_amplitude = size(path.x[1]);
+    p->tip_y_amplitude = size(path.y[1]);
 }
 
 /* --- integration --- */
 
-struct solver {
-    double scale[STATES];            /* of the states: the static penetration, and what moves the tip by it in a period */
-    double jacobian[STATES][STATES];
-    double matrix[STATES][STATES];   /* 1 - weight * jacobian, decomposed */
-    int pivot[STATES];
-    double weight;                   /* s; 0 if the matrix is not that of the Jacobian */
-};
-
-static void find_scales(const struct motor *m, double scale[STATES])
+/* Find the scales of the states: the static penetration, and what moves the tip by it in a period. */
+static void find_scales(const struct values *p, double scale[STATES])
 {
-    const struct values *p = &m->value;
     double depth = pow(p->preload / p->normal_stiffness, 2.0 / 3.0);
 
     for (int s = 0; s < STATES; s++)
@@ -337,23 +378,48 @@ static void find_scales(const struct motor *m, double scale[STATES])
     scale[SPEED] = scale[POSITION] * p->frequency;
     scale[CARRIER_VELOCITY] = scale[CARRIER_X_VELOCITY] = depth * p->frequency;
     scale[TEMPERATURE] = 1.0;
+    scale[CHARGE] = scale[CHARGE + 1] = INFINITY; /* an integral that moves nothing */
 }
 
-static void find_jacobian(const struct motor *m, const double state[STATES], struct solver *solver)
+/* Find the derivatives of the rates by the states. The contact, which takes most of the time, is evaluated once for each
+   number in its path; it changes with the states as its path does. */
+static void find_jacobian(struct motor *m, const double state[STATES])
 {
-    struct flow here, there;
-    double moved[STATES];
+    enum { NUMBERS = sizeof(struct path) / sizeof(double), FOUND = sizeof(struct contact) / sizeof(double) };
+    struct solver *solver = &m->solver;
+    struct path path = find_path(&m->value, state);
+    struct flow here = {.contact = touch(m, &path)}, there;
+    double depth = pow(m->value.preload / m->value.normal_stiffness, 2.0 / 3.0);
+    double slope[NUMBERS][FOUND], moved[STATES];
 
-    evaluate(m, state, &here);
+    respond(m, state, &here);
+    for (int n = 0; n < NUMBERS; n++) {
+        struct path other = path;
+        double change = 1e-6 * (&((double *)&path)[n] == &path.speed ? depth * m->value.frequency / m->value.radius : depth);
+        ((double *)&other)[n] += change;
+        struct contact touched = touch(m, &other);
+        for (int k = 0; k < FOUND; k++)
+            slope[n][k] = (((double *)&touched)[k] - ((double *)&here.contact)[k]) / change;
+    }
     for (int column = 0; column < STATES; column++) {
-        double change = 1e-6 * solver->scale[column];
+        double change = isfinite(solver->scale[column]) ? 1e-6 * solver->scale[column] : 1.0;
         memcpy(moved, state, sizeof moved);
         moved[column] += change;
-        evaluate(m, moved, &there);
+        struct path other = find_path(&m->value, moved);
+        there.contact = here.contact;
+        for (int n = 0; n < NUMBERS; n++) {
+            double by = ((double *)&other)[n] - ((double *)&path)[n];
+            if (by != 0.0)
+                for (int k = 0; k < FOUND; k++)
+                    ((double *)&there.contact)[k] += by * slope[n][k];
+        }
+        respond(m, moved, &there);
         for (int row = 0; row < STATES; row++)
             solver->jacobian[row][column] = (there.rate[row] - here.rate[row]) / change;
     }
     solver->weight = 0.0;
+    solver->old = solver->slow = 0;
+    solver->known = 1;
 }
 
 /* Decompose 1 - weight * jacobian into triangles, with pivots. */
@@ -370,16 +436,18 @@ static void decompose(struct solver *solver, double weight)
             if (fabs(a[row][k]) > fabs(a[best][k]))
                 best = row;
         solver->pivot[k] = best;
-        for (int column = 0; column < STATES; column++) {
-            double kept = a[k][column];
-            a[k][column] = a[best][column];
-            a[best][column] = kept;
-        }
-        for (int row = k + 1; row < STATES; row++) {
-            a[row][k] /= a[k][k];
-            for (int column = k + 1; column < STATES; column++)
-                a[row][column] -= a[row][k] * a[k][column];
-        }
+        if (best != k)
+            for (int column = 0; column < STATES; column++) {
+                double kept = a[k][column];
+                a[k][column] = a[best][column];
+                a[best][column] = kept;
+            }
+        for (int row = k + 1; row < STATES; row++)
+            if (a[row][k] != 0.0) {
+                a[row][k] /= a[k][k];
+                for (int column = k + 1; column < STATES; column++)
+                    a[row][column] -= a[row][k] * a[k][column];
+            }
     }
     solver->weight = weight;
 }
@@ -401,80 +469,140 @@ static void substitute(const struct solver *solver, double vector[STATES])
     }
 }
 
-/* Solve state = known + weight * rate(state) from a guess; return whether Newton's method ends. */
-static int solved(const struct motor *m, struct solver *solver, const double known[STATES], double weight, double state[STATES])
+/* Return the greatest of the changes over the error that a step may have, and infinity for one that is not finite. */
+static double measure(const struct solver *solver, const double change[STATES], const double state[STATES])
 {
-    struct flow flow;
-    double change[STATES];
+    double largest = 0.0;
 
-    if (fabs(solver->weight - weight) > 1e-6 * weight)
-        decompose(solver, weight);
+    for (int s = 0; s < STATES; s++) {
+        double part = fabs(change[s]) / (TOLERANCE * (solver->scale[s] + fabs(state[s])));
+        largest = isfinite(change[s]) && isfinite(state[s]) ? fmax(largest, part) : INFINITY;
+    }
+    return largest;
+}
+
+/* Solve state = known + weight * rate(state) from a guess; return whether Newton's method ends. */
+static int solved(struct motor *m, const double known[STATES], double weight, double state[STATES], double rate[STATES])
+{
+    struct solver *solver = &m->solver;
+    struct flow flow;
+    double change[STATES], before = 0.0;
+
     for (int n = 0; n < ITERATIONS; n++) {
-        double largest = 0.0;
         evaluate(m, state, &flow);
         for (int s = 0; s < STATES; s++)
             change[s] = known[s] + weight * flow.rate[s] - state[s];
         substitute(solver, change);
-        for (int s = 0; s < STATES; s++) {
+        double largest = measure(solver, change, state);
+        for (int s = 0; s < STATES; s++)
             state[s] += change[s];
-            largest = fmax(largest, isfinite(state[s]) ? fabs(change[s]) / solver->scale[s] : INFINITY);
-        }
-        if (largest <= SOLVED)
-            return 1;
-        if (!isfinite(largest))
+        double shrink = n > 0 && before > 0.0 ? largest / before : SLOW;
+        if (!isfinite(largest) || (n > 1 && shrink >= 1.0))
             return 0;
+        if (n > 0 && shrink > SLOW)
+            solver->slow = solver->old;
+        if (largest <= 1e-6 || (shrink < 1.0 && largest * shrink / (1.0 - shrink) <= SOLVED)) {
+            for (int s = 0; s < STATES; s++)
+                rate[s] = (state[s] - known[s]) / weight;
+            return 1;
+        }
+        before = largest;
     }
     return 0;
 }
 
-/* Advance by one step, or by two halves if its equations are not solved. */
-static int advance(struct motor *m, struct solver *solver, double step, int halvings)
+/* Set the inputs to those at a time after the begin of a step. */
+static void move_inputs(struct motor *m, const double from[INPUT_COUNT], double time)
 {
-    double ratio = m->step > 0.0 && step < 2.0 * m->step ? step / m->step : 0.0; /* 0: the first, implicit Euler's formula */
-    double weight = step * (1.0 + ratio) / (1.0 + 2.0 * ratio);
-    double known[STATES], state[STATES];
-
-    for (int s = 0; s < STATES; s++) {
-        double change = m->state[s] - m->before[s];
-        known[s] = m->state[s] + ratio * ratio / (1.0 + 2.0 * ratio) * change;
-        state[s] = m->state[s] + ratio * change;
-    }
-    int done = solved(m, solver, known, weight, state);
-    if (!done) {
-        memcpy(state, m->state, sizeof state);
-        find_jacobian(m, state, solver);
-        done = solved(m, solver, known, weight, state);
-    }
-    if (done) {
-        memcpy(m->before, m->state, sizeof state);
-        memcpy(m->state, state, sizeof state);
-        m->step = step;
-        return 0;
-    }
-    if (halvings == 0)
-        return -1;
-    return advance(m, solver, 0.5 * step, halvings - 1) != 0 ? -1 : advance(m, solver, 0.5 * step, halvings - 1);
+    for (int i = 0; i < INPUT_COUNT; i++)
+        ((double *)&m->value)[i] = from[i] + m->slope[i] * time;
 }
 
-double motor_step(const struct motor *motor)
+/* Try one step; return its estimated error over the one that it may have, or infinity if it is not solved. */
+static double attempt(struct motor *m, const double inputs[INPUT_COUNT], double step, double state[STATES], double rate[STATES])
 {
-    double fastest = motor->value.frequency;
+    struct solver *solver = &m->solver;
+    double known[STATES], middle[STATES], between[STATES], error[STATES], weight = WEIGHT * step;
+    double ahead = m->taken > 0.0 ? MIDDLE * step / m->taken : 0.0; /* a guess by the step before */
 
-    for (int i = 0; i < MODES; i++)
-        fastest = fmax(fastest, natural(&motor->value.mode[i]) / (2.0 * PI));
-    return 1.0 / (STEPS_OF_PERIOD * fastest);
+    if (fabs(solver->weight - weight) > 1e-6 * weight)
+        decompose(solver, weight);
+    move_inputs(m, inputs, MIDDLE * step);
+    for (int s = 0; s < STATES; s++) {
+        known[s] = m->state[s] + weight * m->rate[s];
+        middle[s] = m->state[s] + ahead * m->change[s];
+    }
+    if (!solved(m, known, weight, middle, between))
+        return INFINITY;
+    move_inputs(m, inputs, step);
+    for (int s = 0; s < STATES; s++) {
+        known[s] = m->state[s] + SHARE * step * (m->rate[s] + between[s]);
+        state[s] = m->state[s] + (middle[s] - m->state[s]) / MIDDLE;
+    }
+    if (!solved(m, known, weight, state, rate))
+        return INFINITY;
+    for (int s = 0; s < STATES; s++) /* against the formula of third order with these three rates */
+        error[s] = step / 3.0 * ((1.0 - 4.0 * SHARE) * m->rate[s] + between[s] - 2.0 * WEIGHT * rate[s]);
+    substitute(solver, error);
+    return measure(solver, error, state);
+}
+
+double motor_shortest_step(const struct motor *motor) { return 1.0 / motor->value.frequency; }
+
+void motor_begin(struct motor *motor)
+{
+    struct flow flow;
+
+    evaluate(motor, motor->state, &flow);
+    memcpy(motor->rate, flow.rate, sizeof motor->rate);
+}
+
+double motor_step(struct motor *m, double left)
+{
+    struct solver *solver = &m->solver;
+    double shortest = motor_shortest_step(m), inputs[INPUT_COUNT], state[STATES], rate[STATES], factor;
+    double step = left / ceil(left / fmin(m->step, m->longest) * (1.0 - 1e-9)); /* equal parts need one matrix */
+    int shortened = 0;
+
+    memcpy(inputs, &m->value, sizeof inputs);
+    if (!solver->known)
+        find_scales(&m->value, solver->scale);
+    if (!solver->known || solver->slow)
+        find_jacobian(m, m->state);
+    for (;;) {
+        double error = attempt(m, inputs, step, state, rate);
+        factor = fmin(fmax(0.9 * pow(error, -1.0 / 3.0), 0.2), 4.0);
+        if (error <= 1.0 || (isfinite(error) && step <= shortest))
+            break;
+        move_inputs(m, inputs, 0.0);
+        if (!isfinite(error) && solver->old)
+            find_jacobian(m, m->state);
+        else if (step < ldexp(shortest, -HALVINGS))
+            return -1.0;
+        else
+            shortened = 1, step = isfinite(error) ? fmax(factor * step, fmin(step, shortest)) : 0.25 * step;
+    }
+    for (int s = 0; s < STATES; s++) {
+        m->change[s] = state[s] - m->state[s];
+        m->state[s] = state[s];
+        m->rate[s] = rate[s];
+    }
+    m->taken = step;
+    solver->old = 1;
+    if (shortened || factor < 1.0 || factor * step > 1.5 * m->step)
+        m->step = fmax(factor * step, shortest);
+    return step;
 }
 
 int motor_advance(struct motor *motor, double duration)
 {
-    double count = ceil(duration / motor_step(motor));
-    struct solver solver;
-
-    find_scales(motor, solver.scale);
-    find_jacobian(motor, motor->state, &solver);
-    for (double n = 0.0; n < count; n += 1.0)
-        if (advance(motor, &solver, duration / count, HALVINGS) != 0)
+    motor_begin(motor);
+    for (double left = duration; left > 1e-12 * duration;) {
+        double step = motor_step(motor, left);
+        if (step < 0.0)
             return -1;
+        left -= step;
+    }
     motor_measure(motor);
     return 0;
 }

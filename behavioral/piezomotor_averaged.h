@@ -20,13 +20,15 @@
 #ifndef PIEZOMOTOR_AVERAGED_H
 #define PIEZOMOTOR_AVERAGED_H
 
+#include <stddef.h>
+
 #include "piezomotor_start.h"
 
-enum {
-    PHASES = 64,           /* of a period, at which the contact is evaluated */
-    HARMONICS = 3,         /* that move the tip */
-    ORDERS = HARMONICS + 3 /* of the contact's force: the mean, these harmonics, and two more that are checked */
-};
+#ifndef PHASES
+#define PHASES 64   /* of a period, at which the contact is evaluated */
+#define HARMONICS 3 /* that move the tip */
+#endif
+enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harmonics, and two more that are checked */
 
 /* Every line: name, unit, least and greatest value, meaning. The export reads these lines too. */
 #define INPUTS(ENTRY) \
@@ -52,6 +54,8 @@ enum {
     ENTRY(normal_force, "N", "mean normal force") \
     ENTRY(electrical_power, "W", "real power into both groups") \
     ENTRY(heat, "W", "losses of the stator: dielectric and modal damping") \
+    ENTRY(contact_power, "W", "power of the stator into the contact: friction loss and power on the rotor") \
+    ENTRY(stored_energy, "J", "energy in the modes and the clamped capacitances, mean over a period") \
     ENTRY(tip_x_amplitude, "m", "amplitude of the tip's fundamental, tangential") \
     ENTRY(tip_y_amplitude, "m", "amplitude of the tip's fundamental, towards the rotor")
 
@@ -72,7 +76,7 @@ enum {
     ENTRY(frequency_drift, "1/K", -0.01, 0.01, "relative drift of the resonance frequencies") \
     ENTRY(coupling_drift, "1/K", -0.01, 0.01, "relative drift of the couplings") \
     ENTRY(capacitance_drift, "1/K", -0.02, 0.02, "relative drift of the clamped capacitances") \
-    ENTRY(heat_capacity, "J/K", 1e-9, 1e6, "heat capacity of the stator") \
+    ENTRY(heat_capacity, "J/K", 0, 1e6, "heat capacity of the stator; 0: its temperature is that of the surroundings") \
     ENTRY(thermal_resistance, "K/W", 1e-3, 1e6, "thermal resistance to the surroundings")
 
 /* of the stator's carrier on plate springs; without effect where MOUNTED is 0 */
@@ -118,23 +122,46 @@ enum {
     SLIDER,                     /* displacement of the slider at the end of the period, m */
     CARRIER, CARRIER_VELOCITY,  /* m, m/s, towards the rotor */
     CARRIER_X, CARRIER_X_VELOCITY, /* the same along the rotor */
-    DEFLECTION,
+    CHARGE,                     /* integral of the amplitude of the current into group A, A.s: real and imaginary part */
+    DEFLECTION = CHARGE + 2,
     AMPLITUDE = DEFLECTION + MODES,
     STATES = AMPLITUDE + 2 * MOVING * HARMONICS
 };
 
+#define PLACE(name, ...) name##_place,
+enum { INPUTS(PLACE) INPUT_COUNT }; /* the inputs are the first values */
+#undef PLACE
+
+/* What the implicit integration keeps from step to step. */
+struct solver {
+    double scale[STATES];            /* of the states */
+    double jacobian[STATES][STATES]; /* derivatives of the rates */
+    double matrix[STATES][STATES];   /* 1 - weight * jacobian, decomposed */
+    int pivot[STATES];
+    double weight;                   /* s; 0 if the matrix is not that of the Jacobian */
+    int known, old, slow;            /* Jacobian: there is one; of an earlier state; Newton's method takes long with it */
+};
+
 struct motor {
     struct values value;
+    double slope[INPUT_COUNT];    /* rates of the inputs, 1/s: an input changes by them while the motor advances */
+    double longest;               /* longest internal step, s */
     double state[STATES];
-    double before[STATES];        /* the states one internal step ago */
-    double step;                  /* that step, s; 0 at the start */
+    double rate[STATES];          /* of the states, 1/s */
+    double change[STATES];        /* of the states in the last internal step */
+    double taken, step;           /* last internal step, s; next one, unless the time that is left is shorter */
+    struct solver solver;
     phasor wheel[PHASES][ORDERS]; /* exp(2 pi j h n / PHASES) */
 };
 
 void motor_default(struct motor *motor);
 void motor_rest(struct motor *motor);
-void motor_measure(struct motor *motor);                 /* fills the outputs in motor->value */
-double motor_step(const struct motor *motor);            /* internal time step in s */
-int motor_advance(struct motor *motor, double duration); /* 0, or -1 if the equations of a step have no solution */
+void motor_measure(struct motor *motor);                     /* fills the outputs in motor->value */
+int motor_advance(struct motor *motor, double duration);     /* 0, or -1 if the equations of a step have no solution */
+
+/* the parts of motor_advance: one begin, then steps until no time is left, then a measurement */
+void motor_begin(struct motor *motor);                       /* after the inputs changed */
+double motor_step(struct motor *motor, double left);         /* one internal step; its length in s, or -1 */
+double motor_shortest_step(const struct motor *motor);       /* s */
 
 #endif

@@ -64,17 +64,16 @@ struct variable { const char *name, *unit; double least, greatest; };
 #define RANGE(name, unit, least, greatest, meaning) {#name, unit, least, greatest},
 #define ONE(...) +1
 static const struct variable INPUT[] = {INPUTS(RANGE)};
-static const struct variable PARAMETER[] = {PARAMETERS(RANGE) MOUNT_PARAMETERS(RANGE)};
+static const struct variable PARAMETER[] = {PARAMETERS(RANGE) MOUNT_PARAMETERS(RANGE) MOUNT_X_PARAMETERS(RANGE)};
 static const struct variable OF_MODE[] = {MODE_PARAMETERS(RANGE)};
 enum {
-    INPUT_COUNT = 0 INPUTS(ONE),
     FIRST_PARAMETER = INPUT_COUNT OUTPUTS(ONE),
-    FIRST_OF_MODES = FIRST_PARAMETER PARAMETERS(ONE) MOUNT_PARAMETERS(ONE),
+    FIRST_OF_MODES = FIRST_PARAMETER PARAMETERS(ONE) MOUNT_PARAMETERS(ONE) MOUNT_X_PARAMETERS(ONE),
     COUNT_OF_MODE = 0 MODE_PARAMETERS(ONE),
     COUNT = FIRST_OF_MODES + MODES * COUNT_OF_MODE
 };
 
-#define MOST_STEPS 1e7 /* internal steps in one call of fmi2DoStep; about a minute */
+#define LONGEST 1e6 /* s, of one call of fmi2DoStep */
 
 static fmi2Status fail(struct instance *c, const char *format, ...)
 {
@@ -280,10 +279,8 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component component, fmi2Real time, fmi2Real st
     (void)no_return;
     if (!c || allowed(c, "fmi2DoStep", c->kept.phase == RUNNING) != fmi2OK)
         return fmi2Error;
-    double longest = MOST_STEPS * motor_step(&c->kept.motor);
-    if (!(step > 0.0 && step <= longest))
-        return fail(c, "fmi2DoStep: the step size %g s is not valid: it must be more than 0 and at most %g s, which are "
-            "%g internal steps of this motor.", step, longest, MOST_STEPS);
+    if (!(step > 0.0 && step <= LONGEST))
+        return fail(c, "fmi2DoStep: the step size %g s is not valid: it must be more than 0 and at most %g s.", step, LONGEST);
     if (!(fabs(time - c->kept.time) <= 1e-6 * step + 1e-9 * fabs(c->kept.time)))
         return fail(c, "fmi2DoStep: the communication point %.9g s is not valid: the instance is at %.9g s.", time,
             c->kept.time);

@@ -3,17 +3,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property, partial
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import SkipValidation
 
 from pyspice_runner.analysis.dynamometer import STUCK, stuck
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.engine.compiler import find_compiler
+from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive, Load, TwoPhaseDrive, check_together, too_fast
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
@@ -30,17 +33,23 @@ from pyspice_runner.netlist.averaged import (
     constant_settings,
 )
 from pyspice_runner.netlist.contact import PAPER_LAW, ContactLaw
-from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.netlist.sources import Bench, DriveSource
 from pyspice_runner.result import Audit, Result
+from pyspice_runner.run.averaged_motor import AveragedMotor
 from pyspice_runner.run.ceramic import stated
-from pyspice_runner.run.kernel import Outcome, progress_callback, transient
+from pyspice_runner.run.engines import Engine
+from pyspice_runner.run.kernel import Outcome, progress_callback, run_bench, simulator, transient_timing
 
 Array = NDArray[np.float64]
 MOST_POINTS_OF_A_COURSE = 10_000
 FEWEST_PERIODS = 10
-LONGEST_STEPS = 50  # of the duration: ngspice's longest step
+LONGEST_STEPS = {"spice": 50, "compiled": 200}  # least number of steps of a run; linear in between
 TRUSTED_CHECK, TRUSTED_OPEN = 0.02, 0.0
-BALANCE_BOUND = 0.05  # of the energy put in; ngspice's own steps, summed by the trapezoidal rule
+BALANCE_BOUND = 0.05  # of the energy put in; the engine's own steps, summed by the trapezoidal rule
+INPUT_OF = {  # setting → input of the averaged motor in C
+    "frequency": "frequency", "voltage_a": "amplitude_a", "voltage_b": "amplitude_b", "phase_deg": "phase",
+    "load_torque": "load_torque",
+}  # fmt: skip
 
 COLUMNS: dict[str, tuple[str, str]] = {
     "time_s": ("s", "time"),
@@ -77,19 +86,19 @@ class AveragedRun(Result):
         curves: the arrays by the names of :data:`COLUMNS`; each is an attribute as well.
         energy_residual: energy into the stator that is not found as heat, in the modes, in the plates or in the
             contact, relative to the energy put in.
-        solver_seconds: wall time that ngspice took.
-        ngspice_version: version of ngspice.
+        solver_seconds: wall time that the engine took.
+        ngspice_version: version of ngspice; ``None`` of a run with the compiled motor.
         provenance: motor, drive and run settings, JSON-ready.
-        deck: the netlist that was run.
+        write_deck: returns the netlist of the run, for ngspice.
         audit: the power balance.
     """
 
     curves: Mapping[str, Array] = field(repr=False)
     energy_residual: float
     solver_seconds: float
-    ngspice_version: str
+    ngspice_version: str | None
     provenance: dict[str, Any] = field(repr=False)
-    deck: str = field(repr=False)
+    write_deck: Callable[[], str] = field(repr=False)
     audit: Audit = field(default_factory=Audit)
 
     units = COLUMNS
@@ -101,6 +110,11 @@ class AveragedRun(Result):
     def __post_init__(self) -> None:
         object.__setattr__(self, "curves", self._keyed(self.curves))
         self.__dict__.update(self.curves)
+
+    @cached_property
+    def deck(self) -> str:  # type: ignore[override]
+        """Netlist of the run, for ngspice."""
+        return self.write_deck()
 
     @property
     def linear(self) -> bool:
@@ -196,10 +210,11 @@ def simulate_averaged(
     thermal: Thermal | None = None,
     phases: int = PHASES,
     harmonics: int = HARMONICS,
+    engine: Engine = "auto",
     progress: Callable[[float, float], object] | None = None,
     timeout: float | None = None,
 ) -> AveragedRun:
-    """Run the averaged motor from preloaded rest: seconds of motor time in about a second.
+    """Run the averaged motor from preloaded rest: seconds of motor time in some milliseconds.
 
     Amplitudes and means replace the waveforms; ``docs/averaged.md`` says what that leaves out. The result says by
     :attr:`AveragedRun.trusted` whether the model's own check passes.
@@ -216,12 +231,14 @@ def simulate_averaged(
         thermal: drift with temperature; the losses then heat the stator.
         phases: number of phases of the period at which the contact is evaluated.
         harmonics: number of harmonics of the tip's motion, 1 to 6.
+        engine: ``"compiled"``, the averaged motor in C, which takes a C compiler; ``"spice"``, its netlist in ngspice;
+            ``"auto"``, the compiled motor where a compiler is installed.
         progress: called some times a second with the part that is done, 0 to 1, and the seconds that are left.
-        timeout: wall time in s after which ngspice is ended.
+        timeout: wall time in s after which the run is ended.
 
     Raises:
         ParameterError: for a value out of range, another kind of drive or law.
-        SimulationError: if ngspice fails or its result cannot be trusted.
+        SimulationError: if the engine fails or its result cannot be trusted.
     """
     if not isinstance(drive, TwoPhaseDrive):
         raise ParameterError(
@@ -237,14 +254,36 @@ def simulate_averaged(
             f"duration = {duration:g} s is out of range: it must be at least {FEWEST_PERIODS} periods of the drive, "
             f"{FEWEST_PERIODS * drive.period:.3g} s."
         )
-    settings = _settings(drive, load, courses or {})
-    bench = averaged_bench(motor, settings, load=load, phases=phases, harmonics=harmonics, thermal=thermal)
-    outcome = transient(
-        bench, _vectors(motor, harmonics, thermal), step=drive.period, longest=duration / LONGEST_STEPS,
-        duration=duration, timeout=timeout,
-        progress=progress and progress_callback(progress, duration),
-    )  # fmt: skip
-    columns, residual = _columns(motor, outcome, harmonics, None if speed is not None else settings["load_torque"])
+    settings = settings_of(drive, load, courses or {})
+    used = averaged_engine(engine)
+    longest = max(duration / LONGEST_STEPS[used], drive.period)  # the compiled motor damps what is faster
+    timing = transient_timing(drive.period, duration, longest)
+    vectors = _vectors(motor, harmonics, thermal)
+
+    def bench() -> Bench:
+        return averaged_bench(motor, settings, load=load, phases=phases, harmonics=harmonics, thermal=thermal)
+
+    report = progress and progress_callback(progress, duration)
+    course = None if speed is not None else settings["load_torque"]
+    version, deck_sha256 = None, {}
+    if used == "compiled":
+        running = AveragedMotor(
+            motor, thermal=thermal, speed=speed, phases=phases, harmonics=harmonics, longest=longest
+        )
+        begun = monotonic()
+        inputs = {of_c: settings[name] for name, of_c in INPUT_OF.items()}
+        columns = compiled_columns(motor, running.record(inputs, duration, timeout=timeout, progress=report), course)
+        seconds, stored = monotonic() - begun, columns.pop("stored_energy")
+        amplitudes = running.mode_amplitudes()
+        write_deck = partial(deck_of, bench, vectors, timing)
+    else:
+        outcome = run_bench(bench(), vectors, timeout, "transient", timing, progress=report)
+        columns, stored = _columns(motor, outcome, harmonics, course)
+        seconds, version = outcome.seconds, outcome.ngspice_version
+        deck_sha256 = {"deck_sha256": outcome.deck_sha256}
+        amplitudes = mode_amplitudes(motor, outcome.vectors(), harmonics)
+        write_deck = partial(str, outcome.deck)
+    residual = _missing_energy(columns, stored)
     missing = (
         f"The energy balance misses {100.0 * residual:.3g} % of the energy put in; the time steps explain up to "
         f"{100.0 * BALANCE_BOUND:g} %."
@@ -253,39 +292,73 @@ def simulate_averaged(
         curves=columns,
         energy_residual=residual,
         audit=Audit(() if residual <= BALANCE_BOUND else (missing,)),
-        solver_seconds=outcome.seconds,
-        ngspice_version=outcome.ngspice_version,
+        solver_seconds=seconds,
+        ngspice_version=version,
         provenance={
             "motor": motor.to_dict(),
             "drive": DriveSource(drive).to_dict(),
             "run": {
+                "engine": used,
                 "duration_s": duration, **PAPER_LAW.to_dict(), "speed_rad_s": speed, "load_torque_n_m": load_torque,
                 "phases": phases, "harmonics": harmonics,
                 "courses": {name: [*map(list, course)] for name, course in settings.items() if len(course) > 1},
                 "thermal": None if thermal is None else thermal.model_dump(),
             },
-            "deck_sha256": outcome.deck_sha256,
-            **averaged_ceramic(motor, outcome.vectors(), harmonics),
+            **deck_sha256,
+            **averaged_ceramic(
+                motor, amplitudes, float(columns["normal_force_n"][-1]), float(columns["heat_w"][-1]),
+                columns["rotor_speed_rad_s"],
+            ),
         },
-        deck=outcome.deck,
+        write_deck=write_deck,
     )  # fmt: skip
 
 
-def averaged_ceramic(motor: Motor, samples: Mapping[str, Array], harmonics: int) -> dict[str, Any]:
-    """Return upper bounds of strain and stress at the end (all amplitudes in phase), and the temperature rise."""
-    normal = float(samples["v(xmotor.normal)"][-1])
-    amplitudes = []
-    for index, mode in enumerate(motor.modes, start=1):
+def averaged_engine(engine: Engine) -> Literal["spice", "compiled"]:
+    """Return the engine that runs an averaged motor; raise SimulationError for ``"compiled"`` without a C compiler."""
+    if engine == "spice":
+        return "spice"
+    try:
+        find_compiler()
+    except SimulationError:
+        if engine == "compiled":
+            raise
+        return "spice"
+    return "compiled"
+
+
+def deck_of(bench: Callable[[], Bench], vectors: Sequence[str], timing: Mapping[str, Any]) -> str:
+    """Return the netlist of a transient of a bench."""
+    return str(simulator(bench(), vectors).prepare("transient", **timing))
+
+
+def mode_amplitudes(motor: Motor, samples: Mapping[str, Array], harmonics: int) -> list[float]:
+    """Return the greatest displacement of each mode's coordinate at the end of a run of ngspice, m."""
+    found = []
+    for index in range(1, len(motor.modes) + 1):
         moves = [
             np.hypot(*(samples[f"v(xmotor.xmode{index}_{order}.r_{part})"][-1] for part in ("re", "im")))
             for order in range(1, harmonics + 1)
         ]
-        amplitudes.append(abs(mode.tip_y) * normal / mode.stiffness_n_per_m + 1e-6 * float(sum(moves)))
-    rise = temperature_rise(motor, float(samples["v(heat)"][-1]))
-    return stated(motor, {**peak_of_amplitudes(motor, amplitudes), "temperature_rise_k": rise}, samples["v(shaft)"])
+        found.append(1e-6 * float(sum(moves)))
+    return found
 
 
-def _settings(drive: TwoPhaseDrive, load: Load, courses: Mapping[str, ArrayLike]) -> dict[str, Course]:
+def averaged_ceramic(
+    motor: Motor, amplitudes: Sequence[float], normal_force: float, heat: float, speed: Array
+) -> dict[str, Any]:
+    """Return upper bounds of strain and stress at the end (all amplitudes in phase), and the temperature rise.
+
+    ``amplitudes`` of the modes in m, ``normal_force`` in N and ``heat`` in W are those at the end; ``speed`` in rad/s
+    is over time.
+    """
+    bent = [abs(mode.tip_y) * normal_force / mode.stiffness_n_per_m for mode in motor.modes]
+    total = [static + moved for static, moved in zip(bent, amplitudes, strict=True)]
+    rise = temperature_rise(motor, heat)
+    return stated(motor, {**peak_of_amplitudes(motor, total), "temperature_rise_k": rise}, speed)
+
+
+def settings_of(drive: TwoPhaseDrive, load: Load, courses: Mapping[str, ArrayLike]) -> dict[str, Course]:
     """Return the courses of all settings, constant unless the user gives one."""
     given = dict(courses)
     if "voltage" in given:
@@ -338,8 +411,8 @@ def _vectors(motor: Motor, harmonics: int, thermal: Thermal | None) -> list[str]
 
 def _columns(
     motor: Motor, outcome: Outcome, harmonics: int, load_torque: Course | None
-) -> tuple[dict[str, Array], float]:
-    """Return the columns in SI units, and the residual of the energy balance.
+) -> tuple[dict[str, Array], Array]:
+    """Return the columns in SI units of a run of ngspice, and the energy in modes and clamped capacitances, J.
 
     ``load_torque`` is its course, or ``None`` for a held shaft, which draws the torque that the bearing leaves.
     """
@@ -366,13 +439,7 @@ def _columns(
             contact -= 0.5 * np.real(force * velocity.conjugate())
             stored += 0.25 * (mode.mass_kg * np.abs(velocity) ** 2 + mode.stiffness_n_per_m * np.abs(displacement) ** 2)
     heat = samples["v(heat)"]
-    put_in = float(np.trapezoid(np.maximum(electrical, 0.0) + np.maximum(-contact, 0.0), time))
-    missing = float(np.trapezoid(electrical - heat - contact, time) - (stored[-1] - stored[0]))
     torque = motor.rotor.radius_m * samples["v(xmotor.friction)"]
-    if load_torque is None:
-        drawn = torque - motor.rotor.bearing_damping_n_m_s * samples["v(shaft)"]
-    else:
-        drawn = np.interp(time, *np.transpose(load_torque))
     columns = {
         "time_s": time,
         "frequency_hz": samples["v(set_frequency)"],
@@ -388,7 +455,7 @@ def _columns(
         "tip_y_amplitude_m": 1e-6 * np.abs(amplitude("v(xmotor.y_{}1)")),
         "normal_force_n": samples["v(xmotor.normal)"],
         "torque_n_m": torque,
-        "load_torque_n_m": drawn,
+        "load_torque_n_m": _drawn(motor, time, torque, samples["v(shaft)"], load_torque),
         "rotor_speed_rad_s": samples["v(shaft)"],
         "rotor_position_rad": samples["v(position)"],
         "separated": np.clip(samples["v(xmotor.open)"], 0.0, 1.0),
@@ -396,4 +463,36 @@ def _columns(
         "temperature_k": samples.get("v(temperature)", np.zeros(len(time))),
         "check": samples["v(xmotor.check)"],
     }
-    return {name: columns[name] for name in COLUMNS}, abs(missing) / put_in if put_in > 0.0 else abs(missing)
+    return {name: columns[name] for name in COLUMNS}, stored
+
+
+def compiled_columns(motor: Motor, rows: Mapping[str, Array], load_torque: Course | None) -> dict[str, Array]:
+    """Return the columns of a run of the compiled motor, and ``stored_energy`` in J; arguments as of ngspice's."""
+    names = {
+        "time_s": "time", "frequency_hz": "frequency", "phase_deg": "phase", "electrical_power_w": "electrical_power",
+        "current_amplitude_a_a": "current_amplitude_a", "current_amplitude_b_a": "current_amplitude_b",
+        "heat_w": "heat", "contact_power_w": "contact_power", "tip_x_amplitude_m": "tip_x_amplitude",
+        "tip_y_amplitude_m": "tip_y_amplitude", "normal_force_n": "normal_force", "torque_n_m": "torque",
+        "rotor_speed_rad_s": "speed", "rotor_position_rad": "position", "separated": "separated", "slip": "slip",
+        "temperature_k": "temperature", "check": "check",
+    }  # fmt: skip
+    columns = {name: rows[of_c] for name, of_c in names.items()}
+    columns |= {f"amplitude_{group}_v": np.abs(rows[f"amplitude_{group}"]) for group in "ab"}
+    drawn = _drawn(motor, rows["time"], rows["torque"], rows["speed"], load_torque)
+    columns["load_torque_n_m"] = drawn
+    return {name: columns[name] for name in COLUMNS} | {"stored_energy": rows["stored_energy"]}
+
+
+def _drawn(motor: Motor, time: Array, torque: Array, speed: Array, load_torque: Course | None) -> Array:
+    """Return the torque that the load draws."""
+    if load_torque is None:
+        return np.asarray(torque - motor.rotor.bearing_damping_n_m_s * speed)
+    return np.asarray(np.interp(time, *np.transpose(load_torque)))
+
+
+def _missing_energy(columns: Mapping[str, Array], stored: Array) -> float:
+    """Return the energy into the stator that is not found as heat, stored or in the contact, over that put in."""
+    time, electrical, contact = (columns[name] for name in ("time_s", "electrical_power_w", "contact_power_w"))
+    put_in = float(np.trapezoid(np.maximum(electrical, 0.0) + np.maximum(-contact, 0.0), time))
+    missing = float(np.trapezoid(electrical - columns["heat_w"] - contact, time) - (stored[-1] - stored[0]))
+    return abs(missing) / put_in if put_in > 0.0 else abs(missing)

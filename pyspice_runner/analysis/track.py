@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.analysis.averaged import averaged_ceramic, model_cautions
+from pyspice_runner.analysis.averaged import averaged_ceramic, mode_amplitudes, model_cautions
 from pyspice_runner.analysis.loop import LoopDesign, averaged_loop, loop_design
 from pyspice_runner.analysis.tracking import SMOOTHED_PERIODS, Periods, TrackedRun, Tracking, judged
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -262,7 +262,13 @@ def _track_averaged(run: TrackedRun) -> Tracking:
         loop=_loop_at_end(run, outcome) if found.locked else None,
         temperature_k=vectors["v(temperature)"] if disturbance.drifting else np.zeros(len(time)),
         model_cautions=model_cautions(float(vectors["v(xmotor.check)"].max()), float(vectors["v(xmotor.open)"].max())),
-        ceramic=averaged_ceramic(motor, vectors, HARMONICS),
+        ceramic=averaged_ceramic(
+            motor,
+            mode_amplitudes(motor, vectors, HARMONICS),
+            float(vectors["v(xmotor.normal)"][-1]),
+            float(vectors["v(heat)"][-1]),
+            vectors["v(shaft)"],
+        ),
     )
 
 

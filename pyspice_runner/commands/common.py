@@ -91,7 +91,10 @@ TimeoutOption = Annotated[float | None, typer.Option(help="Stop ngspice after th
 
 EngineOption = Annotated[
     Engine,
-    typer.Option(help="spice: B-sources; compiled: Verilog-A, in ngspice 46; auto: compiled where it was verified."),
+    typer.Option(
+        help="spice: B-sources; compiled: Verilog-A, in ngspice 46; auto: compiled where it was verified. With "
+        "--averaged, compiled is C code, and auto, the default, takes it where a C compiler is installed."
+    ),
 ]
 AuditOption = Annotated[
     bool, typer.Option("--audit/--no-audit", help="Whether a result that fails the physical audit is an error.")
@@ -117,6 +120,11 @@ def refuse_idle(context: typer.Context, reason: str, *names: str) -> None:
     """Raise ParameterError for the first of these options on the command line: it has no effect, for a reason."""
     for option in _stated(context, *names):
         raise pr.ParameterError(f"{option} has no effect {reason}. Leave it out.")
+
+
+def is_stated(context: typer.Context, name: str) -> bool:
+    """Return whether an option is on the command line."""
+    return any(True for _ in _stated(context, name))
 
 
 def _stated(context: typer.Context, *names: str) -> Iterator[str]:

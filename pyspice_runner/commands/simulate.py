@@ -26,7 +26,6 @@ _OF_CYCLES = (
     "record_from",
     "record_every",
     "audit",
-    "engine",
 )
 
 
@@ -78,10 +77,11 @@ def simulate(
     shaped = _shaped(context, excitation, waveform, burst)
     if averaged:
         common.refuse_idle(context, "with --averaged", *_OF_CYCLES)
-        with common.run_progress("ngspice runs the averaged motor") as progress:
+        chosen = engine.engine if common.is_stated(context, "engine") else "auto"
+        with common.run_progress("The averaged motor runs") as progress:
             mean = pr.simulate_averaged(
                 loaded, excitation, duration, contact=contact, speed=speed, load_torque=load_torque,
-                progress=progress, timeout=timeout,
+                engine=chosen, progress=progress, timeout=timeout,
             )  # fmt: skip
         common.caution(mean)
         targets.deliver(mean, f"{loaded.name}, averaged, {excitation.label}, {duration:.6g} s")

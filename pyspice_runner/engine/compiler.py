@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import platform
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
+from pyspice_runner.engine.kept import kept_file
 from pyspice_runner.engine.process import answer
 from pyspice_runner.errors import SimulationError
 
@@ -16,17 +19,20 @@ _FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibil
 _TIMEOUT = 120.0  # s; a compiler takes about one
 
 
-def compile_library(folder: Path, sources: Sequence[str], target: Path) -> None:
-    """Compile C sources to a shared library for Linux on x86-64. Raise SimulationError elsewhere, or if that fails."""
-    here = f"{platform.system()} {platform.machine()}"
-    if here != "Linux x86_64":
-        raise SimulationError(f"This system is {here}: the binary of a .fmu can be built on Linux x86_64 only.")
+def find_compiler() -> str:
+    """Return the path of a C compiler. Raise SimulationError if none is installed."""
     compiler = next((found for found in map(shutil.which, COMPILERS) if found), None)
     if compiler is None:
         raise SimulationError(
-            f"No C compiler was found on the PATH ({', '.join(COMPILERS)}); a .fmu contains a compiled motor. "
-            "Install one: `sudo apt-get install gcc libc6-dev`."
+            f"No C compiler was found on the PATH ({', '.join(COMPILERS)}). Install one: `sudo apt-get install gcc "
+            "libc6-dev`."
         )
+    return compiler
+
+
+def compile_library(folder: Path, sources: Sequence[str], target: Path) -> None:
+    """Compile C sources to a shared library. Raise SimulationError if there is no compiler, or if it fails."""
+    compiler = find_compiler()
     command = [compiler, *_FLAGS, "-o", str(target.resolve()), *sources, "-lm"]
     hint = f"Check it by `{compiler} --version`."
     done = answer(command, timeout=_TIMEOUT, hint=hint, what=f"The C compiler {compiler}", folder=folder)
@@ -36,3 +42,26 @@ def compile_library(folder: Path, sources: Sequence[str], target: Path) -> None:
             f"The C compiler {compiler} failed: {last}. Install its headers: `sudo apt-get install libc6-dev`.",
             log=done.stderr,
         )
+
+
+@cache
+def _version(compiler: str) -> str:
+    return answer(
+        [compiler, "--version"], timeout=_TIMEOUT, hint="Install another.", what=f"The C compiler {compiler}"
+    ).stdout
+
+
+def kept_library(name: str, texts: Mapping[str, str], folder: Path) -> Path:
+    """Return the shared library ``NAME.so`` of C texts, file name → text; compile it if it is not in a folder yet.
+
+    Raise SimulationError if there is no compiler, if it fails, or if the folder cannot be written.
+    """
+    told = "\n".join((_version(find_compiler()), platform.platform(), *_FLAGS, *texts, *texts.values()))
+    place = folder / hashlib.sha256(told.encode()).hexdigest()[:32] / f"{name}.so"
+
+    def compile_in(work: Path) -> None:
+        for file, text in texts.items():
+            (work / file).write_text(text, encoding="utf-8")
+        compile_library(work, [file for file in texts if file.endswith(".c")], work / place.name)
+
+    return kept_file(place, compile_in)

@@ -8,13 +8,12 @@ version of the compiler.
 from __future__ import annotations
 
 import hashlib
-import os
 import re
-import tempfile
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 
+from pyspice_runner.engine.kept import kept_file
 from pyspice_runner.engine.ngspice import find_ngspice, version_of
 from pyspice_runner.engine.process import answer
 from pyspice_runner.errors import SimulationError
@@ -59,42 +58,17 @@ def compiler_version(compiler: str) -> str:
 def compile_module(name: str, source: str, folder: Path) -> Path:
     """Return the compiled file ``NAME.osdi`` of a Verilog-A text; compile it if it is not there yet.
 
-    A file or folder that another user owns or can write is not used: it is replaced, or the folder cannot be written.
-
     Raise SimulationError if the compiler is missing or fails, or the folder cannot be written.
     """
     compiler = find_compiler()
     address = hashlib.sha256(f"{compiler_version(compiler)}\n{source}".encode()).hexdigest()
     place = folder / address[:32] / f"{name}.osdi"
-    if is_private(place):  # ngspice runs the code in it
-        return place
-    try:
-        make_private(place.parent)
-        with tempfile.TemporaryDirectory(prefix=".part-", dir=place.parent) as work:
-            (Path(work) / f"{name}.va").write_text(source, encoding="utf-8")
-            _said([compiler, "-o", place.name, f"{name}.va"], Path(work))
-            (Path(work) / place.name).chmod(0o700)
-            (Path(work) / place.name).replace(place)  # complete or not there, also for another process
-    except OSError as error:
-        raise SimulationError(
-            f"Cannot write the compiled module to {place.parent}: {error.strerror}. Set XDG_CACHE_HOME."
-        ) from error
-    return place
 
+    def compile_in(work: Path) -> None:
+        (work / f"{name}.va").write_text(source, encoding="utf-8")
+        _said([compiler, "-o", place.name, f"{name}.va"], work)
 
-def is_private(path: Path) -> bool:
-    """Tell whether a file exists, it and its folder belong to this user, and no one else can write them."""
-    try:
-        found = [place.stat() for place in (path, path.parent)]
-    except OSError:
-        return False
-    return all(status.st_uid == os.getuid() and not status.st_mode & 0o022 for status in found)
-
-
-def make_private(folder: Path) -> None:
-    """Create a folder that only this user can write. Raise OSError if it exists and belongs to another user."""
-    folder.mkdir(parents=True, exist_ok=True)
-    folder.chmod(0o700)
+    return kept_file(place, compile_in)
 
 
 def _said(command: list[str], folder: Path) -> str:

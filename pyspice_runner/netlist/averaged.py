@@ -130,7 +130,7 @@ def _source(name: str, target: str, source: str, gain: float) -> str | None:
 
 
 @cache
-def _phase(series: bool) -> Library:
+def averaged_phase(series: bool) -> Library:
     """Return ``piezomotor_averaged_phase``; without a compliance in series it is smaller."""
     library = read_library(_PHASE)
     if series:
@@ -152,7 +152,7 @@ def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS, series: b
     what the model leaves out. Raise ParameterError for a number out of range.
     """
     check_resolution(phases, harmonics)
-    phase = _phase(series)
+    phase = averaged_phase(series)
     defaults = phase.subcircuit.partition("\n")[0].split()[len(phase.pins) + 2 :]
     passed = " ".join(f"{item.name}={{{item.name}}}" for item in phase.parameters)
     pins = contact_pins(harmonics)
@@ -243,7 +243,7 @@ class AveragedSubCircuit(Assembly):
         self.R("open_temperature", "temperature", self.gnd, 1e9)
         self._add_check(motor, harmonics)
         series = contact.series_compliance_m_per_n > 0.0
-        self._libraries.append(_phase(series))  # instead of that which the contact needs by its name
+        self._libraries.append(averaged_phase(series))  # instead of that which the contact needs by its name
         self._add_contact(motor, averaged_contact(phases, harmonics, series), contact_pins(harmonics))
         self._put("rotor", "piezomotor_rotor", ("shaft",), {}, ["inertia", "bearing"])
 
@@ -455,7 +455,7 @@ def averaged_bench(
     ``thermal`` the losses heat the motor through ``Xcooling``.
     """
     circuit = Circuit(f"{motor.name}: averaged over the period of the drive")
-    sources = {name: _course(course) for name, course in settings.items()}
+    sources = {name: course_text(course) for name, course in settings.items()}
     nodes = {"frequency": "set_frequency", "voltage_a": "set_a", "voltage_b": "set_b", "phase_deg": "set_phase"}
     for name, node in nodes.items():
         circuit.V(node, node, circuit.gnd, sources[name])
@@ -479,7 +479,8 @@ def averaged_bench(
     return Bench(circuit, OPTIONS, start)
 
 
-def _course(points: Course) -> str:
+def course_text(points: Course) -> str:
+    """Return the value of an independent source that follows a course."""
     if len(points) == 1:
         return f"DC {float(points[0][1])!r}"
     return "PWL(" + " ".join(f"{float(time)!r} {float(value)!r}" for time, value in points) + ")"

@@ -22,13 +22,12 @@ from typing import Literal
 
 import numpy as np
 
+from pyspice_runner.engine.kept import is_private, make_private
 from pyspice_runner.engine.ngspice import version_of
 from pyspice_runner.engine.openvaf import (
     compiler_version,
     find_compiler,
     find_osdi_ngspice,
-    is_private,
-    make_private,
 )
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import save_by_ending

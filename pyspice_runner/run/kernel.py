@@ -122,11 +122,18 @@ def transient(
         SimulationError: if ngspice fails or its result cannot be trusted.
         Interrupted: if interrupted and ``keep_partial``.
     """
-    timing = {
+    timing = transient_timing(step, duration, longest, record_from)
+    return run_bench(bench, vectors, timeout, "transient", timing, progress=progress, keep_partial=keep_partial)
+
+
+def transient_timing(
+    step: float, duration: float, longest: float | None = None, record_from: float = 0.0
+) -> dict[str, Any]:
+    """Return PySpice's arguments of a transient from the initial state, as of :func:`transient`."""
+    return {
         "step_time": step, "end_time": duration, "start_time": record_from, "max_time": longest or step,
         "use_initial_condition": True,
     }  # fmt: skip
-    return run_bench(bench, vectors, timeout, "transient", timing, progress=progress, keep_partial=keep_partial)
 
 
 def ac(

@@ -5,7 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from time import process_time
+from typing import Any
 
+import numpy as np
 import pytest
 
 import pyspice_runner as pr
@@ -74,3 +77,69 @@ def test_an_error_in_a_controller_ends_ngspice_and_is_raised(motor: pr.Motor) ->
 def test_a_sample_time_below_a_period_is_an_error(motor: pr.Motor) -> None:
     with pytest.raises(pr.ParameterError, match="at least one period of the drive"):
         simulate_controlled(motor, DRIVE, speed_loop(), duration=1e-3, sample_time=1e-6)
+
+
+def test_a_load_step_brakes_the_averaged_motor_as_the_full_one() -> None:
+    """Held at its voltage, beam40 loses speed; every sample within 3 % of the greatest."""
+    motor = pr.load_motor("beam40")
+    drive = pr.default_drive(motor).model_copy(update={"voltage": 69.0})
+    step = {"load_torque": [(2e-3, 0.0), (2.1e-3, 6e-3)]}
+    compiled, spice, full = (
+        simulate_controlled(motor, drive, lambda _: {}, duration=4e-3, sample_time=0.5e-3, courses=step, **how)
+        for how in ({}, {"engine": "spice"}, {"averaged": False})
+    )
+    assert compiled.speed_rad_s.max() > compiled.speed_rad_s[-1] + 0.2
+    assert full.load_torque_n_m[[0, -1]] == pytest.approx([0.0, 6e-3])
+    for averaged in (compiled, spice):
+        for name in ("speed_rad_s", "position_rad", "current_amplitude_a"):
+            ours, theirs = averaged.samples[name], full.samples[name]
+            assert np.abs(ours - theirs).max() <= 0.03 * theirs.max()
+    assert "check" not in full.samples
+
+
+def test_a_run_starts_at_the_steady_state(motor: pr.Motor) -> None:
+    run = simulate_controlled(motor, DRIVE, lambda _: {}, duration=2e-3, sample_time=0.5e-3, start="steady")
+    settled = pr.simulate_averaged(motor, DRIVE, 0.5)
+    assert run.speed_rad_s == pytest.approx(settled.rotor_speed_rad_s[-1], rel=1e-4)
+    assert run.position_rad == pytest.approx(run.speed_rad_s * run.time_s, rel=1e-6)
+    undamped = motor.updated({"rotor.bearing_damping_n_m_s": 0.0})
+    with pytest.raises(pr.SimulationError, match="does not settle"):
+        simulate_controlled(
+            undamped, DRIVE, lambda _: {}, duration=2e-3, sample_time=0.5e-3, start="steady", load_torque=100.0
+        )
+
+
+def test_the_check_of_the_averaged_motor_is_in_the_result() -> None:
+    """At 150 V the contact of beam40 opens; at 60 V it does not."""
+    motor = pr.load_motor("beam40")
+    for voltage, trusted in ((150.0, False), (60.0, True)):
+        drive = pr.default_drive(motor).model_copy(update={"voltage": voltage})
+        for engine in ("compiled", "spice"):
+            run = simulate_controlled(motor, drive, lambda _: {}, duration=3e-3, sample_time=1e-3, engine=engine)
+            assert run.trusted == trusted
+            assert any("open for up to" in caution for caution in run.cautions) != trusted
+            assert run.to_dict()["trusted"] == trusted
+            assert (run.to_dict()["greatest_separated"] == 0.0) == trusted
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"start": "steady", "engine": "spice"}, "only the compiled averaged motor starts at a steady state"),
+        ({"start": "steady", "averaged": False}, "only the compiled averaged motor starts at a steady state"),
+        ({"step": 1e-7}, "step has no effect on an averaged run"),
+        ({"courses": {"voltage": [(0.0, 1.0), (1e-3, 2.0)]}}, "set voltage_a, which has a course"),
+        ({"courses": {"speed": [(0.0, 1.0)]}}, "'speed' is not known"),
+    ],
+)
+def test_settings_that_exclude_each_other_are_an_error(motor: pr.Motor, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(pr.ParameterError, match=message):
+        simulate_controlled(motor, DRIVE, speed_loop(), duration=1e-3, sample_time=0.5e-3, **changes)
+
+
+def test_a_second_of_a_speed_loop_at_4_khz_takes_less_than_a_second(motor: pr.Motor) -> None:
+    simulate_controlled(motor, DRIVE, speed_loop(), duration=1e-3, sample_time=0.25e-3)  # compiles the motor, once
+    begun = process_time()
+    run = simulate_controlled(motor, DRIVE, speed_loop(), duration=1.0, sample_time=0.25e-3, engine="compiled")
+    assert process_time() - begun < 1.0
+    assert run.speed_rad_s[-1] == pytest.approx(2.0, rel=1e-3)

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import pytest
 
 from pyspice_runner.engine import openvaf
+from pyspice_runner.engine.kept import is_private
 from pyspice_runner.errors import SimulationError
 
 COMPILES = 'echo compiled >>"{log}"; cp "$3" "$2"'
@@ -89,9 +90,9 @@ def test_a_module_that_others_can_write_is_compiled_again(
 def test_a_module_of_another_user_is_compiled_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = use(monkeypatch, tmp_path, COMPILES)
     place = openvaf.compile_module("m", "module m; endmodule", tmp_path / "cache")
-    assert openvaf.is_private(place)
+    assert is_private(place)
     monkeypatch.setattr(openvaf.os, "getuid", lambda: place.stat().st_uid + 1)
-    assert not openvaf.is_private(place)
+    assert not is_private(place)
     openvaf.compile_module("m", "module m; endmodule", tmp_path / "cache")
     assert log.read_text().count("compiled") == 2
 
@@ -106,7 +107,7 @@ def test_root_compiles_a_module_of_another_user_again(
     for planted in ("planted", "planted again"):
         place.write_text(planted)
         os.chown(place if what == "file" else place.parent, 65534, 65534)
-        assert not openvaf.is_private(place)
+        assert not is_private(place)
         assert openvaf.compile_module("m", "module m; endmodule", tmp_path / "cache").read_text() != planted
         assert place.stat().st_uid == 0
     assert log.read_text().count("compiled") == 3

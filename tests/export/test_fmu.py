@@ -23,7 +23,8 @@ import pyspice_runner as pr
 from pyspice_runner.analysis.averaged import simulate_averaged
 from pyspice_runner.cli import run
 from pyspice_runner.engine.compiler import compile_library
-from pyspice_runner.export.fmu import C_FILES, fmu_texts, variables
+from pyspice_runner.export.fmu import C_FILES, fmu_texts
+from pyspice_runner.netlist.averaged_c import variables
 from tests.selection import mostly
 
 pytestmark = pytest.mark.xdist_group("fmu")
@@ -175,7 +176,7 @@ def test_spin_up_with_a_speed_controller_is_that_of_simulate_averaged(
     unit: Unit, motor: pr.Motor, duration: float
 ) -> None:
     stairs, speeds = speed_loop(unit, duration)
-    expected = simulate_averaged(motor, pr.default_drive(motor), duration, courses={"voltage": stairs})
+    expected = simulate_averaged(motor, pr.default_drive(motor), duration, courses={"voltage": stairs}, engine="spice")
     time = SAMPLE * np.arange(1, len(speeds) + 1)
     error = np.interp(time, expected.time_s, expected.rotor_speed_rad_s) - speeds
     assert np.abs(error).max() < WITHIN * speeds.max()
@@ -199,15 +200,19 @@ def test_all_outputs_under_load_warmth_and_detuning_are_those_of_simulate_averag
     unit = Unit(pr.export_motor(motor, tmp_path / "motor.fmu", thermal=thermal))
     unit.set(load_torque=2e-4)
     for number in range(20):
+        if number == 5:  # in the first periods ngspice lets a mode far from the drive ring, which turns the shaft
+            (begun,) = unit.get("position")
         if number == 10:
             unit.set(frequency=1.001 * drive.frequency)
         unit.advance()
     detuned = {"frequency": [(0.01, drive.frequency), (0.01 + 1e-6, 1.001 * drive.frequency)]}
-    expected = simulate_averaged(motor, drive, 0.02, load_torque=2e-4, thermal=thermal, courses=detuned)
+    expected = simulate_averaged(motor, drive, 0.02, load_torque=2e-4, thermal=thermal, courses=detuned, engine="spice")
     assert expected.temperature_k[-1] > 12.0
     for ours, column in COLUMNS.items():
-        values = getattr(expected, column)
-        assert unit.get(ours)[0] == pytest.approx(values[-1], abs=WITHIN * np.abs(values).max()), ours
+        values, since = getattr(expected, column), 0.0
+        if ours == "position":
+            values, since = values - np.interp(5e-3, expected.time_s, values), begun
+        assert unit.get(ours)[0] - since == pytest.approx(values[-1], abs=WITHIN * np.abs(values).max()), ours
     unit.fmu.freeInstance()
 
 
@@ -233,7 +238,7 @@ def test_a_motor_that_shakes_its_carrier_is_that_of_simulate_averaged(
     unit.set(amplitude_a=110.0, amplitude_b=110.0, phase=120.0, frequency=40.6e3)
     for _ in range(10):
         unit.advance()
-    expected = simulate_averaged(shaking, drive, 0.01)  # at a constant temperature
+    expected = simulate_averaged(shaking, drive, 0.01, engine="spice")  # at a constant temperature
     for ours, column in (item for item in COLUMNS.items() if item[0] != "temperature"):
         values = getattr(expected, column)
         assert unit.get(ours)[0] == pytest.approx(values[-1], abs=WITHIN * np.abs(values).max()), ours
@@ -291,18 +296,18 @@ def test_a_state_that_was_kept_is_continued(unit: Unit) -> None:
 
 
 @pytest.mark.soak
-def test_a_quarter_of_the_internal_step_changes_the_speed_little(motor: pr.Motor, tmp_path: Path) -> None:
-    """At 1 ms by the first steps after the amplitude's; the rest by a method of second order, 15/16 of its error."""
+def test_a_hundredth_of_the_tolerance_changes_the_speed_little(motor: pr.Motor, tmp_path: Path) -> None:
+    """At 1 ms by the first steps, which are a period of the drive; then by some 0.02 %, the error of the steps."""
     for path, text in fmu_texts(motor).items():
         (tmp_path / Path(path).name).write_text(text, encoding="utf-8")
     speeds = []
-    for steps in (3, 12):
+    for tolerance in ("1e-4", "1e-6"):
         core = (tmp_path / C_FILES[0]).read_text(encoding="utf-8")
-        assert "STEPS_OF_PERIOD 3 " in core
-        (tmp_path / "core.c").write_text(f"#define STEPS_OF_PERIOD {steps}\n{core}", encoding="utf-8")
+        assert "TOLERANCE 1e-4 " in core
+        (tmp_path / "core.c").write_text(f"#define TOLERANCE {tolerance}\n{core}", encoding="utf-8")
         (tmp_path / "run.c").write_text(RUN, encoding="utf-8")
-        compile_library(tmp_path, ["core.c", "run.c"], tmp_path / f"run{steps}.so")
-        speed = ctypes.CDLL(str(tmp_path / f"run{steps}.so")).speed_at
+        compile_library(tmp_path, ["core.c", "run.c"], tmp_path / f"run{tolerance}.so")
+        speed = ctypes.CDLL(str(tmp_path / f"run{tolerance}.so")).speed_at
         speed.restype = ctypes.c_double
         speeds.append(np.array([speed(count) for count in (1, 5, 20)]))
     assert np.all(np.abs(speeds[0] / speeds[1] - 1.0) < [5e-3, 1e-3, 2e-4])

@@ -1,0 +1,79 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later
+ *
+ * The averaged motor of piezomotor_averaged.c for a program in the same process: runs, and rows of what it records.
+ *
+ * The memory of a motor is the caller's: session_bytes() of it, its values first.
+ */
+#include "piezomotor_averaged.h"
+
+#include <math.h>
+#include <string.h>
+
+#ifdef __GNUC__
+#define EXPORT __attribute__((visibility("default")))
+#else
+#define EXPORT
+#endif
+
+#define ONE(...) +1
+enum { SHOWN = INPUT_COUNT OUTPUTS(ONE) }; /* inputs and outputs are the first values */
+
+EXPORT int session_bytes(void) { return (int)sizeof(struct motor); }
+EXPORT int session_columns(void) { return 1 + SHOWN; } /* of a row: time in s, inputs, outputs */
+EXPORT int session_slopes(void) { return (int)offsetof(struct motor, slope); }
+EXPORT void session_default(struct motor *m) { motor_default(m); }
+
+/* Begin a run at rest; longest is the longest internal step in s, speed that of a shaft which no torque accelerates. */
+EXPORT void session_begin(struct motor *m, double longest, double speed)
+{
+    m->longest = longest;
+    motor_rest(m);
+    m->state[SPEED] = speed;
+    motor_measure(m);
+}
+
+/* Set angle of the rotor and charge to 0. */
+EXPORT void session_zero(struct motor *m)
+{
+    m->state[POSITION] = m->state[CHARGE] = m->state[CHARGE + 1] = 0.0;
+    motor_measure(m);
+}
+
+/* Advance; 0, or -1 if the equations have no solution. */
+EXPORT int session_advance(struct motor *m, double duration) { return motor_advance(m, duration); }
+
+/* Advance from *time to a later time, and write a row after each internal step; return the number of rows, which is at
+   most the capacity, or -1 if the equations have no solution. */
+EXPORT int session_record(struct motor *m, double *time, double until, double *rows, int capacity)
+{
+    int count = 0;
+
+    motor_begin(m);
+    while (*time < until && count < capacity) {
+        double left = until - *time, step = motor_step(m, left);
+        if (step < 0.0)
+            return -1;
+        *time = left - step > 1e-12 * until ? *time + step : until;
+        motor_measure(m);
+        rows[0] = *time;
+        memcpy(rows + 1, &m->value, SHOWN * sizeof(double));
+        rows += 1 + SHOWN;
+        count++;
+    }
+    return count;
+}
+
+/* Integral of the current into group A since the begin, A.s: real and imaginary part of its amplitude. */
+EXPORT void session_charge(const struct motor *m, double charge[2]) { memcpy(charge, m->state + CHARGE, 2 * sizeof(double)); }
+
+/* Greatest displacement of a mode's coordinate by its harmonics, all in phase, m. */
+EXPORT double session_amplitude(const struct motor *m, int mode)
+{
+    double total = 0.0;
+
+    for (int h = 0; h < HARMONICS; h++) {
+        const double *part = m->state + AMPLITUDE + 2 * (HARMONICS * mode + h);
+        total += hypot(part[0], part[1]);
+    }
+    return total;
+}

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The averaged motor in C: its sources, its variables, and their values for a motor.
+
+The C files in ``behavioral/`` are written by hand, but for the contact at one phase, which :func:`phase_source` writes
+from the library that ngspice runs. ``piezomotor_averaged.h`` declares every variable once, with unit,
+range and meaning. This module reads these lines.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from textwrap import wrap
+
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.recoil import carriers, modes_on_carrier
+from pyspice_runner.model.thermal import Thermal
+from pyspice_runner.netlist.averaged import HARMONICS, PHASES, averaged_phase, default_two_phase
+from pyspice_runner.netlist.expressions import HELPERS, equations, translated
+from pyspice_runner.netlist.library import data_path, slider_words
+from pyspice_runner.netlist.motor import mode_values, rounded, spring_values
+from pyspice_runner.units import linear_unit
+
+CORE, HEADER, START, PHASE = (
+    "piezomotor_averaged.c", "piezomotor_averaged.h", "piezomotor_start.h", "piezomotor_phase.h"
+)  # fmt: skip
+SESSION = "piezomotor_session.c"
+# in the order of struct values
+_GROUPS = ("INPUTS", "OUTPUTS", "PARAMETERS", "MOUNT_PARAMETERS", "MOUNT_X_PARAMETERS", "MODE_PARAMETERS")
+MOUNTS = ("mount_", "mount_x_")  # prefixes of the springs of the carrier, along y and x
+OF_SPRINGS = ("mass", "damping", "stiffness")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable."""
+
+    name: str  # name, such as ``speed`` or ``mode[1].mass``
+    unit: str  # unit; ``1`` for none
+    least: str  # least value, empty for an output
+    greatest: str  # greatest value
+    meaning: str  # one line
+    causality: str  # ``input``, ``output`` or ``parameter``
+    reference: int  # place in the C structure
+    start: float | None  # value before a run; ``None`` for an output
+
+
+@cache
+def _declared() -> Mapping[str, tuple[tuple[str, str, str, str, str], ...]]:
+    """Return the lines of the header: group → name, unit, least and greatest value, meaning."""
+    text = (data_path("behavioral") / HEADER).read_text(encoding="utf-8")
+    found = {}
+    for group in _GROUPS:
+        block = re.search(rf"#define {group}\(ENTRY\)(.*?[^\\])\n", text, re.S)
+        assert block is not None, group
+        found[group] = tuple(re.findall(r'ENTRY\((\w+), "(\S+)", (?:(\S+), (\S+), )?"([^"]+)"\)', block[1]))
+    return found
+
+
+def variables(motor: Motor, thermal: Thermal | None = None) -> list[Variable]:
+    """Return the variables of a motor, in the order of the C structure.
+
+    Without ``thermal`` nothing drifts, and the motor's own heat capacity holds.
+    """
+    values = _values(motor, thermal)
+    found: list[Variable] = []
+    for group in _GROUPS:
+        for number in range(1, len(motor.modes) + 1) if group == "MODE_PARAMETERS" else (0,):
+            for name, unit, least, greatest, meaning in _declared()[group]:
+                full = f"mode[{number}].{name}" if number else name
+                causality = {"INPUTS": "input", "OUTPUTS": "output"}.get(group, "parameter")
+                start = None if causality == "output" else values[full]
+                text = f"{meaning}, mode {motor.modes[number - 1].name}" if number else meaning
+                if motor.slider:
+                    unit, text = linear_unit(unit), slider_words(text)
+                found.append(Variable(full, unit, least, greatest, text, causality, len(found), start))
+    return found
+
+
+def _values(motor: Motor, thermal: Thermal | None) -> dict[str, float]:
+    """Return the start values of inputs and parameters; the inputs are those of the recommended drive."""
+    drive, contact = default_two_phase(motor), motor.contact
+    motor = motor.model_copy(update={"modes": modes_on_carrier(motor.modes, motor.mount)})
+    body = thermal or Thermal.of(motor)
+    values = {
+        "amplitude_a": drive.voltage, "amplitude_b": drive.voltage_b, "phase": drive.phase_deg,
+        "frequency": drive.frequency, "load_torque": 0.0, "ambient_temperature": body.ambient_k,
+        "preload": contact.preload_n, "friction": contact.friction,
+        "normal_stiffness": contact.normal_stiffness_n_per_m15, "compliance": contact_law.total_compliance(contact),
+        "normal_damping": contact_law.normal_damping(contact),
+        "series_compliance": contact.series_compliance_m_per_n, "radius": motor.rotor.radius_m,
+        "inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s,
+        "capacitance_a": motor.piezo.capacitance_a_f, "capacitance_b": motor.piezo.capacitance_b_f,
+        "capacitance_ab": motor.piezo.capacitance_ab_f, "loss": motor.piezo.loss_tangent,
+        "frequency_drift": thermal.frequency_drift_per_k if thermal else 0.0,
+        "coupling_drift": thermal.coupling_drift_per_k if thermal else 0.0,
+        "capacitance_drift": thermal.capacitance_drift_per_k if thermal else 0.0,
+        "heat_capacity": body.heat_capacity_j_per_k, "thermal_resistance": body.thermal_resistance_k_per_w,
+    }  # fmt: skip
+    held = dict.fromkeys(OF_SPRINGS, 1.0)
+    for prefix, along in zip(MOUNTS, (*carriers(motor.mount), None, None), strict=False):
+        values |= {f"{prefix}{name}": value for name, value in (spring_values(along) if along else held).items()}
+    for number, mode in enumerate(motor.modes, start=1):
+        values |= {f"mode[{number}].{name}": value for name, value in mode_values(mode).items()}
+    return {name: rounded(value) for name, value in values.items()}
+
+
+def phase_source(series: bool = True) -> str:
+    """Return the contact at one phase in C, with the equations of ``piezomotor_averaged_phase``.
+
+    Without a compliance in ``series`` with the contact, it is smaller.
+    """
+    library = averaged_phase(series)
+    found = equations(library)
+    inputs = [pin.name for pin in library.pins if pin.name not in found.values]
+    fields = [*(item.name for item in averaged_phase(True).parameters), *inputs, *found.parameters, *found.values]
+    lines = {
+        name: f"    p->{name} = {translated(text, 'c', lambda used: f'p->{used}')};" for name, text in found.ordered()
+    }
+    return "\n".join(
+        (
+            "/* SPDX-License-Identifier: GPL-3.0-or-later",
+            " *",
+            f" * {library.title}; displacements in um.",
+            f" * Written from {library.name}.lib.",
+            " */",
+            "#include <math.h>",
+            "",
+            HELPERS["c"],
+            "",
+            "struct phase {",
+            *wrap(f"double {', '.join(fields)};", 110, initial_indent="    ", subsequent_indent="        "),
+            "};",
+            "",
+            "static void phase_parameters(struct phase *p)",
+            "{",
+            *(lines[name] for name in lines if name in found.parameters),
+            "}",
+            "",
+            "static void phase_forces(struct phase *p)",
+            "{",
+            *(lines[name] for name in lines if name in found.values),
+            "}",
+            "",
+        )
+    )
+
+
+def start_header(motor: Motor, known: list[Variable]) -> str:
+    """Return ``piezomotor_start.h``: the size of a motor, and its values."""
+    rows = [f"    {0.0 if item.start is None else item.start!r}, /* {item.name} */ \\" for item in known]
+    lines = [
+        "/* SPDX-License-Identifier: GPL-3.0-or-later",
+        " *",
+        f" * The values of the motor {motor.name}, written by its export, in the order of struct values.",
+        " */",
+        *_size(len(motor.modes), len(carriers(motor.mount))),
+        "#define START { \\",
+        *rows,
+        "}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _size(modes: int, moving: int) -> list[str]:
+    return [f"#define MODES {modes}", f"#define MOUNTED {int(moving > 0)}", f"#define MOUNTED_X {int(moving > 1)}"]
+
+
+def session_texts(
+    modes: int, moving: int, *, series: bool, phases: int = PHASES, harmonics: int = HARMONICS
+) -> dict[str, str]:
+    """Return the C texts of a library that runs averaged motors of one size: file → text.
+
+    The size is the number of modes, the number of directions in which the carrier moves, and whether there is a
+    compliance in series with the contact. Similar motors share one compilation.
+    """
+    behavioral = data_path("behavioral")
+    size = [*_size(modes, moving), f"#define PHASES {phases}", f"#define HARMONICS {harmonics}", "#define START {0.0}"]
+    return {
+        **{file: (behavioral / file).read_text(encoding="utf-8") for file in (CORE, SESSION, HEADER)},
+        PHASE: phase_source(series),
+        START: "\n".join(size) + "\n",
+    }

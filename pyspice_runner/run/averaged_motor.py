@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The averaged motor as compiled C code in this process.
+
+The code of ``behavioral/piezomotor_averaged.c`` is compiled once for each number of modes and carriers into the user's
+cache; motors of one size share it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from itertools import pairwise
+from math import inf
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.engine.compiler import kept_library
+from pyspice_runner.errors import SimulationError
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.recoil import carriers
+from pyspice_runner.model.thermal import Thermal
+from pyspice_runner.netlist.averaged import HARMONICS, PHASES, Course, require_averaged
+from pyspice_runner.netlist.averaged_c import session_texts, variables
+from pyspice_runner.run.kernel import modules_folder
+
+Array = NDArray[np.float64]
+INPUTS = ("amplitude_a", "amplitude_b", "phase", "frequency", "load_torque", "ambient_temperature")
+_ROWS = 512  # between two looks at the clock
+SETTLING, SETTLED = ("speed", "torque", "tip_x_amplitude", "temperature"), 1e-6  # what settles; relative change
+SHORT, DOUBLINGS = 5e-3, 25  # s, first interval between two looks; each is twice as long as the one before it
+_POINTER = ctypes.POINTER(ctypes.c_double)
+# functions of piezomotor_session.c: type of the result, types of the arguments behind the motor
+_FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "default": (None, ()),
+    "begin": (None, (ctypes.c_double, ctypes.c_double)),
+    "zero": (None, ()),
+    "advance": (ctypes.c_int, (ctypes.c_double,)),
+    "record": (ctypes.c_int, (_POINTER, ctypes.c_double, _POINTER, ctypes.c_int)),
+    "charge": (None, (_POINTER,)),
+    "amplitude": (ctypes.c_double, (ctypes.c_int,)),
+}
+
+
+@cache
+def _library(modes: int, moving: int, series: bool, phases: int, harmonics: int, folder: Path) -> ctypes.CDLL:
+    texts = session_texts(modes, moving, series=series, phases=phases, harmonics=harmonics)
+    loaded = ctypes.CDLL(str(kept_library("piezomotor_averaged", texts, folder)))
+    for name, (result, arguments) in _FUNCTIONS.items():
+        function = getattr(loaded, f"session_{name}")
+        function.restype, function.argtypes = result, (ctypes.c_void_p, *arguments)
+    return loaded
+
+
+class AveragedMotor:
+    """One averaged motor, from preloaded rest.
+
+    Args:
+        motor: the motor.
+        thermal: drift with temperature; the losses then heat the stator. Without it the stator keeps its temperature.
+        speed: if given, the shaft is held at this speed, rad/s.
+        phases: number of phases of the period at which the contact is evaluated.
+        harmonics: number of harmonics of the tip's motion.
+        longest: longest internal step, s.
+
+    Raises:
+        ParameterError: for a motor without an averaged model.
+        SimulationError: if there is no C compiler, or it fails.
+    """
+
+    def __init__(
+        self,
+        motor: Motor,
+        *,
+        thermal: Thermal | None = None,
+        speed: float | None = None,
+        phases: int = PHASES,
+        harmonics: int = HARMONICS,
+        longest: float = inf,
+    ) -> None:
+        require_averaged(motor)
+        series = motor.contact.series_compliance_m_per_n > 0.0
+        moving = len(carriers(motor.mount))
+        self._c = _library(len(motor.modes), moving, series, phases, harmonics, modules_folder())
+        known = variables(motor, thermal)
+        self._modes = len(motor.modes)
+        self._places = {item.name: item.reference for item in known}
+        self.shown = tuple(item.name for item in known if item.name in INPUTS or item.causality == "output")
+        self._memory = ctypes.create_string_buffer(self._c.session_bytes())
+        self._values = (ctypes.c_double * len(known)).from_buffer(self._memory)
+        self._slopes = (ctypes.c_double * len(INPUTS)).from_buffer(self._memory, self._c.session_slopes())
+        self._c.session_default(self._memory)
+        for item in known:
+            self._values[item.reference] = item.start or 0.0
+        if thermal is None:  # the stator has the temperature of the surroundings
+            self._values[self._places["heat_capacity"]] = 0.0
+            self._values[self._places["ambient_temperature"]] = 0.0
+        if speed is not None:
+            self._values[self._places["inertia"]] = inf
+        self._longest, self._speed = longest, speed or 0.0
+
+    def begin(self, **inputs: float) -> None:
+        """Set inputs, and start at preloaded rest."""
+        self.set(**inputs)
+        self._c.session_begin(self._memory, self._longest, self._speed)
+
+    def set(self, **inputs: float) -> None:
+        """Set inputs from now on."""
+        for name, value in inputs.items():
+            self._values[self._places[name]] = value
+
+    def get(self, name: str) -> float:
+        """Return a value: an input, a parameter, or an output as of the last step."""
+        return float(self._values[self._places[name]])
+
+    def advance(self, begun: float, end: float, courses: Mapping[str, Course] | None = None) -> None:
+        """Advance from one time in s to another; inputs are constant but for courses, which are linear in between.
+
+        Raise SimulationError if the equations have no solution.
+        """
+        for start, stop in self._follow(courses or {}, begun, end):
+            if self._c.session_advance(self._memory, stop - start):
+                raise self._unsolved()
+
+    def settle(self) -> None:
+        """Advance with constant inputs to the steady state; set the angle of the rotor to 0 there.
+
+        Raise SimulationError if there is none.
+        """
+        duration, before = SHORT, np.full(len(SETTLING), inf)
+        for _ in range(DOUBLINGS):
+            self.advance(0.0, duration)
+            now = np.array([self.get(name) for name in SETTLING])
+            if np.all(np.abs(now - before) <= SETTLED * np.abs(now)):
+                self._c.session_zero(self._memory)
+                return
+            duration, before = 2.0 * duration, now
+        raise SimulationError("The averaged motor does not settle at these inputs: start at rest.")
+
+    def record(
+        self,
+        courses: Mapping[str, Course],
+        duration: float,
+        *,
+        timeout: float | None = None,
+        progress: Callable[[float], object] | None = None,
+    ) -> dict[str, Array]:
+        """Run from rest with inputs that follow courses; return ``time`` and :attr:`shown` after each internal step.
+
+        Raise SimulationError if the equations have no solution, or after ``timeout`` in s of wall time.
+        """
+        self.begin(**{name: float(np.interp(0.0, *np.transpose(course))) for name, course in courses.items()})
+        found = [np.array([[0.0, *self._values[: len(self.shown)]]])]
+        deadline = monotonic() + (inf if timeout is None else timeout)
+        for begun, end in self._follow(courses, 0.0, duration):
+            for rows in self._rows(begun, end):
+                found.append(rows)
+                if progress:
+                    progress(float(rows[-1, 0]))
+                if monotonic() > deadline:
+                    raise SimulationError(f"The averaged motor took longer than {timeout:g} s. Give more time.")
+        table = np.concatenate(found)
+        return {name: table[:, place] for place, name in enumerate(("time", *self.shown))}
+
+    def _follow(self, courses: Mapping[str, Course], begun: float, end: float) -> Iterator[tuple[float, float]]:
+        """Yield the intervals between corners of courses, with the inputs and their slopes set to those there."""
+        if not courses:
+            yield begun, end
+            return
+        corners = {time for course in courses.values() for time, _ in course if begun < time < end}
+        ends = [begun, *sorted(corners), end]
+        at = {name: np.interp(ends, *np.transpose(course)).tolist() for name, course in courses.items()}
+        for number, (start, stop) in enumerate(pairwise(ends)):
+            for name, values in at.items():
+                self._values[self._places[name]] = values[number]
+                self._slopes[self._places[name]] = (values[number + 1] - values[number]) / (stop - start)
+            yield start, stop
+
+    def _rows(self, begun: float, end: float) -> Iterator[Array]:
+        time = ctypes.c_double(begun)
+        while time.value < end:
+            rows = np.empty((_ROWS, 1 + len(self.shown)))
+            count = self._c.session_record(self._memory, ctypes.byref(time), end, rows.ctypes.data_as(_POINTER), _ROWS)
+            if count < 0:
+                raise self._unsolved()
+            yield rows[:count]
+
+    @property
+    def charge(self) -> complex:
+        """Integral of the amplitude of the current into group A since the start, A·s."""
+        found = (ctypes.c_double * 2)()
+        self._c.session_charge(self._memory, found)
+        return complex(*found)
+
+    def mode_amplitudes(self) -> list[float]:
+        """Return for each mode the greatest displacement of its coordinate by all harmonics in phase, m."""
+        return [float(self._c.session_amplitude(self._memory, index)) for index in range(self._modes)]
+
+    def _unsolved(self) -> SimulationError:
+        return SimulationError("The equations of the averaged motor have no solution. Check its parameters.")
