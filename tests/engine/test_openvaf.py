@@ -91,7 +91,7 @@ def test_a_module_of_another_user_is_compiled_again(tmp_path: Path, monkeypatch:
     log = use(monkeypatch, tmp_path, COMPILES)
     place = openvaf.compile_module("m", "module m; endmodule", tmp_path / "cache")
     assert is_private(place)
-    monkeypatch.setattr(openvaf.os, "getuid", lambda: place.stat().st_uid + 1)
+    monkeypatch.setattr(os, "getuid", lambda: place.stat().st_uid + 1)
     assert not is_private(place)
     openvaf.compile_module("m", "module m; endmodule", tmp_path / "cache")
     assert log.read_text().count("compiled") == 2
