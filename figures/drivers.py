@@ -30,9 +30,9 @@ def draw(folder: Path) -> list[str]:
     reports = {}
     for name in DRAWN:
         kind, network, settings = CHAINS[name]
-        driver = pr.Driver(kind=kind, network=network, voltage=VOLTAGE, frequency=FREQUENCY, settings=settings)
-        match = "running" if network != "none" else None
-        reports[name] = pr.drive_report(motor, driver, duration=DURATION, match=match, proposals=False)
+        drive = pr.TwoPhaseDrive(voltage=VOLTAGE, frequency=FREQUENCY)
+        design = pr.propose_matching(motor, drive, kind, network, parts=settings)
+        reports[name] = pr.drive_report(motor, design, duration=DURATION)
 
     figure, axes = canvas(2, 2, 6.4)
     for axis, name in zip(axes[0], SHOWN, strict=True):
@@ -66,7 +66,7 @@ def draw(folder: Path) -> list[str]:
     first = next(iter(reports.values()))
     caption = (
         f"{motor_words(motor)} {VOLTAGE:g} V at both groups, 90° apart, {FREQUENCY / 1e3:g} kHz, {1e3 * DURATION:g} ms "
-        "from power-up, rotor free. Networks matched for the running motor. Bridges: IRF610, dead time 200 ns; the "
+        "from power-up, rotor free. Networks designed from stall to no load. Bridges: IRF610, dead time 200 ns; the "
         "full bridge gives three steps behind a transformer of 1:2. Power factor: both groups, at the outputs of the "
         f"power stages; of a square wave and a sine it is 0.90 at most. ngspice {first.ngspice_version}."
     )

@@ -220,7 +220,7 @@ def _map(one: Case) -> Answer:
 def _drive(one: Case) -> Answer:
     values = {name: getattr(one.drive, name) for name in ("voltage", "frequency", "phase_deg", "ratio_b")}
     driver = pr.Driver(kind="ideal", network="none", **values)
-    report = pr.drive_report(one.motor, driver, duration(one), proposals=False, **one.point)
+    report = pr.drive_report(one.motor, driver, duration(one), **one.point)
     document = report.to_dict()
     coming = document["to_come"] or {}
     return Answer(

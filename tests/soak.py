@@ -270,7 +270,7 @@ def _driven(rng: np.random.Generator) -> Case:
     allowed = {path: x for path, x in numbers.items() if _is_setting(stated, path, x)}
     driver = pr.Driver(**stated, settings=allowed)
     duration = float(rng.uniform(12.0, 30.0)) / driver.frequency
-    return Case(motor, driver, "drive_report", {"contact": contact, "duration": duration, "proposals": False})
+    return Case(motor, driver, "drive_report", {"contact": contact, "duration": duration})
 
 
 def _is_setting(stated: Mapping[str, Any], path: str, x: float) -> bool:

@@ -7,7 +7,6 @@ Supply = losses in the driver + input of the motor; every report states the resi
 from __future__ import annotations
 
 from cmath import phase
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import degrees, isfinite
 from typing import Any
@@ -15,22 +14,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.matching import Matching, check_duration, proposal
-from pyspice_runner.model.drive import MatchState
+from pyspice_runner.analysis.design import OPERATING, Design, exceeded
+from pyspice_runner.analysis.maxima import PartLoad, load_vectors, maxima, part_loads
+from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
+from pyspice_runner.model.strength import depolarised
 from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.drivers import RAILS, Driver, Part
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE, Array
 from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering
 
-_PROPOSED: tuple[MatchState, ...] = ("free", "preloaded", "running")  # a report's proposals
+_DURATION = 3e-3  # s, of a run by default
+_SHORTEST = 1e-3  # s, of the run of a design: power-up, and the start of its motor
+_LONGEST = 6e-3  # s, of the run of a design by default; a rotor that takes longer is followed on by steady states
 _MEANS = {
     "motor_power_w": "power of the motor", "mean_torque_n_m": "mean torque",
     "mean_rotor_speed_rad_s": "mean rotor speed",
@@ -94,7 +97,8 @@ class DriveReport(Result):
         mean_rotor_speed_rad_s: mean speed.
         to_come: expected further relative change of each mean in a longer run; ``None`` where the run is too short.
         settling: relative change of the motor's power from the first to the second half of the window.
-        matching: proposals, by state.
+        maxima: maxima of pins, stages and parts over the whole run from power-up.
+        design: the design of the driver, completed by the run; ``None`` for a driver that was given.
         waveforms: time and the voltages and currents of outputs and groups over the window.
         solver_seconds: wall time that ngspice took.
         ngspice_version: version of ngspice.
@@ -120,7 +124,8 @@ class DriveReport(Result):
     mean_rotor_speed_rad_s: float
     settling: float
     to_come: dict[str, float | None]
-    matching: dict[str, Matching]
+    maxima: dict[str, Any]
+    design: Design | None
     waveforms: dict[str, Array] = field(repr=False)
     solver_seconds: float
     ngspice_version: str
@@ -185,7 +190,17 @@ class DriveReport(Result):
                     f"The driver of group {group.upper()} puts out {gain:.3g} W more than its supplies give. It has "
                     "sources of its own, and its efficiency is not valid."
                 )
+        if self.design and not self.design.feasible:
+            told.append(f"Do not build this driver. {self.design.reason}")
+        told += self.overloads
         return self._told((*self.audit.findings, *told, *self.ceramic.get("cautions", ())))
+
+    @property
+    def overloads(self) -> list[str]:
+        """Limits of coils and capacitors that the run exceeds; a design has them in its reason."""
+        if self.design:
+            return []
+        return exceeded([PartLoad(**load) for load in self.maxima["parts"]], self.driver["frequency"])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report, JSON-ready."""
@@ -193,7 +208,7 @@ class DriveReport(Result):
             "motor", "driver", "run", "groups", "outputs", "power_factor", "supply_power_w", "gate_power_w",
             "supply_current_mean_a", "supply_current_peak_a", "losses_w", "stored_power_w", "motor_power_w",
             "shaft_power_w", "mean_torque_n_m", "mean_rotor_speed_rad_s", "driver_efficiency", "efficiency",
-            "balance_residual", "settling", "settled", "to_come", "matching",
+            "balance_residual", "settling", "settled", "to_come", "maxima", "design",
         )  # fmt: skip
         return self._keyed({
             **self._entries(*names),
@@ -208,7 +223,7 @@ class DriveReport(Result):
         return self.waveforms
 
     def summary(self) -> dict[str, str]:
-        """Return driver, powers, losses, efficiency, speed, torque and the proposals of series matching."""
+        """Return driver, powers, losses, efficiency, speed, torque, the parts with what they bear, and the design."""
         found = {
             "motor": str(self.motor["name"]),
             "driver": str(self.driver["label"]),
@@ -226,28 +241,44 @@ class DriveReport(Result):
                 f"{engineering(port.voltage_rms_v, 'V')}, {engineering(port.current_rms_a, 'A')} RMS, distortion "
                 f"{100.0 * port.voltage_thd:.3g} % and {100.0 * port.current_thd:.3g} %"
             )
-        for state, matching in self.matching.items():
-            for group in GROUPS:
-                match = matching.group(group)
-                element = engineering(match.inductance_h or match.capacitance_f, "H" if match.inductance_h else "F")
-                found[f"series match of {group}, {state}"] = (
-                    f"{element}; power factor {match.power_factor:.3f} without; source "
-                    f"{match.source_voltage_v:.4g} V at {match.source_phase_deg:.4g}°"
+            field = self.maxima[f"field_{group}_v_per_m"]
+            found[f"group {group}, greatest"] = (
+                f"{engineering(self.maxima[f'voltage_{group}_v'], 'V')} after "
+                f"{engineering(self.maxima[f'voltage_{group}_at_s'], 's')}"
+                + ("" if field is None else f", {1e-3 * field:.3g} V/mm")
+                + f"; {engineering(self.maxima[f'current_{group}_a'], 'A')}"
+            )
+        loads = self.design.parts if self.design else [PartLoad(**load) for load in self.maxima["parts"]]
+        for load in loads:
+            value = f"{load.value:.4g}" if load.unit == "1" else engineering(load.value, load.unit)
+            borne = [
+                engineering(peak, unit)
+                for peak, unit in ((load.peak_voltage_v, "V"), (load.peak_current_a, "A"))
+                if peak is not None
+            ]
+            found[load.name] = f"{value}; bears {', '.join(borne)}" if borne else value
+        if self.design:
+            for point in self.design.points:
+                pins = ", ".join(f"{group.upper()} {point.group(group).voltage_v:.4g} V" for group in GROUPS)
+                found[point.state] = (
+                    f"{engineering(point.speed_rad_s, 'rad/s')}, {engineering(point.torque_n_m, 'N·m')}; pins {pins}; "
+                    f"power factor {point.power_factor:.2f}"
                 )
+            found["design"] = f"{'feasible' if self.design.feasible else 'not feasible'}: {self.design.reason}"
+            started = {True: "yes", False: "no", None: "not simulated"}[self.design.starts]
+            found["starts from rest"] = started
         return self._worded(found)
 
 
 @checked
 def drive_report(
     motor: Motor,
-    driver: Driver,
-    duration: float = 3e-3,
+    driver: Driver | Design,
+    duration: float | None = None,
     *,
     contact: ContactLaw | None = "spring-slider",
     speed: float | None = None,
     load_torque: float = 0.0,
-    match: MatchState | None = None,
-    proposals: bool = True,
     step: float | None = None,
     timeout: float | None = None,
     audit: bool = True,
@@ -256,13 +287,11 @@ def drive_report(
 
     Args:
         motor: the motor, at rest under its preload.
-        driver: the driver; its ``voltage`` is that of its stage, or with ``match`` that of the groups.
-        duration: simulated time in s.
+        driver: the driver, or a design of :func:`propose_matching`, whose parts and start the run completes.
+        duration: simulated time in s; by default 3 ms; for a design from 1 to 6 ms, until its motor has started.
         contact: law of the contact; ``None`` for a free tip.
         speed: if given, the shaft is held at this speed, rad/s.
         load_torque: torque in N·m that a load draws from the free shaft.
-        match: state of the motor for which to match the driver first, by a series inductor or by its LLCC filter.
-        proposals: whether to propose a matching for every state, which takes one more run.
         step: uniform time step in s, or with a bridge the largest; by default from the fastest motion.
         timeout: wall time in s after which a run is ended.
         audit: whether findings of the physical audit are an error; if not, ``audit`` of the report has them.
@@ -271,16 +300,15 @@ def drive_report(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
+    design = driver if isinstance(driver, Design) else None
+    driver = driver if isinstance(driver, Driver) else _driver_of(driver)
     setup = OperatingPoint.of(
         motor, driver, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
     )
-    check_duration(setup, duration)
-    states: Sequence[MatchState] = _PROPOSED if proposals else [match] if match else []
-    matching: dict[str, Matching] = {state: proposal(setup, driver, duration, state) for state in states}
-    if match is not None:
-        driver = matching[match].applied(driver)
-        setup = replace(setup, source=driver)
-    vectors = [*_saved(driver, contact=setup.law is not None), *modal_vectors(motor)]
+    if duration is None:
+        duration = _DURATION if design is None else _start_time(motor, design, load_torque)
+    _check_duration(setup, duration)
+    vectors = [*_saved(driver, contact=setup.law is not None), *modal_vectors(motor), *load_vectors(driver)]
     outcome = setup.run(duration, list(dict.fromkeys(vectors)))
     samples = outcome.vectors()
     window = Window(samples["time"], driver.period, uniform=driver.uniform)
@@ -296,7 +324,6 @@ def drive_report(
         run={
             "duration_s": duration,
             **setup.to_dict(),
-            "match": match,
             "uniform_steps": driver.uniform,
             "averaged_periods": window.periods,
             "deck_sha256": outcome.deck_sha256,
@@ -315,13 +342,19 @@ def drive_report(
         mean_rotor_speed_rad_s=window.mean(samples["v(shaft)"]),
         settling=window.settling(power),
         to_come=_to_come(setup, samples, {"motor_power_w": power, "mean_torque_n_m": torque}),
-        matching=matching,
+        maxima=maxima(motor, driver, samples),
+        design=design,
         waveforms=measured.waveforms(),
         solver_seconds=outcome.seconds,
         ngspice_version=outcome.ngspice_version,
         deck=outcome.deck,
         ceramic=ceramic(motor, setup.law, setup.discretisation, samples, driver, window),
     )
+    peaks = {group: float(report.maxima[f"voltage_{group}_v"]) for group in GROUPS}
+    if design:
+        reached = None if speed is not None else report.mean_rotor_speed_rad_s
+        report = replace(report, design=design.ran(part_loads(driver, samples), reached, peaks, motor))
+    report.ceramic["cautions"] = [*report.ceramic.get("cautions", ()), *depolarised(motor, peaks)]
     reactive = sum(port.apparent_power_va for port in report.groups.values())
     findings = audit_power(report.power_in_w, report.power_found_w, reactive)
     if setup.law:
@@ -330,6 +363,38 @@ def drive_report(
     if audit:
         audited.withhold("report")
     return replace(report, audit=audited)
+
+
+def _driver_of(design: Design) -> Driver:
+    """Return the driver of a design. Raise ParameterError with the reason if it has none."""
+    if design.driver is None:
+        raise ParameterError(f"There is no driver to be run. {design.reason}")
+    return design.driver
+
+
+def _start_time(motor: Motor, design: Design, load_torque: float) -> float:
+    """Return the time in s of the run of a design.
+
+    A motor from rest reaches its operating point in it, or in :data:`_LONGEST` s begins to; with a bridge, whose runs
+    take long, it begins to.
+    """
+    if _driver_of(design).switched:
+        return _SHORTEST
+    points = design.points or design.unmatched
+    target = next(point for point in points if point.state == OPERATING)
+    torque = min(abs(point.torque_n_m) for point in points[:2]) - abs(load_torque)
+    time = motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
+    return min(max(_SHORTEST, 1.5 * time + motor.decay_s), _LONGEST)
+
+
+def _check_duration(setup: OperatingPoint, duration: float) -> None:
+    """Raise a ParameterError unless a run lasts ten periods of its driver, and its points fit in memory."""
+    least, most = 10.0 * setup.source.period, MOST_POINTS * setup.step
+    if not least <= duration <= most:
+        raise ParameterError(
+            f"duration = {duration:g} s is not valid: it must be from {least:.3g} s, ten periods of the driver, to "
+            f"{most:.3g} s, so that the points fit in memory."
+        )
 
 
 def _to_come(setup: OperatingPoint, samples: dict[str, Array], signals: dict[str, Array]) -> dict[str, float | None]:

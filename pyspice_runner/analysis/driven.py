@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.analysis.dynamometer import Block, Dynamometer, ammeter, quantities
 from pyspice_runner.analysis.period_map import CONTACT, PeriodMap, Trace, cores
+from pyspice_runner.analysis.period_means import current
 from pyspice_runner.analysis.shooting import PERTURBATION, Point, Shooting, start_point
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Tone, TwoPhaseDrive, two_phases
@@ -42,6 +43,7 @@ from pyspice_runner.run.operating_point import OperatingPoint
 Array = NDArray[np.float64]
 HARMONICS = (1, 2, 3, 5, 7, 9)  # of a stage's output for the derivative
 FADED = 1e-6  # part of the largest singular value below which a state at the start has no influence but by rounding
+NEUTRAL = 1e-5  # distance of a multiplier from 1 within the error of a derivative by finite differences
 FEWEST_PERIODS = 10  # of the transient from which a curve starts
 SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs if Newton's method fails
 _MORE = 4.5  # steps beyond the period: ngspice 46 shortens the last two of a run
@@ -59,10 +61,6 @@ class DrivenMap(PeriodMap):
         """How motors are adapted to the step."""
         return Discretisation(self.step, self.uniform)
 
-    def traces(self, copies: Sequence[Copy]) -> list[Trace | None]:
-        """Return the traces of the copies over a period; ``None`` where ngspice does not find one."""
-        return self._evaluated(copies, self.duration, whole=True)
-
     def _write(self, copies: Sequence[Copy]) -> None:
         """Leave the subcircuits to :func:`driven_bench`."""
 
@@ -74,11 +72,15 @@ class DrivenMap(PeriodMap):
     def _bench(self, copies: Sequence[Copy]) -> Bench:
         return driven_bench(copies, self.discretisation)
 
+    def _single(self, copy: Copy) -> Bench:
+        return self._bench([copy])
+
     def _vectors(self, number: int, plant: Plant, *, whole: bool) -> list[str]:
         instance = copy_name(number)
         assert isinstance(plant, DrivenPlant)
         names = driven_vectors(plant, instance)
         names += [f"v({instance}.xmotor.{name})" for name in CONTACT if whole]
+        names += [name for name in pin_vectors(instance).values() if whole]
         return names + [f"v({instance}.out_{group})" for group in GROUPS if whole and not self.uniform]
 
     def _traces(
@@ -97,7 +99,11 @@ class DrivenMap(PeriodMap):
             )
             rows = [np.interp(even, time, row) for row in (*states, *contact)]
             outputs = {name[-2]: self._harmonics(time[within], raw[name][within]) for name in own if ".out_" in name}
-            traces.append(replace(Trace(even, np.array(rows[: len(states)]), *rows[len(states) :]), outputs=outputs))
+            named = pin_vectors(copy_name(number)).items() if whole else ()
+            pins = {name: np.interp(even, time, raw[vector]) for name, vector in named}
+            begun = even + copy.plant.begins * self.period  # since the control of group A had the phase 0
+            trace = Trace(begun, np.array(rows[: len(states)]), *rows[len(states) :])
+            traces.append(replace(trace, outputs=outputs, pins=pins))
         return traces
 
     def ends(self, time: Array) -> tuple[int, int]:
@@ -113,6 +119,14 @@ class DrivenMap(PeriodMap):
             phasor = 2.0 * np.trapezoid(voltage * wave, time) / self.period
             tones.append(Tone(float(abs(phasor)), number / self.period, float(np.angle(phasor)) + 0.5 * pi))
         return tuple(tones)
+
+
+def pin_vectors(copy: str) -> dict[str, str]:
+    """Return the vectors of voltages and currents of the pins of a copy, by their names in a run of one motor."""
+    found: dict[str, str] = {}
+    for group in GROUPS:
+        found |= {f"v({group})": f"v({copy}.{group})", f"i(vpin_{group})": f"i(v.{copy}.vpin_{group})"}
+    return found
 
 
 class DrivenShooting(Shooting):
@@ -183,12 +197,15 @@ class DrivenPoint(Point):
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
-        """Floquet multipliers, the largest first, without the 1 of sliders that stick."""
+        """Floquet multipliers, the largest first, without the 1 of sliders that stick and of isolated charges.
+
+        The charge between a capacitor in series and a group has no path away.
+        """
         assert self.at_start is not None
         assert self.measured_end is not None
         values = np.linalg.eigvals(self.measured_end @ np.linalg.pinv(self.at_start, rcond=FADED)).astype(complex)
         values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self.sticks])
-        values = values[np.abs(values - 1.0) > self.lasting]
+        values = values[np.abs(values - 1.0) > NEUTRAL]
         return np.asarray(values[np.argsort(-np.abs(values))])
 
     def _update(self, step: Array, gap: Array) -> None:
@@ -228,18 +245,23 @@ def check_driven(setup: OperatingPoint) -> None:
     require_linear(setup.motor, "A steady state behind a driver")
 
 
-def driven_answers(setups: Sequence[OperatingPoint]) -> tuple[list[Answer], tuple[DrivenMap, ...]]:
+def driven_answers(
+    setups: Sequence[OperatingPoint], starts: Sequence[Point | None]
+) -> tuple[list[Answer], tuple[DrivenMap, ...]]:
     """Solve operating points of motors behind drivers of the same frequency; return the answers and the maps.
 
-    The first point of each curve starts from a short transient, the others from that point's solution.
+    ``starts`` are solutions with ideal voltages at the pins, near those behind the driver, from which Newton's method
+    is tried alone. Without them the first point of each curve starts from a short transient, the others from that
+    point's solution, and where this fails after a longer transient.
     """
     points: list[DrivenPoint] = []
-    for setup in setups:
+    for setup, start in zip(setups, starts, strict=True):
         driver = setup.source
         assert isinstance(driver, Driver)
         stage = TwoPhaseDrive(**two_phases(driver))
         plant = DrivenPlant(setup.motor, stage, setup.load, setup.law, driver)
-        points.append(DrivenPoint(plant, np.zeros(plant.order), _scale(plant)))
+        state = np.zeros(plant.order) if start is None else _behind_network(plant, start)
+        points.append(DrivenPoint(plant, state, _scale(plant), guessed=start is not None))
     first = setups[0]
     maps = tuple(
         DrivenMap(
@@ -248,11 +270,12 @@ def driven_answers(setups: Sequence[OperatingPoint]) -> tuple[list[Answer], tupl
         )
         for finer in (1, 2)
     )  # fmt: skip
-    _search(points, maps[0])
+    _search([point for point in points if not point.guessed], maps[0])
+    _place([point for point in points if point.guessed], maps[0])
     coarse = _metered(setups, points, maps[0])
     shooting = DrivenShooting(points, maps[1])
     shooting.solve([point for point in points if point.done])
-    shooting.measure([point for point in points if point.done])
+    shooting.measure([point for point in points if point.done and point.far])
     fine = _metered(setups, points, maps[1])
     answers = []
     for point, one, other in zip(points, fine, coarse, strict=True):
@@ -266,6 +289,25 @@ def driven_answers(setups: Sequence[OperatingPoint]) -> tuple[list[Answer], tupl
     return answers, maps
 
 
+def _behind_network(plant: DrivenPlant, start: Point) -> Array:
+    """Return the state with the motor as it moves with ideal voltages at its pins, and the network to suit."""
+    assert start.trace is not None
+    drive, time = start.plant.drive, start.trace.time
+    omega, begun = 2.0 * pi / drive.period, plant.begins * drive.period
+    turns = np.exp(-1j * omega * time)
+    pins, currents = {}, {}
+    for group in GROUPS:
+        (tone,) = getattr(drive, f"tones_{group}")
+        pins[group] = tone.amplitude * np.exp(1j * tone.phase)
+        currents[group] = complex(
+            2j * np.trapezoid(current(start.plant, group, start.trace) * turns, time) / drive.period
+        )
+    turned = np.exp(1j * omega * begun)
+    plates = [float((pins[state.field[len("plates_")]] * turned).imag) for state in plant.states[plant.inner :]]
+    stores = [float((phasor * turned).imag) for phasor in plant.store_phasors(pins, currents)]
+    return np.array([*start.moved(begun).state[: plant.inner], *plates, *stores])  # a held shaft has no state
+
+
 def _scale(plant: DrivenPlant) -> Array:
     """Return the size of each state: voltages by the stage's, currents by that of the clamped capacitance."""
     volts = max(plant.driver.amplitude(group) for group in "ab")
@@ -275,11 +317,18 @@ def _scale(plant: DrivenPlant) -> Array:
     return np.array([*start_point(plant).scale, *(volts,) * plates, *stores])
 
 
+def _place(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
+    """Solve points from where they are."""
+    DrivenShooting(points, period_map).solve()
+    for point in points:
+        point.method = "newton" if point.done else ""
+
+
 def _search(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
     shooting = DrivenShooting(points, period_map)
-    curves: dict[str, list[DrivenPoint]] = {}
-    for point in points:
-        curves.setdefault(point.plant.curve, []).append(point)
+    curves: dict[tuple[str, bool], list[DrivenPoint]] = {}
+    for point in points:  # a free shaft has a state more
+        curves.setdefault((point.plant.curve, point.plant.turns), []).append(point)
     seeds = [curve[len(curve) // 2] for curve in curves.values()]
     for decays in (0.0, *SETTLING):
         _retry([seed for seed in seeds if not seed.done], shooting, period_map, decays)

@@ -1,227 +1,482 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Matching networks between a power stage and the groups, so that the stage sees a resistance."""
+"""The search for network, transformer and rails of a driver, checked in steady states from stall to no load.
+
+The motor's currents at the wanted voltages of its pins, in steady states at stall, at the operating point and at no
+load, tell the impedance of each group over the range. A series pair of coil and capacitor cancels a share of the
+reactance at the operating point: all of it is the usual match; none is a filter that is tuned to the drive and leaves
+the voltages of the pins alone. The more it cancels, the better is the power factor of the stage, and the more the
+voltages of the pins change with the load. The choice is the share with the largest power factor whose voltages stay
+within :data:`PIN_BAND` of those wanted. The network with values of the E series is then solved for its own steady
+states over the range.
+"""
 
 from __future__ import annotations
 
 from cmath import phase, rect
-from dataclasses import dataclass, replace
-from math import degrees, pi, radians, sqrt
-from typing import Any, Literal
+from collections.abc import Mapping
+from dataclasses import replace
+from math import degrees, pi, radians
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pyspice_runner.analysis.small_signals import small_signals
+from pyspice_runner.analysis.design import (
+    IDLE,
+    OPERATING,
+    STALL,
+    STANDS,
+    WARM,
+    Design,
+    GroupPoint,
+    RangePoint,
+    exceeded,
+)
+from pyspice_runner.analysis.maxima import NO_CAPACITOR, NO_COIL, NO_PARALLEL, part_loads
+from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import MatchState, TwoPhaseDrive, two_phases
+from pyspice_runner.model.drive import Load, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
+from pyspice_runner.model.strength import depolarised
+from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import ContactLaw
-from pyspice_runner.netlist.drivers import Driver
+from pyspice_runner.netlist.drivers import HEADROOM, Driver, NetworkKind
 from pyspice_runner.netlist.source import GROUPS
-from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
-from pyspice_runner.run.window import Window
-from pyspice_runner.spectra.admittance import admittance
+from pyspice_runner.netlist.stock import (
+    E12,
+    E24,
+    SMALLEST_CAPACITANCE,
+    SMALLEST_INDUCTANCE,
+    WINDING_QUALITY,
+    largest_inductance,
+    nearest,
+)
+from pyspice_runner.run.operating_point import OperatingPoint
 
-WINDING_QUALITY = 100.0  # of a proposed inductor: assumed, that of a ferrite core at some ten kHz
-FILTER_QUALITY = 2.0  # of a proposed LLCC filter: reactance of its series pair over the motor's resistance
-BESIDE = 1e-3  # of the driver's frequency, to either side of which the hot admittance is taken
-_SMALLEST_VOLTAGE = 0.1  # V, the least that a driver takes
-
-
-@dataclass(frozen=True)
-class MatchedGroup:
-    """Network that cancels the reactance of one group at the fundamental, and its source voltage."""
-
-    resistance_ohm: float  # real part of the group's impedance at its pin
-    reactance_ohm: float  # imaginary part
-    power_factor: float  # of the fundamental, without matching
-    inductance_h: float  # series inductance; 0 for an inductive group
-    capacitance_f: float  # series capacitance of an inductive group; otherwise 0
-    winding_ohm: float  # resistance of the inductor, at a quality factor of 100
-    parallel_inductance_h: float  # inductance across the pin, of an LLCC filter
-    parallel_capacitance_f: float  # capacitance across the pin, of an LLCC filter
-    source_voltage_v: float  # amplitude in front of the network that keeps the voltage at the pin
-    source_phase_deg: float  # its phase against the pin of group A
-
-
-@dataclass(frozen=True)
-class Matching:
-    """Matching for one state: free, preloaded (sticking, small signal), running (as simulated), hot (incremental)."""
-
-    state: MatchState
-    frequency_hz: float
-    a: MatchedGroup
-    b: MatchedGroup
-
-    def group(self, name: str) -> MatchedGroup:
-        """Return the proposal for group ``"a"`` or ``"b"``."""
-        return self.a if name == "a" else self.b
-
-    def applied(self, driver: Driver) -> Driver:
-        """Return the driver with this matching: by its LLCC filter if it has one, else by a series inductor.
-
-        The source voltage keeps the voltages of the groups. The leakage of a transformer counts as part of the
-        inductor. Behind a bridge the reactance of the inductor is at least the group's impedance, to block the
-        switching edges; a series capacitor compensates the excess.
-        """
-        if driver.network == "llcc":
-            return driver.updated(self._filter(driver))
-        omega = 2.0 * pi * self.frequency_hz
-        changes: dict[str, Any] = {"network": "inductor"}
-        for group in GROUPS:
-            match = self.group(group)
-            inductance, capacitance, winding = match.inductance_h, match.capacitance_f or 1.0, match.winding_ohm
-            least = abs(complex(match.resistance_ohm, match.reactance_ohm))
-            if driver.switched and omega * inductance < least:
-                # too small to block the edges: a larger inductance, and a capacitor that compensates the excess
-                inductance = least / omega
-                capacitance = 1.0 / (omega * (least + match.reactance_ohm))
-                winding = least / WINDING_QUALITY
-            changes[f"inductor_{group}.inductance"] = max(inductance - _leakage(driver, group), 1e-6)
-            changes[f"inductor_{group}.resistance"] = max(winding, 1e-3)
-            changes[f"inductor_{group}.capacitance"] = capacitance
-        changes["voltage"] = self.a.source_voltage_v
-        changes["ratio_b"] = self.b.source_voltage_v / self.a.source_voltage_v
-        ahead = radians(self.b.source_phase_deg - self.a.source_phase_deg)
-        changes["phase_deg"] = degrees(phase(rect(1.0, ahead)))  # between −180° and 180°
-        return driver.updated(changes)
-
-    def _filter(self, driver: Driver) -> dict[str, float]:
-        """Return the values of an LLCC filter: parallel pair cancels the susceptance, series pair is in resonance."""
-        omega = 2.0 * pi * self.frequency_hz
-        changes = {}
-        for group in GROUPS:
-            match = self.group(group)
-            squared = match.resistance_ohm**2 + match.reactance_ohm**2
-            reactance = FILTER_QUALITY * squared / max(abs(match.resistance_ohm), 0.1 * sqrt(squared))
-            total = reactance / omega
-            changes[f"llcc_{group}.series_inductance"] = max(total - _leakage(driver, group), 1e-5)
-            changes[f"llcc_{group}.series_capacitance"] = 1.0 / (omega * reactance)
-            changes[f"llcc_{group}.series_resistance"] = reactance / WINDING_QUALITY
-            changes[f"llcc_{group}.parallel_inductance"] = match.parallel_inductance_h
-            changes[f"llcc_{group}.parallel_capacitance"] = match.parallel_capacitance_f
-            changes[f"llcc_{group}.parallel_resistance"] = omega * match.parallel_inductance_h / WINDING_QUALITY
-        return changes
+PIN_BAND = 0.2  # by which the voltage of a pin may differ from the wanted one, from stall to no load
+ACCURACY = 1e-2  # of the torque, of the friction torque under the preload: the design needs voltages and currents
+_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the reactance that a series network may cancel
+# reactance of a coil behind switching edges over that of the clamped capacitance, both at the drive: the third harmonic
+# of a square wave, a third of its fundamental, then is 9 % at the pin
+_FILTER = 0.6
+_ROUNDS = 4  # of transformer ratio and network, each of which depends on the other
+_SPARE = 0.9  # of a load torque, which a motor with pins of a somewhat lower voltage must give at least
+_LEAST_STEP = 0.02  # of a ratio from 1, below which a half bridge needs no transformer
+_RATIOS = (0.1, 100.0)  # of a transformer, as in its library
+_DETUNED = 0.02  # of the reactance of a coil: what is left of it below this needs no capacitor
+_INSTEAD = {
+    "none": "Take a network, --driver …+llcc, or a stage of lower resistance.",
+    "inductor": "Series matching cannot follow this load. Take +llcc, lower the voltage, or control the amplitude.",
+    "llcc": "Lower the voltage, or control the amplitude.",
+}
 
 
 @checked
 def propose_matching(
     motor: Motor,
-    driver: Driver,
+    drive: TwoPhaseDrive,
+    stage: str,
+    network: NetworkKind = "inductor",
     *,
-    state: MatchState = "running",
-    contact: ContactLaw | None = "spring-slider",
-    duration: float = 3e-3,
+    parts: Mapping[str, Any] | None = None,
     speed: float | None = None,
     load_torque: float = 0.0,
+    rail: float | None = None,
+    contact: ContactLaw = "spring-slider",
     timeout: float | None = None,
-) -> Matching:
-    """Propose a matching network between a driver and each group, so that the driver sees a resistance.
-
-    It holds at the driver's voltages, phase and frequency. ``"free"`` and ``"preloaded"`` use the small-signal two-port
-    of the stator; ``"running"`` the currents of a transient with ideal sources; ``"hot"`` the two-port for a small
-    additional voltage in the steady state (:func:`small_signals`).
+) -> Design:
+    """Design a driver whose pins keep their voltages from stall to no load, and check it in steady states.
 
     Args:
         motor: the motor.
-        driver: frequency, voltages and phase of the groups.
-        state: ``"free"``, ``"preloaded"``, ``"running"`` or ``"hot"``.
-        contact: law of the contact, for ``"running"``; ``None`` for a free tip.
-        duration: simulated time in s, for ``"running"``.
-        speed: if given, the shaft is held at this speed, rad/s.
-        load_torque: torque in N·m that a load draws from the free shaft.
+        drive: voltages, phase and frequency wanted at the pins.
+        stage: kind of the power stage, as of :class:`Driver`.
+        network: ``"inductor"``, ``"llcc"`` or ``"none"``.
+        parts: further values of the driver, by their names or by PART.PARAMETER, as for :meth:`.Driver.updated`; those
+            of network and transformer are chosen here.
+        speed: of the operating point, rad/s; by default half the speed at no load.
+        load_torque: torque in N·m at the operating point, in place of the speed; it loads the motor when it starts.
+        rail: voltage in V between the rails of the stage, to which the transformer is fitted; by default the rails are
+            as the voltage requires.
+        contact: law of the contact.
         timeout: wall time in s after which a run is ended.
 
     Raises:
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    setup = OperatingPoint.of(motor, driver, speed=speed, load_torque=load_torque, contact=contact, timeout=timeout)
-    check_duration(setup, duration)
-    return proposal(setup, driver, duration, state)
+    ideal = OperatingPoint.of(
+        motor, drive, speed=speed, load_torque=load_torque, contact=contact, timeout=timeout, audit=False
+    )
+    if ideal.law is None:
+        raise ParameterError("A driver is designed for a motor on its rotor. Give a law of the contact, not none.")
+    wanted = {group: abs(volts) for group, volts in _pins(drive).items()}
+    values = {name: value for name, value in (parts or {}).items() if "." not in name}
+    template = Driver(kind=stage, network=network, frequency=drive.frequency, voltage=1.0, **values)
+    template = template.updated({name: value for name, value in (parts or {}).items() if "." in name})
+    states = _range(ideal)
+    begun = Design(None, wanted, load_torque_n_m=load_torque)
+    if told := _lost(states, wanted, "with the wanted voltages at the pins"):
+        return replace(begun, reason=told)
+    search = _Search(ideal, drive, template, rail, states)
+    begun = replace(begun, unmatched=search.points, reason=search.unreachable())
+    if begun.reason:
+        return begun
+    try:
+        best = search.best_share()
+        found = search.verified(begun, best)
+        return found if found.feasible or best == 0.0 else search.verified(begun, 0.0)
+    except _NotFeasibleError as error:
+        return replace(begun, reason=str(error))
 
 
-def check_duration(setup: OperatingPoint, duration: float) -> None:
-    """Raise a ParameterError unless a run lasts ten periods of its driver, and its points fit in memory."""
-    least, most = 10.0 * setup.source.period, MOST_POINTS * setup.step
-    if not least <= duration <= most:
-        raise ParameterError(
-            f"duration = {duration:g} s is not valid: it must be from {least:.3g} s, ten periods of the driver, to "
-            f"{most:.3g} s, so that the points fit in memory."
+class _NotFeasibleError(Exception):
+    """There is no such driver; the message says why and what can be done."""
+
+
+def _range(ideal: OperatingPoint) -> dict[str, SteadyState]:
+    """Return the steady states at stall, at the operating point and at no load with the wanted voltages at the pins."""
+    held, free = replace(ideal, load=Load(speed=0.0)), replace(ideal, load=Load())
+    given = ideal.load.speed is not None or ideal.load.torque != 0.0
+    stall, idle, *rest = steady_states([held, free, *([ideal] if given else [])], accuracy=ACCURACY, waveforms=True)
+    if not rest and idle.converged:
+        middle = replace(ideal, load=Load(speed=0.5 * idle.speed_rad_s))
+        rest = steady_states([middle], accuracy=ACCURACY, waveforms=True, starts=[stall.solution])
+    return dict(zip((STALL, OPERATING, IDLE), (stall, *(rest or [idle]), idle), strict=True))
+
+
+def _lost(states: Mapping[str, SteadyState], wanted: Mapping[str, float], where: str) -> str:
+    """Return in a sentence at which state there is no stable steady state; an empty text if there is at all."""
+    lost = [
+        name for name, state in states.items() if not (state.converged and (state.stable or state.held_by_friction))
+    ]
+    if not lost:
+        return ""
+    volts = " and ".join(f"{value:.4g} V" for value in wanted.values())
+    return (
+        f"At {', '.join(lost)} there is no stable steady state {where} ({volts}), so that no design can be checked. "
+        "Change the frequency or the voltage, and look at the motor with simulate."
+    )
+
+
+def _pins(drive: TwoPhaseDrive) -> dict[str, complex]:
+    """Return the phasors in V that are wanted at the pins, group A at phase 0."""
+    return {"a": complex(drive.voltage), "b": rect(drive.voltage_b, radians(drive.phase_deg))}
+
+
+def _phasor(values: Any, time: Any, frequency: float) -> complex:
+    """Return the phasor of the fundamental over one period."""
+    return complex(2j * frequency * np.trapezoid(values * np.exp(-2j * pi * frequency * time), time))
+
+
+def _point(name: str, state: SteadyState, driver: Driver | None) -> RangePoint:
+    """Return a steady state with the power factor at the outputs of the stages; without a driver that of the pins."""
+    waves = state.waveforms
+    assert waves is not None
+    frequency = 1.0 / waves.drive_period_s
+    groups, real, apparent = {}, 0.0, 0.0
+    for group in GROUPS:
+        volts = _phasor(getattr(waves, f"voltage_{group}_v"), waves.time_s, frequency)
+        amperes = _phasor(getattr(waves, f"current_{group}_a"), waves.time_s, frequency)
+        source, through = _at_stage(driver, group, volts, amperes)
+        power, product = (source * through.conjugate()).real, abs(source) * abs(through)
+        impedance = volts / amperes
+        groups[group] = GroupPoint(abs(volts), abs(amperes), impedance.real, impedance.imag, power / product)
+        real, apparent = real + power, apparent + product
+    power_w = state.power_a_w + state.power_b_w
+    return RangePoint(name, state.speed_rad_s, state.torque_n_m, power_w, real / apparent, groups["a"], groups["b"])
+
+
+def _network(driver: Driver, group: str) -> tuple[complex, complex]:
+    """Return the series impedance, stage and transformer included, and the admittance across the pin."""
+    omega, series, across = 2.0 * pi * driver.frequency, 0j, 0j
+    for part in driver.equivalent().parts(group):
+        values, prefix = part.values, "series_" if part.label == "llcc" else ""
+        series += values[f"{prefix}resistance"] + 1j * omega * values[f"{prefix}inductance"]
+        if values[f"{prefix}capacitance"] != NO_CAPACITOR:
+            series += 1.0 / (1j * omega * values[f"{prefix}capacitance"])
+        if part.label == "llcc":
+            coil = values["parallel_resistance"] + 1j * omega * values["parallel_inductance"]
+            across += 1.0 / coil + 1j * omega * values["parallel_capacitance"]
+    return series, across
+
+
+def _at_stage(driver: Driver | None, group: str, volts: complex, amperes: complex) -> tuple[complex, complex]:
+    """Return voltage and current of the lossless stage behind its transformer, for those of the pin."""
+    series, across = _network(driver, group) if driver else (0j, 0j)
+    through = amperes + across * volts
+    return volts + series * through, through
+
+
+class _Search:
+    """The search for a driver over the range of a motor."""
+
+    def __init__(
+        self,
+        ideal: OperatingPoint,
+        drive: TwoPhaseDrive,
+        driver: Driver,
+        rail: float | None,
+        states: Mapping[str, SteadyState],
+    ) -> None:
+        self.ideal, self.driver, self.rail, self.states = ideal, driver, rail, states
+        self.points = tuple(_point(name, state, None) for name, state in states.items())
+        self.pins = _pins(drive)  # wanted phasors
+        self.omega = 2.0 * pi * driver.frequency
+        self.middle = next(point for point in self.points if point.state == OPERATING)
+
+    def unreachable(self) -> str:
+        """Return why the motor does not reach its operating point; an empty text if it does."""
+        idle, middle = self.points[-1].speed_rad_s, self.middle
+        load = self.ideal.load
+        asked = load.speed if load.speed is not None else middle.speed_rad_s
+        if (load.speed is None and not load.torque) or not asked or (abs(idle) > STANDS and 0.0 < asked / idle < 1.0):
+            return ""
+        what = f"turns at {asked:.4g} rad/s" if load.speed is not None else f"drives {load.torque:.4g} N·m"
+        return (
+            f"With {abs(self.pins['a']):.4g} V at the pins the motor turns at {idle:.4g} rad/s without load, and never "
+            f"{what} forwards. Raise the voltage, change frequency or phase, or ask for less."
         )
 
+    def best_share(self) -> float:
+        """Return the share of the reactance to be cancelled, by the impedances of the motor at the wanted voltages.
 
-def proposal(setup: OperatingPoint, driver: Driver, duration: float, state: MatchState) -> Matching:
-    """Propose the matching of both groups; for ``"running"`` from the currents of a run with ideal sources."""
-    voltages = driver.phasors()
-    if state == "running":
-        ideal = Driver(kind="ideal", **two_phases(driver))
-        run = replace(setup, source=ideal, solver=replace(setup.solver, step=None))
-        samples = run.run(duration, [f"{kind}{group})" for kind in ("v(", "i(vpin_") for group in GROUPS]).vectors()
-        window = Window(samples["time"], driver.period)
-        currents = {group: complex(window.harmonics(samples[f"i(vpin_{group})"])[0]) for group in GROUPS}
-        voltages = {group: complex(window.harmonics(samples[f"v({group})"])[0]) for group in GROUPS}
-    else:
-        amperes = _two_port(setup, driver, state) @ np.array([voltages["a"], voltages["b"]])
-        currents = dict(zip(GROUPS, amperes.tolist(), strict=True))
-    return Matching(
-        state,
-        driver.frequency,
-        *(_matched(voltages[group], currents[group], voltages["a"], driver.frequency) for group in GROUPS),
-    )
+        These change with the voltages, so that half of the band is allowed.
+        """
+        if self.driver.network != "inductor":
+            return 0.0
+        found = []
+        for share in _SHARES:
+            driver = self.built(share)
+            changes, factors = [], []
+            for point in self.points:
+                real = apparent = 0.0
+                for group in GROUPS:
+                    series, _ = _network(driver, group)
+                    load = _impedance(point, group)
+                    source = driver.fundamental(group)
+                    changes.append(source * abs(load / (load + series)) / abs(self.pins[group]) - 1.0)
+                    amperes = source / abs(load + series)
+                    real += amperes**2 * (load + series).real
+                    apparent += source * amperes
+                factors.append(real / apparent)
+            found.append((share, max(map(abs, changes)), min(factors)))
+        kept = [(factor, share) for share, change, factor in found if change <= 0.5 * PIN_BAND]
+        return max(kept)[1] if kept else 0.0
+
+    def built(self, share: float) -> Driver:
+        """Return the driver whose network cancels a share of the reactance at the operating point."""
+        driver = self.driver
+        try:
+            for _ in range(_ROUNDS):
+                driver = self._supplied(driver.updated(self._values(driver, share)))
+        except ParameterError as error:
+            raise _NotFeasibleError(f"{error} Take another stage, rail or MOSFET.") from None
+        return driver
+
+    def _values(self, driver: Driver, share: float) -> dict[str, float]:
+        """Return the settings of the network."""
+        if driver.network == "none":
+            return {}
+        prefix, omega, values = "series_" if driver.network == "llcc" else "", self.omega, {}
+        most = largest_inductance(driver.frequency)
+        for group in GROUPS:
+            label, leakage = f"{driver.network}_{group}", driver.leakage(group)
+            wanted = -share * _impedance(self.middle, group).imag
+            filtering = driver.switched or driver.network == "llcc"
+            clamped = getattr(self.ideal.motor.piezo, f"capacitance_{group}_f")
+            total = max(wanted, _FILTER / (omega * clamped) if filtering else 0.0) / omega
+            coil = SMALLEST_INDUCTANCE
+            if total - leakage > SMALLEST_INDUCTANCE:
+                coil = min(nearest(total - leakage, E12), max(value for value in _decades(E12) if value <= most))
+            excess = omega * (coil + leakage) - wanted
+            capacitor = NO_CAPACITOR
+            if excess > _DETUNED * omega * (coil + leakage) and excess > 0.0 and (filtering or wanted < 0.0):
+                capacitor = nearest(1.0 / (omega * excess), E24)
+            values[f"{label}.{prefix}inductance"] = coil
+            values[f"{label}.{prefix}resistance"] = max(omega * coil / WINDING_QUALITY, 1e-2)
+            values[f"{label}.{prefix}capacitance"] = capacitor
+            if driver.network == "llcc":
+                values |= self._across(group, most)
+        return values
+
+    def _across(self, group: str, most: float) -> dict[str, float]:
+        """Return the settings of the pair across a group, which cancels the middle of its susceptances."""
+        susceptances = [(1.0 / _impedance(point, group)).imag for point in self.points]
+        middle, omega = 0.5 * (min(susceptances) + max(susceptances)), self.omega
+        coil, capacitor = NO_COIL, -middle / omega
+        if middle > 0.0:
+            largest = min(most, 1.0 / (omega * middle))
+            coil = max(value for value in _decades(E12) if value <= largest)
+            capacitor = 1.0 / (omega**2 * coil) - middle / omega
+        capacitor = NO_PARALLEL if capacitor < SMALLEST_CAPACITANCE else nearest(capacitor, E24)
+        label = f"llcc_{group}.parallel_"
+        return {
+            f"{label}inductance": coil, f"{label}capacitance": capacitor,
+            f"{label}resistance": min(max(omega * coil / WINDING_QUALITY, 1e-2), 1e4),
+        }  # fmt: skip
+
+    def _supplied(self, driver: Driver) -> Driver:
+        """Return the driver with the voltages of its stage and the ratios of its transformer."""
+        sources = {}
+        for group, volts in self.pins.items():
+            sources[group], _ = _at_stage(driver, group, volts, volts / _impedance(self.middle, group))
+        amplitudes = {group: abs(source) for group, source in sources.items()}
+        changes: dict[str, Any] = {
+            "voltage": amplitudes["a"], "ratio_b": amplitudes["b"] / amplitudes["a"],
+            "phase_deg": degrees(phase(sources["b"] / sources["a"])),
+        }  # fmt: skip
+        if self.rail is None:
+            return driver.updated(changes)
+        if driver.switched:
+            changes["supply_v"], before = self.rail, (4.0 if driver.kind == "full-bridge" else 2.0) / pi * self.rail
+        else:
+            changes["supply_v"], before = 0.5 * self.rail, 0.5 * self.rail / 1.1 - HEADROOM
+            if before < HEADROOM:
+                raise _NotFeasibleError(
+                    f"A linear stage between rails of {self.rail:g} V has {max(before, 0.0):.2g} V left, as it needs "
+                    f"{HEADROOM:g} V to each rail. Take a higher rail or a bridge."
+                )
+        ratios = {group: amplitude / before for group, amplitude in amplitudes.items()}
+        if driver.switched:
+            needed = driver.kind == "full-bridge" or any(abs(ratio - 1.0) > _LEAST_STEP for ratio in ratios.values())
+        else:
+            needed = any(ratio > 1.0 for ratio in ratios.values())
+        least, most = _RATIOS
+        for group, ratio in ratios.items() if needed else ():
+            if not least <= ratio <= most:
+                raise _NotFeasibleError(
+                    f"Group {group.upper()} needs a transformer of 1 to {ratio:.3g} at a rail of {self.rail:g} V; the "
+                    f"limits are {least:g} and {most:g}. Take another rail."
+                )
+            changes[f"transformer_{group}.ratio"] = float(f"{ratio:.3g}")
+        if needed and driver.kind != "full-bridge":
+            changes["transformer"] = True
+        return driver.updated(changes)
+
+    def verified(self, begun: Design, share: float) -> Design:
+        """Return the design for a share, with its steady states over the range and whether they are within limits."""
+        driver = self.built(share)
+        behind = [
+            replace(self.ideal, source=driver.equivalent(), load=Load(speed=point.speed_rad_s)) for point in self.points
+        ]
+        names = [point.state for point in self.points]
+        starts = [state.solution for state in self.states.values()]
+        solved = steady_states(behind, accuracy=ACCURACY, waveforms=True, starts=starts)
+        lost = [place for place, state in enumerate(solved) if not state.converged] if share == 0.0 else []
+        for place, state in zip(lost, steady_states([behind[place] for place in lost], waveforms=True), strict=True):
+            solved[place] = state
+        states = dict(zip(names, solved, strict=True))
+        found = replace(begun, driver=driver, share=share)
+        rise = self.rise
+        if rise:
+            (states[WARM],) = steady_states(
+                [self._warmed(behind[1], rise)], accuracy=ACCURACY, waveforms=True, starts=starts[1:2]
+            )
+        if told := _lost(states, begun.wanted_v, "behind this driver; the voltages wanted at the pins"):
+            return replace(found, reason=f"{told} {_INSTEAD[driver.network]}")
+        points = tuple(_point(name, state, driver) for name, state in states.items())
+        parts = part_loads(driver, _phasors(driver, points))
+        peaks = {group: max(point.group(group).voltage_v for point in points) for group in GROUPS}
+        faults = [*self._off(driver, points), *exceeded(parts, driver.frequency), *depolarised(self.ideal.motor, peaks)]
+        reason = " ".join([*faults, _INSTEAD[driver.network]]) if faults else self._told(points, share)
+        return replace(found, points=points, parts=parts, feasible=not faults, reason=reason)
+
+    @property
+    def rise(self) -> float:
+        """Temperature in K above cold at which the motor runs, at most that of its limit; 0 where it is not known."""
+        limits = self.ideal.motor.limits
+        if limits is None:
+            return 0.0
+        rise = self.states[OPERATING].temperature_rise_k
+        return min(rise, 0.5 * limits.curie_temperature_c - limits.ambient_c) if rise > 0.0 else 0.0
+
+    def _warmed(self, point: OperatingPoint, rise_k: float) -> OperatingPoint:
+        """Return an operating point behind a driver with a warm motor, which a tracker follows by the frequency."""
+        thermal, driver = Thermal.of(point.motor), point.source
+        assert isinstance(driver, Driver)
+        frequency = driver.frequency * thermal.frequency_factor(rise_k)
+        return replace(
+            point, motor=thermal.warmed(point.motor, rise_k), source=driver.updated({"frequency": frequency})
+        )
+
+    def _off(self, driver: Driver, points: tuple[RangePoint, ...]) -> list[str]:
+        """Return a sentence for each pin whose voltage leaves the band, and for a motor that brakes."""
+        told = []
+        for point in points:
+            for group in GROUPS:
+                volts, wanted = point.group(group).voltage_v, abs(self.pins[group])
+                if abs(volts / wanted - 1.0) > PIN_BAND:
+                    told.append(
+                        f"At {point.state} group {group.upper()} gets {volts:.4g} V instead of {wanted:.4g} V; allowed "
+                        f"are {100.0 * PIN_BAND:.0f} %."
+                    )
+        middle = next(point for point in points if point.state == OPERATING)
+        ahead, load = 1.0 if middle.speed_rad_s > 0.0 else -1.0, _SPARE * self.ideal.load.torque
+        if abs(middle.speed_rad_s) > STANDS and ahead * middle.torque_n_m < ahead * load:
+            told.append(f"At {middle.speed_rad_s:.4g} rad/s the motor gives {middle.torque_n_m:.3g} N·m.")
+        return [*told, *_overdriven(driver, points)]
+
+    def _told(self, points: tuple[RangePoint, ...], share: float) -> str:
+        """Return what was found."""
+        worst = max(
+            abs(point.group(group).voltage_v / abs(self.pins[group]) - 1.0) for point in points for group in GROUPS
+        )
+        told = f"From stall to no load the pins keep their voltages within {100.0 * worst:.2g} %"
+        told += f", and with the motor {self.rise:.3g} K warmer at a frequency that follows." if self.rise else "."
+        if self.driver.network == "inductor" and share < 1.0:
+            told += (
+                f" The network cancels {100.0 * share:.0f} % of the reactance at the operating point; with more the "
+                f"voltages would change by more than {100.0 * PIN_BAND:.0f} %, or the power factor fall."
+            )
+        return told
 
 
-def _two_port(
-    setup: OperatingPoint, driver: Driver, state: Literal["free", "preloaded", "hot"]
-) -> NDArray[np.complex128]:
-    """Return the small-signal admittance matrix of the groups at the driver's frequency."""
-    frequency = driver.frequency
-    if state != "hot":
-        spectrum = admittance(
-            setup.motor, start=frequency * (1 - 1e-6), stop=frequency * (1 + 1e-6), points=3, state=state,
-            timeout=setup.solver.timeout,
-        )  # fmt: skip
-        return np.asarray(spectrum.matrix_s[1])
-    if setup.law is None:
-        raise ParameterError("A free tip has no hot admittance: its two-port does not change. Take state = 'free'.")
-    signals = small_signals(
-        setup.motor, TwoPhaseDrive(**two_phases(driver)), frequencies=[BESIDE * frequency], speed=setup.load.speed,
-        load_torque=setup.load.torque, contact=setup.law, timeout=setup.solver.timeout,
-    )  # fmt: skip
-    return np.asarray(signals.hot_admittance_s.mean(axis=0))
+def _overdriven(driver: Driver, points: tuple[RangePoint, ...]) -> list[str]:
+    """Return a sentence for each linear amplifier whose current exceeds its limit."""
+    told = []
+    for group in GROUPS if driver.kind == "linear" else ():
+        limit, most = driver.setting("amplifier.current_limit"), 0.0
+        for point in points:
+            volts = point.group(group).voltage_v
+            _, through = _at_stage(driver, group, volts, volts / _impedance(point, group))
+            most = max(most, abs(through) * driver.ratio(group))
+        if most > limit:
+            told.append(f"The amplifier of group {group.upper()} delivers {most:.3g} A; its limit is {limit:g} A.")
+    return told
 
 
-def _matched(voltage: complex, current: complex, reference: complex, frequency: float) -> MatchedGroup:
-    """Match one group by its voltage and current phasors."""
-    omega = 2.0 * pi * frequency
-    impedance = voltage / current
-    capacitive = impedance.imag < 0.0
-    inductance = -impedance.imag / omega if capacitive else 0.0
-    capacitance = 0.0 if capacitive or not impedance.imag else 1.0 / (omega * impedance.imag)
-    winding = omega * inductance / WINDING_QUALITY
-    source = current * (impedance.real + winding)
-    # a filter's parallel pair; a group whose current lags has its susceptance made capacitive first
-    susceptance = (1.0 / impedance).imag
-    added = max(10e-12, (0.5 / abs(impedance) - susceptance) / omega)
-    return MatchedGroup(
-        resistance_ohm=impedance.real,
-        reactance_ohm=impedance.imag,
-        power_factor=impedance.real / abs(impedance),
-        inductance_h=inductance,
-        capacitance_f=capacitance,
-        winding_ohm=winding,
-        parallel_inductance_h=1.0 / (omega * (susceptance + omega * added)),
-        parallel_capacitance_f=added,
-        source_voltage_v=max(abs(source), _SMALLEST_VOLTAGE),
-        source_phase_deg=degrees(phase(source / reference)),
-    )
+def _impedance(point: RangePoint, group: str) -> complex:
+    """Return the impedance of a group at its pin."""
+    return complex(point.group(group).resistance_ohm, point.group(group).reactance_ohm)
 
 
-def _leakage(driver: Driver, group: str) -> float:
-    """Return the leakage inductance in H of a transformer, in series with the network."""
-    for part in driver.parts(group):
-        if part.label == "transformer":
-            values = part.values
-            return values["magnetizing"] * values["ratio"] ** 2 * (1.0 - values["coupling"] ** 2)
-    return 0.0
+def _decades(series: tuple[float, ...]) -> list[float]:
+    """Return the values of a series from 1 µH on."""
+    return [float(f"{value * 10.0**decade:.6g}") for decade in range(-6, 1) for value in series]
+
+
+def _phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, Any]:
+    """Return phasors of the vectors of :func:`.part_loads`, an entry for each point, in a lossless stage's network."""
+    found: dict[str, Any] = {}
+    for group in GROUPS:
+        pin = np.array([complex(point.group(group).voltage_v) for point in points])
+        amperes = pin / np.array([_impedance(point, group) for point in points])
+        omega, line, through = 2.0 * pi * driver.frequency, pin, amperes
+        for part in driver.parts(group):
+            if part.label not in ("inductor", "llcc"):
+                continue
+            values, prefix = part.values, "series_" if part.label == "llcc" else ""
+            if part.label == "llcc":
+                across = pin / (values["parallel_resistance"] + 1j * omega * values["parallel_inductance"])
+                through = amperes + across + 1j * omega * values["parallel_capacitance"] * pin
+                found |= {f"i(v.xnetwork_{group}.vcurrent)": through, f"i(v.xnetwork_{group}.vparallel)": across}
+            inner = pin + through / (1j * omega * values[f"{prefix}capacitance"])
+            coil = values[f"{prefix}resistance"] + 1j * omega * values[f"{prefix}inductance"]
+            line = inner + coil * through
+            found[f"v(xnetwork_{group}.inner)"] = inner
+        found |= {
+            f"v({group})": pin, f"i(vpin_{group})": amperes, f"v(line_{group})": line,
+            f"v(transformer_{group})": line, f"i(vout_{group})": driver.ratio(group) * through,
+        }  # fmt: skip
+    return found

@@ -55,6 +55,8 @@ class Trace:
     penetration_um: Array  # penetration, negative where there is a gap, µm
     # harmonics of the output of a driver's stage, by group, if its steps are not uniform.
     outputs: Mapping[str, tuple[Tone, ...]] = field(default_factory=dict)
+    # voltages and currents of the pins behind a driver, by vectors as v(a) and i(vpin_a).
+    pins: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def forces(self) -> Array:
@@ -123,7 +125,7 @@ class PeriodMap:
         Raises:
             SimulationError: if ngspice is missing or cannot be run.
         """
-        return self._evaluated(copies, self.period + _LEAD * self.step, whole=True)
+        return self._evaluated(copies, self.duration, whole=True)
 
     def settled(self, copies: Sequence[Copy], periods: int) -> list[Array | None]:
         """Return the states after a number of periods from the start of the run."""
@@ -132,9 +134,17 @@ class PeriodMap:
 
     def deck(self, copy: Copy) -> str:
         """Return the deck that runs one copy over a period."""
-        bench = copies_bench([copy], self.discretisation, compiled=self.compiled)
-        ready = simulator(bench, self._vectors(0, copy.plant, whole=True))
-        return str(ready.prepare("transient", **self._timing(self.period + _LEAD * self.step, whole=True)))
+        ready = simulator(self._single(copy), self._vectors(0, copy.plant, whole=True))
+        return str(ready.prepare("transient", **self._timing(self.duration, whole=True)))
+
+    def _single(self, copy: Copy) -> Bench:
+        """Return the bench of one copy, with its subcircuits."""
+        return copies_bench([copy], self.discretisation, compiled=self.compiled)
+
+    @property
+    def duration(self) -> float:
+        """Length in s of a run over a period."""
+        return self.period + _LEAD * self.step
 
     def _timing(self, duration: float, whole: bool) -> dict[str, Any]:
         return {

@@ -34,7 +34,7 @@ def speed(plant: Plant, trace: Trace) -> Array:
     """Return the speed of the rotor in rad/s."""
     if plant.load.speed is not None:
         return np.full(len(trace.time), plant.load.speed)
-    return np.asarray(trace.states[-1])
+    return np.asarray(trace.states[plant.where("rotor")][0])
 
 
 def tip(plant: Plant, trace: Trace) -> tuple[Array, Array, Array, Array]:

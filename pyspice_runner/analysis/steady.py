@@ -235,8 +235,9 @@ def steady_states(
 
     Points whose drives have the same period share runs of ngspice.
 
-    ``starts`` are guesses to start from; ``None`` stands for the response of the free stator. Without ``accuracy`` the
-    quantities are those at the coarse step, for differences between points that are close to each other.
+    ``starts`` are guesses to start from; ``None`` stands for the response of the free stator. Behind a driver they are
+    solutions with ideal voltages near those at its pins. Without ``accuracy`` the quantities are those at the coarse
+    step, for differences between points that are close to each other.
 
     Raises:
         ParameterError: for a drive that has no steady state to be found.
@@ -271,9 +272,12 @@ def steady_states(
         for (places, _), states in zip(parts, pool.map(solved, parts), strict=True):
             found |= zip(places, states, strict=True)
     for places in behind.values():
-        answers, maps = driven_answers([setups[place] for place in places])
+        answers, maps = driven_answers([setups[place] for place in places], [starts[place] for place in places])
         for place, answer in zip(places, answers, strict=True):
-            found[place] = _result(setups[place], answer.point, answer, maps)
+            state = _result(setups[place], answer.point, answer, maps)
+            if state.converged and waveforms:
+                state = replace(state, waveforms=_waveforms(setups[place], answer, state.provenance))
+            found[place] = state
     return [found[place] for place in range(len(setups))]
 
 
@@ -528,11 +532,12 @@ def _waveforms(setup: OperatingPoint, answer: Answer, provenance: dict[str, Any]
             "v(xmotor.xcontact.delta)": trace.penetration_um,
             "v(xmotor.state)": trace.contact_state,
         }
-    for state, row in zip(plant.states, trace.states, strict=True):
+    for state, row in zip(plant.states, trace.states, strict=False):  # behind a driver its own states follow
         samples[state.within("xmotor")] = row / state.scale(period_map.discretisation)
     for state in motor_states(setup.motor, plant.law, ("bearing",)):
         samples[state.within("xmotor")] = np.full(len(trace.time), np.sign(setup.load.speed or 0.0))
-    for group in "ab":
+    samples |= trace.pins
+    for group in "ab" if not trace.pins else ():
         name, sign = setup.source.current(group)
         samples[f"v({group})"] = drive_voltage(getattr(plant.drive, f"tones_{group}"), trace.time)
         samples[name] = sign * current(plant, group, trace)

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 import typer
 from rich.table import Table
@@ -11,12 +12,15 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.commands import common, options
 from pyspice_runner.commands.driving import recommended_phases
-from pyspice_runner.model.drive import MatchState, two_phases
+from pyspice_runner.model.drive import two_phases
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
+    from pyspice_runner.analysis.design import Design
     from pyspice_runner.analysis.drive import DriveReport
+    from pyspice_runner.netlist.drivers import NetworkKind
 
 DRIVERS = (
     "ideal, linear, half-bridge, full-bridge, or FILE:NAME of your own subcircuit; with +inductor or +llcc a matching "
@@ -34,8 +38,13 @@ MosfetOption = Annotated[
     typer.Option(metavar="FILE:NAME", help="MOSFET of a bridge, a .subckt or .model; default: IRF610."),
 ]
 MatchOption = Annotated[
-    Literal["none", MatchState], typer.Option(help="State of the motor for which the network is matched.")
+    bool,
+    typer.Option(
+        "--match/--no-match",
+        help="Choose the parts of the network for the motor from stall to no load; --part states them instead.",
+    ),
 ]
+Stage = Literal["linear", "half-bridge", "full-bridge"]
 VoltageOption = Annotated[
     float | None, typer.Option(help="Amplitude of group A, V; default: the motor's recommended drive.")
 ]
@@ -54,10 +63,18 @@ def drive(
     voltage: VoltageOption = None,
     frequency: Annotated[float | None, typer.Option(help="Frequency, Hz; default: as above.")] = None,
     phase: PhaseOption = None,
-    match: MatchOption = "running",
+    rail: Annotated[
+        float | None,
+        typer.Option(help="Voltage between the rails, V: design a driver for it, from its transformer on."),
+    ] = None,
+    stage: Annotated[Stage | None, typer.Option(help="Power stage of the design; default: full-bridge.")] = None,
+    network: Annotated[Literal["none", "inductor", "llcc"], typer.Option(help="Network of the design.")] = "inductor",
+    match: MatchOption = True,
     part: PartOption = None,
     mosfet: MosfetOption = None,
-    duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 3e-3,
+    duration: Annotated[
+        float | None, typer.Option(help="Simulated time, s; default: 3e-3, of a design up to 6e-3.")
+    ] = None,
     contact: options.ContactOption = options.DEFAULT_LAW,
     speed: options.SpeedOption = None,
     load_torque: options.LoadOption = 0.0,
@@ -66,13 +83,21 @@ def drive(
     changes: common.SetOption = None,
     targets: options.Targets,
 ) -> None:
-    """Run a motor with its drive electronics: currents, powers, harmonics, losses, efficiency, matching inductors.
+    """Run a motor with its drive electronics: currents, powers, harmonics, losses, and what the parts bear.
+
+    With --rail it designs the driver: network, transformer and their parts, so that the pins get the drive's voltages
+    from stall to no load. --speed is then the operating point, and the motor starts from rest.
 
     Writes .json (report), .csv (waveforms of one driver, or the table of two) or .cir (deck of one driver).
 
     Example: piezomotor drive andersen2002 --driver half-bridge+llcc --against linear --plot drivers.png
     """
-    refuse_idle_match(context, driver, against or "")
+    if rail is None:
+        common.refuse_idle(context, "without --rail", "stage", "network")
+        refuse_idle_match(context, driver, against or "")
+    else:
+        common.refuse_idle(context, "with --rail, which designs the driver", "driver", "against", "match")
+        driver = f"{stage or 'full-bridge'}+{network}"
     targets.check(".json", ".csv", *([".cir"] if against is None else []))
     of_motor, of_parts = changes_of(changes, part)
     loaded = common.load_changed(motor, of_motor)
@@ -80,15 +105,27 @@ def drive(
     reports: list[DriveReport] = []
     fault: pr.SimulationError | None = None
     for number, words in enumerate([driver] if against is None else [driver, against]):
-        chosen = driver_of(words, tone, of_parts, mosfet, strict=number == 0)
+        chosen: pr.Driver | Design
+        if rail is not None or (match and matchable(words, of_parts)):
+            with common.busy("ngspice finds steady states from stall to no load"):
+                chosen = design_of(
+                    loaded, words, tone, of_parts, mosfet, strict=number == 0, rail=rail, speed=speed,
+                    load_torque=load_torque, contact=contact, timeout=timeout,
+                )  # fmt: skip
+            if chosen.driver is None:
+                if against is not None:
+                    raise pr.ParameterError(f"{words}: {chosen.reason}")
+                refused = {"motor": loaded.to_dict(), "design": chosen.to_dict(), "maxima": {}}
+                targets.write(refused, f"{loaded.name}: {chosen.reason}\n", partial(_save, refused), _no_plot)
+                return
+        else:
+            chosen = driver_of(words, tone, of_parts, mosfet, strict=number == 0)
         try:
-            with common.busy(f"ngspice runs the {chosen.name}"):
+            with common.busy(f"ngspice runs the {words}"):
                 reports.append(
                     pr.drive_report(
-                        loaded, chosen, duration=duration, contact=options.law_named(contact), speed=speed,
-                        load_torque=load_torque,
-                        match=None if chosen.network == "none" or match == "none" else match,
-                        proposals=number == 0, timeout=timeout, audit=audit,
+                        loaded, chosen, duration=duration, contact=options.law_named(contact),
+                        speed=speed if rail is None else None, load_torque=load_torque, timeout=timeout, audit=audit,
                     )
                 )  # fmt: skip
             common.caution(reports[-1])
@@ -105,8 +142,17 @@ def drive(
         raise fault
 
 
+def _save(document: Mapping[str, Any], path: Path) -> None:
+    """Write a design without a driver."""
+    common.write_table(path, document, [["reason"], [document["design"]["reason"].replace(",", ";")]])
+
+
+def _no_plot(_: Path) -> None:
+    raise pr.ParameterError("There is no driver, and so no plot. Leave --plot out.")
+
+
 def refuse_idle_match(context: typer.Context, *drivers: str) -> None:
-    """Refuse ``--match`` if no driver has a matching network."""
+    """Refuse ``--match`` and ``--no-match`` if no driver has a matching network."""
     if all("+" not in words for words in drivers):
         common.refuse_idle(context, "without a matching network, such as --driver half-bridge+llcc", "match")
 
@@ -118,22 +164,83 @@ def driver_of(
 
     Unless ``strict``, changes and a MOSFET that do not suit the driver are left out.
     """
+    kind, network = _split(words)
+    stated = _stated(kind, network, part, mosfet, strict=strict)
+    own = {path: value for path, value in stated.items() if "." not in path}
+    return pr.Driver(kind=kind, network=network, **(dict(values) | own)).updated(
+        {path: value for path, value in stated.items() if "." in path}
+    )
+
+
+def design_of(
+    motor: pr.Motor,
+    words: str,
+    values: Mapping[str, Any],
+    part: list[str] | None,
+    mosfet: str | None,
+    *,
+    contact: str,
+    strict: bool = True,
+    **how: Any,
+) -> Design:
+    """Return the design of a driver as for :func:`driver_of`; ``how`` are further arguments of ``propose_matching``."""
+    kind, network = _split(words)
+    law = options.law_named(contact)
+    if law is None:
+        raise pr.ParameterError("A network is matched to a motor on its rotor. Add --no-match, or give a --contact.")
+    return pr.propose_matching(
+        motor, pr.TwoPhaseDrive(**values), kind, cast("NetworkKind", network),
+        parts=_stated(kind, network, part, mosfet, strict=strict), contact=law, **how,
+    )  # fmt: skip
+
+
+def channel(
+    motor: pr.Motor,
+    words: str,
+    values: Mapping[str, Any],
+    part: list[str] | None,
+    mosfet: str | None,
+    contact: str,
+    *,
+    match: bool = True,
+) -> pr.Driver:
+    """Return a driver for further analyses, with a network for the motor. Raise ParameterError if there is none."""
+    if not (match and matchable(words, part)):
+        return driver_of(words, values, part, mosfet)
+    design = design_of(motor, words, values, part, mosfet, contact=contact)
+    if design.driver is None or not design.feasible:
+        raise pr.ParameterError(
+            f"No network for the {words}: {design.reason} State its parts by --part, or add --no-match."
+        )
+    return design.driver
+
+
+def matchable(words: str, part: list[str] | None) -> bool:
+    """Return whether a driver has a network whose parts are not stated."""
+    network = _split(words)[1]
+    return network != "none" and all(_label(path) != network for path in _parts(part))
+
+
+def _split(words: str) -> tuple[str, str]:
+    """Return stage and network of a driver."""
     kind, plus, network = words.rpartition("+")
-    if not plus or ":" in network:  # of the name of a file
-        kind, network = words, "none"
-    changes = _parts(part)
-    stated = dict(values) | {path: value for path, value in changes.items() if "." not in path}
+    return (kind, network) if plus and ":" not in network else (words, "none")  # a + in the name of a file
+
+
+def _label(path: str) -> str:
+    """Return the part of PART.PARAMETER, without its group."""
+    return path.partition(".")[0].removesuffix("_a").removesuffix("_b")
+
+
+def _stated(kind: str, network: str, part: list[str] | None, mosfet: str | None, *, strict: bool) -> dict[str, Any]:
+    """Return the values of a driver that are stated; unless ``strict``, those that it has."""
+    stated: dict[str, Any] = dict(_parts(part))
     if mosfet is not None and (strict or kind.endswith("-bridge")):
         stated["mosfet"] = mosfet
-    chosen = pr.Driver(kind=kind, network=network, **stated)
-    present = {item.label for item in chosen.parts("a")}
-    return chosen.updated(
-        {
-            path: value
-            for path, value in changes.items()
-            if "." in path and (strict or path.partition(".")[0].removesuffix("_a").removesuffix("_b") in present)
-        }
-    )
+    if strict:
+        return stated
+    present = {item.label for item in pr.Driver(kind=kind, network=network, voltage=1.0, frequency=1e4).parts("a")}
+    return {path: value for path, value in stated.items() if "." not in path or _label(path) in present}
 
 
 def two_phase(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> dict[str, float]:

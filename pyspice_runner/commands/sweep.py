@@ -14,7 +14,7 @@ import typer
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.drive import DRIVERS, MosfetOption, PartOption, changes_of, driver_of, two_phase
+from pyspice_runner.commands.drive import DRIVERS, MosfetOption, PartOption, changes_of, channel, two_phase
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import DEFAULT_LAW, LawOptions, Targets, with_options
 from pyspice_runner.study.plan import Distribution, Sampling
@@ -92,7 +92,9 @@ def sweep(
     of_motor, of_parts = changes_of(changes, part) if driven else (changes, part)
     loaded = common.load_changed(motor, of_motor)
     stated = drive.stated(loaded)
-    excitation = driver_of(driver or "linear", two_phase(stated), of_parts, mosfet) if driven else stated
+    excitation = (
+        channel(loaded, driver or "linear", two_phase(stated), of_parts, mosfet, law.contact) if driven else stated
+    )
     axes: dict[str, Any] = {**common.axes_of(over)}
     common.refuse_covered(context, axes)
     for path, text in common.pairs_of("--tolerance", tolerance):
@@ -146,8 +148,7 @@ def _question(
 
         return {"analysis": operating_point, "quantities": quantity or ["torque_n_m", "efficiency", "settled"]}
     if isinstance(excitation, pr.Driver):
-        matched = {} if excitation.network == "none" else {"match": "running"}
-        settings = {"analysis": pr.drive_report, "proposals": False, "duration": 3e-3, **matched}
+        settings = {"analysis": pr.drive_report, "duration": 3e-3}
         kept = ["motor_power_w", "driver_efficiency", "mean_rotor_speed_rad_s"]
         return {"quantities": quantity or kept, **settings}
     return {"quantities": quantity or ["mean_rotor_speed_rad_s", "mean_torque_n_m"], "duration": 5e-3}

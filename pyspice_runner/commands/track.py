@@ -49,7 +49,7 @@ def track(
     driver: Annotated[
         str | None, typer.Option(help=f"Driver between tracker and motor: {drive.DRIVERS}; default: none.")
     ] = None,
-    match: drive.MatchOption = "running",
+    match: drive.MatchOption = True,
     part: drive.PartOption = None,
     mosfet: drive.MosfetOption = None,
     contact: options.ContactOption = options.DEFAULT_LAW,
@@ -85,13 +85,10 @@ def track(
 
         resonance = running_resonance(loaded, chosen, contact=contact != options.NONE)
         chosen = pr.Tracker(**(values | {"frequency": resonance.resonance_hz}))
-    through = driver and drive.driver_of(driver, tone | {"frequency": chosen.frequency}, of_parts, mosfet)
     with common.busy(f"ngspice runs the tracker {tracker}"):
-        if through and through.network != "none" and match != "none":
-            from pyspice_runner.analysis.matching import propose_matching
-
-            law = options.law_named(contact)
-            through = propose_matching(loaded, through, state=match, contact=law, timeout=timeout).applied(through)
+        through = driver and drive.channel(
+            loaded, driver, tone | {"frequency": chosen.frequency}, of_parts, mosfet, contact, match=match
+        )
         found = pr.track(
             loaded, chosen, driver=through or None, disturb=disturb, contact=options.law_named(contact), begin=begin,
             duration=duration, load_torque=load_torque, preload_change=preload_change, drift=drift,

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from math import hypot, pi, radians, sin, sqrt
-from typing import Any, Literal
+from typing import Any
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.contact import static_penetration
@@ -23,7 +23,6 @@ SLOWEST_DRIVE, FASTEST_DRIVE = 1e-3, 1e2
 FASTEST_TIP = 100.0
 FASTEST_SHAFT, FASTEST_SURFACE = 1e6, 1e3  # rad/s; m/s at the rim, where the strongest flywheels burst
 FASTEST_SLIDER = FASTEST_TIP  # m/s: no tip pushes it faster
-MatchState = Literal["free", "preloaded", "running", "hot"]  # state of the motor for which a driver is matched
 WIDEST_SWING = 0.1  # amplitude over the radius of the rotor: the tip stays near the crown of the rotor
 FLATTEST = 0.05  # of the penetration: fall x²/2R of a slider's face at the amplitude x, where R = 1 m stands for flat
 

@@ -374,6 +374,10 @@ class Limits(Parameters):
         "thermal resistance of the stator to the surroundings", "K/W", ge=1e-3, le=1e6
     )
     ambient_c: float = quantity("temperature of the surroundings", "°C", ge=-273.0, le=1e3)
+    field_v_per_m: float | None = quantity(
+        "greatest amplitude of the alternating field in the ceramic; not known: not compared", "V/m", ge=1e3, le=1e8,
+        default=None,
+    )  # fmt: skip
     contact_pressure_pa: float | None = quantity(
         "greatest peak pressure that tip and rotor bear; not known: not compared", "Pa", ge=1e5, le=1e11, default=None
     )

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.motor import Motor, Structure
+from pyspice_runner.model.solid.parameters import Electrode
 from pyspice_runner.model.solid.store import stator_of
 from pyspice_runner.model.wear import next_flat, time_to_flat
 from pyspice_runner.units import engineering
@@ -42,6 +43,10 @@ WORN = (
     "{radius} in radius."
 )
 WIDER = "The results are those of a tip with a flat of {worn} in radius: after {time} its radius is {radius}."
+FIELD = (
+    "Group {group} reaches {volts:.4g} V, a field of {field:.3g} V/mm; the limit is {most:.3g} V/mm, above which "
+    "losses rise steeply and the ceramic may lose its polarisation. Lower the voltage, or let the supply rise slowly."
+)
 COMPARED = (
     "ceramic_stress_pa", "temperature_rise_k", "peak_pressure_pa", "tensile_stress_pa", "wear_volume_m3_per_s",
 )  # fmt: skip
@@ -95,6 +100,49 @@ def _peak(motor: Motor, greatest: Callable[[Array], float]) -> dict[str, float]:
     """Return the greatest strain and stress, each a function of its values per modal displacement."""
     strain, stress = (greatest(shape) if len(shape) else nan for shape in _of_modes(motor))
     return {"ceramic_strain": strain, "ceramic_stress_pa": stress}
+
+
+def electrode_distance(motor: Motor, group: str) -> float | None:
+    """Return the least distance in m between the electrodes of group ``a`` or ``b``; ``None`` if it is not known.
+
+    Of patches it is the thickness of a layer, of a solid the distance of the nearest parallel electrode of ground.
+    """
+    found: list[float] = []
+    if motor.structure is not None:
+        patches = (patch for patch in motor.structure.patches if patch.group.lower() == group)
+        found = [patch.thickness_m / patch.layers for patch in patches]
+    elif motor.solid is not None:
+        faces = [face for face in motor.solid.electrodes if face.region is None]
+        for one in (face for face in faces if face.group.lower() == group):
+            found += [gap for other in faces if other.group == "ground" if (gap := _gap(one, other)) is not None]
+    return min(found, default=None)
+
+
+def _gap(one: Electrode, other: Electrode) -> float | None:
+    """Return the distance in m of two parallel electrodes that face each other; ``None`` if they do not."""
+    (low, high), (base, top) = one.corners, other.corners
+    for axis in range(3):
+        sides = [side for side in range(3) if side != axis]
+        level = low[axis] == high[axis] and base[axis] == top[axis] and low[axis] != base[axis]
+        if level and all(low[side] < top[side] and base[side] < high[side] for side in sides):
+            return abs(low[axis] - base[axis])
+    return None
+
+
+def depolarised(motor: Motor, volts: Mapping[str, float]) -> tuple[str, ...]:
+    """Return one sentence for each group whose greatest voltage in V, by its name, puts its ceramic above its field."""
+    limits = motor.limits
+    if limits is None or limits.field_v_per_m is None:
+        return ()
+    told = []
+    for group, voltage in volts.items():
+        distance = electrode_distance(motor, group)
+        if distance is not None and voltage / distance > limits.field_v_per_m:
+            told.append(
+                FIELD.format(group=group.upper(), volts=voltage, field=1e-3 * voltage / distance,
+                             most=1e-3 * limits.field_v_per_m)
+            )  # fmt: skip
+    return tuple(told)
 
 
 def amplitude(mean_square_velocity: float, omega: float) -> float:

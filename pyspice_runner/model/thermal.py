@@ -54,6 +54,23 @@ class Thermal(Stated):
         """Time constant of the warming in s."""
         return self.heat_capacity_j_per_k * self.thermal_resistance_k_per_w
 
+    def warmed(self, motor: Motor, rise_k: float) -> Motor:
+        """Return a motor at a temperature in K above that of its parameters."""
+        changes = {
+            f"piezo.{name}": getattr(motor.piezo, name) * (1.0 + self.capacitance_drift_per_k * rise_k)
+            for name in ("capacitance_a_f", "capacitance_b_f", "capacitance_ab_f")
+        }
+        for number, mode in enumerate(motor.modes):
+            changes[f"modes.{number}.frequency_hz"] = mode.frequency_hz * self.frequency_factor(rise_k)
+            for name in ("coupling_a_n_per_v", "coupling_b_n_per_v"):
+                coupling = getattr(mode, name)
+                changes[f"modes.{number}.{name}"] = coupling * (1.0 + self.coupling_drift_per_k * rise_k)
+        return motor.updated(changes)
+
+    def frequency_factor(self, rise_k: float) -> float:
+        """Return the resonance frequencies at a temperature in K above that of the parameters, over those there."""
+        return 1.0 + self.frequency_drift_per_k * rise_k
+
 
 def heat_capacity(structure: Structure) -> float:
     """Return the heat capacity in J/K of beam, plates and tip; the tip as steel."""

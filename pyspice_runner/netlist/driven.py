@@ -128,6 +128,30 @@ class DrivenPlant(Plant):
                     found.append(Store(instance, device.lower(), start, (ends[0], ends[1])))
         return found
 
+    def store_phasors(self, pins: Mapping[str, complex], currents: Mapping[str, complex]) -> list[complex]:
+        """Return the phasors of the stores of a network in a linear steady state; 0 for those of a stage.
+
+        Args:
+            pins: group → phasor of the voltage at its pin, V.
+            currents: group → phasor of the current into its pin, A.
+        """
+        parts = {part.instance.lower(): part for group in GROUPS for part in self.driver.parts(group)}
+        found = []
+        for store in self.stores:
+            part = parts[store.instance]
+            values, omega = part.values, 2.0 * pi * self.driver.frequency
+            through, across = currents[part.group], 0j
+            if part.label == "llcc":
+                across = pins[part.group] / (values["parallel_resistance"] + 1j * omega * values["parallel_inductance"])
+                through += across + 1j * omega * values["parallel_capacitance"] * pins[part.group]
+            series = values.get("series_capacitance", values.get("capacitance", 1.0))
+            of_device = {
+                "lseries": through, "cseries": through / (1j * omega * series), "lparallel": across,
+                "cparallel": pins[part.group],
+            }  # fmt: skip
+            found.append(of_device.get(store.device, 0j))
+        return found
+
     @cached_property
     def begins(self) -> float:
         """Phase of group A's control at which a run starts, as a fraction of a period; it is far from the edges."""

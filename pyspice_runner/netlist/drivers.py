@@ -34,6 +34,7 @@ DriverKind = Literal["ideal", "linear", "half-bridge", "full-bridge"]
 NetworkKind = Literal["none", "inductor", "llcc"]
 
 RAILS = ("vp", "vn")  # supply pins
+ON_RESISTANCE = 1.5  # Ω of the built-in MOSFET, by its data sheet
 HIGHEST_RAILS = 180.0  # V between the rails of a bridge: nine tenths of the transistors' breakdown voltage
 IRF610 = "IRF610"  # the built-in MOSFET
 START = "start_"  # of the names of parameters for the state at the start, which are no settings
@@ -65,6 +66,9 @@ _NETWORKS = {
 # round-off alone is larger, and the run ends with "Timestep too small". docs/convergence.md has measurements.
 SWITCHED_POINTS = 250  # steps in a period of the fastest motion, at least; ngspice takes more at the edges
 SWITCHED_OPTIONS = {"reltol": "1e-4", "vntol": "1e-5", "abstol": "1e-6", "method": "trap"}
+
+
+_SERIES = {"inductor": ("inductance", "resistance"), "llcc": ("series_inductance", "series_resistance")}  # of networks
 
 
 @dataclass(frozen=True)
@@ -107,12 +111,15 @@ class Driver(Stated, Source):
     ratio_b: float = quantity("amplitude of group B over that of group A", "1", default=1.0, ge=0.01, le=100.0)
     network: NetworkKind = Field(default="none", description="network between stage and group")
     supply_v: float = quantity(
-        "supply: each rail of a linear amplifier, a half bridge or the user's own stage, the only rail of a full "
-        "bridge; 0: as the voltage requires",
+        "supply: voltage between the rails of a bridge, each rail of a linear amplifier or the user's own stage; 0: as "
+        "the voltage requires",
         "V",
         default=0.0,
         ge=0.0,
         le=2000.0,
+    )
+    transformer: bool = Field(
+        default=False, description="transformer behind a linear stage or a half bridge; a full bridge always has one"
     )
     supply_rise_s: float = quantity("rise time of the supply at power-up", "s", default=20e-6, ge=1e-6, le=1e-2)
     mosfet: str = Field(
@@ -141,6 +148,10 @@ class Driver(Stated, Source):
         self._check()
 
     def _check(self) -> None:
+        if self.transformer and (self.own or self.kind == "ideal"):
+            raise ParameterError(
+                f"Driver: transformer has no effect on a {self.name}. Leave it out, or choose linear or half-bridge."
+            )
         for path in self.settings:
             self._located(path)
         for group in GROUPS:
@@ -157,20 +168,23 @@ class Driver(Stated, Source):
                 f"Driver: mosfet has no effect on a {self.name}. Leave it out, or choose a half-bridge or full-bridge."
             )
         if self.kind in ("half-bridge", "full-bridge"):
-            for group in GROUPS if self._transistor is None else ():
-                high, low = self.rails(group)
-                if high - low > HIGHEST_RAILS:
-                    raise ParameterError(
-                        f"Driver: {high - low:.4g} V between the rails of the {self.kind} of group {group.upper()} are "
-                        f"too high; its transistors take {HIGHEST_RAILS:g} V, so lower the voltage."
-                    )
-            dead_time = self._setting("bridge", "dead_time", "a", 200e-9)
-            longest = LARGEST_DEAD_TIME / self.frequency
-            if dead_time > longest:
+            self._check_bridge()
+
+    def _check_bridge(self) -> None:
+        for group in GROUPS if self._transistor is None else ():
+            high, low = self.rails(group)
+            if high - low > HIGHEST_RAILS:
                 raise ParameterError(
-                    f"Driver: bridge.dead_time = {dead_time:g} s is not valid at {self.frequency:g} Hz: it must be at "
-                    f"most a fifth of a period, {longest:.3g} s."
+                    f"Driver: {high - low:.4g} V between the rails of the {self.kind} of group {group.upper()} are "
+                    f"too high; its transistors take {HIGHEST_RAILS:g} V, so lower the voltage."
                 )
+        dead_time = self._setting("bridge", "dead_time", "a", 200e-9)
+        longest = LARGEST_DEAD_TIME / self.frequency
+        if dead_time > longest:
+            raise ParameterError(
+                f"Driver: bridge.dead_time = {dead_time:g} s is not valid at {self.frequency:g} Hz: it must be at "
+                f"most a fifth of a period, {longest:.3g} s."
+            )
 
     @property
     def name(self) -> str:
@@ -248,12 +262,69 @@ class Driver(Stated, Source):
             high, low = (self._own_rail(group) if rail in self._stage.pin_names else 0.0 for rail in RAILS)
             return high, -low
         if self.kind == "full-bridge":
-            return self.supply_v or self._bridge_fundamental(group) * pi / 4.0, 0.0
+            return self.supply_v or self._square(group), 0.0
         if self.kind == "half-bridge":
-            rail = self.supply_v or self._bridge_fundamental(group) * pi / 4.0
+            rail = 0.5 * self.supply_v or self._square(group)
         else:
             rail = self.supply_v or self._amplifier_rail(self._setting("amplifier", "headroom", group, HEADROOM))
         return rail, -rail
+
+    def ratio(self, group: str) -> float:
+        """Return the voltage ratio of the transformer of a group; 1 without one."""
+        return next((part.values["ratio"] for part in self.parts(group) if part.label == _TRANSFORMER.label), 1.0)
+
+    def equivalent(self) -> Driver:
+        """Return ideal sources of the fundamental of the stage, with the same network behind them.
+
+        Resistance of the stage, and resistance and leakage of a transformer, are in series with the network. Dead time,
+        harmonics and the diodes of a bridge are left out; so is the resistance of a stage or MOSFET of the user's own.
+        """
+        if self.kind == "ideal":
+            return self
+        changes: dict[str, float] = {}
+        network = "inductor" if self.network == "none" else self.network
+        for group in GROUPS:
+            inductance, resistance = self._in_series(group)
+            label, (coil, ohms) = f"{network}_{group}", _SERIES[network]
+            values: Mapping[str, float] = {}
+            if self.network != "none":
+                values = next(part.values for part in self.parts(group) if part.label == network)
+            changes |= {f"{label}.{name}": values[name] for name in values}
+            changes[f"{label}.{coil}"] = max(values.get(coil, 0.0) + inductance, 1e-6)
+            changes[f"{label}.{ohms}"] = max(values.get(ohms, 0.0) + resistance, 1e-3)
+        amplitudes = {group: self.fundamental(group) for group in GROUPS}
+        return Driver(
+            kind="ideal", network=network, voltage=amplitudes["a"], ratio_b=amplitudes["b"] / amplitudes["a"],
+            frequency=self.frequency, phase_deg=self.phase_deg, settings=changes,
+        )  # fmt: skip
+
+    def fundamental(self, group: str) -> float:
+        """Return the amplitude in V of the fundamental of the lossless stage behind its transformer."""
+        high, low = self.rails(group)
+        if self.kind == "full-bridge":
+            level = self._setting("bridge", "level", group, 0.0)
+            return 4.0 / pi * (high - low) * self.ratio(group) * sqrt(1.0 - level**2)
+        if self.kind == "half-bridge":
+            return 2.0 / pi * (high - low) * self.ratio(group)
+        return self.amplitude(group)
+
+    def _in_series(self, group: str) -> tuple[float, float]:
+        """Return inductance in H and resistance in Ω of stage and transformer, seen from the network."""
+        parts = {part.label: part.values for part in self.parts(group)}
+        resistance = parts["amplifier"]["output_resistance"] if "amplifier" in parts else 0.0
+        if "bridge" in parts and self._transistor is None:
+            resistance = ON_RESISTANCE * (2.0 if self.kind == "full-bridge" else 1.0)
+        inductance = 0.0
+        if _TRANSFORMER.label in parts:
+            values = parts[_TRANSFORMER.label]
+            ratio = values["ratio"]
+            inductance = values["magnetizing"] * ratio**2 * (1.0 - values["coupling"] ** 2)
+            resistance = (resistance + values["primary_resistance"]) * ratio**2 + values["secondary_resistance"]
+        return inductance, resistance
+
+    def leakage(self, group: str) -> float:
+        """Return the leakage inductance in H of a transformer, in series with the network; 0 without one."""
+        return self._in_series(group)[0]
 
     def updated(self, changes: Mapping[str, Any]) -> Self:
         """Return a driver with changed values: its own by their name, those of its parts by PART.PARAMETER.
@@ -282,7 +353,8 @@ class Driver(Stated, Source):
     def parts(self, group: str) -> tuple[Part, ...]:
         """Return the chain of one group, from the stage to the pin."""
         own = [self._part(_OWN, self._stage, f"stage_{group}", group)] if self._stage else []
-        slots = (_STAGES.get(self.kind), _TRANSFORMER if self.kind == "full-bridge" else None)
+        between = self.transformer or self.kind == "full-bridge"
+        slots = (_STAGES.get(self.kind), _TRANSFORMER if between else None)
         chain = [slot for slot in (*slots, _NETWORKS.get(self.network)) if slot]
         return (
             *own,
@@ -366,7 +438,7 @@ class Driver(Stated, Source):
 
     def _amplifier_rail(self, headroom: float) -> float:
         """Return the rail voltage of an amplifier for the larger of both amplitudes, with a margin."""
-        return 1.1 * max(self.amplitude("a"), self.amplitude("b")) + headroom + 2.0
+        return 1.1 * max(self.amplitude(group) / self.ratio(group) for group in GROUPS) + headroom + 2.0
 
     def _own_rail(self, group: str) -> float:
         """Return a rail voltage of the user's own stage.
@@ -377,16 +449,13 @@ class Driver(Stated, Source):
         stage = self.parts(group)[0]
         amplifies = {"gain", "amplitude"} & {*stage.values}
         headroom = stage.values.get("headroom", HEADROOM)
-        rail = self._amplifier_rail(headroom) if amplifies else self.amplitude(group) * pi / 4.0
+        rail = self._amplifier_rail(headroom) if amplifies else self.amplitude(group) / self.ratio(group) * pi / 4.0
         return self.supply_v or (rail if {*RAILS} <= {*stage.library.pin_names} else 2.0 * rail)
 
-    def _bridge_fundamental(self, group: str) -> float:
-        """Return the fundamental in V of a square wave between the rails, before transformer and zero level."""
-        if self.kind == "half-bridge":
-            return self.amplitude(group)
+    def _square(self, group: str) -> float:
+        """Return the amplitude in V of the square wave in front of the transformer that the voltage requires."""
         level = self._setting("bridge", "level", group, 0.0)
-        ratio = self._setting("transformer", "ratio", group, 2.0)
-        return self.amplitude(group) / (ratio * sqrt(1.0 - level**2))
+        return self.amplitude(group) / (self.ratio(group) * sqrt(1.0 - level**2)) * pi / 4.0
 
 
 def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, source: bool = True) -> None:
@@ -430,12 +499,13 @@ def control_amplitude(driver: Driver, group: str) -> float:
     if driver.kind == "ideal":
         return driver.amplitude(group)
     gain = driver.parts(group)[0].values.get("gain")
-    return driver.amplitude(group) / gain if gain else 1.0
+    return driver.amplitude(group) / (gain * driver.ratio(group)) if gain else 1.0
 
 
 def _add_channel(circuit: Netlist, driver: Driver, group: str, pin: str, *, risen: bool, stage: bool) -> None:
     """Add stage, transformer and network of one group; the pins of the libraries name the nodes."""
-    ground, back, output = circuit.gnd, f"return_{group}", f"out_{group}"
+    ground, output = circuit.gnd, f"out_{group}"
+    back = f"return_{group}" if driver.kind == "full-bridge" else ground
 
     def add(part: Part, line: str, after: str) -> None:
         nodes = {

@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.analysis.design import Design
 from pyspice_runner.analysis.drive import DriveReport
-from pyspice_runner.analysis.matching import propose_matching
+from pyspice_runner.analysis.maxima import PartLoad
 from pyspice_runner.cli import run
+from pyspice_runner.netlist.stock import E12, E24, beyond, largest_inductance, nearest
 from pyspice_runner.run.window import Window
 from tests.runs import simulated
 
@@ -23,7 +25,6 @@ pytestmark = pytest.mark.xdist_group("drivers")
 
 FREQUENCY = 51.7e3
 SETTLED = 1e-3  # s, after which the powers of a bridge balance
-PRELOADED = 55.48e3  # Hz: series resonance of mode 2 under preload, both groups against each other
 
 
 @cache
@@ -36,19 +37,25 @@ def driver(kind: str = "linear", **values: Any) -> pr.Driver:
 
 
 def report(chosen: pr.Driver, *, friction: float = 0.3, **settings: Any) -> DriveReport:
-    return pr.drive_report(motor(friction), chosen, **{"duration": 1.5e-3, "proposals": False, **settings})
+    return pr.drive_report(motor(friction), chosen, **{"duration": 1.5e-3, **settings})
+
+
+@cache
+def design(stage: str, network: str, level: float = 0.0) -> Design:
+    """The driver of a stage whose pins get 50 V, 90° apart."""
+    drive = pr.TwoPhaseDrive(voltage=50.0, frequency=FREQUENCY)
+    return pr.propose_matching(motor(), drive, stage, network, parts={"bridge.level": level} if level else None)
 
 
 @cache
 def half_bridge() -> DriveReport:
-    return report(driver("half-bridge", network="inductor"), match="running", duration=0.7e-3)
+    return pr.drive_report(motor(), design("half-bridge", "inductor"), 1.4e-3)
 
 
 @cache
 def full_bridge(duration: float) -> DriveReport:
     """Three steps with no third harmonic, a transformer, an LLCC filter."""
-    chosen = driver("full-bridge", network="llcc", settings={"bridge.level": 0.5})
-    return report(chosen, match="running", duration=duration)
+    return pr.drive_report(motor(), design("full-bridge", "llcc", 0.5), duration)
 
 
 # --- reading a run -------------------------------------------------------------------------------------------
@@ -142,7 +149,6 @@ def test_half_bridge_gives_a_square_wave() -> None:
         assert port.harmonics[1].voltage_v < 0.01 * rail
         # of a square wave and a sine the power factor cannot exceed 2√2/π = 0.900
         assert port.power_factor < 0.91
-        assert port.displacement_factor > 0.99
     assert found.gate_power_w > 0.0
 
 
@@ -161,7 +167,7 @@ def test_full_bridge_of_three_steps_has_no_third_harmonic() -> None:
 
 def settled(kind: str) -> DriveReport:
     if kind == "linear":
-        return report(driver(network="llcc"), match="running")
+        return pr.drive_report(motor(), design("linear", "llcc"), 1.5e-3)
     return half_bridge() if kind == "half-bridge" else full_bridge(SETTLED)
 
 
@@ -181,47 +187,90 @@ def test_the_power_of_a_full_bridge_that_is_not_settled_balances_with_the_stored
     assert found.settling > 0.05  # which test_supply has for the settled ones, and `make soak` for this one
 
 
-# --- matching ------------------------------------------------------------------------------------------------
+# --- the design of a network ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("state", "chosen", "settings"),
-    [
-        # the next test has this state by hand
-        pytest.param("free", driver(), {"contact": None, "duration": 2.5e-3}, marks=pytest.mark.soak),
-        # the two-port is linear; so is a contact whose limit of slip, in proportion to the friction, is far away
-        ("preloaded", driver(voltage=0.2, frequency=PRELOADED), {"duration": 2e-3, "friction": 5.0}),
-        ("running", driver(), {"duration": 2e-3}),
-    ],
-)
-def test_the_proposed_match_brings_the_power_factor_at_resonance_above_095(
-    state: str, chosen: pr.Driver, settings: dict[str, Any]
-) -> None:
-    without = report(chosen, **settings)
-    matched = report(chosen, match=state, **settings)
-    assert without.power_factor < 0.75
-    assert matched.power_factor >= 0.95
+def test_parts_have_values_of_the_e_series() -> None:
+    """IEC 60063; the middle between two values is their geometric mean."""
+    assert [nearest(value, E12) for value in (1.0e-3, 1.09e-3, 1.1e-3, 9.0e-3, 9.06e-3)] == [
+        1e-3,
+        1e-3,
+        1.2e-3,
+        8.2e-3,
+        1e-2,
+    ]
+    assert nearest(3.14e-9, E24) == pytest.approx(3.0e-9)
+    for exponent in (-11, -6, -3, 0):
+        assert nearest(10.0**exponent, E24) == pytest.approx(10.0**exponent)
+
+
+def test_coils_that_resonate_with_their_own_capacitance_are_refused() -> None:
+    """275 mH at 40 kHz and 20 pF resonate at 68 kHz; at three times the frequency, 120 kHz, 88 mH do."""
+    assert largest_inductance(40e3) == pytest.approx(1.0 / ((2.0 * pi * 120e3) ** 2 * 20e-12))
+    told = beyond("coil", 0.275, "H", 100.0, 1e-3, 40e3)
+    assert len(told) == 1
+    assert "inductance of 275" in told[0]
+    assert not beyond("coil", 22e-3, "H", 100.0, 20e-3, 40e3)
+    assert "voltage of 1.5" in beyond("capacitor", 1e-9, "F", 1500.0, 1e-3, 40e3)[0]
+
+
+def test_the_pins_keep_their_voltages_from_stall_to_no_load_behind_the_designed_network() -> None:
+    found = design("half-bridge", "inductor")
+    assert found.feasible, found.reason
+    assert [point.state for point in found.points][:3] == ["stall", "operating point", "no load"]
+    for point in found.points:
+        for group in ("a", "b"):
+            assert point.group(group).voltage_v == pytest.approx(50.0, rel=0.2)  # the band that the design promises
+    for part in found.parts:
+        if part.unit in ("H", "F"):
+            series = E12 if part.unit == "H" else E24
+            assert nearest(part.value, series) == pytest.approx(part.value)
+
+
+def test_the_transient_behind_the_designed_bridge_has_the_voltages_and_currents_of_its_steady_states() -> None:
+    """The steady states know the fundamental of the stage alone; the run has the switches.
+
+    Dead time, 1 % of the period at each edge, and what has not settled after 72 periods leave some 2 %.
+    """
+    found = half_bridge()
+    assert found.design is not None
+    point = found.design.points[1]
     for group in ("a", "b"):
-        assert matched.outputs[group].power_factor >= 0.95
-        # the source was set so that the groups keep their voltages; bandwidth and output resistance cost the rest
-        assert matched.groups[group].harmonics[0].voltage_v == pytest.approx(chosen.voltage, rel=0.03)
-    phases = [matched.groups[group].harmonics[0].voltage_phase_deg for group in ("a", "b")]
-    assert (phases[1] - phases[0]) % 360.0 == pytest.approx(90.0, abs=1.5)
+        port = found.groups[group].harmonics[0]
+        assert port.voltage_v == pytest.approx(point.group(group).voltage_v, rel=0.03)
+        assert port.current_a == pytest.approx(point.group(group).current_a, rel=0.03)
+        assert found.outputs[group].displacement_factor == pytest.approx(point.group(group).power_factor, abs=0.02)
 
 
-def test_a_proposed_inductance_cancels_the_reactance_of_the_two_port() -> None:
-    """By hand, from the admittance: Z = U/i of each group with both driven, 90° apart; L = −Im Z/ω."""
-    proposed = propose_matching(motor(), driver(), state="free")
-    spectrum = pr.admittance(motor(), start=0.9 * FREQUENCY, stop=1.1 * FREQUENCY, points=2001)
-    voltages = np.array([1.0, 1j])
-    middle = spectrum.matrix_s[1000] @ voltages
-    impedance = voltages / middle
-    assert spectrum.frequency_hz[1000] == pytest.approx(FREQUENCY)
-    for group, value in zip((proposed.a, proposed.b), impedance, strict=True):
-        assert complex(group.resistance_ohm, group.reactance_ohm) == pytest.approx(value, rel=1e-4)
-    assert proposed.a.inductance_h == 0.0  # group A is inductive: what B drives in the mode comes back to it
-    assert proposed.a.capacitance_f == pytest.approx(1.0 / (2.0 * pi * FREQUENCY * impedance[0].imag), rel=1e-3)
-    assert proposed.b.inductance_h == pytest.approx(-impedance[1].imag / (2.0 * pi * FREQUENCY), rel=1e-3)
+def test_maxima_are_those_of_the_whole_run() -> None:
+    found = half_bridge()
+    for group in ("a", "b"):
+        # power-up overshoots, and the window is the last 20 periods
+        assert found.maxima[f"voltage_{group}_v"] >= found.groups[group].voltage_peak_v
+        # plates of 0.8 mm
+        assert found.maxima[f"field_{group}_v_per_m"] == pytest.approx(found.maxima[f"voltage_{group}_v"] / 0.8e-3)
+    loads = {load["name"]: PartLoad(**load) for load in found.maxima["parts"]}
+    for group in ("a", "b"):
+        coil = loads[f"series coil, group {group.upper()}"]
+        assert coil.value == found.driver["parts"][group]["inductor"]["inductance"]
+        assert coil.peak_current_a == pytest.approx(found.maxima[f"current_{group}_a"])
+
+
+def test_a_field_above_the_limit_of_the_set_is_told() -> None:
+    """350 V/mm on plates of 0.8 mm are 280 V."""
+    strong = pr.drive_report(motor(), driver("ideal", voltage=300.0), 3e-4)
+    assert sum("V/mm; the limit is 350 V/mm" in caution for caution in strong.cautions) == 2
+    assert not any("V/mm" in caution for caution in report(driver("ideal"), duration=3e-4).cautions)
+
+
+def test_a_rail_beyond_the_transistors_is_a_reason_and_no_driver() -> None:
+    drive = pr.TwoPhaseDrive(voltage=50.0, frequency=FREQUENCY)
+    found = pr.propose_matching(motor(), drive, "half-bridge", rail=190.0)
+    assert not found.feasible
+    assert found.driver is None
+    assert "its transistors take 180 V" in found.reason
+    with pytest.raises(pr.ParameterError, match="There is no driver to be run"):
+        pr.drive_report(motor(), found)
 
 
 @pytest.mark.soak  # as the full bridge above
@@ -236,15 +285,6 @@ def test_an_llcc_filter_takes_harmonics_and_reactive_current() -> None:
         assert found.outputs[group].reactive_power_var == pytest.approx(0.0, abs=0.15 * found.motor_power_w)
 
 
-def test_every_state_has_a_proposal() -> None:
-    found = report(driver("ideal"), proposals=True, duration=1e-3)
-    assert set(found.matching) == {"free", "preloaded", "running"}
-    for proposal in found.matching.values():
-        for group in (proposal.a, proposal.b):
-            assert (group.inductance_h > 0.0) != (group.capacitance_f > 0.0)
-            assert (group.inductance_h > 0.0) == (group.reactance_ohm < 0.0)
-
-
 # --- refusals, files, the command ----------------------------------------------------------------------------
 
 
@@ -252,7 +292,6 @@ def test_every_state_has_a_proposal() -> None:
     ("settings", "sentence"),
     [
         ({"duration": 1e-5}, "duration = 1e-05 s is not valid: it must be from 0.000"),
-        ({"match": "moving"}, "match = 'moving' is not valid: it must be 'free', 'preloaded', 'running' or 'hot'."),
         ({"speed": 1.0, "load_torque": 1e-3}, "speed and load_torque exclude each other"),
         ({"contact": "glue"}, "contact = 'glue' is not valid"),
         ({"step": 1e-5}, "step = 1e-05 s is too coarse"),
@@ -281,11 +320,12 @@ def test_the_command_reports_on_one_driver_and_compares_two(tmp_path: Path, caps
     words = ["drive", "andersen2002", "--duration", "5e-4", "--speed", "0.3"]
     assert run([*words, "--json", "--output", str(tmp_path / "one.csv")]) == 0
     one = json.loads(capsys.readouterr().out)
-    assert {"groups", "outputs", "losses_w", "efficiency", "matching", "power_factor"} <= set(one)
+    assert {"groups", "outputs", "losses_w", "efficiency", "maxima", "design", "power_factor"} <= set(one)
     assert one["mean_rotor_speed_rad_s"] == pytest.approx(0.3)
     files = ["--output", str(tmp_path / "two.csv"), "--plot", str(tmp_path / "two.png")]
-    assert run([*words, "--driver", "linear+inductor", "--against", "ideal", *files]) == 0
-    assert "series match of" in capsys.readouterr().out
+    stated = ["--part", "inductor.inductance=1e-3"]
+    assert run([*words, "--driver", "linear+inductor", *stated, "--against", "ideal", *files]) == 0
+    assert "series coil, group A" in capsys.readouterr().out
     table = (tmp_path / "two.csv").read_text(encoding="utf-8").splitlines()
     assert {len(line.split(",")) for line in table} == {3}
     assert (tmp_path / "two.png").stat().st_size > 20_000

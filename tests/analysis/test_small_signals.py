@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.loop import loop_design
-from pyspice_runner.analysis.matching import propose_matching
 from pyspice_runner.analysis.period_map import PeriodMap
 from pyspice_runner.analysis.small_signals import ACCURATE, INPUTS, OUTPUTS, SmallSignals, _outputs, small_signals
 from pyspice_runner.cli import run
@@ -288,13 +287,6 @@ def test_the_loop_gain_of_a_motor_that_sticks_is_that_of_its_resonance() -> None
     # harmonic balance of the slider, which the closed form of the lag has, gives the loaded Q to some per cent
     assert running.crossover_hz == pytest.approx(500.0, rel=0.05)
     assert running.phase_margin_deg == pytest.approx(90.0 - degrees(atan(1.0 / 6.0)), abs=2.0)
-
-
-def test_a_network_matched_to_the_hot_admittance_of_a_motor_that_sticks_is_that_for_the_preloaded_one() -> None:
-    driver = pr.Driver(kind="linear", voltage=0.5, frequency=46e3, phase_deg=90.0)
-    hot, cold = (propose_matching(MOTOR, driver, state=state, speed=0.0) for state in ("hot", "preloaded"))
-    for name in ("resistance_ohm", "reactance_ohm"):
-        assert getattr(hot.a, name) == pytest.approx(getattr(cold.a, name), rel=0.02)
 
 
 def test_the_command_prints_transfers_and_admittances(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ def test_ideal_driver_and_drive_of_the_same_voltages_give_the_same_run(ideal: Wa
 
 
 def test_simulate_and_drive_report_take_the_same_mean_of_the_same_run(ideal: Waveforms) -> None:
-    report = pr.drive_report(MOTOR, driver("ideal"), duration=5e-4, proposals=False)
+    report = pr.drive_report(MOTOR, driver("ideal"), duration=5e-4)
     # one kernel, one step rule, one window: 82.0 and 91.0 µN·m before
     assert report.mean_torque_n_m == pytest.approx(ideal.mean_torque_n_m, rel=1e-9)
     assert report.mean_rotor_speed_rad_s == pytest.approx(ideal.mean_rotor_speed_rad_s, rel=1e-9)
@@ -45,7 +45,7 @@ def test_simulate_and_drive_report_take_the_same_mean_of_the_same_run(ideal: Wav
 def test_simulate_runs_a_motor_behind_a_half_bridge() -> None:
     bridge = driver("half-bridge", network="llcc")
     run = simulated(MOTOR, bridge, duration=3e-4)
-    report = pr.drive_report(MOTOR, bridge, duration=3e-4, proposals=False)
+    report = pr.drive_report(MOTOR, bridge, duration=3e-4)
     assert run.mean_torque_n_m == pytest.approx(report.mean_torque_n_m, rel=0.02)  # other vectors, other rounding
     power = run.mean(run.voltage_a_v * run.current_a_a + run.voltage_b_v * run.current_b_a)
     assert power == pytest.approx(report.motor_power_w, rel=0.02)
@@ -111,7 +111,7 @@ def test_speed_torque_behind_a_half_bridge() -> None:
     bridge = driver("half-bridge", network="llcc")
     quick = MOTOR.updated({f"modes.{mode}.quality_factor": 8.0 for mode in (0, 1)})  # a point lasts as its modes ring
     curve = pr.speed_torque(quick, bridge, speeds=[0.0], patience=4, mode="settle")
-    report = pr.drive_report(quick, bridge, speed=0.0, duration=float(curve["simulated_s"][0]), proposals=False)
+    report = pr.drive_report(quick, bridge, speed=0.0, duration=float(curve["simulated_s"][0]))
     powers = float(curve["power_a_w"][0] + curve["power_b_w"][0])
     # two runs of a switching circuit take different steps: measured 1e-6 to 0.3 %, by their quality factors
     assert powers == pytest.approx(report.motor_power_w, rel=0.005)

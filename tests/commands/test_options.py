@@ -33,7 +33,7 @@ TONES = ["--frequency-1", "20e3", "--frequency-2", "40e3"]
         (["speed-torque", "andersen2002", "--sliders", "8"], "--sliders has no effect without --contact brush"),
         (["impact", "--sliders", "3"], "--sliders has no effect without --contact brush"),
         (["export", "andersen2002", "--sliders", "3"], "--sliders has no effect without --contact brush"),
-        (["drive", "andersen2002", "--match", "free"], "--match has no effect without a matching network"),
+        (["drive", "andersen2002", "--no-match"], "--match has no effect without a matching network"),
         (["report", "andersen2002", "--connection", "B"], "--connection has no effect without --measured"),
         (["track", "andersen2002", "--drift", "0.01"], "--drift has no effect on --disturb start"),
         (

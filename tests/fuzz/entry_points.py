@@ -613,8 +613,8 @@ def _calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         ),
         "drive_report": (
             lambda **run: pr.drive_report(motor, driver, **run),
-            {"duration": 1e-3, "contact": "spring-slider", "speed": 1.0, "load_torque": 0.0, "match": "free", "step":
-                1e-7, "timeout": 5.0},
+            {"duration": 1e-3, "contact": "spring-slider", "speed": 1.0, "load_torque": 0.0, "step": 1e-7, "timeout":
+                5.0},
         ),
         "impact": (lambda **run: impact(Throw(), **run), {**held, "steps": 1000}),
         "report": (

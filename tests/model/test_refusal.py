@@ -253,7 +253,7 @@ def test_a_wrong_name_is_an_error_that_names_the_function_and_the_nearest_name(
         ("steady_state", "sped", "speed"),
         ("speed_torque", "speds", "speeds"),
         ("admittance", "pionts", "points"),
-        ("drive_report", "proposal", "proposals"),
+        ("drive_report", "duraton", "duration"),
         ("track", "disturbed", "disturb"),
         ("fit_spectrum", "mode", "modes"),
         ("fit_two_port", "mode", "modes"),

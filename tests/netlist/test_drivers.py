@@ -249,7 +249,7 @@ def powered_up(kind: str, network: str, changes: dict[str, float]) -> DriveRepor
             raise
         return None
     motor = pr.load_motor("andersen2002")
-    return pr.drive_report(motor, chosen, duration=10.0 / chosen.frequency, proposals=False, timeout=120.0)
+    return pr.drive_report(motor, chosen, duration=10.0 / chosen.frequency, timeout=120.0)
 
 
 PAIRS = list(product(KINDS, NETWORKS))

@@ -43,7 +43,7 @@ def driver(kind: str, **values: Any) -> pr.Driver:
 
 
 def report(chosen: pr.Driver) -> DriveReport:
-    return pr.drive_report(MOTOR, chosen, duration=SHORT, proposals=False)
+    return pr.drive_report(MOTOR, chosen, duration=SHORT)
 
 
 def built_in(name: str) -> str:
@@ -164,7 +164,7 @@ def test_a_sweep_over_a_parameter_of_the_driver_notices_a_changed_file(tmp_path:
         chosen = driver(f"{path}:generator")
         data = pr.sweep(
             MOTOR, chosen, over={"drive.driver.resistance": [0.0, 50.0]}, analysis=pr.drive_report,
-            quantities=["motor_power_w"], duration=SHORT, proposals=False, store=tmp_path / "points",
+            quantities=["motor_power_w"], duration=SHORT, store=tmp_path / "points",
             executor=ThreadPoolExecutor(1),
         )  # fmt: skip
         found.append(data["motor_power_w"].values)

@@ -294,7 +294,7 @@ def test_a_ramp_is_audited_all_along(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_driver_whose_powers_do_not_balance_is_withheld_or_marked(monkeypatch: pytest.MonkeyPatch) -> None:
     driver = pr.Driver(kind="linear", voltage=50.0, frequency=51.7e3)
-    settings: dict[str, Any] = {"duration": 2e-4, "proposals": False}
+    settings: dict[str, Any] = {"duration": 2e-4}
     assert pr.drive_report(MOTOR, driver, **settings).to_dict()["audit"]["passed"]
     falsify(
         monkeypatch, drive_module._Measurement, "budget", lambda budget: replace(budget, put_in=1.1 * budget.put_in)

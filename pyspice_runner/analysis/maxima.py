@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the parts of a driver and the groups of a motor must bear: maxima over a whole run, from power-up on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.strength import electrode_distance
+from pyspice_runner.netlist.drivers import RAILS, Driver, Part
+from pyspice_runner.netlist.source import GROUPS
+from pyspice_runner.run.window import Array
+
+NO_CAPACITOR = 1.0  # F in series, which stands for none
+LEAST_COIL = 1e-6  # H in series, which stands for none
+NO_COIL = 1.0  # H across a group, which stands for none
+NO_PARALLEL = 1e-12  # F across a group, which stands for none
+_TRANSISTORS = {"half-bridge": 2, "full-bridge": 4}  # of a group
+
+
+@dataclass(frozen=True)
+class PartLoad:
+    """A part of a driver, with its value and what it must bear; ``None`` where that does not apply."""
+
+    name: str  # with its group
+    value: float  # in its unit
+    unit: str  # H, F, V, s, or 1 for a ratio of turns or a number of pieces
+    peak_voltage_v: float | None  # greatest voltage across it
+    peak_current_a: float | None  # greatest current through it
+
+
+def load_vectors(driver: Driver) -> list[str]:
+    """Return the vectors that :func:`part_loads` takes, beside the voltages and currents of stages and pins."""
+    names = []
+    for group in GROUPS:
+        before = {part.label: node for part, node in zip(_behind(driver, group), _nodes(driver, group), strict=True)}
+        names += [f"v({node})" for node in before.values()]
+        if driver.network != "none":
+            names.append(f"v(xnetwork_{group}.inner)")
+        if driver.network == "llcc":
+            names += [f"i(v.xnetwork_{group}.v{place})" for place in ("current", "parallel")]
+    return names
+
+
+def part_loads(driver: Driver, samples: Mapping[str, Array]) -> tuple[PartLoad, ...]:
+    """Return the parts of both groups, from the stage to the pin, with the maxima over a run."""
+    found: list[PartLoad] = []
+    for group in GROUPS:
+        found += _of_group(driver, group, samples)
+    return tuple(found)
+
+
+def _behind(driver: Driver, group: str) -> list[Part]:
+    """Return the parts behind the stage of a group."""
+    parts = list(driver.parts(group))
+    return parts if driver.kind == "ideal" else parts[1:]
+
+
+def _nodes(driver: Driver, group: str) -> list[str]:
+    """Return the node in front of each part behind the stage."""
+    nodes, line = [], f"line_{group}"
+    for part in _behind(driver, group):
+        nodes.append(line)
+        line = f"{part.label}_{group}"
+    return nodes
+
+
+def _greatest(values: Array) -> float:
+    return float(np.abs(values).max())
+
+
+def _of_group(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[PartLoad]:
+    """Return the parts of a group, from the supply to the pin."""
+    found = _of_stage(driver, group, samples)
+    for part, node in zip(_behind(driver, group), _nodes(driver, group), strict=True):
+        if part.label == "transformer":
+            after = samples[f"v({part.label}_{group})"] if driver.network != "none" else samples[f"v({group})"]
+            name = f"transformer, group {group.upper()}, turns secondary to primary"
+            current = _greatest(samples[f"i(vout_{group})"])
+            found.append(PartLoad(name, part.values["ratio"], "1", _greatest(after), current))
+        else:
+            found += _of_network(part, group, samples[f"v({node})"], samples)
+    return found
+
+
+def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[PartLoad]:
+    """Return supplies, transistors and dead time."""
+    found: list[PartLoad] = []
+    if driver.kind == "ideal":
+        return found
+    high, low = driver.rails(group)
+    for rail, volts in zip(RAILS, (high, low), strict=True):
+        current = f"i(v{rail}_{group})"
+        if current in samples and volts:
+            found.append(
+                PartLoad(f"supply {rail}, group {group.upper()}", volts, "V", abs(volts), _greatest(samples[current]))
+            )
+    if driver.kind in _TRANSISTORS:
+        name = f"MOSFET {driver.mosfet.rpartition(':')[2]}, group {group.upper()}"
+        current_a = _greatest(samples[f"i(vout_{group})"])
+        found.append(PartLoad(name, _TRANSISTORS[driver.kind], "1", high - low, current_a))
+        dead_time = driver.setting(f"bridge_{group}.dead_time")
+        found.append(PartLoad(f"dead time, group {group.upper()}", dead_time, "s", None, None))
+    return found
+
+
+def _of_network(part: Part, group: str, before: Array, samples: Mapping[str, Array]) -> list[PartLoad]:
+    """Return coils and capacitors of a network behind a voltage."""
+    values, llcc, told = part.values, part.label == "llcc", f"group {group.upper()}"
+    prefix, instance = "series_" if llcc else "", f"xnetwork_{group}"
+    pin, drawn, inner = samples[f"v({group})"], samples[f"i(vpin_{group})"], samples[f"v({instance}.inner)"]
+    through = samples[f"i(v.{instance}.vcurrent)"] if llcc else drawn
+    coil, capacitor = values[f"{prefix}inductance"], values[f"{prefix}capacitance"]
+    found: list[PartLoad] = []
+    if coil > LEAST_COIL:
+        found.append(PartLoad(f"series coil, {told}", coil, "H", _greatest(before - inner), _greatest(through)))
+    if capacitor != NO_CAPACITOR:
+        found.append(PartLoad(f"series capacitor, {told}", capacitor, "F", _greatest(inner - pin), _greatest(through)))
+    if not llcc:
+        return found
+    across, volts = samples[f"i(v.{instance}.vparallel)"], _greatest(pin)
+    coil, capacitor = values["parallel_inductance"], values["parallel_capacitance"]
+    if coil != NO_COIL:
+        found.append(PartLoad(f"parallel coil, {told}", coil, "H", volts, _greatest(across)))
+    if capacitor != NO_PARALLEL:
+        rest = _greatest(through - drawn - across)
+        found.append(PartLoad(f"parallel capacitor, {told}", capacitor, "F", volts, rest))
+    return found
+
+
+def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[str, Any]:
+    """Return the maxima of pins, stages and parts over a run and when the pins had theirs, JSON-ready.
+
+    The field of a group is its greatest voltage over the distance of its electrodes; ``None`` where that is not known.
+    """
+    found: dict[str, Any] = {}
+    for group in GROUPS:
+        voltage = np.abs(samples[f"v({group})"])
+        distance = electrode_distance(motor, group)
+        found |= {
+            f"voltage_{group}_v": float(voltage.max()),
+            f"voltage_{group}_at_s": float(samples["time"][voltage.argmax()]),
+            f"current_{group}_a": float(np.abs(samples[f"i(vpin_{group})"]).max()),
+            f"field_{group}_v_per_m": None if distance is None else float(voltage.max()) / distance,
+            f"stage_current_{group}_a": float(np.abs(samples[f"i(vout_{group})"]).max()),
+        }
+    found["parts"] = [load.__dict__ for load in part_loads(driver, samples)]
+    return found
