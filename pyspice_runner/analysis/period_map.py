@@ -21,6 +21,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from pyspice_runner.analysis.variation import Course, differentiable
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.model.drive import Tone
 from pyspice_runner.netlist.copies import Copy, Plant, copies_bench, copy_name, motor_texts
@@ -57,6 +58,7 @@ class Trace:
     outputs: Mapping[str, tuple[Tone, ...]] = field(default_factory=dict)
     # voltages and currents of the pins behind a driver, by vectors as v(a) and i(vpin_a).
     pins: Mapping[str, Array] = field(default_factory=dict)
+    course: Course | None = field(default=None, repr=False)  # the whole run, if its derivative follows from it
 
     @property
     def forces(self) -> Array:
@@ -220,11 +222,15 @@ class PeriodMap:
         traces: list[Trace | None] = []
         for copy, own in zip(copies, names, strict=True):
             units = copy.plant.units(self.discretisation)
-            values = np.array([raw[name][window] for name in own])
+            values = np.array([raw[name][: window.stop] for name in own])
             order = copy.plant.order
-            contact = np.zeros((len(CONTACT), values.shape[1]))
+            states, contact = values[:order] * units[:, np.newaxis], np.zeros((len(CONTACT), values.shape[1]))
             contact[: len(values) - order] = values[order:]
-            traces.append(Trace(copy.begun + time[window], values[:order] * units[:, np.newaxis], *contact))
+            course = None
+            if whole and differentiable(copy.plant):
+                course = Course(copy.plant, time[: window.stop], states, contact[0], contact[-1], window.start)
+            trace = Trace(copy.begun + time[window], states[:, window], *contact[:, window])
+            traces.append(replace(trace, course=course))
         return traces
 
     def _window(self, time: Array) -> slice | None:

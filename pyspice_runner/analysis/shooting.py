@@ -20,7 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.analysis.harmonic_balance import harmonic_starts
 from pyspice_runner.analysis.period_map import PeriodMap, Trace
+from pyspice_runner.analysis.variation import Derivative, derivatives, differentiable
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.recoil import carriers, mass_matrix
@@ -57,6 +59,7 @@ class Point:
     at_end: Array | None = None  # the same of the state at the end of the period; both in scaled states
     measured_end: Array | None = None  # ``at_end`` as it was last measured, without later corrections
     measured_at: Array | None = None  # the state at which it was measured
+    monodromy: Array | None = None  # scaled derivative of the state at the end to that at the beginning, if it is known
     force_slope: Array | None = None  # derivative of the mean forces with respect to the scaled state
     step: Array | None = None
     damping: float = 1.0
@@ -64,7 +67,8 @@ class Point:
     stale: bool = False
     done: bool = False
     failed: bool = False
-    guessed: bool = False  # whether it starts from a guess by solved neighbours; if that fails, from the free stator
+    informed: bool = False  # whether it starts from harmonic balance and has its derivative without the help of others
+    guessed: bool = False  # whether it starts from a guess by solved neighbours; if that fails, from a start of its own
     method: str = ""  # ``newton``, ``damped``, ``neighbour`` or ``settled``; empty while there is no solution
     iterations: int = 0  # Newton steps taken
     residual: float = float("inf")
@@ -211,6 +215,9 @@ class Point:
         if self.remaining(step) > TOLERANCE and after > allowed * before and not moved:
             self.trace = old
             return False
+        if trace.course is not None:  # its own derivative follows
+            self.state, self.damping, self.stale = trial, min(1.0, 2.0 * self.damping), False
+            return True
         self.stale = self.damping < 1.0 or after > CHORD * before
         if not self.stale:
             self._update(np.where(self.free, self.damping * self.step, 0.0), gap)
@@ -253,6 +260,17 @@ class Point:
         self.stale = False
         self.step = self.newton_step()
 
+    def linearise(self, derivative: Derivative) -> None:
+        """Take the derivatives of the equations along the trace; then the next step."""
+        across = self.scale / self.scale[:, np.newaxis]
+        self.at_start, self.at_end = derivative.at_start * across, derivative.at_end * across
+        self.monodromy = derivative.monodromy * across
+        self.measured_end, self.measured_at = self.at_end, self.state
+        self.force_slope = derivative.forces * self.scale
+        self.stale = False
+        self.step = self.newton_step()
+        self.judge()
+
     @property
     def multipliers(self) -> NDArray[np.complex128]:
         """Floquet multipliers, the largest first, without the 1 of sliders that stick and stay where they are.
@@ -265,7 +283,10 @@ class Point:
         free = np.ix_(self.free, self.free)
         # a slider that slips at the beginning of the period depends on nothing of the start: its multiplier is 0
         monodromy = np.zeros_like(self.at_start)
-        monodromy[free] = self.measured_end[free] @ np.linalg.pinv(self.at_start[free], rcond=1e-8)
+        if self.monodromy is None:
+            monodromy[free] = self.measured_end[free] @ np.linalg.pinv(self.at_start[free], rcond=1e-8)
+        else:
+            monodromy = self.monodromy
         values = np.linalg.eigvals(monodromy).astype(complex)
         values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self.sticks])
         values = values[np.abs(values - 1.0) > self.lasting]
@@ -277,6 +298,14 @@ def between(points: Sequence[Point]) -> Point:
     names = ("state", "at_start", "at_end", "force_slope")
     means: dict[str, Any] = {name: np.mean([getattr(point, name) for point in points], axis=0) for name in names}
     return replace(points[0], **means, measured_end=None, measured_at=None, guessed=True)
+
+
+def balance(points: Sequence[Point]) -> None:
+    """Let points start from harmonic balance, where that finds a start. Their drives have the same period."""
+    for point, state in zip(points, harmonic_starts([point.plant for point in points]), strict=True):
+        if state is not None:
+            point.restart(state)
+            point.informed = differentiable(point.plant)
 
 
 def start_point(plant: Plant) -> Point:
@@ -368,7 +397,7 @@ class Shooting:
 
     def _evaluate(self, points: Sequence[Point]) -> None:
         """Evaluate the points where they start, with the derivative of those that have none."""
-        new = [(point, point.felt) for point in points if point.at_end is None]
+        new = [(point, point.felt) for point in points if point.at_end is None and not differentiable(point.plant)]
         copies = [Copy(point.plant, point.state, point.begun) for point in points]
         copies += [copy for point, _ in new for copy in _perturbed(point)]
         traces = self.map.traces(copies)
@@ -378,10 +407,20 @@ class Shooting:
         found = iter(traces[len(points) :])
         for point, felt in new:
             point.differentiate([next(found) if one else point.trace for one in felt])
+        self._linearise([point for point in points if not point.failed])
         for point in points:
             if not point.failed:
                 point.step = point.newton_step()
                 point.judge()
+
+    def _linearise(self, points: Sequence[Point]) -> None:
+        """Take the derivative along the trace of the points whose equations are known."""
+        courses = {
+            place: point.trace.course for place, point in enumerate(points) if point.trace and point.trace.course
+        }
+        found = derivatives(list(courses.values()), self.map.discretisation) if courses else []
+        for place, derivative in zip(courses, found, strict=True):
+            points[place].linearise(derivative)
 
     def _advance(self, points: list[Point]) -> None:
         """Try the next step of every point; evaluate the derivative anew where it is too old."""
@@ -389,16 +428,19 @@ class Shooting:
         traces = self.map.traces(
             [Copy(point.plant, trial, point.begun) for point, trial in zip(points, trials, strict=True)]
         )
-        renewed = []
+        accepted = []
         for point, trial, trace in zip(points, trials, traces, strict=True):
             point.iterations += 1
-            if not point.accepts(trial, trace):
+            if point.accepts(trial, trace):
+                accepted.append(point)
+            else:
                 point.damping *= 0.5
                 point.damped = True
                 point.failed = point.damping < LEAST_DAMPING
-            elif not point.done and point.stale:
-                renewed.append(point)
+        self._linearise(accepted)
+        for point in points:
             point.failed = point.failed or (point.iterations >= MOST_ITERATIONS and not point.done)
+        renewed = [point for point in accepted if point.stale and not point.done]
         self._renew([point for point in renewed if not point.failed])
 
     def _renew(self, points: Sequence[Point]) -> None:
@@ -407,10 +449,12 @@ class Shooting:
             point.differentiate([next(found) if felt else point.trace for felt in point.felt])
 
     def search(self) -> None:
-        """Solve all points: from the free stator, from a solved neighbour, and after the motion has run for a while.
+        """Solve all points: from a given guess or harmonic balance, then from others, then after a transient.
 
-        The derivatives of the solved points are then measured again where they were measured too far away.
+        Where there is no harmonic balance, a point starts from the free stator, or from solved neighbours. The
+        derivatives of the solved points are then measured again where they were measured too far away.
         """
+        balance([point for point in self.points if not point.guessed])
         seeds = _seeds(self.points)
         self.solve(seeds)
         others = [point for point in self.points if point not in seeds]
@@ -426,6 +470,7 @@ class Shooting:
         lost = [point for point in self.points if point.failed and point.guessed]
         for point in lost:
             point.restart(start_point(point.plant).state)
+        balance(lost)
         self._retry(lost, "newton")
         lost = [point for point in self.points if point.failed]
         near = [(point, others[0]) for point in lost if (others := _nearest(point, self.points))]
@@ -465,7 +510,8 @@ def _seeds(points: Sequence[Point]) -> list[Point]:
         curves.setdefault(point.plant.curve, []).append(point)
     seeds = []
     for curve in curves.values():
-        if len(curve) < LONG_CURVE or any(point.plant.load.speed is None or point.guessed for point in curve):
+        alone = (point.plant.load.speed is None or point.guessed or point.informed for point in curve)
+        if len(curve) < LONG_CURVE or any(alone):
             seeds += curve
         else:
             seeds += sorted(curve, key=lambda point: point.plant.load.speed or 0.0)[::SPACING]

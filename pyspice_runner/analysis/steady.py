@@ -63,8 +63,8 @@ class SteadyState(Quantities, Result):
         converged: whether there is a solution at every step that was used.
         residual: the last Newton step, relative to the size of the motion and to the mean forces that it would change.
         iterations: Newton steps at the coarse step.
-        method: how it was found: ``newton`` from the free stator's response, ``damped`` with shortened steps,
-            ``neighbour`` from another point of a curve, ``settled`` after a transient; empty without a solution.
+        method: how it was found: ``newton`` from a start of its own, ``damped`` with shortened steps, ``neighbour``
+            from another point of a curve or a map, ``settled`` after a transient; empty without a solution.
         step_s: finest time step, s.
         audit: outcome of the physical audit.
         waveforms: one period at the finest step, with the deck that runs it; ``None`` without a solution.
@@ -235,7 +235,7 @@ def steady_states(
 
     Points whose drives have the same period share runs of ngspice.
 
-    ``starts`` are guesses to start from; ``None`` stands for the response of the free stator. Behind a driver they are
+    ``starts`` are guesses to start from; ``None`` stands for a start of the point's own. Behind a driver they are
     solutions with ideal voltages near those at its pins. Without ``accuracy`` the quantities are those at the coarse
     step, for differences between points that are close to each other.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Subcircuits of the libraries as equations, in C and Verilog-A.
+"""Subcircuits of the libraries as equations, in C, Verilog-A and Python with numpy.
 
 The libraries are the only source of the contact's equations. :func:`equations` reads them from a subcircuit;
 :func:`translated` writes an expression of a B-source in another language.
@@ -14,19 +14,21 @@ from typing import Literal
 
 from pyspice_runner.netlist.library import Library, number, read_library
 
-Language = Literal["c", "verilog-a"]
+Language = Literal["c", "verilog-a", "python"]
+_LANGUAGES = ("c", "verilog-a", "python")
 TOKEN = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?[a-z]*|[a-z_]\w*|\*\*|\S", re.I)
-# function of a library → in C and in Verilog-A; some are defined by HELPERS
+# function of a library → in each language; some are defined by HELPERS
 _FUNCTIONS = {
-    "abs": ("fabs", "abs"), "max": ("fmax", "max"), "min": ("fmin", "min"), "uramp": ("ramp_up", "ramp_up"),
-    "u": ("unit_step", "unit_step"), **{name: (name, name) for name in ("exp", "sqrt", "tanh")},
+    "abs": ("fabs", "abs", "absolute"), "max": ("fmax", "max", "maximum"), "min": ("fmin", "min", "minimum"),
+    **{name: (other,) * 3 for name, other in (("uramp", "ramp_up"), ("u", "unit_step"))},
+    **{name: (name,) * 3 for name in ("exp", "sqrt", "tanh")},
 }  # fmt: skip
 # ramp_down(x) is uramp(-x). At 0 only ramp_up has a slope, so that small signals at rest see a stiffness once.
 _BODIES = {
     "ramp_up": "x >= 0.0 ? x : 0.0", "ramp_down": "x < 0.0 ? -x : 0.0", "unit_step": "x > 0.0 ? 1.0 : 0.0",
     "power32": "x > 0.0 ? x * sqrt(x) : 0.0",
 }  # fmt: skip
-HELPERS: dict[Language, str] = {
+HELPERS: dict[Literal["c", "verilog-a"], str] = {
     "c": "\n".join(f"static double {name}(double x) {{ return {body}; }}" for name, body in _BODIES.items()),
     "verilog-a": "\n".join(
         f"    analog function real {name};\n        input x;\n        real x;\n        {name} = {body};\n"
@@ -37,7 +39,9 @@ HELPERS: dict[Language, str] = {
 
 
 def translated(text: str, language: Language, name: Callable[[str], str]) -> str:
-    """Return an expression in another language, with the functions of :data:`HELPERS`; braces are parentheses.
+    """Return an expression in another language, with the functions of :data:`HELPERS`, or of :mod:`.evaluated`.
+
+    Braces are parentheses.
 
     ``name`` returns the name of a node or parameter in that language.
     """
@@ -97,7 +101,7 @@ class _Parser:
             arguments.append(self.total())
         if function == "v":
             return arguments[0]
-        called = "ramp_down" if falling else _FUNCTIONS[function][self._language == "verilog-a"]
+        called = "ramp_down" if falling else _FUNCTIONS[function][_LANGUAGES.index(self._language)]
         return f"{called}({', '.join(arguments)})"
 
 

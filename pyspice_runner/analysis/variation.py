@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+r"""The derivative of the map over a period, from the equations linearised along the trace that ngspice computed.
+
+ngspice integrates ẋ = f(x, t) by the trapezoidal rule. A small change δ of the state at one point changes that at the
+next one, a step h later, to
+
+.. math::
+    \delta_{n+1} = \left(1 - \tfrac h2 A_{n+1}\right)^{-1}\left(1 + \tfrac h2 A_n\right)\delta_n, \qquad
+    A_n = \partial f/\partial x\,(x_n, t_n)
+
+so the product over a period is the derivative of the discretised map itself, without perturbed copies. The contact's
+share of A is the difference quotient of the library's own equations (:mod:`.evaluated`). Between events these are
+smooth, and a small change moves no event to another step. T. J. Aprille, T. N. Trick, Proc. IEEE 60 (1972).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.model.parameters import Mode, Mount
+from pyspice_runner.model.recoil import carriers
+from pyspice_runner.netlist.contact import LIBRARIES, contact_library, contact_values
+from pyspice_runner.netlist.copies import Plant
+from pyspice_runner.netlist.evaluated import contact_function
+from pyspice_runner.netlist.state import MICRO, Discretisation, static_sway, written, written_recoils
+
+Array = NDArray[np.float64]
+DIFFERENCE = 1e-7  # of the scale of an input: the curvature and rounding change less than that
+
+
+@dataclass(frozen=True)
+class Derivative:
+    """Derivatives with respect to the state at the start of a run, in SI units."""
+
+    at_start: Array  # of the state at the beginning of the period, shape (order, order)
+    at_end: Array  # of the state at its end
+    forces: Array  # of the mean normal and the mean friction force, N, shape (2, order)
+    monodromy: Array  # of the state at the end with respect to that at the beginning
+
+
+@dataclass(frozen=True)
+class Course:
+    """The points of one run, from its first to the end of the period, as :class:`.Trace` has them."""
+
+    plant: Plant
+    time: Array  # s
+    states: Array  # shape (order, points)
+    normal: Array  # N
+    penetration_um: Array
+    first: int  # the point at which the period begins
+
+
+def differentiable(plant: Plant) -> bool:
+    """Return whether the equations of a plant are known here: no law of the user's own, no mode that softens."""
+    soft = any(mode.softening_per_m2 or mode.damping_growth_per_m2 for mode in plant.motor.modes)
+    return plant.law is not None and plant.law.name in LIBRARIES and not soft
+
+
+def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> list[Derivative]:
+    """Return the derivatives of runs whose plants are differentiable and that have the same points in time."""
+    found: list[Derivative | None] = [None] * len(courses)
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for place, course in enumerate(courses):
+        plant = course.plant
+        library = contact_library(plant.law, plant.motor.contact) if plant.law else None
+        groups.setdefault((library, plant.modes, plant.order, plant.turns), []).append(place)
+    for places in groups.values():
+        group = _Group([courses[place] for place in places], discretisation)
+        for place, derivative in zip(places, group.derivatives(), strict=True):
+            found[place] = derivative
+    return [derivative for derivative in found if derivative is not None]
+
+
+class _Group:
+    """Runs of similar plants. Arrays have the run as their first axis, the point in time as the second."""
+
+    def __init__(self, courses: Sequence[Course], discretisation: Discretisation) -> None:
+        self.courses, self.discretisation = courses, discretisation
+        self.plant = courses[0].plant
+        assert self.plant.law is not None
+        self.law = self.plant.law
+        self.library = contact_library(self.law, self.plant.motor.contact)
+        self.function = contact_function(self.library)
+        self.states = np.array([course.states.T for course in courses])
+
+    @cached_property
+    def tip(self) -> Array:
+        """What each state moves the contact's x, y (µm), vx, vy (m/s) and the shaft (rad/s), shape (runs, 5, order)."""
+        found = np.zeros((len(self.courses), 5, self.plant.order))
+        modes, carrier = self.plant.modes, self.plant.carrier.start
+        for run, course in enumerate(self.courses):
+            along = [mode.tip_x for mode in course.plant.motor.modes]
+            towards = [mode.tip_y for mode in course.plant.motor.modes]
+            for shift, scale, place in ((0, 1.0 / MICRO, 0), (2, 1.0, modes)):
+                found[run, shift, place : place + modes] = scale * np.array(along)
+                found[run, shift + 1, place : place + modes] = scale * np.array(towards)
+        for number in range(len(carriers(self.plant.mount))):  # along y, then along x
+            found[:, 1 - number, carrier + 2 * number] = 1.0 / MICRO
+            found[:, 3 - number, carrier + 2 * number + 1] = 1.0
+        if self.plant.turns:
+            found[:, 4, -1] = 1.0
+        return found
+
+    def _contact(self) -> Array:
+        """Return the derivatives of the contact's outputs: forces on the tip and rates of its states.
+
+        The outputs are fx, fy, friction, normal force in N, and the rates of the states in m/s, shape (runs, points,
+        outputs, order).
+        """
+        plant, touching = self.plant, self.plant.where("contact")
+        held = np.zeros((len(self.courses), 1, 5))
+        for run, course in enumerate(self.courses):
+            held[run, 0, 0] = -static_sway(course.plant.motor, plant.law, self.discretisation) / MICRO
+            held[run, 0, 4] = 0.0 if plant.turns else course.plant.load.speed or 0.0
+        pins = np.einsum("rix,rnx->rni", self.tip, self.states) + held
+        normal = np.array([course.normal for course in self.courses])[..., np.newaxis]
+        inputs = np.concatenate([pins, self.states[..., touching] / MICRO, normal], axis=2)
+        scales = np.concatenate([np.abs(inputs).max(axis=(0, 1)), [1.0]])[: inputs.shape[2]]
+        steps = DIFFERENCE * np.where(scales > 0.0, scales, 1.0)
+        many = inputs[:, :, np.newaxis] + np.vstack([np.zeros_like(steps), np.diag(steps)])
+        outputs = self._outputs(many)
+        slopes = np.moveaxis((outputs[:, :, 1:] - outputs[:, :, :1]) / steps[:, np.newaxis], 2, 3)
+        # the normal force compresses what is in series with the contact, on which it depends itself
+        own = slopes[:, :, 3:4, -1:]
+        slopes = slopes[..., :-1] + slopes[..., -1:] * slopes[:, :, 3:4, :-1] / (1.0 - own)
+        found = slopes[..., :5] @ self.tip[:, np.newaxis]
+        found[..., touching] += slopes[..., 5:] / MICRO
+        return found
+
+    def _outputs(self, inputs: Array) -> Array:
+        """Return the outputs of :meth:`_contact` for x, y, vx, vy, shaft, states, normal force in the last axis."""
+        motors = [course.plant.motor for course in self.courses]
+        law, step = self.law, self.discretisation
+
+        def column(values: Sequence[float]) -> Array:
+            return np.array(values)[:, np.newaxis, np.newaxis]
+
+        flexibility = [
+            sum(mode.tip_y**2 / written(mode, step)[1] for mode in motor.modes)
+            + motor.contact.series_compliance_m_per_n
+            for motor in motors
+        ]
+        each = [
+            contact_values(
+                law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n,
+                deflection=motor.contact.preload_n * soft, slider_time=step.slider_time,
+            )
+            for motor, soft in zip(motors, flexibility, strict=True)
+        ]  # fmt: skip
+        values: dict[str, Any] = {
+            item.name: item.default for item in contact_library(law, motors[0].contact).parameters
+        }
+        values |= {name: column([one[name] for one in each]) for name in each[0]}
+        x, y, vx, vy, shaft, *states, normal = np.moveaxis(inputs, -1, 0)
+        series = column([motor.contact.series_compliance_m_per_n for motor in motors])
+        if series.any():
+            y = y - series / MICRO * normal
+            depth = 1e6 * (values["preload"] / values["normal_stiffness"]) ** (2.0 / 3.0) + values["deflection"] + y
+            vy = vy / (1.0 + 1.5e-3 * series * values["normal_stiffness"] * np.sqrt(np.maximum(depth, 1e-9)))
+        names = self.function.states
+        values |= {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft, **dict(zip(names, states, strict=True))}
+        values["delta"] = np.array([course.penetration_um for course in self.courses])[..., np.newaxis]
+        found = self.function(values)
+        rates = [MICRO * found[f"rate_{name}"] for name in names]
+        parts = [found[name] for name in ("fx", "fy", "friction", "normal")]
+        return np.stack(np.broadcast_arrays(*parts, *rates), axis=-1)
+
+    def _structure(self) -> tuple[Array, Array]:
+        """Return A without the contact, and what its outputs add.
+
+        The shapes are (runs, order, order) and (runs, order, outputs).
+        """
+        plant, modes, runs = self.plant, self.plant.modes, len(self.courses)
+        touching, carrier = plant.where("contact"), plant.carrier.start
+        moving = len(carriers(plant.mount))
+        rates = np.zeros((runs, plant.order, plant.order))
+        inputs = np.zeros((runs, plant.order, 4 + touching.stop - touching.start))
+        places = np.array([*range(modes), *range(carrier, carrier + 2 * moving, 2)])
+        speeds = np.array([*range(modes, 2 * modes), *range(carrier + 1, carrier + 1 + 2 * moving, 2)])
+        rates[:, places, speeds] = 1.0
+        for run, course in enumerate(self.courses):
+            motor, mount = course.plant.motor, course.plant.mount
+            springs: list[Mode | Mount] = [*motor.modes, *carriers(mount)]
+            values = np.array([written(spring, self.discretisation) for spring in springs])
+            mass = np.diag(values[:, 0])
+            for number, mode in enumerate(motor.modes):
+                recoil = written_recoils(mode, mount, self.discretisation)[:moving]
+                mass[modes:, number] = mass[number, modes:] = recoil
+            inverse = np.linalg.inv(mass)
+            damping = np.array([spring.damping_n_s_per_m for spring in springs])
+            rates[run][np.ix_(speeds, places)] = -inverse * values[:, 1]
+            rates[run][np.ix_(speeds, speeds)] = -inverse * damping
+            pushed = np.zeros((len(springs), 2))
+            pushed[:modes] = [(mode.tip_x, mode.tip_y) for mode in motor.modes]
+            for number in range(moving):
+                pushed[modes + number, 1 - number] = 1.0
+            inputs[run][np.ix_(speeds, np.arange(2))] = inverse @ pushed
+            if plant.turns:
+                rotor = motor.rotor
+                rates[run, -1, -1] = -rotor.bearing_damping_n_m_s / rotor.inertia_kg_m2
+                inputs[run, -1, 2] = rotor.radius_m / rotor.inertia_kg_m2
+        inputs[:, touching, 4:] = np.eye(touching.stop - touching.start)
+        return rates, inputs
+
+    def derivatives(self) -> list[Derivative]:
+        """Return the derivatives of the runs."""
+        contact = self._contact()
+        rates, inputs = self._structure()
+        slopes = rates[:, np.newaxis] + inputs[:, np.newaxis] @ contact
+        time, first, unit = self.courses[0].time, self.courses[0].first, np.eye(self.plant.order)
+        half = 0.5 * np.diff(time)[:, np.newaxis, np.newaxis]
+        forward = np.linalg.solve(unit - half * slopes[:, 1:], unit + half * slopes[:, :-1])
+        # the first point comes after a short step of first order
+        at_start = np.linalg.inv(unit - time[0] * slopes[:, 0])
+        for place in range(first):
+            at_start = forward[:, place] @ at_start
+        since = np.empty((forward.shape[1] - first, *at_start.shape))  # the beginning of the period
+        now: Array = np.broadcast_to(unit, at_start.shape)
+        for place in range(len(since)):
+            now = np.matmul(forward[:, first + place], now, out=since[place])
+        forces = np.moveaxis(contact[:, first + 1 :, 3:1:-1], 1, 0) @ since
+        return list(map(Derivative, at_start, now @ at_start, forces.mean(axis=0) @ at_start, now))

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The contact's equations, as the libraries have them, evaluated by numpy for many states at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from types import CodeType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.netlist.expressions import equations, translated
+from pyspice_runner.netlist.library import Library
+
+Array = NDArray[np.float64]
+_REPETITIONS = 3  # of a node that depends on itself by a small term, as the penetration over the radius of the rotor
+
+
+def _ramp_up(x: Array) -> Array:
+    return np.maximum(x, 0.0)
+
+
+_FUNCTIONS: dict[str, Any] = {
+    **{name: getattr(np, name) for name in ("absolute", "maximum", "minimum", "exp", "sqrt", "tanh")},
+    "ramp_up": _ramp_up,
+    "ramp_down": lambda x: np.maximum(-x, 0.0),
+    "unit_step": lambda x: np.greater(x, 0.0).astype(float),
+    "power32": lambda x: np.maximum(x, 0.0) * np.sqrt(np.maximum(x, 0.0)),
+    "pow": pow,
+}
+
+
+@dataclass(frozen=True)
+class ContactFunction:
+    """The equations of a law of the contact.
+
+    Attributes:
+        states: nodes whose capacitors hold the state.
+    """
+
+    states: tuple[str, ...]
+    _program: tuple[tuple[str, CodeType, int], ...]  # node or parameter, its value, how often it is evaluated
+
+    def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return all nodes, and the rate of each state as ``rate_NODE`` in V/s.
+
+        ``values`` has the parameters, the pins x, y, vx, vy and shaft, the states, and a guess of ``delta``, in the
+        units of the library; they are numbers or arrays whose shapes agree.
+        """
+        found = dict(values)
+        for name, code, times in self._program:
+            found.setdefault(name, 0.0)
+            for _ in range(times):
+                found[name] = eval(code, _FUNCTIONS, found)
+        return found
+
+
+@cache
+def contact_function(library: Library) -> ContactFunction:
+    """Return the equations of the library of a law as a function."""
+    known = equations(library)
+
+    def compiled(text: str) -> CodeType:
+        return compile(translated(text, "python", str), f"<{library.name}>", "eval")
+
+    program = [
+        (name, compiled(text), _REPETITIONS if f"V({name})" in text else 1) for name, text in known.ordered()
+    ]  # fmt: skip
+    for node, capacitance in known.capacitances.items():
+        flow = "+".join(known.currents.get(node, ["0"]))
+        leak = f"-V({node})/{known.resistances[node]}" if node in known.resistances else ""
+        program.append((f"rate_{node}", compiled(f"({flow}{leak})/{capacitance}"), 1))
+    return ContactFunction(tuple(known.capacitances), tuple(program))

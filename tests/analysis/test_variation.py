@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The derivative along a trace, against periods that ngspice maps from perturbed states."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.period_map import PeriodMap
+from pyspice_runner.analysis.shooting import Point, balance, start_point
+from pyspice_runner.analysis.variation import Derivative, derivatives, differentiable
+from pyspice_runner.model.drive import Load
+from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.copies import Copy, Plant
+
+STEPS = 72
+PERTURBATION = 3e-5  # of the scale of each state
+# Central quotients with this perturbation differ from the derivative by its square, and by the noise of Newton's
+# iteration in ngspice (reltol = 1e-6 of a step's change), over the perturbation
+TOLERANCE = 2e-5
+PAPER = pr.load_motor("andersen2002")
+PAPERS_DRIVE = pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3, phase_deg=90.0)
+FLAGSHIP = pr.load_motor("bimodal40")
+SHAKEN = pr.load_motor("beam40").updated({
+    "modes.0.recoil_kg": 1e-3, "modes.1.recoil_x_kg": -2e-3, "mount.mass_kg": 0.02,
+    "mount.tangential_stiffness_n_per_m": 3e6, "mount.tangential_damping_n_s_per_m": 20.0,
+})  # fmt: skip
+CASES = {
+    "free shaft, mount": (PAPER, PAPERS_DRIVE, None, Law()),
+    "flagship, brush": (FLAGSHIP, pr.default_drive(FLAGSHIP), 10.0, Law("brush", 8)),
+    "recoil along both axes": (SHAKEN, pr.default_drive(SHAKEN), 5.0, Law()),
+    "coulomb": (PAPER, PAPERS_DRIVE, 2.0, Law("coulomb")),
+    "worn tip": (PAPER.updated({"contact.worn_flat_radius_m": 5e-5}), PAPERS_DRIVE, 1.0, Law()),
+    "falling friction": (PAPER.updated({"contact.sliding_ratio": 0.7}), PAPERS_DRIVE, 1.0, Law()),
+    "fixed distance": (PAPER.updated({"mount": None}), PAPERS_DRIVE, 2.0, Law()),
+}
+
+
+def along_and_by_copies(plant: Plant) -> tuple[Point, Derivative, Derivative]:
+    """Return a point, its derivative along the trace, and the central quotient by perturbed copies."""
+    period_map = PeriodMap(plant.drive.period, STEPS)
+    point = start_point(plant)
+    balance([point])
+    moves = PERTURBATION * np.diag(point.scale)
+    states = [point.state, *(point.state + moves), *(point.state - moves)]
+    traces = [trace for trace in period_map.traces([Copy(plant, state) for state in states]) if trace is not None]
+    assert len(traces) == len(states)
+    assert traces[0].course is not None
+    (along,) = derivatives([traces[0].course], period_map.discretisation)
+    up, down = traces[1 : plant.order + 1], traces[plant.order + 1 :]
+    width = 2.0 * PERTURBATION * point.scale
+    start, end = (
+        np.array([one.states[:, at] - other.states[:, at] for one, other in zip(up, down, strict=True)]).T / width
+        for at in (0, -1)
+    )
+    forces = np.array([one.forces - other.forces for one, other in zip(up, down, strict=True)]).T / width
+    return point, along, Derivative(start, end, forces, along.monodromy)
+
+
+@pytest.mark.parametrize(
+    "name", [name if number < 3 else pytest.param(name, marks=pytest.mark.soak) for number, name in enumerate(CASES)]
+)
+def test_the_derivative_along_a_trace_is_that_of_perturbed_copies(name: str) -> None:
+    motor, drive, speed, law = CASES[name]
+    point, along, copies = along_and_by_copies(Plant(motor, drive, Load(speed), law))
+    across = point.scale / point.scale[:, np.newaxis]
+    for one, other in ((along.at_start, copies.at_start), (along.at_end, copies.at_end)):
+        assert np.abs((one - other) * across).max() < TOLERANCE * max(1.0, np.abs(other * across).max())
+    slopes = copies.forces * point.scale
+    assert np.abs(along.forces * point.scale - slopes).max() < TOLERANCE * np.abs(slopes).max()
+    assert np.abs((along.monodromy @ along.at_start - along.at_end) * across).max() < 1e-9  # rounding
+
+
+def test_a_mode_that_softens_and_a_law_of_the_users_own_are_differentiated_by_copies() -> None:
+    soft = PAPER.updated({"modes.0.softening_per_m2": 1e7})
+    assert not differentiable(Plant(soft, PAPERS_DRIVE, Load(1.0), Law()))
+    assert not differentiable(Plant(PAPER, PAPERS_DRIVE, Load(1.0), None))
+    assert differentiable(Plant(PAPER, PAPERS_DRIVE, Load(1.0), Law()))
