@@ -15,12 +15,9 @@ import numpy as np
 from pyspice_runner.analysis.dynamometer import quantities_of, stored_energy
 from pyspice_runner.analysis.period_map import Trace
 from pyspice_runner.model import strength, wear
-from pyspice_runner.model.drive import Drive
-from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.recoil import carriers
 from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.copies import Plant, drive_voltage, phasor_at
-from pyspice_runner.netlist.motor import dielectric_matrix
 from pyspice_runner.netlist.state import Discretisation, static_sway
 from pyspice_runner.run.window import Array
 
@@ -51,14 +48,14 @@ def current(plant: Plant, group: str, trace: Trace) -> Array:
     amperes = couplings @ modal(plant, trace)[1]
     for at, other in enumerate("ab"):  # of the clamped capacitances
         for tone in getattr(plant.drive, f"tones_{other}"):
-            gain = complex(dielectric_matrix(plant.motor, tone.frequency)["ab".index(group), at])
+            gain = complex(plant.dielectrics[tone.frequency]["ab".index(group), at])
             amperes += phasor_at(tone, gain, trace.time)[0]
     return np.asarray(amperes)
 
 
-def _dielectric_loss(motor: Motor, drive: Drive) -> float:
+def _dielectric_loss(plant: Plant) -> float:
     """Return the mean loss in W of the clamped capacitances: their admittance is linear, at each frequency alone."""
-    loss = 0.0
+    loss, drive = 0.0, plant.drive
     for frequency in {tone.frequency for tone in (*drive.tones_a, *drive.tones_b)}:
         volts = np.array(
             [
@@ -66,7 +63,7 @@ def _dielectric_loss(motor: Motor, drive: Drive) -> float:
                 for tones in (drive.tones_a, drive.tones_b)
             ]
         )
-        loss += 0.5 * float(np.vdot(volts, dielectric_matrix(motor, frequency) @ volts).real)
+        loss += 0.5 * float(np.vdot(volts, plant.dielectrics[frequency] @ volts).real)
     return loss
 
 
@@ -105,7 +102,7 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         "given": radius * float((friction * turning).mean()),
         "speed": float(turning.mean()),
         "damping_loss": float((dampings @ heating).mean()) + mount_loss,
-        "dielectric_loss": _dielectric_loss(motor, plant.drive),
+        "dielectric_loss": _dielectric_loss(plant),
         "greatest": float(normal.max()),
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
     }

@@ -215,25 +215,29 @@ class Point:
         if self.remaining(step) > TOLERANCE and after > allowed * before and not moved:
             self.trace = old
             return False
-        if trace.course is not None:  # its own derivative follows
-            self.state, self.damping, self.stale = trial, min(1.0, 2.0 * self.damping), False
-            return True
         self.stale = self.damping < 1.0 or after > CHORD * before
-        if not self.stale:
+        if not (self.stale or self.exact):
             self._update(np.where(self.free, self.damping * self.step, 0.0), gap)
             step = self.newton_step()
         self.state, self.step = trial, step
         self.damping = min(1.0, 2.0 * self.damping)
         self.judge()
-        if not (self.stale or self.done):  # as many more steps would cost more than a new derivative
+        if self.exact:
+            self.stale = True
+        elif not (self.stale or self.done):  # as many more steps would cost more than a new derivative
             self.stale = log(self.residual / TOLERANCE) > self.plant.order * log(before / after)
         return True
 
     @property
+    def exact(self) -> bool:
+        """Whether the derivative follows from the trace."""
+        return self.trace is not None and self.trace.course is not None
+
+    @property
     def far(self) -> bool:
         """Whether the derivative was measured too far from the state to tell the multipliers."""
-        if self.measured_at is None:
-            return True
+        if self.measured_at is None or self.exact:
+            return self.measured_at is not self.state
         return float(np.abs(((self.state - self.measured_at) / self.scale)[self.free]).max()) > NEAR
 
     def _update(self, step: Array, gap: Array) -> None:
@@ -407,20 +411,12 @@ class Shooting:
         found = iter(traces[len(points) :])
         for point, felt in new:
             point.differentiate([next(found) if one else point.trace for one in felt])
-        self._linearise([point for point in points if not point.failed])
-        for point in points:
-            if not point.failed:
+        mapped = [point for point in points if not point.failed]
+        for point in mapped:
+            if point.at_end is not None:
                 point.step = point.newton_step()
                 point.judge()
-
-    def _linearise(self, points: Sequence[Point]) -> None:
-        """Take the derivative along the trace of the points whose equations are known."""
-        courses = {
-            place: point.trace.course for place, point in enumerate(points) if point.trace and point.trace.course
-        }
-        found = derivatives(list(courses.values()), self.map.discretisation) if courses else []
-        for place, derivative in zip(courses, found, strict=True):
-            points[place].linearise(derivative)
+        self._renew([point for point in mapped if point.exact and not point.done])
 
     def _advance(self, points: list[Point]) -> None:
         """Try the next step of every point; evaluate the derivative anew where it is too old."""
@@ -437,15 +433,19 @@ class Shooting:
                 point.damping *= 0.5
                 point.damped = True
                 point.failed = point.damping < LEAST_DAMPING
-        self._linearise(accepted)
         for point in points:
             point.failed = point.failed or (point.iterations >= MOST_ITERATIONS and not point.done)
-        renewed = [point for point in accepted if point.stale and not point.done]
-        self._renew([point for point in renewed if not point.failed])
+        self._renew([point for point in accepted if point.stale and not (point.done or point.failed)])
 
     def _renew(self, points: Sequence[Point]) -> None:
-        found = iter(self.map.traces([copy for point in points for copy in _perturbed(point)]))
-        for point in points:
+        """Take new derivatives of points that have a trace: along it where the equations are known, else by copies."""
+        courses = [(point, point.trace.course) for point in points if point.trace and point.trace.course]
+        exact = derivatives([course for _, course in courses], self.map.discretisation)
+        for (point, _), derivative in zip(courses, exact, strict=True):
+            point.linearise(derivative)
+        others = [point for point in points if not point.exact]
+        found = iter(self.map.traces([copy for point in others for copy in _perturbed(point)]))
+        for point in others:
             point.differentiate([next(found) if felt else point.trace for felt in point.felt])
 
     def search(self) -> None:
@@ -481,7 +481,12 @@ class Shooting:
             lost = [point for point in self.points if point.failed]
             self._settle(lost, decays)
             self._retry(lost, "settled")
-        self._renew([point for point in self.points if point.done and point.far])
+        far = [point for point in self.points if point.done and point.far]
+        self._renew(far)
+        doubtful = [point for point in far if not point.done]  # by the new derivative
+        if doubtful:
+            self.solve(doubtful)
+            self._renew([point for point in doubtful if point.done and point.far])
 
     def _retry(self, points: Sequence[Point], method: str) -> None:
         if points:

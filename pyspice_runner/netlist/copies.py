@@ -25,7 +25,7 @@ from pyspice_runner.netlist.benches import sine, transient_options
 from pyspice_runner.netlist.compiled import Signal, loading, module_of, module_signals, module_subcircuit
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.library import PREFIX
-from pyspice_runner.netlist.motor import MotorSubCircuit, dielectric_branches
+from pyspice_runner.netlist.motor import MotorSubCircuit, dielectric_branches, dielectric_matrix
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.state import (
     Discretisation,
@@ -64,6 +64,11 @@ class Plant:
     def curve(self) -> str:
         """Name of the curve on which the point is: equal for plants that differ only in the load."""
         return content_name("curve", self.motor_name, self.drive.model_dump_json())
+
+    @cached_property
+    def dielectrics(self) -> dict[float, NDArray[np.complex128]]:
+        """Admittances in S of the clamped capacitances at the frequencies of the drive, by frequency in Hz."""
+        return {frequency: dielectric_matrix(self.motor, frequency) for frequency in self.drive.frequencies}
 
     @cached_property
     def states(self) -> tuple[State, ...]:
