@@ -8,9 +8,10 @@ response to the voltages and, for h = 0, to the preload,
 .. math::
     D_h = D^0_h + C_h F_h(D), \qquad C_h = P\,(K - (h\omega)^2 M + jh\omega B)^{-1} P^T .
 
-The forces are evaluated at some phases of the period: Hertz's, with damping and a compliance in series, and a slider
-that the relative motion charges and its limit clips. Newton's method, with the derivative of these equations, finds the
-harmonics. It begins at rest, and amplitudes follow their slow equations
+A compliance in series with the contact is a part of :math:`C_h`. The forces are evaluated at some phases of the period:
+Hertz's, with damping, and a slider that the relative motion charges and its limit clips. Newton's method, with the
+derivative of these equations, finds the harmonics. It begins at rest, and amplitudes follow
+their slow equations
 
 .. math::
     (B + 2jh\omega M)\,\dot R_h = F - (K - (h\omega)^2 M + jh\omega B)\,R_h
@@ -53,7 +54,6 @@ FIRST_STEP, SHORTEST_STEP = 4.0, 0.1  # of the slow equations, in periods of the
 LONGEST_STEP = 10.0  # of them, in decay times; beyond, the steady state is sought
 GROWTH, MOST_TIMES = 2.0, 60  # by which a step may grow, and number of steps
 LEAST_DAMPING = 1.0 / 64.0
-DEPTH_STEPS = 4  # of Newton's method for the penetration beside a compliance in series; its equation is convex
 
 
 def harmonic_starts(plants: Sequence[Plant]) -> list[Array | None]:
@@ -152,6 +152,7 @@ def _response(stators: _Stators, rate: Array, before: Complex) -> _Response:
     coordinates = np.einsum("phnm,phm->phn", gains, forces)
     tip = stators.tip[:, np.newaxis]
     compliance = np.asarray(tip @ gains @ np.swapaxes(tip, -1, -2), dtype=complex)
+    compliance[..., 1, 1] += stators.series[:, np.newaxis, 0]  # which the contact force compresses along y
     return _Response(
         np.asarray(gains, dtype=complex), coordinates, compliance, np.einsum("pxn,phn->phx", stators.tip, coordinates)
     )
@@ -216,6 +217,7 @@ class _Contact:
     force_x: Array  # on the tip, N
     force_y: Array
     friction: Array
+    normal: Array
     slider: Array  # m
     slid: Array  # relative motion from the phase before, m
     depth: Array  # penetration, m
@@ -233,14 +235,9 @@ def _touching(stators: _Stators, grid: _Grid, unknowns: Array) -> _Contact:
     seat = s.seat + y
     distance = np.hypot(x, s.radius - seat)
     sine, cosine = x / distance, (s.radius - seat) / distance
-    given = np.maximum((2.0 * s.radius * seat - seat**2 - x**2) / (s.radius + distance), 0.0)
-    depth = given
-    for _ in range(DEPTH_STEPS if s.series.any() else 0):
-        elastic, slope = _hertz(s, depth)
-        depth = np.maximum(depth - (depth + s.series * elastic - given) / (1.0 + s.series * slope), 0.0)
+    depth = np.maximum((2.0 * s.radius * seat - seat**2 - x**2) / (s.radius + distance), 0.0)
     elastic, slope = _hertz(s, depth)
-    share = 1.0 / (1.0 + s.series * slope)  # of the approach that indents the contact
-    loss = grid.omega * s.damping * share
+    loss = grid.omega * s.damping * np.ones_like(depth)
     factor = 1.0 + loss * (cosine * (towards @ grid.rate.T) - sine * (along @ grid.rate.T))
     loss = np.where(factor > 0.0, loss, 0.0)
     factor = np.maximum(factor, 0.0)
@@ -259,8 +256,8 @@ def _touching(stators: _Stators, grid: _Grid, unknowns: Array) -> _Contact:
         return np.concatenate([_wide(of_x) * waves, _wide(of_y) * waves, _wide(last)], axis=2)
 
     approach, d_factor = by(-sine, cosine, grid.shape), _wide(loss) * by(-sine, cosine, grid.rate)
-    d_normal = _wide(slope * share * factor) * approach + _wide(elastic) * d_factor
-    d_limit = _wide(s.ratio * share * factor) * approach + _wide(s.ratio * depth) * d_factor
+    d_normal = _wide(slope * factor) * approach + _wide(elastic) * d_factor
+    d_limit = _wide(s.ratio * factor) * approach + _wide(s.ratio * depth) * d_factor
     # a slider that sticks has moved with the tip since it was at its limit, perhaps in the period before
     row, last = np.arange(points)[:, np.newaxis], since % phases
     d_slider = by(cosine, sine, grid.shape - grid.shape[last], grid.angles[1] * (since - np.arange(phases)))
@@ -270,7 +267,7 @@ def _touching(stators: _Stators, grid: _Grid, unknowns: Array) -> _Contact:
     d_friction += _wide(grip) * d_slider - _wide(grip * sign * strain) * d_limit
     return _Contact(
         force_x=normal * sine - friction * cosine, force_y=-normal * cosine - friction * sine, friction=friction,
-        slider=slider, slid=slid, depth=depth, factor=factor,
+        normal=normal, slider=slider, slid=slid, depth=depth, factor=factor,
         slope_x=_wide(sine) * d_normal - _wide(cosine) * d_friction,
         slope_y=-_wide(cosine) * d_normal - _wide(sine) * d_friction, slope_friction=d_friction,
     )  # fmt: skip
@@ -456,6 +453,10 @@ def _state(plant: Plant, grid: _Grid, stators: _Stators, unknowns: Array) -> Arr
     modes, state = plant.modes, np.zeros(plant.order)
     state[:modes], state[modes : 2 * modes] = displacements[:modes], velocities[:modes]
     state[plant.where("contact")] = _sliders(plant, stators, touching)
+    if plant.where("stem") != slice(0, 0):
+        normal, series = touching.normal[0], plant.motor.contact.series_compliance_m_per_n
+        rate = (normal[1] - normal[-1]) * grid.omega / (2.0 * grid.angles[1])
+        state[plant.where("stem")] = series * (normal[0] - plant.motor.contact.preload_n), series * rate
     state[plant.carrier] = np.column_stack([displacements[modes:], velocities[modes:]]).ravel()
     if plant.turns:
         state[-1] = unknowns[0, -1] * grid.omega / plant.motor.rotor.radius_m

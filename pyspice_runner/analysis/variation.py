@@ -27,7 +27,9 @@ from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.recoil import carriers
 from pyspice_runner.netlist.contact import LIBRARIES, contact_library, contact_values
 from pyspice_runner.netlist.copies import Plant
-from pyspice_runner.netlist.evaluated import contact_function
+from pyspice_runner.netlist.evaluated import library_function
+from pyspice_runner.netlist.library import read_library
+from pyspice_runner.netlist.motor import SLIDER_TIME
 from pyspice_runner.netlist.state import MICRO, Discretisation, static_sway, written, written_recoils
 
 Array = NDArray[np.float64]
@@ -69,7 +71,8 @@ def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> li
     for place, course in enumerate(courses):
         plant = course.plant
         library = contact_library(plant.law, plant.motor.contact) if plant.law else None
-        groups.setdefault((library, plant.modes, plant.order, plant.turns), []).append(place)
+        kinds = tuple(state.kind for state in plant.states)
+        groups.setdefault((library, kinds), []).append(place)
     for places in groups.values():
         group = _Group([courses[place] for place in places], discretisation)
         for place, derivative in zip(places, group.derivatives(), strict=True):
@@ -86,7 +89,11 @@ class _Group:
         assert self.plant.law is not None
         self.law = self.plant.law
         self.library = contact_library(self.law, self.plant.motor.contact)
-        self.function = contact_function(self.library)
+        self.function = library_function(self.library)
+        self.soft = self.plant.where("stem") != slice(0, 0)
+        inner = [place for place, state in enumerate(self.plant.states) if state.kind in ("contact", "stem")]
+        self.inner = np.array(inner, dtype=int)  # states of contact and stem
+        self.units = np.array([self.plant.states[place].unit for place in inner])
         self.states = np.array([course.states.T for course in courses])
 
     @cached_property
@@ -110,17 +117,17 @@ class _Group:
     def _contact(self) -> Array:
         """Return the derivatives of the contact's outputs: forces on the tip and rates of its states.
 
-        The outputs are fx, fy, friction, normal force in N, and the rates of the states in m/s, shape (runs, points,
-        outputs, order).
+        The outputs are fx, fy, friction, normal force in N, and the rates of the inner states in SI units, shape (runs,
+        points, outputs, order).
         """
-        plant, touching = self.plant, self.plant.where("contact")
+        plant = self.plant
         held = np.zeros((len(self.courses), 1, 5))
         for run, course in enumerate(self.courses):
             held[run, 0, 0] = -static_sway(course.plant.motor, plant.law, self.discretisation) / MICRO
             held[run, 0, 4] = 0.0 if plant.turns else course.plant.load.speed or 0.0
         pins = np.einsum("rix,rnx->rni", self.tip, self.states) + held
         normal = np.array([course.normal for course in self.courses])[..., np.newaxis]
-        inputs = np.concatenate([pins, self.states[..., touching] / MICRO, normal], axis=2)
+        inputs = np.concatenate([pins, self.states[..., self.inner] / self.units, normal], axis=2)
         scales = np.concatenate([np.abs(inputs).max(axis=(0, 1)), [1.0]])[: inputs.shape[2]]
         steps = DIFFERENCE * np.where(scales > 0.0, scales, 1.0)
         many = inputs[:, :, np.newaxis] + np.vstack([np.zeros_like(steps), np.diag(steps)])
@@ -130,7 +137,7 @@ class _Group:
         own = slopes[:, :, 3:4, -1:]
         slopes = slopes[..., :-1] + slopes[..., -1:] * slopes[:, :, 3:4, :-1] / (1.0 - own)
         found = slopes[..., :5] @ self.tip[:, np.newaxis]
-        found[..., touching] += slopes[..., 5:] / MICRO
+        found[..., self.inner] += slopes[..., 5:] / self.units
         return found
 
     def _outputs(self, inputs: Array) -> Array:
@@ -158,17 +165,24 @@ class _Group:
         }
         values |= {name: column([one[name] for one in each]) for name in each[0]}
         x, y, vx, vy, shaft, *states, normal = np.moveaxis(inputs, -1, 0)
-        series = column([motor.contact.series_compliance_m_per_n for motor in motors])
-        if series.any():
-            y = y - series / MICRO * normal
-            depth = 1e6 * (values["preload"] / values["normal_stiffness"]) ** (2.0 / 3.0) + values["deflection"] + y
-            vy = vy / (1.0 + 1.5e-3 * series * values["normal_stiffness"] * np.sqrt(np.maximum(depth, 1e-9)))
+        rates = []
+        if self.soft:
+            stem = read_library("piezomotor_stem")
+            given: dict[str, Any] = {item.name: item.default for item in stem.parameters}
+            given |= {name: values[name] for name in ("preload", SLIDER_TIME)}
+            given["compliance"] = column([motor.contact.series_compliance_m_per_n for motor in motors])
+            names = library_function(stem).states
+            given |= {"y": y, "vy": vy, "normal": normal, **dict(zip(names, states[-len(names) :], strict=True))}
+            moved = library_function(stem)(given)
+            y, vy = moved["stem_y"], moved["stem_vy"]
+            rates = [moved[f"rate_{name}"] for name in names]
         names = self.function.states
-        values |= {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft, **dict(zip(names, states, strict=True))}
+        values |= {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft, **dict(zip(names, states, strict=False))}
         values["delta"] = np.array([course.penetration_um for course in self.courses])[..., np.newaxis]
         found = self.function(values)
-        rates = [MICRO * found[f"rate_{name}"] for name in names]
         parts = [found[name] for name in ("fx", "fy", "friction", "normal")]
+        rates = [found[f"rate_{name}"] for name in names] + rates
+        rates = [unit * rate for unit, rate in zip(self.units, rates, strict=True)]
         return np.stack(np.broadcast_arrays(*parts, *rates), axis=-1)
 
     def _structure(self) -> tuple[Array, Array]:
@@ -177,10 +191,10 @@ class _Group:
         The shapes are (runs, order, order) and (runs, order, outputs).
         """
         plant, modes, runs = self.plant, self.plant.modes, len(self.courses)
-        touching, carrier = plant.where("contact"), plant.carrier.start
+        carrier = plant.carrier.start
         moving = len(carriers(plant.mount))
         rates = np.zeros((runs, plant.order, plant.order))
-        inputs = np.zeros((runs, plant.order, 4 + touching.stop - touching.start))
+        inputs = np.zeros((runs, plant.order, 4 + len(self.inner)))
         places = np.array([*range(modes), *range(carrier, carrier + 2 * moving, 2)])
         speeds = np.array([*range(modes, 2 * modes), *range(carrier + 1, carrier + 1 + 2 * moving, 2)])
         rates[:, places, speeds] = 1.0
@@ -205,7 +219,7 @@ class _Group:
                 rotor = motor.rotor
                 rates[run, -1, -1] = -rotor.bearing_damping_n_m_s / rotor.inertia_kg_m2
                 inputs[run, -1, 2] = rotor.radius_m / rotor.inertia_kg_m2
-        inputs[:, touching, 4:] = np.eye(touching.stop - touching.start)
+        inputs[:, self.inner, 4:] = np.eye(len(self.inner))
         return rates, inputs
 
     def derivatives(self) -> list[Derivative]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The contact's equations, as the libraries have them, evaluated by numpy for many states at once."""
+"""The equations of contact and stem, as the libraries have them, evaluated by numpy for many states at once."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ _FUNCTIONS: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class ContactFunction:
-    """The equations of a law of the contact.
+class LibraryFunction:
+    """The equations of a library.
 
     Attributes:
         states: nodes whose capacitors hold the state.
@@ -47,8 +47,8 @@ class ContactFunction:
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return all nodes, and the rate of each state as ``rate_NODE`` in V/s.
 
-        ``values`` has the parameters, the pins x, y, vx, vy and shaft, the states, and a guess of ``delta``, in the
-        units of the library; they are numbers or arrays whose shapes agree.
+        ``values`` has the parameters, the pins that are inputs, and the states, in the units of the library; they are
+        numbers or arrays whose shapes agree. A node that depends on itself starts from the value that is given, or 0.
         """
         found = dict(values)
         for name, code, times in self._program:
@@ -59,8 +59,8 @@ class ContactFunction:
 
 
 @cache
-def contact_function(library: Library) -> ContactFunction:
-    """Return the equations of the library of a law as a function."""
+def library_function(library: Library) -> LibraryFunction:
+    """Return the equations of a library as a function."""
     known = equations(library)
 
     def compiled(text: str) -> CodeType:
@@ -73,4 +73,4 @@ def contact_function(library: Library) -> ContactFunction:
         flow = "+".join(known.currents.get(node, ["0"]))
         leak = f"-V({node})/{known.resistances[node]}" if node in known.resistances else ""
         program.append((f"rate_{node}", compiled(f"({flow}{leak})/{capacitance}"), 1))
-    return ContactFunction(tuple(known.capacitances), tuple(program))
+    return LibraryFunction(tuple(known.capacitances), tuple(program))

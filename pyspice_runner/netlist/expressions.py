@@ -152,7 +152,8 @@ class Equations:
         elif kind == "V":
             self.values[plus] = f"V({minus})+{last}"
         elif kind == "E":
-            self.values[plus] = f"{last}*V({rest.split()[0]})"
+            base = "" if minus == "0" else f"V({minus})+"
+            self.values[plus] = f"{base}{last}*V({rest.split()[0]})"
         elif kind == "C":
             self.capacitances[plus] = rest.split()[0]
         elif kind == "R" and minus == "0":

@@ -19,8 +19,8 @@ from pyspice_runner.netlist.copies import Copy, Plant
 PLATE = str(Path(__file__).parents[2] / "examples" / "plate40.toml")
 STEPS = 72
 # of the size of the motion, by which the state may change in a period. The first seven harmonics of a force that is
-# open for half of the period leave less than 1 % of it; the damping beside a compliance in series is approximate, too.
-START = 0.03
+# open for half of the period leave less than 1 % of it.
+START = 0.01
 
 
 def gap(plant: Plant, state: np.ndarray) -> float:
