@@ -156,7 +156,7 @@ class EquivalentCircuit:
 
     def characteristics(self) -> tuple[Characteristics, ...]:
         """Return the characteristic values of each arm, in the order of the arms."""
-        return tuple(self._characterise(arm, pole) for arm, pole in zip(self.arms, self._antiresonances(), strict=True))
+        return tuple(self._characterise(arm, pole) for arm, pole in zip(self.arms, self.antiresonances(), strict=True))
 
     def definitions(self) -> tuple[dict[str, dict[str, float] | None], ...]:
         """Return the values of every arm by each definition of standards and instruments.
@@ -246,7 +246,7 @@ class EquivalentCircuit:
             figure_of_merit=1.0 / (2.0 * pi * resonance * self.clamped_capacitance_f * arm.resistance_ohm),
         )
 
-    def _antiresonances(self) -> list[complex]:
+    def antiresonances(self) -> list[complex]:
         """Return the natural frequencies of the open device in 1/s; one lies above each series resonance.
 
         The losses of the clamped capacitance, whose effect is small, count as a series resistance; shared losses as own

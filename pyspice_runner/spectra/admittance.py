@@ -12,19 +12,19 @@ operating point, where the tip sticks.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from math import pi, sqrt
+from math import exp, inf, pi, sqrt
 from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, linear_sum_assignment
 
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model import contact as contact_law
-from pyspice_runner.model.equivalent import MotionalArm
+from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.parameters import Mode
@@ -41,6 +41,7 @@ from pyspice_runner.units import engineering
 
 _ZOOM_POINTS = 1201  # over the zoom below: 100 points a bandwidth, so that a parabola finds an extremum to 1e-6
 _ZOOM_BANDWIDTHS = 6.0  # on each side of a resonance
+_TAILS = 1.0  # of the zoom: modes nearer than that have an arm of their own; the tails of others are a cubic
 _MOST_POINTS = 1_000_000
 
 _Sweep = Callable[[float, float, int], Outcome]  # first and last frequency, number of points
@@ -172,17 +173,12 @@ def admittance(
     if audit:
         audited.withhold("result")
     near = [
-        (mode, bandwidth, _zoom(sweep, centre, bandwidth))
-        for mode, centre, bandwidth in _expected(motor, preloaded)
-        if start < centre < stop
+        (item, _zoom(sweep, item.frequency_hz, item.bandwidth_hz))
+        for item in _expected(motor, preloaded)
+        if start < item.frequency_hz < stop
     ]
     resonances = {
-        connection: tuple(
-            found
-            for mode, bandwidth, swept in near
-            if _drives(connection, mode)
-            if (found := _resonance(sweep, motor, mode, swept, bandwidth, connection))
-        )
+        connection: _resonances(sweep, motor, [pair for pair in near if _drives(connection, pair[0].mode)], connection)
         for connection in get_args(Connection)
     }
     version, deck = outcome.ngspice_version, outcome.deck
@@ -211,53 +207,81 @@ def _operating_force(motor: Motor, bench: Bench, timeout: float | None) -> float
     return found
 
 
-def _expected(motor: Motor, preloaded: bool) -> list[tuple[Mode, float, float]]:
-    """Return every mode with its expected frequency (Hz) and bandwidth (Hz)."""
+@dataclass(frozen=True)
+class _Expected:
+    """A mode, where its resonance is expected and how wide it is."""
+
+    mode: Mode
+    frequency_hz: float
+    bandwidth_hz: float
+
+
+def _expected(motor: Motor, preloaded: bool) -> list[_Expected]:
+    """Return every mode with its expected resonance."""
     modes = modes_on_carrier(motor.modes, motor.mount)
+    bandwidth = [mode.damping_n_s_per_m / mode.mass_kg / (2.0 * pi) for mode in modes]
     if not preloaded:
-        return [(mode, mode.frequency_hz, mode.frequency_hz / mode.quality_factor) for mode in modes]
+        return [_Expected(mode, mode.frequency_hz, width) for mode, width in zip(modes, bandwidth, strict=True)]
     # the rotor and the carrier on the contact's springs have resonances too, which are not modes of the stator
     frequencies = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
     normal = contact_law.normal_stiffness_at_preload(motor.contact)
     tangential = contact_law.tangential_stiffness_at_preload(motor.contact)
-    found = []
-    for mode in modes:
-        stiffness = mode.stiffness_n_per_m + normal * mode.tip_y**2 + tangential * mode.tip_x**2
-        alone = sqrt(stiffness / mode.mass_kg) / (2.0 * pi)  # of this mode alone under preload
-        nearest = float(frequencies[np.argmin(np.abs(frequencies - alone))])
-        found.append((mode, nearest, mode.damping_n_s_per_m / mode.mass_kg / (2.0 * pi)))
-    return found
+    alone = [  # under preload, without the other modes
+        sqrt((mode.stiffness_n_per_m + normal * mode.tip_y**2 + tangential * mode.tip_x**2) / mode.mass_kg) / (2.0 * pi)
+        for mode in modes
+    ]
+    places = linear_sum_assignment(np.abs(np.subtract.outer(alone, frequencies)))[1]
+    found = zip(modes, frequencies[places].tolist(), bandwidth, strict=True)
+    return [_Expected(*each) for each in found]
 
 
-def _resonance(
-    sweep: _Sweep, motor: Motor, mode: Mode, swept: Swept, bandwidth: float, connection: Connection
-) -> Resonance | None:
-    """Return the characteristic frequencies and the motional arm of a mode; sweep its antiresonance.
+def _resonances(
+    sweep: _Sweep, motor: Motor, near: Sequence[tuple[_Expected, Swept]], connection: Connection
+) -> tuple[Resonance, ...]:
+    """Return characteristic frequencies and motional arms of the modes that a connection drives; sweep antiresonances.
 
-    ``None`` for a mode that its neighbours mask, so that no arm of positive resistance fits.
+    A mode that its neighbours mask, so that it has no maximum of its own or no arm of positive resistance fits, is left
+    out.
     """
-    frequency, y = swept[0], connect(swept[1], connection)
-    fs = _peak(frequency, y.real)
-    arm = _motional_arm(frequency, y, fs, bandwidth)
-    if arm.resistance_ohm <= 0.0:
-        return None
+    found = []
+    for item, (frequency, matrix) in near:
+        y = connect(matrix, connection)
+        fs = _local_peak(frequency, y.real, item.frequency_hz)
+        others = [other for other, _ in near if other is not item]
+        away = min((abs(fs - other.frequency_hz) for other in others), default=inf) if fs is not None else 0.0
+        if fs is None or abs(fs - item.frequency_hz) > away:  # it is the maximum of another mode
+            continue
+        arm = _motional_arm(frequency, y, fs, item.bandwidth_hz, others)
+        if arm.resistance_ohm > 0.0:
+            found.append((item, frequency, y, fs, arm))
+    if not found:
+        return ()
+    found.sort(key=lambda each: each[3])
     weight_a, weight_b = COUPLING[connection]
     piezo = motor.piezo
     clamped = weight_a**2 * piezo.capacitance_a_f + weight_b**2 * piezo.capacitance_b_f
     clamped -= 2.0 * weight_a * weight_b * piezo.capacitance_ab_f
-    frequency_anti, matrix = _zoom(sweep, fs * sqrt(1.0 + arm.capacitance_f / clamped), bandwidth)
-    y_anti = connect(matrix, connection)
-    fp = _peak(frequency_anti, (1.0 / y_anti).real)
-    return Resonance(
-        mode=mode.name,
-        fs=fs,
-        fp=fp,
-        fm=_local_peak(frequency, np.abs(y), fs),
-        fn=_local_peak(frequency_anti, -np.abs(y_anti), fp),
-        coupling_factor=sqrt(max(1.0 - (fs / fp) ** 2, 0.0)),
-        quality_factor=arm.quality_factor,
-        **asdict(arm),
-    )
+    circuit = EquivalentCircuit(tuple(each[4] for each in found), clamped, 0.0, found[0][3])
+    resonances = []
+    for (item, frequency, y, fs, arm), pole in zip(found, circuit.antiresonances(), strict=True):
+        expected = abs(pole) / (2.0 * pi)
+        frequency_anti, matrix = _zoom(sweep, expected, item.bandwidth_hz)
+        y_anti = connect(matrix, connection)
+        fp = _local_peak(frequency_anti, (1.0 / y_anti).real, expected)
+        if fp is not None and fp > fs:
+            resonances.append(
+                Resonance(
+                    mode=item.mode.name,
+                    fs=fs,
+                    fp=fp,
+                    fm=_local_peak(frequency, np.abs(y), fs),
+                    fn=_local_peak(frequency_anti, -np.abs(y_anti), fp),
+                    coupling_factor=sqrt(1.0 - (fs / fp) ** 2),
+                    quality_factor=arm.quality_factor,
+                    **asdict(arm),
+                )
+            )
+    return tuple(resonances)
 
 
 def _zoom(sweep: _Sweep, centre: float, bandwidth: float) -> Swept:
@@ -288,32 +312,44 @@ def _local_peak(frequency: NDArray[np.float64], values: NDArray[np.float64], exp
 
 
 def _motional_arm(
-    frequency: NDArray[np.float64], y: NDArray[np.complex128], fs: float, bandwidth: float
+    frequency: NDArray[np.float64],
+    y: NDArray[np.complex128],
+    fs: float,
+    bandwidth: float,
+    others: Sequence[_Expected],
 ) -> MotionalArm:
-    """Fit one arm on a smooth background, which enters linearly."""
+    """Fit one arm, those of its neighbours, and a smooth background, which enters linearly."""
     near = np.exp(-0.5 * ((frequency - fs) / (2.0 * bandwidth)) ** 2)
     # the background has complex coefficients; the part outside the span of its columns is the residual
     background, _ = np.linalg.qr(np.vander(frequency / fs - 1.0, 4) * near[:, None])
+    reach = _TAILS * (frequency[-1] - frequency[0])
+    seen = [other for other in others if abs(other.frequency_hz - fs) < reach]
+    centres = np.array([fs, *(other.frequency_hz for other in seen)])
+    widths = np.array([bandwidth, *(other.bandwidth_hz for other in seen)])
 
     def outside(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         return values - background @ (background.T @ values)
 
-    target = outside(y * near)
+    def parts(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        return np.concatenate([values.real, values.imag])
 
-    def split(parameters: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        centre, quality = fs * (1.0 + parameters[0]), np.exp(parameters[1])
-        ratio = frequency / centre
-        arm = outside(near / (1.0 + 1j * quality * (ratio - 1.0 / ratio)))
-        conductance = np.vdot(arm, target).real / np.vdot(arm, arm).real
-        error = target - conductance * arm
-        return float(conductance), np.concatenate([error.real, error.imag])
+    target = parts(outside(y * near))
+
+    def split(parameters: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        shifts, logarithms = parameters.reshape(2, -1)
+        ratio = frequency[:, None] / (centres * (1.0 + shifts))
+        columns = near[:, None] / (1.0 + 1j * np.exp(logarithms) * (ratio - 1.0 / ratio))
+        arms = parts(outside(columns))
+        conductances = np.asarray(np.linalg.lstsq(arms, target, rcond=None)[0], dtype=np.float64)
+        return conductances, target - arms @ conductances
 
     def residual(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         return split(parameters)[1] / float(np.abs(y).max())
 
-    start = np.array([0.0, np.log(fs / bandwidth)])
-    found = least_squares(residual, start, x_scale=[bandwidth / fs, 1.0], xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    omega = float(2.0 * pi * fs * (1.0 + found.x[0]))
-    quality = float(np.exp(found.x[1]))
-    resistance = 1.0 / split(found.x)[0]
+    start = np.concatenate([np.zeros(len(centres)), np.log(centres / widths)])
+    scale = np.concatenate([widths / centres, np.ones(len(centres))])
+    found = least_squares(residual, start, x_scale=scale, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    shift, logarithm = found.x.reshape(2, -1)[:, 0].tolist()
+    omega, quality = 2.0 * pi * fs * (1.0 + shift), exp(logarithm)
+    resistance = 1.0 / float(split(found.x)[0][0])
     return MotionalArm(resistance, quality * resistance / omega, 1.0 / (omega * quality * resistance))

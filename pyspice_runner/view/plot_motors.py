@@ -15,12 +15,14 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import motor as model
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.solid.elements import Indices
-from pyspice_runner.model.solid.parameters import Placed, Solid
+from pyspice_runner.model.solid.geometry import regions_of
+from pyspice_runner.model.solid.parameters import Box, Electrode, Placed, Solid
 from pyspice_runner.model.solid.store import stator_of
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.view.draw import DASHES, Panel, Sheet, draw_lines, dress
 from pyspice_runner.view.style import BLUE, CYCLE, GREY, LABELS, VERMILION, Label
 
+_COLORS = {"A": BLUE, "B": VERMILION}
 _SWING = 0.08  # of the largest dimension of a solid: how far a mode is drawn to move
 
 
@@ -60,30 +62,10 @@ def _solid(motor: model.Motor, solid: Solid) -> Sheet:
     nodes = 1e3 * stator.nodes_m
     swing = _SWING * np.ptp(nodes, axis=1).max()
 
-    def corners(item: Placed) -> tuple[Array, Array]:
-        low, high = item.corners
-        return 1e3 * np.array(low)[plane], 1e3 * np.array(high)[plane]
-
     cells = _towards_viewer(nodes, stator.cells, plane, depth)
 
-    def draw_mesh(ax: Axes) -> None:
-        faces = list(nodes[plane][:, cells].transpose(2, 1, 0))
-        ax.add_collection(PolyCollection(faces, facecolor="0.9", edgecolor="0.3", lw=0.2))
-        _frame(ax, plane, f"{motor.name}: mesh")
-
     def draw_geometry(ax: Axes) -> None:
-        for box in solid.boxes:
-            low, high = corners(box)
-            ax.add_patch(Rectangle(tuple(low), *(high - low), facecolor="0.9", edgecolor="0.3", label="_"))
-            ax.annotate(
-                box.material, tuple(low), (2, -2), textcoords="offset points", fontsize=7, color="0.3", va="top"
-            )
-        for electrode in solid.electrodes:
-            if electrode.group != "ground":
-                (low, high), color = corners(electrode), BLUE if electrode.group == "A" else VERMILION
-                ax.add_patch(Rectangle(tuple(low), *(high - low), facecolor=color, edgecolor=color, alpha=0.35))
-                ax.text(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), electrode.group, ha="center", va="center")
-        x, y = np.mean(corners(contact), axis=0)
+        x, y = (_draw_regions if solid.mesh else _draw_boxes)(ax, solid, plane, depth)
         for sense, name in ((contact.normal, "normal"), (contact.tangent, "tangent")):
             dx, dy = np.eye(3)["xyz".index(sense[1])][plane] * (swing if sense[0] == "+" else -swing)
             ax.annotate("", (x + dx, y + dy), (x, y), arrowprops={"arrowstyle": "->"})
@@ -104,10 +86,52 @@ def _solid(motor: model.Motor, solid: Solid) -> Sheet:
 
         return draw_mode
 
-    panels = {"geometry": draw_mesh if solid.mesh else draw_geometry} | {
-        mode.name: mode_panel(i) for i, mode in enumerate(motor.modes)
-    }
+    panels = {"geometry": draw_geometry} | {mode.name: mode_panel(i) for i, mode in enumerate(motor.modes)}
     return Sheet(panels, 2, (5.5, 2.8))
+
+
+def _draw_boxes(ax: Axes, solid: Solid, plane: list[int], depth: int) -> Array:  # noqa: ARG001
+    """Draw boxes and electrodes, and return the middle of the contact in mm."""
+
+    def corners(item: Placed) -> tuple[Array, Array]:
+        low, high = item.corners
+        return 1e3 * np.array(low)[plane], 1e3 * np.array(high)[plane]
+
+    for box in solid.boxes:
+        low, high = corners(box)
+        ax.add_patch(Rectangle(tuple(low), *(high - low), facecolor="0.9", edgecolor="0.3", label="_"))
+        _name(ax, box, low)
+    for electrode in solid.electrodes:
+        if electrode.group != "ground":
+            (low, high), color = corners(electrode), _COLORS[electrode.group]
+            ax.add_patch(Rectangle(tuple(low), *(high - low), facecolor=color, edgecolor=color, alpha=0.35))
+            _name(ax, electrode, 0.5 * (low + high))
+    return np.asarray(np.mean(corners(solid.contact), axis=0))
+
+
+def _draw_regions(ax: Axes, solid: Solid, plane: list[int], depth: int) -> Array:
+    """Draw the cells of a mesh file and the faces of its electrodes, and return the middle of the contact in mm."""
+    regions = regions_of(solid)
+    points = 1e3 * regions.points_m
+    for box, cells in zip(solid.boxes, regions.boxes, strict=True):
+        faces = points[plane][:, _towards_viewer(points, cells, plane, depth)]
+        ax.add_collection(PolyCollection(list(faces.transpose(2, 1, 0)), facecolor="0.9", edgecolor="0.6", lw=0.2))
+        _name(ax, box, faces.min(axis=(1, 2)))
+    for electrode, cells in zip(solid.electrodes, regions.electrodes, strict=True):
+        if electrode.group != "ground":
+            faces, color = points[plane][:, _around(points[plane], cells)], _COLORS[electrode.group]
+            ax.add_collection(PolyCollection(list(faces.transpose(2, 1, 0)), facecolor=color, alpha=0.35))
+            _name(ax, electrode, faces.mean(axis=(1, 2)))
+    return np.asarray(1e3 * regions.contact_m[plane])
+
+
+def _name(ax: Axes, item: Box | Electrode, place: Array) -> None:
+    """Write the material below the corner of a box, or the group in the middle of an electrode."""
+    x, y = place.tolist()
+    if isinstance(item, Electrode):
+        ax.text(x, y, item.group, ha="center", va="center")
+    else:
+        ax.annotate(item.material, (x, y), (2, -2), textcoords="offset points", fontsize=7, color="0.3", va="top")
 
 
 def _towards_viewer(nodes: Array, cells: Indices, plane: list[int], depth: int) -> Indices:
@@ -116,8 +140,13 @@ def _towards_viewer(nodes: Array, cells: Indices, plane: list[int], depth: int) 
         order = np.argsort(nodes[depth][cells], axis=0)[-4 if len(cells) == 8 else -3 :]
         cells = np.take_along_axis(cells, order, axis=0)
         cells = cells[:, np.argsort(nodes[depth][cells].mean(axis=0))]
-    centres = nodes[plane][:, cells].mean(axis=1, keepdims=True)
-    turn = np.argsort(np.arctan2(*(nodes[plane][:, cells] - centres)), axis=0)
+    return _around(nodes[plane], cells)
+
+
+def _around(points: Array, cells: Indices) -> Indices:
+    """Return the corners of each face in order around its middle."""
+    centres = points[:, cells].mean(axis=1, keepdims=True)
+    turn = np.argsort(np.arctan2(*(points[:, cells] - centres)), axis=0)
     return np.take_along_axis(cells, turn, axis=0)
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -205,3 +206,22 @@ def test_a_mode_that_its_neighbours_bury_is_left_out(monkeypatch: pytest.MonkeyP
     assert [item.mode for item in found.resonances["A"]] == [mode.name for mode in motor.modes]
     monkeypatch.setattr("pyspice_runner.spectra.admittance._motional_arm", lambda *_: MotionalArm(-1.0, 1.0, 1.0))
     assert pr.admittance(motor, start=10e3, stop=60e3, points=51).resonances == dict.fromkeys(found.resonances, ())
+
+
+def test_modes_a_hundredth_apart_are_told_apart() -> None:
+    """Each has the arm of its mode, and its antiresonance lies below the next resonance (Foster's theorem)."""
+    spread = {"modes.3.coupling_b_n_per_v": -0.02, "modes.1.coupling_a_n_per_v": 0.02}
+    for motor in (pr.load_motor("bimodal40"), pr.load_motor("bimodal40").updated(spread)):
+        for connection, weights in {"A": (1, 0), "A-B": (1, -1)}.items():
+            found = pr.admittance(motor, start=30e3, stop=50e3, points=50).resonances[connection]  # type: ignore[index]
+            assert len(found) > 1
+            for item in found:
+                mode = next(mode for mode in motor.modes if mode.name == item.mode)
+                theta = np.dot(weights, (mode.coupling_a_n_per_v, mode.coupling_b_n_per_v))
+                # the tails of modes beyond twelve bandwidths are approximated by a cubic
+                assert item.inductance_h == pytest.approx(mode.mass_kg / theta**2, rel=1e-4)
+                assert item.resistance_ohm == pytest.approx(mode.damping_n_s_per_m / theta**2, rel=1e-4)
+                # neighbours shift the greatest conductance by a part of a bandwidth, 1/400 of the frequency
+                assert item.fs == pytest.approx(mode.frequency_hz, rel=2e-4)
+            for item, following in pairwise(found):
+                assert item.fs < item.fp < following.fs

@@ -54,11 +54,7 @@ def build_geometry(solid: Solid) -> Geometry:
             "[solid] needs the finite elements of scikit-fem. Install them: `pip install 'pyspice-runner[solid]'`."
         ) from None
     plate = solid.theory == "plate"
-    shape = places_of(solid)
-    owner = _owners(solid, shape)
-    kept = np.flatnonzero(owner >= 0)
-    shape.restrict(kept)
-    owner = owner[kept]
+    shape, owner = _owned(solid)
     basis = Basis(shape.mesh, shape.element, intorder=4)
     base = (2 if plate else 4) * basis.N
     used = [(np.flatnonzero(owner == index), box) for index, box in enumerate(solid.boxes)]
@@ -79,12 +75,47 @@ def build_geometry(solid: Solid) -> Geometry:
     return Geometry(basis, parts, place, displacements, size, springs, contact)
 
 
-def _owners(solid: Solid, shape: Places) -> Indices:
-    """Return the number of the box that each cell belongs to, −1 for none."""
+def _owned(solid: Solid) -> tuple[Places, Indices]:
+    """Return the mesh without the cells that no box has, and the number of the box that each cell belongs to."""
+    shape = places_of(solid)
     owner = np.full(shape.mesh.nelements, -1)
     for index, box in enumerate(solid.boxes):
         owner[shape.cells(box, f"boxes.{index}")] = index
-    return owner
+    kept = np.flatnonzero(owner >= 0)
+    shape.restrict(kept)
+    return shape, owner[kept]
+
+
+@dataclass(frozen=True)
+class Regions:
+    """What the parts of a stator cover, by numbers of vertices, (corners, n)."""
+
+    points_m: Array
+    """Places of the vertices, (axes, vertices)."""
+    boxes: list[Indices]
+    """Cells of each box."""
+    electrodes: list[Indices]
+    """Facets of each electrode; of a plate the cells that it covers."""
+    contact_m: Array
+    """Middle of the face of contact, (axes,)."""
+
+
+def regions_of(solid: Solid) -> Regions:
+    """Return what boxes, electrodes and contact cover. Raise ParameterError as :func:`build_geometry`."""
+    from skfem import Basis
+
+    shape, owner = _owned(solid)
+    mesh, electrodes = shape.mesh, []
+    for index, electrode in enumerate(solid.electrodes):
+        name = f"electrodes.{index}"
+        if solid.theory == "plate":
+            electrodes.append(mesh.t[:, shape.cells(electrode, name)])
+        else:
+            electrodes.append(mesh.facets[:, shape.facets(electrode, name)])
+    boxes = [mesh.t[:, owner == index] for index in range(len(solid.boxes))]
+    basis = Basis(mesh, shape.element)
+    touched = basis.doflocs[:, shape.nodes(basis, solid.contact, "contact")]
+    return Regions(mesh.p, boxes, electrodes, touched.mean(axis=1))
 
 
 def _parts(solid: Solid, shape: Places, cells: Indices, box: Box, base: int) -> list[Part]:

@@ -182,11 +182,11 @@ def test_triangles_and_tetrahedra_have_the_modes_of_boxes(
     assert np.diag(found.clamped_f) == pytest.approx(np.diag(boxes[theory].clamped_f), rel=0.02)
 
 
-def motor_file(folder: Path) -> Path:
+def motor_file(folder: Path, theory: str = "plate") -> Path:
     """Write a motor's TOML beside its mesh ``bar.msh``, and return its path."""
     lines = PLATE.read_text(encoding="utf-8").splitlines()
     start, end = lines.index("[solid]"), lines.index("[piezo]")
-    entries = table("plate", Path("bar.msh"))
+    entries = table(theory, Path("bar.msh"))
     written = ["[solid]"] + [f"{k} = {v!r}" for k, v in entries.items() if not isinstance(v, list | dict)]
     for name in ("contact", "boxes", "electrodes", "supports"):
         for entry in [entries[name]] if name == "contact" else entries[name]:
@@ -223,13 +223,24 @@ def test_a_changed_file_gives_another_stator(tmp_path: Path, monkeypatch: pytest
         solve_stator(first.solid)
 
 
-def test_a_mesh_is_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("theory", ["plate", "solid"])
+def test_a_mesh_is_drawn_with_its_materials_and_electrodes(
+    theory: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    mesh = cut("plate").to_meshtri()
-    write(tmp_path / "bar.msh", mesh, "plate")
-    motor = load_motor(motor_file(tmp_path))
-    for panel in ("geometry", "mode-1"):
-        assert len(motor.plot(panel=panel).collections[0].get_paths()) == mesh.nelements
+    mesh = cut(theory).to_meshtri() if theory == "plate" else cut(theory)
+    write(tmp_path / "bar.msh", mesh, theory)
+    motor = load_motor(motor_file(tmp_path, theory))
+    assert len(motor.plot(panel="mode-1").collections[0].get_paths()) == mesh.nelements
+    ax = motor.plot(panel="geometry")
+    texts = {text.get_text(): text.get_position() for text in ax.texts}
+    assert set(texts) == {"PZT-4", "alumina", "A", "B", "normal", "tangent", ""}
+    extents = [collection.get_datalim(ax.transData).bounds for collection in ax.collections]
+    drawn = np.array([(x, y, x + w, y + h) for x, y, w, h in extents])  # both boxes, then both groups
+    wanted = [placed(theory)[name][0] for name in ("boxes.0", "boxes.1", "electrodes.0", "electrodes.1")]
+    assert drawn == pytest.approx(np.array([(*low[:2], *high[:2]) for low, high in wanted]))
+    assert texts["A"][0] < MIDDLE < texts["B"][0]
+    assert texts["normal"][0] > END
 
 
 def without(name: str) -> dict[str, Any]:
