@@ -19,7 +19,7 @@ import xarray
 from xarray.plot.accessor import DatasetPlotAccessor
 
 from pyspice_runner.files import write_json, write_netcdf
-from pyspice_runner.result import Audit, Result, json_ready
+from pyspice_runner.result import Audit, Result, contact_row, json_ready
 from pyspice_runner.units import engineering
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ class Curves(DatasetResult):
             found["greatest shaft power"] = engineering(float(data["shaft_power_w"].max()), "W")
             found["best efficiency"] = _percent(float(data["efficiency"].where(data["shaft_power_w"] > 0.0).max()))
         found["settled"] = f"{int(data['settled'].sum())} of {data['settled'].size} points"
-        return self._worded(found)
+        return self._worded(found | contact_row(json.loads(data.attrs.get("run", "{}"))))
 
 
 class Branch(DatasetResult):
@@ -191,6 +191,7 @@ class Branch(DatasetResult):
         values, unit = self.dataset[self.along].values, self.dataset[self.along].attrs["units"]
         return {
             "branch": str(self.dataset.attrs["title"]),
+            **contact_row(json.loads(self.dataset.attrs.get("run", "{}"))),
             self.along: f"{self._span(self.along)}, {values.size} points",
             "folds": ", ".join(f"{value:.6g} {unit}" for value in self.folds) or "none",
             "stable": f"{int(self.dataset['stable'].sum())} of {values.size} points",
@@ -227,7 +228,7 @@ class WorkingPoints(DatasetResult):
     def summary(self) -> dict[str, str]:
         """Return the axes and the best point."""
         data = self.dataset
-        found = {"map": str(data.attrs["title"])}
+        found = {"map": str(data.attrs["title"]), **contact_row(json.loads(data.attrs.get("run", "{}")))}
         for name in self.axes:
             found[name] = f"{self._span(name)}, {data[name].size} values"
         found["stable"] = f"{int(data['stable'].sum())} of {data['stable'].size} points"

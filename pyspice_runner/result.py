@@ -69,6 +69,14 @@ def json_ready(value: Any) -> Any:
     return None if isinstance(value, float) and not isfinite(value) else value
 
 
+def contact_row(run: Mapping[str, Any]) -> dict[str, str]:
+    """Return the row of a summary that names the law of the contact, by the settings of a run; none of a free tip."""
+    if run.get("contact") is None:
+        return {}
+    sliders = run.get("sliders")
+    return {"contact law": f"{run['contact']}, {sliders} sliders" if sliders else str(run["contact"])}
+
+
 class Result(Shown):
     """Base of the results.
 

@@ -223,3 +223,18 @@ def test_values_are_written_with_the_prefix_of_their_unit() -> None:
     for (value, unit), text in written.items():
         assert engineering(value, unit).replace("\N{NO-BREAK SPACE}", " ") == text
     assert engineering(None, "V") == engineering(float("nan"), "V") == engineering(float("inf"), "V") == "–"
+
+
+def test_every_summary_names_the_law_of_the_contact() -> None:
+    motor = pr.load_motor("andersen2002")
+    drive = pr.default_drive(motor)
+    law = pr.Law("brush", 4)
+    for result in (
+        pr.simulate(motor, drive, 1e-4, contact=law),
+        pr.steady_state(motor, drive, speed=1.0, contact=law),
+        pr.speed_torque(motor, drive, speeds=[1.0], contact=law).piezomotor,
+        pr.small_signals(motor, drive, frequencies=[1e3], speed=1.0, contact=law),
+    ):
+        assert result.summary()["contact law"] == "brush, 4 sliders"
+    assert pr.simulate_averaged(motor, drive, 1e-3).summary()["contact law"] == "spring-slider"
+    assert "contact law" not in pr.simulate(motor, drive, 1e-4, contact=None).summary()

@@ -19,7 +19,7 @@ from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.motor import SUBCIRCUIT, editable_parameters, motor_library
 
-MOTOR = "beam40"
+MOTOR = "bimodal40"
 NAME = "motor"  # name of all files, by which they refer to each other
 SOURCES = ("V1", "V2")  # of groups A and B; the names in KiCad must end in a number
 STEP, STOP = "100n", "5m"

@@ -34,7 +34,7 @@ from pyspice_runner.netlist.averaged import (
 )
 from pyspice_runner.netlist.contact import PAPER_LAW, ContactLaw
 from pyspice_runner.netlist.sources import Bench, DriveSource
-from pyspice_runner.result import Audit, Result
+from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.averaged_motor import AveragedMotor
 from pyspice_runner.run.ceramic import stated
 from pyspice_runner.run.engines import Engine
@@ -155,6 +155,7 @@ class AveragedRun(Result):
             "torque": f"{last['torque_n_m']:.4g} N·m",
             "duration": f"{last['time_s']:.4g} s",
             "check": "passed" if self.trusted else "not passed",
+            **contact_row(self.provenance["run"]),
             "electrical power": f"{last['electrical_power_w']:.4g} W",
             "temperature rise": f"{last['temperature_k']:.4g} K",
         })  # fmt: skip

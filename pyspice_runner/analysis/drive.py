@@ -23,7 +23,7 @@ from pyspice_runner.model.strength import depolarised
 from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.drivers import RAILS, Driver, Part
 from pyspice_runner.netlist.source import GROUPS
-from pyspice_runner.result import Audit, Result
+from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
 from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
@@ -227,6 +227,7 @@ class DriveReport(Result):
         found = {
             "motor": str(self.motor["name"]),
             "driver": str(self.driver["label"]),
+            **contact_row(self.run),
             "power put in": engineering(self.power_in_w, "W"),
             "power into the motor": f"{engineering(self.motor_power_w, 'W')}, {100.0 * self.driver_efficiency:.1f} %",
             "power factor": f"{self.power_factor:.3f}",

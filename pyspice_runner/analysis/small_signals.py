@@ -35,7 +35,7 @@ from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.netlist.copies import Copy, Plant, Probe
 from pyspice_runner.netlist.motor import dielectric_matrix
-from pyspice_runner.result import Result, json_ready
+from pyspice_runner.result import Result, contact_row, json_ready
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.units import linear_unit
 
@@ -169,6 +169,7 @@ class SmallSignals(Result):
     def summary(self) -> dict[str, str]:
         """Return the transfer functions at the lowest frequency, and the admittances next to the drive's."""
         found = {"modulation": f"{self.modulation_hz[0]:.4g} to {self.modulation_hz[-1]:.4g} Hz"}
+        found |= contact_row(self.state.provenance["run"])
         for (output, of), values in self.transfers.items():
             error = f"{self.errors[output, of][0]:.1g} {self.unit(output, of)}"
             found[f"{output} per {of}"] = f"{abs(values[0]):.4g} ± {error}"

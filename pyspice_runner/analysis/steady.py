@@ -34,7 +34,7 @@ from pyspice_runner.netlist.copies import Copy, Plant, drive_voltage
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.netlist.state import motor_states
-from pyspice_runner.result import Audit, Result, json_ready
+from pyspice_runner.result import Audit, Result, contact_row, json_ready
 from pyspice_runner.run.audit import audit_point
 from pyspice_runner.run.engines import BEHIND_DRIVER, Engine, on_engine
 from pyspice_runner.run.operating_point import OperatingPoint
@@ -173,6 +173,7 @@ class SteadyState(Quantities, Result):
             "estimated error of the torque": engineering(self.torque_error_n_m, "N·m"),
             "stable": f"{'yes' if self.stable else 'no'}, largest multiplier {largest:.5g}",
             "found by": f"{self.method or 'no method'}, {self.iterations} iterations",
+            **contact_row(self.provenance["run"]),
         })  # fmt: skip
 
     def columns(self) -> Mapping[str, Array]:

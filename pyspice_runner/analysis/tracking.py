@@ -17,7 +17,7 @@ from pyspice_runner.analysis.loop import LoopDesign
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.tracking import StatorLag
 from pyspice_runner.netlist.trackers import Disturbance, TrackedSource
-from pyspice_runner.result import Audit, Result
+from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, Array
@@ -150,6 +150,7 @@ class Tracking(Result):
             "motor": str(self.settings["motor"]["name"]),
             "tracker": str(self.settings["tracker"]["kind"]),
             "disturbance": str(self.settings["disturbance"]["kind"]),
+            **contact_row(self.settings["run"]),
             "locked": "yes" if self.locked else "no",
             "lock time": "–" if self.lock_time_s is None else engineering(self.lock_time_s, "s"),
             "phase error": f"{self.rms_phase_error_deg:.3g}° RMS, {self.worst_phase_error_deg:.3g}° at most",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.netlist.state import Motion
-from pyspice_runner.result import Audit, Result
+from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering
 
@@ -352,6 +352,7 @@ class Waveforms(Result):
             if hasattr(self, column):
                 found[value] = engineering(getattr(self, name), unit) + self.remark(name)
         found["drive"] = str(self.provenance["drive"]["label"])
+        found |= contact_row(self.provenance["run"])
         if hasattr(self, "contact_state"):
             found["contact"] = ", ".join(
                 f"{name} {100.0 * share:.1f} %" for name, share in self.state_fractions.items()

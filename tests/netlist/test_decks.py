@@ -145,7 +145,7 @@ def test_admittance_decks_find_resonance_and_conductance(name: str, preloaded: b
             2e-3,
             0.0,
         ),
-        ("spin_up", "beam40", pr.default_drive(pr.load_motor("beam40")), 3e-3, 5e-3),
+        ("spin_up", "bimodal40", pr.default_drive(pr.load_motor("bimodal40")), 3e-3, 5e-3),
     ],
 )
 def test_transient_decks_agree_with_simulate(
@@ -270,12 +270,12 @@ def test_first_resonance_hammers(tmp_path: Path) -> None:
 
 
 def test_dynamometer_deck_integrates_what_the_waveforms_of_simulate_hold(tmp_path: Path) -> None:
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)
     stop = 60 * drive.period
     result = run_with("dynamometer", {"stop": repr(stop), "periods": "20"}, tmp_path)
-    run = simulated(motor, drive, duration=stop, speed=10.0)
-    # both over the last 20 periods, so that it need not have settled; the deck is without the exact resonance
+    run = pr.simulate(motor, drive, duration=stop, speed=10.0, step=1e-7, exact_resonance=False)  # as the deck
+    # both over the last 20 periods, so that it need not have settled
     means = {
         "torque_mean_n_m": run.mean_torque_n_m,
         "load_torque_mean_n_m": run.mean_torque_n_m - 10.0 * motor.rotor.bearing_damping_n_m_s,

@@ -82,10 +82,10 @@ def test_the_transient_of_the_exported_netlist_is_that_of_simulate(project: Path
     lines = [line.replace(" 5m ", " 500u ") for line in netlist if not line.startswith(".ac")]  # shorter
     said = ngspice(project, [*lines, ".measure tran speed_end FIND v(/shaft) AT=499u"])
     speed = float(re.findall(r"speed_end\s*=\s*(\S+)", said)[0])
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)
     run = pr.simulate(motor, drive, duration=0.5e-3)
-    # at 100 ns a mode without the exact resonance resonates 9e-5 low: at Q = 59 this changes the motion by 1 %
+    # without the exact resonance modes resonate 9e-5 low at 100 ns, which changes the phase after 20 periods by 0.01
     assert speed == pytest.approx(float(np.interp(499e-6, run.time_s, run.rotor_speed_rad_s)), rel=0.02)
 
 
@@ -96,7 +96,8 @@ def test_the_ac_analysis_of_the_exported_netlist_is_the_admittance_of_the_preloa
     lines = [line for line in netlist if not line.startswith(".tran")]
     ngspice(project, [*lines, ".control", "run", "wrdata ac.txt real(i(v1)) imag(i(v1))", "quit 0", ".endc"])
     frequency, real, _, imaginary = np.loadtxt(project / "ac.txt").T
-    expected = pr.admittance(pr.load_motor("beam40"), start=30e3, stop=50e3, points=len(frequency), state="preloaded")
+    motor = pr.load_motor("bimodal40").model_copy(update={"solid": None})  # without the modes beyond its range
+    expected = pr.admittance(motor, start=30e3, stop=50e3, points=len(frequency), state="preloaded")
     assert frequency == pytest.approx(expected.frequency_hz)
     own = expected.matrix_s[:, 0, 0]
     assert np.abs(-real - 1j * imaginary - own).max() < 1e-6 * np.abs(own).max()
