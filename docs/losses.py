@@ -21,9 +21,11 @@ HEAD = """# Effect of each loss
 
 This page is written by `python -m docs.losses`. Each row changes one effect of a bundled motor and leaves the others as
 they are in its set. *Stall*: mean torque of the contact on a rotor that is held. *No load*: speed at which the shaft
-gives no torque, by interpolation between {count} speeds; a dash where it is above 36 rad/s.
+gives no torque, by interpolation between {count} speeds; a dash where it is above {fastest:g} rad/s.
 *Efficiency*: the best at these speeds, shaft power over
 electrical power. *Time*: processor time of ngspice for a run of 1 ms, relative to the first row, the least of {runs}.
+The contact law is the paper's spring–slider; the last row of a table has the [brush](contact.md#the-brush) instead,
+which says what the law contributes.
 """
 
 
@@ -55,9 +57,9 @@ def effects(motor: pr.Motor) -> dict[str, dict[str, Any]]:
     }
 
 
-def row(motor: pr.Motor, drive: pr.TwoPhaseDrive, speeds: list[float]) -> tuple[float, float, float]:
+def row(motor: pr.Motor, drive: pr.TwoPhaseDrive, speeds: list[float], law: pr.Law) -> tuple[float, float, float]:
     """Return stall torque in N·m, no-load speed in rad/s and best efficiency."""
-    curve = pr.speed_torque(motor, drive, speeds=speeds, audit=False)
+    curve = pr.speed_torque(motor, drive, speeds=speeds, contact=law, audit=False)
     load, efficiency = curve["load_torque_n_m"].values, curve["efficiency"].values
     above = np.flatnonzero((load[:-1] > 0.0) & (load[1:] <= 0.0))
     free = float("nan")
@@ -67,12 +69,12 @@ def row(motor: pr.Motor, drive: pr.TwoPhaseDrive, speeds: list[float]) -> tuple[
     return float(curve["torque_n_m"].values[0]), float(free), float(np.nanmax(efficiency[load > 0.0], initial=0.0))
 
 
-def seconds(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> float:
+def seconds(motor: pr.Motor, drive: pr.TwoPhaseDrive, law: pr.Law) -> float:
     """Return the least processor time of a run in s."""
     least = float("inf")
     for _ in range(RUNS):
         before = getrusage(RUSAGE_CHILDREN).ru_utime
-        pr.simulate(motor, drive, duration=1e-3, step=1e-7, audit=False)
+        pr.simulate(motor, drive, duration=1e-3, step=1e-7, contact=law, audit=False)
         least = min(least, getrusage(RUSAGE_CHILDREN).ru_utime - before)
     return least
 
@@ -81,10 +83,12 @@ def table(motor: pr.Motor, drive: pr.TwoPhaseDrive, speeds: list[float]) -> list
     """Return the rows of one motor at one drive."""
     lines = ["| effect | stall, mN·m | no load, rad/s | efficiency | time |", "|---|---|---|---|---|"]
     base = None
-    for name, changes in effects(motor).items():
+    cases = {name: (changes, pr.Law()) for name, changes in effects(motor).items()}
+    cases["contact law `brush` of 8 sliders"] = {}, pr.Law("brush", 8)
+    for name, (changes, law) in cases.items():
         changed = motor.updated(changes) if changes else motor
-        stall, free, best = row(changed, drive, speeds)
-        cost = seconds(changed, drive)
+        stall, free, best = row(changed, drive, speeds, law)
+        cost = seconds(changed, drive, law)
         base = base or cost
         shown = "–" if free != free else f"{free:.1f}"
         lines.append(f"| {name} | {1e3 * stall:.2f} | {shown} | {100 * best:.2g} % | {cost / base:.2f} |")
@@ -123,7 +127,7 @@ def square_wave_loss(motor: pr.Motor, amplitude_v: float, frequency_hz: float) -
 def square_waves() -> str:
     """Return the table of the losses under a square wave."""
     lines = []
-    for name, amplitude, frequency in (("andersen2002-unintended-mode", 100.0, 46e3), ("beam40", 110.0, 40.1e3)):
+    for name, amplitude, frequency in (("andersen2002-unintended-mode", 100.0, 46e3), ("bimodal40", 150.0, 40.7e3)):
         losses = square_wave_loss(pr.load_motor(name), amplitude, frequency)
         for circuit, (sine, square) in losses.items():
             lines.append(
@@ -136,9 +140,9 @@ def square_waves() -> str:
 def page() -> str:
     """Measure and return the text of the page."""
     paper = pr.load_motor("andersen2002-unintended-mode")
-    new = pr.load_motor("beam40")
-    speeds = [0.0, 4.0, 8.0, 12.0, 16.0, 20.0, 25.0, 30.0, 36.0]
-    parts = [HEAD.format(count=len(speeds), runs=RUNS)]
+    new = pr.load_motor("bimodal40")
+    speeds = [0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 37.5, 45.0]
+    parts = [HEAD.format(count=len(speeds), fastest=speeds[-1], runs=RUNS)]
     for frequency in (44.5e3, 46e3):
         drive = pr.TwoPhaseDrive(voltage=100.0, frequency=frequency, phase_deg=180.0)
         parts.append(f"## `{paper.name}`, {drive.label}\n")

@@ -43,7 +43,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     }
     for name, text in pages.items():
         files.append(File.generated(config, name, content=text))
-    files.append(File.generated(config, PLAYGROUND, content=live_page(pr.load_motor("beam40"))))
+    files.append(File.generated(config, PLAYGROUND, content=live_page(pr.load_motor("bimodal40"))))
     for picture in sorted((ROOT / "figures").glob("*.png")):
         files.append(File.generated(config, f"figures/{picture.name}", abs_src_path=str(picture)))
     texts = [file.content_string for file in files if file.is_documentation_page()]

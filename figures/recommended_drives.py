@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The recommended drives of the bundled sets: the best points of maps of steady states within limits."""
+"""The recommended drives of the paper's motors: the best points of maps of steady states within limits."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import pi
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,13 +16,10 @@ from style import BLACK, BLUE, VERMILION, canvas, draft, main, write
 
 import pyspice_runner as pr
 
-# V: amplitude of the fundamental of a half bridge with 180 V between its rails, on transistors of 200 V (docs/drive.md)
-HALF_BRIDGE = 2.0 / pi * 180.0
 SHOWN = {"power": ("shaft_power_w", "shaft power / mW", 1e3), "efficiency": ("efficiency", "efficiency / %", 100.0)}
 AXES = {
     "drive.frequency": ("frequency / kHz", 1e-3),
     "drive.voltage": ("voltage / V", 1.0),
-    "drive.phase_deg": ("phase of group B / °", 1.0),
 }
 
 
@@ -59,10 +55,6 @@ CHOICES = {
         "power", 10.0, 100.0,
         {"drive.frequency": np.arange(44.4e3, 46.1e3, 200.0), "drive.voltage": np.arange(70.0, 120.0, 10.0)},
     ),
-    "beam40": Choice(
-        "efficiency", 33.0, HALF_BRIDGE,
-        {"drive.frequency": np.arange(39.8e3, 40.45e3, 100.0), "drive.phase_deg": np.arange(90.0, 151.0, 10.0)},
-    ),
 }  # fmt: skip
 
 
@@ -76,14 +68,14 @@ def mapped(name: str, over: Mapping[str, Sequence[float]] | None = None) -> xarr
 
 
 def recommended(name: str) -> dict[str, float]:
-    """Return frequency, voltage and phase of the set's drive, by the paths of the axes."""
+    """Return frequency and voltage of the set's drive, by the paths of the axes."""
     drive = pr.default_drive(pr.load_motor(name))
     assert isinstance(drive, pr.TwoPhaseDrive)
     return {path: getattr(drive, path.removeprefix("drive.")) for path in AXES}
 
 
 def draw(folder: Path) -> list[str]:
-    figure, axes = canvas(1, 3, 5.4)
+    figure, axes = canvas(1, 2, 4.6)
     stories = []
     for panel, (name, choice) in zip(axes, CHOICES.items(), strict=True):
         over = {path: values[:: len(values) - 1 if draft() else 1] for path, values in choice.over.items()}
@@ -95,7 +87,7 @@ def draw(folder: Path) -> list[str]:
     caption = (
         f"Steady states at held speeds of {speeds} rad/s, about half of those of the free rotors. Hatched: above the "
         f"limit of the voltage ({voltages} V), above half the Curie temperature or the strength of the ceramic. Cross: "
-        "not stable. Star: best point. Circle: the set's drive. beam40: at 110 V, below the limit. "
+        "not stable. Star: best point. Circle: the set's drive. "
         f"ngspice {data.attrs['ngspice_version']}."
     )
     write(figure, folder / "recommended_drives.png", "Recommended drives as the best working points", caption)
@@ -118,7 +110,7 @@ def _contours(panel: Axes, data: xarray.Dataset, name: str, choice: Choice) -> N
     (along, (x, to_x)), (across, (y, to_y)) = ((path, AXES[path]) for path in choice.over)
     places = to_x * data[along].values, to_y * data[across].values
     values = scale * data[quantity].transpose(across, along).values
-    levels = MaxNLocator(8).tick_values(0.0, values.max())[1:]
+    levels = MaxNLocator(8).tick_values(0.0, np.nanmax(values))[1:]
     lines = panel.contour(*places, values, levels=levels, colors=BLUE, linewidths=1.0)
     panel.clabel(lines, fontsize=7)
     outside = np.any(

@@ -38,7 +38,7 @@ def test_a_stall_torque_of_the_page_is_what_the_motor_gives(effect: str) -> None
 def test_a_square_wave_loses_what_a_constant_loss_tangent_says() -> None:
     """Every harmonic of V_n volts loses half of V_n^2 times its susceptance times the loss tangent, within 5 %."""
     losses = run_path(str(PAGE.with_suffix(".py")))["square_wave_loss"]
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor("bimodal40")
     order = np.arange(1, 250, 2)
     expected = 0.5 * (440.0 / (np.pi * order)) ** 2 * 2.0 * np.pi * 40e3 * order * motor.piezo.capacitance_a_f * 0.01
     found = losses(motor, 110.0, 40e3)

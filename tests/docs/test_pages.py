@@ -50,7 +50,6 @@ def snippets(page: Path) -> list[str]:
 # pages whose commands or Python take 4 to 12 s
 LONG = {"drive", "impedance", "report", "steady_state", "sweeps", "tracking"}
 LONG |= {
-    "beam40",
     "tutorial_control_tool",
     "tutorial_driver",
     "tutorial_impedance",

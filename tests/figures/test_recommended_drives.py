@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The recommended drives of the bundled sets are the best points within limits."""
+"""The recommended drives of the paper's motors are the best points within limits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.selection import mostly
 SCRIPT = Path(__file__).resolve().parents[2] / "figures" / "recommended_drives.py"
 
 
-NAMES = ["andersen2002", "andersen2002-unintended-mode", "beam40"]
+NAMES = ["andersen2002", "andersen2002-unintended-mode"]
 
 
 @pytest.mark.parametrize("name", mostly(pytest.mark.soak, NAMES, ["andersen2002"]))
