@@ -3,8 +3,9 @@
 
 The motors are bimodal, with two to four modes, with and without mount, damping and compliance of the contact. A motor
 counts if its contact is open for 5 to 80 % of the period. Each start is tried alone: harmonic balance and the response
-of the free stator. What :func:`steady_state` finds must be a motion that stays for forty periods at half of the step; where
-Newton's method finds nothing stable, the motor is run for many decay times to see whether it has a periodic motion.
+of the free stator. What :func:`steady_state` finds must be a motion that stays for forty periods at half of the step;
+where Newton's method finds nothing stable, the motor is run for many decay times to see whether it has a periodic
+motion.
 """
 
 from __future__ import annotations
@@ -103,10 +104,10 @@ def outcome(index: int) -> dict[str, Any]:
         found |= _run_long(plant)
     if not OPEN[0] <= found.get("open", -1.0) <= OPEN[1]:
         return found | {"counts": False}
-    return found | {"counts": True, **_starts(plant), "verdict": _verdict(state, found)}
+    return found | {"counts": True, **_starts(plant), "verdict": _verdict(state)}
 
 
-def _verdict(state: SteadyState, found: dict[str, Any]) -> str:
+def _verdict(state: SteadyState) -> str:
     if not state.converged:
         return ""
     return _staying(state) if state.stable else "said to be unstable"
@@ -124,7 +125,7 @@ def _starts(plant: Plant) -> dict[str, bool]:
 
 
 def _run_long(plant: Plant) -> dict[str, Any]:
-    """Run a motor from rest, and return whether its motion is then periodic, and the share of time in which it is open."""
+    """Run a motor from rest; return whether its motion is then periodic, and the share of time in which it is open."""
     period_map = PeriodMap(plant.drive.period, STEPS, LONGEST_CHECK)
     point: Point = start_point(plant)
     state, decays = np.zeros(plant.order), DECAYS
