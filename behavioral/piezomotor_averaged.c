@@ -107,11 +107,17 @@ static struct contact touch(const struct motor *m, const struct path *path)
         x[n] *= 1e6;
         y[n] *= 1e6;
     }
-    for (int n = 0; n < PHASES; n++) {
-        int before = (n + PHASES - 1) % PHASES, after = (n + 1) % PHASES;
+    /* the compression in series remembers the force: a first pass finds what it was at the end of the period */
+    int first = p->normal_damping > 0.0 && p->series_compliance > 0.0 ? -PHASES : 0;
+    for (int k = first; k < PHASES; k++) {
+        int n = (k + PHASES) % PHASES, before = (n + PHASES - 1) % PHASES, after = (n + 1) % PHASES;
         at.x = x[n], at.x_before = x[before], at.x_after = x[after];
         at.y = y[n], at.y_before = y[before], at.y_after = y[after];
         phase_forces(&at);
+        at.normal_earlier = at.normal_before;
+        at.normal_before = at.normal;
+        if (k < 0)
+            continue;
         at.slider_before = at.slider;
         fx[n] = at.fx;
         fy[n] = at.fy;

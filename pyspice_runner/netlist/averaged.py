@@ -135,21 +135,30 @@ def averaged_phase(series: bool) -> Library:
     library = read_library(_PHASE)
     if series:
         return library
-    text = re.sub(r"(?m)^(B(soft|load|depth) |\* compliance).*\n", "", library.subcircuit)
-    text = re.sub(r"/\(1\+1\.5\*.*\)(?=\),4\)$)", "", text, flags=re.M)
+    text = re.sub(r"(?m)^B(hold|depth) .*\n", "", library.subcircuit)
+    text = re.sub(r"(?m)^Bfree free 0 V=(.*)\+{damping\*series}.*$", r"Bhold hold 0 V=min(uramp(\1),4)", text)
+    text = re.sub(r"(?m)^(Bnormal .*?\*)uramp.*$", r"\1V(hold)*V(depth)**1.5", text)
     text = text.replace(" series=0", "").replace("+1e6*series*preload", "")
     text = text.replace("Bapproach approach", "Bdepth depth")
     parameters = tuple(item for item in library.parameters if item.name != "series")
     return replace(library, subcircuit=text, parameters=parameters)
 
 
+def _carried(node: str, last: str, start: str) -> tuple[str, ...]:
+    """Return the lines of a node with what another had at the end of the period, for the start of the next."""
+    carry = f"B{node} 0 {node} I=1u*V(frequency)*(V({last})-V({node}))"
+    return carry, f"C{node} {node} 0 1u ic={start}", f"R{node} {node} 0 1g"
+
+
 @cache
 def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS, series: bool = True) -> Library:
     """Return ``piezomotor_averaged_contact``, which chains one ``piezomotor_averaged_phase`` per phase.
 
-    The parameters are those of a phase. The displacement of the slider goes from phase to phase and, by a capacitor,
-    from period to period. The forces have :data:`CHECKED_HARMONICS` harmonics more than the tip's motion, which show
-    what the model leaves out. Raise ParameterError for a number out of range.
+    The parameters are those of a phase. The displacement of the slider, and with a compliance in series the force, go
+    from phase to phase and, by capacitors, from period to period. (A closed ring of forces, whose equations have larger
+    terms beside the diagonal than on it, makes ngspice's matrix inaccurate.) The forces have :data:`CHECKED_HARMONICS`
+    harmonics more than the tip's motion, which show what the model leaves out. Raise ParameterError for a number out of
+    range.
     """
     check_resolution(phases, harmonics)
     phase = averaged_phase(series)
@@ -160,16 +169,18 @@ def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS, series: b
         f".subckt {_CONTACT} {' '.join(pins)} {' '.join(defaults)}",
         f"Bturn turn 0 V={{1e6*radius/{phases}}}*V(shaft)/max(V(frequency),1)",
         f"Erate rate 0 frequency 0 {{0.5*{phases}}}",
-        "* the slider's displacement at the end of the period, for the start of the next",
-        f"Bcarry 0 carry I=1u*V(frequency)*(V(slider{phases - 1})-V(carry))",
-        "Ccarry carry 0 1u",
-        "Rcarry carry 0 1g",
         "Gtorque 0 shaft friction 0 {radius}",
+        *_carried("carry", f"slider{phases - 1}", "0"),
+        *(_carried("carry_1", f"normal{phases - 1}", "{preload}") if series else []),
+        *(_carried("carry_2", f"normal{phases - 2}", "{preload}") if series else []),
     ]
     for number in range(phases):
         before, after = (number - 1) % phases, (number + 1) % phases
         slider = "carry" if number == 0 else f"slider{before}"
-        nodes = f"x{number} y{number} x{before} y{before} x{after} y{after} {slider} turn rate"
+        forces = " ".join(f"normal{(number - back) % phases}" for back in (1, 2))
+        if series and number < 2:
+            forces = ("carry_1 carry_2", "normal0 carry_1")[number]
+        nodes = f"x{number} y{number} x{before} y{before} x{after} y{after} {slider} {forces} turn rate"
         outputs = " ".join(f"{name}{number}" for name in _OF_PHASE)
         lines.append(f"Xphase{number} {nodes} {outputs} {_PHASE} {passed}")
         for axis in "xy":

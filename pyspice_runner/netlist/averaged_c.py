@@ -108,6 +108,34 @@ def _values(motor: Motor, thermal: Thermal | None) -> dict[str, float]:
     return {name: rounded(value) for name, value in values.items()}
 
 
+# the node of a phase that its own equation contains, and what that equation gives
+_IMPLICIT = """\
+static double phase_{0}_by(struct phase *p, double value)
+{{
+    p->{0} = value;
+    return {1};
+}}
+
+/* The root of an equation whose right side falls as the value rises: false position, by the Illinois rule. */
+static double phase_{0}(struct phase *p)
+{{
+    double low = 0.0, high = phase_{0}_by(p, 0.0), under = high, over = phase_{0}_by(p, high) - high, most = high;
+
+    for (int i = 0; i < 100 && over < -1e-13 * most; i++) {{
+        double middle = (low * over - high * under) / (over - under), excess = phase_{0}_by(p, middle) - middle;
+        if (fabs(excess) <= 1e-13 * most)
+            return middle;
+        if (excess < 0.0) {{
+            high = middle, over = excess, under *= 0.5;
+        }} else {{
+            low = middle, under = excess, over *= 0.5;
+        }}
+    }}
+    return high;
+}}
+"""
+
+
 def phase_source(series: bool = True) -> str:
     """Return the contact at one phase in C, with the equations of ``piezomotor_averaged_phase``.
 
@@ -117,9 +145,10 @@ def phase_source(series: bool = True) -> str:
     found = equations(library)
     inputs = [pin.name for pin in library.pins if pin.name not in found.values]
     fields = [*(item.name for item in averaged_phase(True).parameters), *inputs, *found.parameters, *found.values]
-    lines = {
-        name: f"    p->{name} = {translated(text, 'c', lambda used: f'p->{used}')};" for name, text in found.ordered()
-    }
+    texts = {name: translated(text, "c", lambda used: f"p->{used}") for name, text in found.ordered()}
+    lines = {name: f"    p->{name} = {text};" for name, text in texts.items()}
+    implicit = [name for name, text in found.values.items() if f"V({name})" in text]
+    lines |= {name: f"    p->{name} = phase_{name}(p);" for name in implicit}
     return "\n".join(
         (
             "/* SPDX-License-Identifier: GPL-3.0-or-later",
@@ -140,6 +169,7 @@ def phase_source(series: bool = True) -> str:
             *(lines[name] for name in lines if name in found.parameters),
             "}",
             "",
+            *(_IMPLICIT.format(name, texts[name]) for name in implicit),
             "static void phase_forces(struct phase *p)",
             "{",
             *(lines[name] for name in lines if name in found.values),
