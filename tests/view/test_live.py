@@ -517,3 +517,16 @@ def test_no_text_from_outside_runs_in_the_page(
     assert page.evaluate("document.querySelectorAll('img, iframe').length") == 0
     assert wrong == []
     page.close()
+
+
+@pytest.mark.soak
+def test_a_motor_whose_modes_ring_for_long_settles_too(browser: Browser, page_file: Path) -> None:
+    """They follow the speed with a lag of three runs, by which the secant rule alone swings about the balance."""
+    page, _ = opened(browser, page_file, "#A.motor=bimodal40", reduced_motion="reduce")
+    page.evaluate("void (window.further = () => {})")
+    page.wait_for_selector("html[data-settled=true]", state="attached", timeout=400_000)
+    motor = pr.load_motor("bimodal40")
+    steady = pr.steady_state(motor, pr.default_drive(motor))
+    # the step is 1/80 of the shortest period here and 1/128 there
+    assert float(page.locator("html").get_attribute("data-speed") or 0.0) == pytest.approx(steady.speed_rad_s, rel=0.01)
+    page.close()

@@ -197,7 +197,8 @@ async function averaged(engine, motor, s) {
 
 const BLOCK = 40, WINDOW = 20; // periods of the drive in a run, and of them those at the end for the means
 const DRIVER_BLOCK = 100, COLD_BLOCK = 120; // with a driver, whose own state starts anew; from rest
-const MOST_BLOCKS = 24;
+const MOST_BLOCKS = 24, MOST_SPINNING = 72;
+const SWINGS = 4; // of the torque about zero, after which the rotor alone moves the speed
 const LIGHT = 20; // periods in which the speed of a light rotor settles, for a run from rest
 const RESONANT_VELOCITY = 1.3; // m/s, of the tip of beam40 at resonance; a lighter rotor lags less behind a ramp
 const SETTLED = 0.001; // change of the speed that is left, over the speed
@@ -220,8 +221,8 @@ async function cycles(engine, motor, s, quick, tell, progress) {
   let tipVelocity = quick?.tipVelocity ?? 0.3;
   let slope = firstSlope(motor, s, tipVelocity);
   let start = quick?.start ?? {};
-  let before = null, result = null;
-  for (let block = 0; block < MOST_BLOCKS; block += 1) {
+  let before = null, result = null, swings = 0;
+  for (let block = 0; block < (swings < SWINGS ? MOST_BLOCKS : MOST_SPINNING); block += 1) {
     const cold = !quick && block === 0;
     const stop = whole(cold ? COLD_BLOCK : own ? DRIVER_BLOCK : before?.near ? 2 * BLOCK : BLOCK);
     const inertia = cold ? quickInertia(motor, s, slope) : motor.inertia;
@@ -237,6 +238,8 @@ async function cycles(engine, motor, s, quick, tell, progress) {
       if (secant > 0) slope = clamp(secant, 0.03 * first, 8 * first);
     } else slope = firstSlope(motor, s, tipVelocity);
     const correction = net / slope;
+    // modes that ring for longer than a run follow the speed with a lag, so that corrections swing about the balance
+    if (before && net * before.net < 0 && Math.abs(net) > 0.3 * Math.abs(before.net)) swings += 1;
     const scale = Math.max(Math.abs(result.speed), (0.05 * tipVelocity) / motor.radius);
     const steady = before && Math.abs(result.measured - before.measured) < 0.005 * s.friction * s.preload * motor.radius;
     const left = Math.abs(net) / Math.min(slope, firstSlope(motor, s, tipVelocity)); // of the speed; a secant may be too steep
@@ -249,7 +252,7 @@ async function cycles(engine, motor, s, quick, tell, progress) {
     before = { speed: result.speed, measured: result.measured, net, near };
     start = continued(motor, s, v);
     const most = (0.3 * tipVelocity) / motor.radius;
-    if (s.shaft !== "held") start.speed += clamp(correction, -most, most);
+    if (s.shaft !== "held" && swings < SWINGS) start.speed += clamp(correction, -most, most);
   }
   return result;
 }
