@@ -33,7 +33,7 @@ from rich.progress import (
 from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.engine.ngspice import ngspice_version
+from pyspice_runner.commands.versions import versions
 from pyspice_runner.files import save_by_ending, write_json, write_rows
 from pyspice_runner.model.load import changed_motor
 from pyspice_runner.result import Result as _Result
@@ -54,7 +54,7 @@ written: list[str] = []  # the files that this command has completed
 def say_versions(wanted: bool) -> None:
     """Write the versions of the package and of ngspice, and exit."""
     if wanted:
-        sys.stdout.write(f"pyspice-runner {pr.__version__}, ngspice {ngspice_version()}\n")
+        sys.stdout.write(versions())
         raise typer.Exit
 
 
