@@ -46,13 +46,13 @@ from pyspice_runner.study.calibration.unknowns import unknowns_of
 OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals stay those of the normal
 RISE = 3.8415  # of the sum of squares at the end of a 95 % interval: chi-squared with one degree of freedom
 WIDE = log(10.0)  # a factor of 10 in the value: longest step of a profile, and what is always known of a value
-ROUNDS = 8  # computations of the sum of squares at each end of a profile, most of them for curved valleys
+ROUNDS = 4  # computations of the sum of squares at each end of a profile, most of them for curved valleys
 IDENTIFIED = 0.25  # largest relative standard error by the data of a value that they identify
 LIKELY = 1e-3  # probability of a sum of squares below which the model does not explain the data
 _TOLD, _MOST_TOLD = 4.0, 10  # standard errors: one normal residual in 16,000 is beyond; and how many are told
 START_REACH = log(2.0)  # of further starts about the first
 _MOST_STEPS = 40
-_GAIN = 0.02  # of the sum of squares by a further step: a distance of 0.14 standard errors
+_GAIN = 0.1  # of the sum of squares by a further step: 0.3 standard errors of all parameters together
 _CLOSE = 1e-4  # relative gain of the sum of squares, and step of a coordinate, that are noise
 _REFINEMENTS = 3  # searches at the coarse step, each with the difference to finer ones where the last one ended
 _FARTHEST = 0.3  # step of the other parameters of a profile, in coordinates

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Finite elements beside measured discs, rings, plates and diaphragms: the table of docs/solid.md is computed again.
+"""Finite elements beside measured discs, rings, plates and diaphragms: the table of docs/measured.md is computed again.
 
 The devices of ``measured_devices.toml`` are not stators, and the round ones are not boxes. They are meshed here, of the
 elements and materials of ``[solid]``: a block by its quarter, what is round by a wedge whose sides move along
@@ -33,7 +33,7 @@ from pyspice_runner.model.solid.materials import materials
 
 Array = NDArray[np.float64]
 
-PAGE = Path(__file__).parents[3] / "docs" / "solid.md"
+PAGE = Path(__file__).parents[3] / "docs" / "measured.md"
 DEVICES = {
     device["name"]: device
     for device in tomllib.loads(Path(__file__).with_name("measured_devices.toml").read_text(encoding="utf-8"))[
@@ -186,7 +186,7 @@ def response(name: str, card: str) -> Response:
 
 
 def row(name: str, mode: dict[str, Any]) -> str:
-    """Return the row of a mode in the table of docs/solid.md."""
+    """Return the row of a mode in the table of docs/measured.md."""
     device = DEVICES[name]
     found = response(name, device["card"])
     resonance, antiresonance = found.extremes_hz(*mode["between_hz"], device["quality_factor"])

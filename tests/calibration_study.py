@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Calibration of random motors whose parameters are known: ``python -m tests.calibration_study --count 60``.
+
+Each motor has the two modes near the drive of ``andersen2002-unintended-mode``, and values that differ at random from
+those that the calibration starts with. Its measurements are twelve points of the speed–torque curve at two voltages
+and two spectra, all with 1 % noise. ``--subject prediction`` calibrates with the points at 60 V alone and predicts
+those at 100 V; ``--subject law`` has a motor with a brush contact, calibrated with the spring-slider. The outcome of a
+case is written at once, so that an interrupted study can be resumed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.steady import steady_states
+from pyspice_runner.netlist.contact import Law
+from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.paths import parameter
+from pyspice_runner.spectra.spectrum import Spectrum
+
+RECORD = Path(__file__).with_suffix(".json")
+SEED = 33
+NOISE = 0.01  # of the greatest value of a quantity, and of the magnitude of an admittance
+SPREAD = 0.2  # of the logarithm of each value about that at the start
+SPEEDS = (0.5, 3.0, 6.0, 9.0, 12.0, 15.0)  # rad/s
+VOLTAGES = (60.0, 100.0)
+MEASURED = ("torque_n_m", "current_a_rms_a")
+UNDECIDED = "rotor.bearing_damping_n_m_s"  # a shaft that is held turns its bearing, which the contact does not feel
+FREE = (
+    "contact.friction", "contact.normal_stiffness_n_per_m15", "contact.tangential_compliance_tip_m_per_n23",
+    "contact.restitution", "contact.preload_n", "modes.*.quality_factor", "modes.*.coupling_a_n_per_v",
+)  # fmt: skip
+BANDS = {"free": (41e3, 55e3), "preloaded": (41e3, 60e3)}  # Hz
+
+
+def base() -> pr.Motor:
+    """Return the motor to start from: two modes, with losses of impacts."""
+    motor = pr.load_motor("andersen2002-unintended-mode").updated({"contact.restitution": 0.7})
+    return motor.model_copy(update={"modes": motor.modes[1:], "provenance": {}})
+
+
+def paths_of(motor: pr.Motor) -> list[str]:
+    """Return the free parameters, each of its own."""
+    numbers = range(len(motor.modes))
+    every = ([path.replace("*", str(number)) for number in numbers] if "*" in path else [path] for path in FREE)
+    return [path for several in every for path in several]
+
+
+def value_of(motor: pr.Motor, path: str) -> float:
+    """Return the value of a parameter."""
+    found = parameter(path, motor, pr.default_drive(motor), {}).nominal
+    assert found is not None
+    return found
+
+
+def points_of(motor: pr.Motor, law: Law | str, rng: np.random.Generator, voltages: tuple[float, ...]) -> dict[str, Any]:
+    """Return noisy points; a point without a steady state is left out."""
+    drive = pr.default_drive(motor)
+    rows = [(voltage, speed) for voltage in voltages for speed in SPEEDS]
+    states = steady_states([
+        OperatingPoint.of(motor, drive.updated({"voltage": voltage}), speed=speed, contact=law, audit=False)
+        for voltage, speed in rows
+    ])  # fmt: skip
+    kept = [place for place, state in enumerate(states) if state.stable]
+    columns: dict[str, Any] = {
+        "voltage": [rows[place][0] for place in kept], "speed_rad_s": [rows[place][1] for place in kept],
+    }  # fmt: skip
+    for name in MEASURED:
+        values = np.array([getattr(states[place], name) for place in kept])
+        error = NOISE * np.abs(values).max()
+        columns[name] = values + error * rng.standard_normal(len(values))
+        columns[f"{name}_error"] = np.full(len(values), error)
+    return columns
+
+
+def spectra_of(motor: pr.Motor, rng: np.random.Generator) -> list[Any]:
+    """Return noisy spectra, free and preloaded."""
+    found = []
+    for state, (start, stop) in BANDS.items():
+        clean = pr.admittance(motor, start=start, stop=stop, points=121, state=state)  # type: ignore[arg-type]
+        values = clean.driven("A")
+        noise = rng.standard_normal((2, len(values)))
+        values = values + NOISE * np.abs(values) * (noise[0] + 1j * noise[1])
+        found.append((Spectrum.from_admittance(clean.frequency_hz, values, source=f"{state}.csv"), state))
+    return found
+
+
+def outcome(subject: str, index: int) -> dict[str, Any]:
+    """Return what came of a case."""
+    rng = np.random.default_rng((SEED, index))
+    start = base()
+    paths = paths_of(start)
+    factors = np.exp(SPREAD * rng.uniform(-1.0, 1.0, len(paths)))
+    truth = start.updated({path: factor * value_of(start, path) for path, factor in zip(paths, factors, strict=True)})
+    law: Law | str = "brush" if subject == "law" else "spring-slider"
+    points = points_of(truth, law, rng, VOLTAGES[:1] if subject == "prediction" else VOLTAGES)
+    began = time.process_time(), time.perf_counter()
+    free = [*paths, UNDECIDED] if subject == "truth" else paths
+    result = pr.calibrate(start, points, free=free, spectra=spectra_of(truth, rng))
+    found: dict[str, Any] = {
+        "subject": subject, "index": index, "seconds": round(time.perf_counter() - began[1], 1),
+        "steady_states": result.steady_states, "rms_residual": result.rms_residual,
+        "misfit": any("does not explain" in warning for warning in result.warnings),
+        "named": [one.path for one in result.estimates if not one.identifiable],
+        "parameters": {
+            one.path: [one.value, one.standard_error, *one.interval_95, value_of(truth, one.path)]
+            for one in result.estimates
+        },
+    }  # fmt: skip
+    if subject == "prediction":
+        wanted = points_of(truth, law, rng, VOLTAGES[1:])
+        curve = result.predict(wanted)
+        errors = np.array([wanted[f"{name}_error"][0] for name in curve.quantities])
+        inside = np.abs(curve.values - curve.measured) <= 1.96 * np.hypot(curve.standard_errors, errors)
+        found["inside"] = float(np.mean(inside[np.isfinite(curve.values)]))
+    return found
+
+
+def summary(record: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return coverage, bias and counts of each subject."""
+    found: dict[str, Any] = {}
+    for subject in dict.fromkeys(case["subject"] for case in record):
+        cases = [case for case in record if case["subject"] == subject]
+        rows: dict[str, list[list[float]]] = {}
+        for case in cases:
+            for path, values in case["parameters"].items():
+                if path not in case["named"]:
+                    rows.setdefault(path, []).append(values)
+        found[subject] = {
+            "cases": len(cases), "misfits": sum(case["misfit"] for case in cases),
+            "undecided_named": sum(UNDECIDED in case["named"] for case in cases),
+            "median_seconds": float(np.median([case["seconds"] for case in cases])),
+            "parameters": {
+                path: {
+                    "count": len(values),
+                    "covered": float(np.mean([low <= true <= high for _, _, low, high, true in values])),
+                    "bias_over_interval": float(
+                        np.mean([np.log(value / true) for value, *_, true in values])
+                        / np.mean([np.log(high / low) for _, _, low, high, _ in values])
+                    ),
+                }
+                for path, values in rows.items()
+            },
+        }  # fmt: skip
+        if subject == "prediction":
+            found[subject]["mean_inside"] = float(np.mean([case["inside"] for case in cases]))
+    return found
+
+
+def main() -> None:
+    """Run the cases that are not in the record yet, and write the summary."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--subject", choices=("truth", "prediction", "law"), default="truth")
+    parser.add_argument("--output", type=Path, default=RECORD)
+    arguments = parser.parse_args()
+    record = json.loads(arguments.output.read_text(encoding="utf-8"))["cases"] if arguments.output.exists() else []
+    done = {(case["subject"], case["index"]) for case in record}
+    for index in range(arguments.count):
+        if (arguments.subject, index) in done:
+            continue
+        try:
+            record.append(outcome(arguments.subject, index))
+        except (pr.ParameterError, pr.SimulationError) as error:
+            print(index, error, flush=True)
+            continue
+        print(index, record[-1]["seconds"], record[-1]["rms_residual"], flush=True)
+        document = {"summary": summary(record), "cases": record}
+        arguments.output.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
