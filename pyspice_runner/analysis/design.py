@@ -39,6 +39,8 @@ class RangePoint:
     speed_rad_s: float
     torque_n_m: float  # mean torque of the contact on the rotor
     power_w: float  # real power into both groups
+    # real power of the fundamentals of both stages, their resistance included; without a driver that of the pins
+    stage_power_w: float
     power_factor: float  # real over apparent power of both stages, of the fundamentals
     a: GroupPoint
     b: GroupPoint

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.analysis.design import OPERATING, Design, exceeded
 from pyspice_runner.analysis.maxima import PartLoad, load_vectors, maxima, part_loads
+from pyspice_runner.analysis.switching import TurnOn, edge_waveforms, switching_vectors, turn_ons
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
@@ -98,6 +99,8 @@ class DriveReport(Result):
         to_come: expected further relative change of each mean in a longer run; ``None`` where the run is too short.
         settling: relative change of the motor's power from the first to the second half of the window.
         maxima: maxima of pins, stages and parts over the whole run from power-up.
+        switching: turn-on of each transistor of a bridge.
+        edge: voltage and current of a leg over time around a turn-on; empty without a bridge.
         design: the design of the driver, completed by the run; ``None`` for a driver that was given.
         waveforms: time and the voltages and currents of outputs and groups over the window.
         solver_seconds: wall time that ngspice took.
@@ -125,6 +128,8 @@ class DriveReport(Result):
     settling: float
     to_come: dict[str, float | None]
     maxima: dict[str, Any]
+    switching: tuple[TurnOn, ...]
+    edge: dict[str, Array] = field(repr=False)
     design: Design | None
     waveforms: dict[str, Array] = field(repr=False)
     solver_seconds: float
@@ -208,7 +213,7 @@ class DriveReport(Result):
             "motor", "driver", "run", "groups", "outputs", "power_factor", "supply_power_w", "gate_power_w",
             "supply_current_mean_a", "supply_current_peak_a", "losses_w", "stored_power_w", "motor_power_w",
             "shaft_power_w", "mean_torque_n_m", "mean_rotor_speed_rad_s", "driver_efficiency", "efficiency",
-            "balance_residual", "settling", "settled", "to_come", "maxima", "design",
+            "balance_residual", "settling", "settled", "to_come", "maxima", "switching", "design",
         )  # fmt: skip
         return self._keyed({
             **self._entries(*names),
@@ -249,6 +254,13 @@ class DriveReport(Result):
                 + ("" if field is None else f", {1e-3 * field:.3g} V/mm")
                 + f"; {engineering(self.maxima[f'current_{group}_a'], 'A')}"
             )
+        for edge in self.switching:
+            how = "without voltage" if edge.zero_voltage else f"at {edge.voltage_left_v:.3g} V"
+            needs = "" if edge.charge_c is None else f"; {engineering(edge.charge_c, 'C')} to move"
+            if edge.dead_time_s is not None:
+                needs += f", {engineering(edge.dead_time_s, 's')} by {engineering(edge.current_a, 'A')}"
+            loss = "" if edge.hard_switching_w is None else f"; loses {engineering(edge.hard_switching_w, 'W')}"
+            found[f"turn-on of {edge.transistor}"] = f"{how}{needs}{loss}"
         loads = self.design.parts if self.design else [PartLoad(**load) for load in self.maxima["parts"]]
         for load in loads:
             value = f"{load.value:.4g}" if load.unit == "1" else engineering(load.value, load.unit)
@@ -310,6 +322,7 @@ def drive_report(
         duration = _DURATION if design is None else _start_time(motor, design, load_torque)
     _check_duration(setup, duration)
     vectors = [*_saved(driver, contact=setup.law is not None), *modal_vectors(motor), *load_vectors(driver)]
+    vectors += switching_vectors(driver)
     outcome = setup.run(duration, list(dict.fromkeys(vectors)))
     samples = outcome.vectors()
     window = Window(samples["time"], driver.period, uniform=driver.uniform)
@@ -344,6 +357,8 @@ def drive_report(
         settling=window.settling(power),
         to_come=_to_come(setup, samples, {"motor_power_w": power, "mean_torque_n_m": torque}),
         maxima=maxima(motor, driver, samples),
+        switching=turn_ons(driver, samples, window),
+        edge=edge_waveforms(driver, samples),
         design=design,
         waveforms=measured.waveforms(),
         solver_seconds=outcome.seconds,

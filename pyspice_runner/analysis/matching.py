@@ -13,7 +13,7 @@ states over the range.
 from __future__ import annotations
 
 from cmath import phase, rect
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import degrees, pi, radians
 from typing import Any
@@ -32,6 +32,7 @@ from pyspice_runner.analysis.design import (
     exceeded,
 )
 from pyspice_runner.analysis.maxima import NO_CAPACITOR, NO_COIL, NO_PARALLEL, part_loads
+from pyspice_runner.analysis.shooting import Point
 from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Load, TwoPhaseDrive
@@ -145,6 +146,16 @@ def _range(ideal: OperatingPoint) -> dict[str, SteadyState]:
     return dict(zip((STALL, OPERATING, IDLE), (stall, *(rest or [idle]), idle), strict=True))
 
 
+def _solved(points: Sequence[OperatingPoint], starts: Sequence[Point | None], *, surely: bool) -> list[SteadyState]:
+    """Return steady states behind a driver; if ``surely``, those that Newton's method does not find at once, too."""
+    found = steady_states(points, accuracy=ACCURACY, waveforms=True, starts=starts)
+    lost = [place for place, state in enumerate(found) if surely and not state.converged]
+    again = steady_states([points[place] for place in lost], accuracy=ACCURACY, waveforms=True)
+    for place, state in zip(lost, again, strict=True):
+        found[place] = state
+    return found
+
+
 def _lost(states: Mapping[str, SteadyState], wanted: Mapping[str, float], where: str) -> str:
     """Return in a sentence at which state there is no stable steady state; an empty text if there is at all."""
     lost = [
@@ -182,9 +193,10 @@ def _point(name: str, state: SteadyState, driver: Driver | None) -> RangePoint:
         power, product = (source * through.conjugate()).real, abs(source) * abs(through)
         impedance = volts / amperes
         groups[group] = GroupPoint(abs(volts), abs(amperes), impedance.real, impedance.imag, power / product)
-        real, apparent = real + power, apparent + product
+        real, apparent = real + 0.5 * power, apparent + 0.5 * product
     power_w = state.power_a_w + state.power_b_w
-    return RangePoint(name, state.speed_rad_s, state.torque_n_m, power_w, real / apparent, groups["a"], groups["b"])
+    factor, speed = real / apparent, state.speed_rad_s
+    return RangePoint(name, speed, state.torque_n_m, power_w, real, factor, groups["a"], groups["b"])
 
 
 def _network(driver: Driver, group: str) -> tuple[complex, complex]:
@@ -362,17 +374,11 @@ class _Search:
         ]
         names = [point.state for point in self.points]
         starts = [state.solution for state in self.states.values()]
-        solved = steady_states(behind, accuracy=ACCURACY, waveforms=True, starts=starts)
-        lost = [place for place, state in enumerate(solved) if not state.converged] if share == 0.0 else []
-        for place, state in zip(lost, steady_states([behind[place] for place in lost], waveforms=True), strict=True):
-            solved[place] = state
-        states = dict(zip(names, solved, strict=True))
-        found = replace(begun, driver=driver, share=share)
         rise = self.rise
-        if rise:
-            (states[WARM],) = steady_states(
-                [self._warmed(behind[1], rise)], accuracy=ACCURACY, waveforms=True, starts=starts[1:2]
-            )
+        groups = [(behind, starts), ([self._warmed(behind[1], rise)], starts[1:2])][: 2 if rise else 1]
+        solved = [state for points, guesses in groups for state in _solved(points, guesses, surely=share == 0.0)]
+        states = dict(zip([*names, WARM], solved, strict=False))
+        found = replace(begun, driver=driver, share=share)
         if told := _lost(states, begun.wanted_v, "behind this driver; the voltages wanted at the pins"):
             return replace(found, reason=f"{told} {_INSTEAD[driver.network]}")
         points = tuple(_point(name, state, driver) for name, state in states.items())
