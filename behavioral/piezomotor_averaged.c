@@ -612,3 +612,22 @@ int motor_advance(struct motor *motor, double duration)
     motor_measure(motor);
     return 0;
 }
+
+void motor_linearise(struct motor *m, double by_input[STATES][INPUT_COUNT])
+{
+    double *inputs = (double *)&m->value;
+    struct flow more, less;
+
+    find_scales(&m->value, m->solver.scale);
+    find_jacobian(m, m->state);
+    for (int i = 0; i < INPUT_COUNT; i++) {
+        double kept = inputs[i], change = 1e-6 * fmax(fabs(kept), 1e-3);
+        inputs[i] = kept + change;
+        evaluate(m, m->state, &more);
+        inputs[i] = kept - change;
+        evaluate(m, m->state, &less);
+        inputs[i] = kept;
+        for (int s = 0; s < STATES; s++)
+            by_input[s][i] = (more.rate[s] - less.rate[s]) / (2.0 * change);
+    }
+}

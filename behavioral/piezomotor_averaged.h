@@ -159,6 +159,9 @@ void motor_rest(struct motor *motor);
 void motor_measure(struct motor *motor);                     /* fills the outputs in motor->value */
 int motor_advance(struct motor *motor, double duration);     /* 0, or -1 if the equations of a step have no solution */
 
+/* derivatives of the rates by the inputs; those by the states are in motor->solver.jacobian */
+void motor_linearise(struct motor *motor, double by_input[STATES][INPUT_COUNT]);
+
 /* the parts of motor_advance: one begin, then steps until no time is left, then a measurement */
 void motor_begin(struct motor *motor);                       /* after the inputs changed */
 double motor_step(struct motor *motor, double left);         /* one internal step; its length in s, or -1 */

@@ -77,3 +77,21 @@ EXPORT double session_amplitude(const struct motor *m, int mode)
     }
     return total;
 }
+
+/* Small signals about the present state: derivatives of the rates by the states and by the inputs. */
+EXPORT int session_states(void) { return STATES; }
+EXPORT void session_linearise(struct motor *m, double *by_state, double *by_input)
+{
+    double found[STATES][INPUT_COUNT];
+
+    motor_linearise(m, found);
+    memcpy(by_state, m->solver.jacobian, sizeof m->solver.jacobian);
+    memcpy(by_input, found, sizeof found);
+}
+
+/* The places among the states of speed, angle, and real and imaginary part of the charge. */
+EXPORT void session_places(const struct motor *m, int place[4])
+{
+    (void)m;
+    place[0] = SPEED, place[1] = POSITION, place[2] = CHARGE, place[3] = CHARGE + 1;
+}

@@ -28,6 +28,7 @@ from pyspice_runner.commands.compare import compare
 from pyspice_runner.commands.drive import drive
 from pyspice_runner.commands.fit import fit
 from pyspice_runner.commands.impact import impact
+from pyspice_runner.commands.loop import loop
 from pyspice_runner.commands.motor_from import motor_from
 from pyspice_runner.commands.motors import export, motors, show
 from pyspice_runner.commands.pages import live, report
@@ -45,8 +46,8 @@ app = typer.Typer(
 )
 
 COMMANDS = (
-    motors, show, simulate, admittance, speed_torque, steady, small_signals, sweep, drive, track, impact, fit, compare,
-    motor_from, calibrate, export, report, live,
+    motors, show, simulate, admittance, speed_torque, steady, small_signals, loop, sweep, drive, track, impact, fit,
+    compare, motor_from, calibrate, export, report, live,
 )  # fmt: skip
 NAMES = {command.__name__.replace("_", "-"): command for command in COMMANDS} | {"map": map_points}
 for name, command in NAMES.items():

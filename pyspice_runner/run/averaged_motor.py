@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from math import inf
@@ -43,7 +44,20 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "record": (ctypes.c_int, (_POINTER, ctypes.c_double, _POINTER, ctypes.c_int)),
     "charge": (None, (_POINTER,)),
     "amplitude": (ctypes.c_double, (ctypes.c_int,)),
+    "linearise": (None, (_POINTER, _POINTER)),
+    "places": (None, (ctypes.POINTER(ctypes.c_int),)),
 }
+
+
+@dataclass(frozen=True)
+class LinearMotor:
+    """The averaged motor about a state: rates of the states = ``by_state`` · states + ``by_input`` · inputs."""
+
+    by_state: Array  # shape (states, states)
+    by_input: Array  # shape (states, inputs), inputs in the order of INPUTS
+    place: Mapping[
+        str, int
+    ]  # of ``speed`` (rad/s), ``position`` (rad), ``charge_re``, ``charge_im`` (A·s) in the states
 
 
 @cache
@@ -195,6 +209,16 @@ class AveragedMotor:
         found = (ctypes.c_double * 2)()
         self._c.session_charge(self._memory, found)
         return complex(*found)
+
+    def linearised(self) -> LinearMotor:
+        """Return the small signals about the present state."""
+        count = self._c.session_states()
+        by_state, by_input = np.empty((count, count)), np.empty((count, len(INPUTS)))
+        self._c.session_linearise(self._memory, *(one.ctypes.data_as(_POINTER) for one in (by_state, by_input)))
+        places = (ctypes.c_int * 4)()
+        self._c.session_places(self._memory, places)
+        names = ("speed", "position", "charge_re", "charge_im")
+        return LinearMotor(by_state, by_input, dict(zip(names, places, strict=True)))
 
     def mode_amplitudes(self) -> list[float]:
         """Return for each mode the greatest displacement of its coordinate by all harmonics in phase, m."""

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
 from pyspice_runner.analysis.averaged import AveragedRun
+from pyspice_runner.analysis.control_loop import ControlLoop
 from pyspice_runner.analysis.controlled import ControlledRun
 from pyspice_runner.analysis.drive import DriveReport
 from pyspice_runner.analysis.steady import SteadyState
@@ -20,7 +21,8 @@ from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.view.draw import DASHES, LAST_PERIODS, Panel, Sheet, draw_lines, dress, last_periods
 from pyspice_runner.view.style import BLUE, GREEN, GREY, GROUPS, LABELS, STATES, VERMILION, Label, label_of
 
-_SECONDS = Label("time", "s")
+_SECONDS, _HERTZ = Label("time", "s"), Label("frequency", "Hz")
+LOWEST_SHOWN = 0.01  # of the crossover, of a loop gain
 
 
 def waveforms(run: Waveforms) -> Sheet:
@@ -120,6 +122,56 @@ def controlled_run(run: ControlledRun) -> Sheet:
     kind = "averaged motor" if settings["averaged"] else "full motor"
     title = f"{run.provenance['motor']['name']}, {kind}, a sample every {1e3 * settings['sample_time_s']:g} ms"
     return _over_seconds(run.time_s, curves, title, marker=".")
+
+
+def control_loop(loop: ControlLoop) -> Sheet:
+    """Return magnitude and phase of plant and loop gain, and the step response by small signals and by simulation."""
+    gains = ", ".join(f"{name} {value:.4g} {loop.gain_units[name]}" for name, value in loop.gains.items())
+    panels = {"magnitude": _loop_magnitude, "phase": _loop_phase, "step": _loop_step}
+    title = f"{loop.provenance['motor']['name']}: loop of the {loop.quantity}, {gains}"
+    return Sheet({name: partial(panel, loop) for name, panel in panels.items()}, 3, (4.0, 3.4), title)
+
+
+def _loop_magnitude(loop: ControlLoop, ax: Axes) -> None:
+    lowest = np.argmin(np.abs(loop.frequency_hz - LOWEST_SHOWN * loop.crossover_hz))
+    shown = slice(int(lowest), None)
+    plant = np.abs(loop.plant[shown])
+    lines = [
+        (np.abs(loop.loop_gain[shown]), {"color": BLUE, "label": "loop gain"}),
+        (plant / plant[0], {"color": GREY, "label": "plant over its first value"}),
+    ]
+    draw_lines(ax, (_HERTZ, loop.frequency_hz[shown]), Label("magnitude", ""), lines, "Magnitude")
+    ax.loglog()
+    ax.axhline(1.0, color=GREY, linewidth=0.7)
+    if loop.gain_margin_db is not None:
+        ax.axhline(10.0 ** (-loop.gain_margin_db / 20.0), color=VERMILION, linestyle=":", linewidth=1.0)
+        ax.set_title(f"Magnitude; gain margin {loop.gain_margin_db:.3g} dB")
+
+
+def _loop_phase(loop: ControlLoop, ax: Axes) -> None:
+    shown = loop.frequency_hz > LOWEST_SHOWN * loop.crossover_hz
+    phase = np.unwrap(np.angle(loop.loop_gain[shown]))
+    at = np.interp(loop.crossover_hz, loop.frequency_hz[shown], phase)
+    phase = np.degrees(phase - 2.0 * np.pi * np.round((at - np.radians(loop.phase_margin_deg - 180.0)) / (2.0 * np.pi)))
+    title = f"Phase margin {loop.phase_margin_deg:.3g}° at {loop.crossover_hz:.4g} Hz"
+    label = Label("phase of the loop gain", "degrees")
+    draw_lines(ax, (_HERTZ, loop.frequency_hz[shown]), label, [(phase, {"color": BLUE})], title)
+    ax.set_xscale("log")
+    ax.axhline(-180.0, color=GREY, linewidth=0.7)
+    scale = LABELS["frequency_hz"].scale
+    ax.plot(
+        [scale * loop.crossover_hz] * 2, [-180.0, loop.phase_margin_deg - 180.0], "o-", color=VERMILION, markersize=3
+    )
+
+
+def _loop_step(loop: ControlLoop, ax: Axes) -> None:
+    lines = [
+        (loop.step_predicted, {"color": GREY, "label": "by small signals"}),
+        (loop.step_simulated, {"color": BLUE, "marker": ".", "linestyle": "", "label": "averaged motor"}),
+    ]
+    title = f"Step; overshoot {100.0 * loop.overshoot_simulated:.3g} %"
+    draw_lines(ax, (LABELS["time_ms"], loop.time_s), Label("deviation over the step", ""), lines, title)
+    ax.axhline(1.0, color=GREY, linewidth=0.7)
 
 
 def _over_seconds(time_s: Array, curves: dict[str, tuple[Array, Label]], title: str, **look: Any) -> Sheet:

@@ -15,6 +15,7 @@ from typing import Any
 from matplotlib.axes import Axes
 
 from pyspice_runner.analysis.averaged import AveragedRun
+from pyspice_runner.analysis.control_loop import ControlLoop
 from pyspice_runner.analysis.controlled import ControlledRun
 from pyspice_runner.analysis.drive import DriveReport
 from pyspice_runner.analysis.impact import Impact
@@ -55,6 +56,7 @@ SHEETS: dict[type, Callable[[Any], Sheet]] = {
     SteadyState: plot_runs.steady_state,
     AveragedRun: plot_runs.averaged_run,
     ControlledRun: plot_runs.controlled_run,
+    ControlLoop: plot_runs.control_loop,
     Tracking: plot_runs.tracking,
     DriveReport: plot_runs.drive_report,
     Admittance: plot_spectra.admittance,

@@ -39,7 +39,7 @@ class Label(NamedTuple):
     scale: float = 1.0
 
     def __str__(self) -> str:
-        return f"{self.name} in {self.unit}"
+        return f"{self.name} in {self.unit}" if self.unit else self.name
 
 
 LABELS = {

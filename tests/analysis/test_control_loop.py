@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Loops designed from small signals, against modulation of the running loop, on the averaged and the full motor."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.control_loop import ControlLoop, LoopController
+from pyspice_runner.cli import run
+
+DESIGNS: dict[str, dict[str, Any]] = {
+    "slow speed": {"quantity": "speed", "crossover": 40.0, "margin": 60.0, "sample_time": 0.5e-3},
+    "fast speed": {"quantity": "speed", "crossover": 100.0, "margin": 45.0, "sample_time": 0.25e-3},
+    "loaded speed": {
+        "quantity": "speed", "crossover": 125.0, "margin": 55.0, "sample_time": 0.2e-3, "load_torque": 5e-4
+    },
+    "position": {"quantity": "position", "crossover": 20.0, "margin": 50.0, "sample_time": 0.5e-3},
+    "phase": {"quantity": "phase", "crossover": 200.0, "margin": 60.0, "sample_time": 0.25e-3},
+}  # fmt: skip
+MODULATION = {"speed": 1.5, "position": 1.5, "phase": 8.0}  # V, V and Hz: some per cent of the operating point
+CYCLES = 3
+
+
+@pytest.fixture(scope="module")
+def motor() -> pr.Motor:
+    return pr.load_motor("beam40")
+
+
+@pytest.fixture(scope="module")
+def drive(motor: pr.Motor) -> pr.TwoPhaseDrive:
+    return pr.default_drive(motor).model_copy(update={"voltage": 69.0})
+
+
+def injected(loop: ControlLoop, motor: pr.Motor, drive: pr.TwoPhaseDrive, *, settles: float, **how: Any) -> complex:
+    """Return the loop gain at the designed crossover, by a sine that is added to the controller's output.
+
+    The ratio of returned to injected signal is minus the loop gain (R. D. Middlebrook, Int. J. Electronics 38, 1975).
+    """
+    wanted = loop.provenance["run"]
+    step, point = wanted["sample_time_s"], wanted["operating_point"]
+    cycle = round(1.0 / wanted["crossover_hz"] / step)
+    speed, phase = point["speed"], point["current_phase_a"]
+    controller = LoopController(
+        loop, lambda time: {"speed": speed, "position": speed * time, "phase": phase}[loop.quantity]
+    )
+    signals: list[tuple[float, float]] = []
+    begins = round(settles / step)
+
+    def modulated(sample: pr.Sample) -> Mapping[str, float]:
+        commands = dict(controller(sample))
+        number = len(signals)
+        sine = MODULATION[loop.quantity] * np.sin(2.0 * np.pi * number / cycle) if number >= begins else 0.0
+        name = "frequency" if loop.quantity == "phase" else "voltage_a"
+        before = commands[name]
+        signals.append((before, before + sine))
+        return {"frequency": before + sine} if loop.quantity == "phase" else {"voltage": before + sine}
+
+    first = begins + 2 * cycle
+    pr.simulate_controlled(
+        motor, drive, modulated, duration=(first + CYCLES * cycle + 0.5) * step, sample_time=step,
+        load_torque=wanted["load_torque_n_m"], **how,
+    )  # fmt: skip
+    wave = np.exp(-2j * np.pi * np.arange(CYCLES * cycle) / cycle)
+    returned, added = wave @ np.array(signals[first : first + CYCLES * cycle])
+    return complex(-returned / added)
+
+
+def difference(loop: ControlLoop, measured: complex) -> tuple[float, float]:
+    """Return the relative error of the crossover, by the slope of the loop gain there, and that of the margin, deg."""
+    wanted = loop.provenance["run"]
+    place = np.log(loop.frequency_hz)
+    at = np.log(wanted["crossover_hz"])
+    level = np.log(np.abs(loop.loop_gain))
+    slope = (np.interp(at + 0.1, place, level) - np.interp(at - 0.1, place, level)) / 0.2
+    phase = np.unwrap(np.angle(loop.loop_gain))
+    turning = (np.interp(at + 0.1, place, phase) - np.interp(at - 0.1, place, phase)) / 0.2
+    crossover = -np.log(abs(measured)) / slope
+    margin = np.angle(-measured) + turning * crossover
+    return float(crossover), float(np.degrees(margin)) - wanted["margin_deg"]
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+def test_a_designed_loop_has_the_crossover_and_margin_that_modulation_measures(
+    name: str, motor: pr.Motor, drive: pr.TwoPhaseDrive
+) -> None:
+    """1 % and 1° for a modulation that is not infinitely small; the step response by small signals within 2.5 %."""
+    wanted = DESIGNS[name]
+    loop = pr.control_loop(motor, drive, **wanted)
+    assert loop.crossover_hz == pytest.approx(wanted["crossover"], rel=1e-3)  # the grid of the loop gain
+    assert loop.phase_margin_deg == pytest.approx(wanted["margin"], abs=0.1)
+    crossover, margin = difference(loop, injected(loop, motor, drive, settles=0.1, start="steady"))
+    assert abs(crossover) <= 0.01
+    assert abs(margin) <= 1.0
+    assert np.abs(loop.step_predicted - loop.step_simulated).max() <= 0.025
+    assert loop.overshoot == pytest.approx(loop.overshoot_simulated, abs=0.01)
+    assert loop.trusted
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", ["slow speed", "fast speed", "loaded speed"])
+def test_the_full_motor_has_the_crossover_and_margin_of_the_design(
+    name: str, motor: pr.Motor, drive: pr.TwoPhaseDrive
+) -> None:
+    """5 % and 3°: the averaged motor's own speed is 1 % from that of the full motor there."""
+    loop = pr.control_loop(motor, drive, **DESIGNS[name])
+    crossover, margin = difference(loop, injected(loop, motor, drive, settles=0.06, averaged=False))
+    assert abs(crossover) <= 0.05
+    assert abs(margin) <= 3.0
+
+
+def test_the_slow_gain_of_the_plant_is_that_of_two_steady_states(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
+    """Half a per cent: the curvature of the speed over 0.2 V."""
+    loop = pr.control_loop(motor, drive, **DESIGNS["slow speed"])
+    speeds = [
+        pr.simulate_averaged(motor, drive.model_copy(update={"voltage": volts}), 1.0).rotor_speed_rad_s[-1]
+        for volts in (68.9, 69.1)
+    ]
+    assert abs(loop.plant[0]) == pytest.approx((speeds[1] - speeds[0]) / 0.2, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"crossover": 5e3}, pr.ParameterError, r"crossover = 5000 Hz is out of range: it must be > 0 and ≤ 800 Hz"),
+        ({"margin": 200.0}, pr.ParameterError, "margin = 200° is out of range"),
+        ({"sample_time": 1e-6}, pr.ParameterError, "at least one period of the drive"),
+        ({"crossover": 300.0, "margin": 90.0}, pr.ParameterError, r"is not possible: a PI controller gives .* to .*°"),
+        ({"quantity": "torque"}, pr.ParameterError, "quantity"),
+    ],
+)
+def test_a_loop_that_cannot_be_is_an_error(
+    changes: dict[str, Any], error: type[Exception], message: str, motor: pr.Motor, drive: pr.TwoPhaseDrive
+) -> None:
+    with pytest.raises(error, match=message):
+        pr.control_loop(motor, drive, **(DESIGNS["slow speed"] | changes))
+
+
+def test_a_motor_in_its_dead_band_has_no_loop(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
+    weak = drive.model_copy(update={"voltage": 20.0})
+    with pytest.raises(pr.SimulationError, match="The motor stands still"):
+        pr.control_loop(motor, weak, **DESIGNS["slow speed"])
+
+
+def test_the_command_prints_the_gains_and_draws_the_loop(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = "loop beam40 --voltage 69 --quantity speed --crossover 100 --margin 60 --sample 250e-6 --json"
+    assert run([*words.split(), "--plot", str(tmp_path / "loop.png"), "--output", str(tmp_path / "loop.csv")]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {"gains", "crossover_hz", "phase_margin_deg", "gain_margin_db", "overshoot"} <= set(found)
+    assert found["gain_units"] == {"proportional": "V·s/rad", "integral": "V/rad"}
+    assert found["gain_margin_db"] > 6.0
+    assert (tmp_path / "loop.png").stat().st_size > 0
