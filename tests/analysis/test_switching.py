@@ -32,7 +32,7 @@ def test_the_output_capacitance_is_that_of_the_data_sheet() -> None:
 
 
 def test_a_constant_current_moves_a_leg_in_the_time_that_its_charge_needs(tmp_path: Path) -> None:
-    """Two transistors that are off, 80 V, and 40 mA that lifts their middle from 1 to 79 V, after a current held it down."""
+    """Two transistors that are off, 80 V, and 40 mA that lifts their middle from 1 to 79 V, after it was held down."""
     found = measured(
         f"""commutation of a leg
 {definitions(read_library("driver_mosfet"))}
