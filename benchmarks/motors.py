@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Curves, maps, transients and small times of the motors that people use: the tables of ``docs/speed.md``.
+
+.venv/bin/python -m benchmarks.motors                  # all, on an idle machine: some ten minutes
+.venv/bin/python -m benchmarks.motors curves settled   # some of its parts
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import xarray
+
+import pyspice_runner as pr
+
+ROOT = Path(__file__).resolve().parent.parent
+REPEATS = 5
+BRUSH = pr.Law("brush", 8)
+SETTLED = 1e-4  # a tenth of the tolerance of settling
+EVERY = 5  # one of this number of speeds is left to settle
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A motor with its drive and 21 speeds in four quadrants."""
+
+    name: str
+    motor: pr.Motor
+    drive: pr.TwoPhaseDrive
+    speeds: np.ndarray  # rad/s
+
+    @property
+    def friction_torque(self) -> float:
+        """μ F₀ R, N·m."""
+        contact = self.motor.contact
+        return contact.friction * contact.preload_n * self.motor.rotor.radius_m
+
+
+def subjects() -> Iterator[Subject]:
+    """Return the motors: the paper's two sets, the flagship, a beam, and a plate that is open for 65 % of the time."""
+    for name, drive, first, last in (
+        ("andersen2002", pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3, phase_deg=90.0), -5.0, 12.0),
+        ("andersen2002-unintended-mode", pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0), -10.0, 30.0),
+    ):
+        motor, speeds = pr.load_motor(name), np.linspace(first, last, 21)
+        yield Subject(f"{name}, fixed distance", motor.updated({"mount": None}), drive, speeds)
+        yield Subject(f"{name}, mount", motor, drive, speeds)
+    for name, first, last in (("bimodal40", -20.0, 50.0), ("beam40", -20.0, 45.0)):
+        motor = pr.load_motor(name)
+        yield Subject(name, motor, pr.default_drive(motor), np.linspace(first, last, 21))  # type: ignore[arg-type]
+    plate = pr.load_motor(str(ROOT / "examples" / "plate40.toml"))
+    speeds = np.linspace(-0.2, 0.5, 21) / plate.rotor.radius_m
+    for voltage in (100.0, 150.0):
+        drive = pr.TwoPhaseDrive(voltage=voltage, frequency=40.2e3, phase_deg=70.0)
+        yield Subject(f"plate40, {voltage:g} V", plate, drive, speeds)
+
+
+def used() -> float:
+    """Return the CPU time in s of this process and of its ended children."""
+    spent = os.times()
+    return spent.user + spent.system + spent.children_user + spent.children_system
+
+
+def timed(task: Callable[[], object], repeats: int = REPEATS) -> tuple[float, float]:
+    """Return the medians of wall time and CPU time in s."""
+    walls, spent = [], []
+    for _ in range(repeats):
+        began, before = time.perf_counter(), used()
+        task()
+        walls.append(time.perf_counter() - began)
+        spent.append(used() - before)
+    return statistics.median(walls), statistics.median(spent)
+
+
+def curve(one: Subject, law: pr.Law | str) -> xarray.Dataset:
+    """Return the curve of a motor."""
+    return pr.speed_torque(one.motor, one.drive, speeds=one.speeds, contact=law)
+
+
+def curves() -> None:
+    """Print the times of curves of 21 speeds with both laws, and what they are against the unintended mode's."""
+    pr.steady_state(pr.load_motor("andersen2002"), pr.default_drive(pr.load_motor("andersen2002")), speed=0.0)  # loads
+    print("| motor | open | spring-slider, s | CPU, s | brush of 8, s | CPU, s | brush over slider, CPU | found by |")
+    print("|---|---|---|---|---|---|---|---|")
+    for one in subjects():
+        found = [curve(one, law) for law in ("spring-slider", BRUSH)]
+        methods = Counter(method for each in found for method in json.loads(each.attrs["method"]))
+        (wall, spent), (brush_wall, brush_spent) = (timed(partial(curve, one, law)) for law in ("spring-slider", BRUSH))
+        print(
+            f"| {one.name} | {100.0 * float(found[0].separated.max()):.0f} % | {wall:.2f} | {spent:.2f} | "
+            f"{brush_wall:.2f} | {brush_spent:.2f} | {brush_spent / spent:.2f} | "
+            f"{', '.join(f'{count} {method}' for method, count in methods.items())} |",
+            flush=True,
+        )
+
+
+def settled() -> None:
+    """Print the largest difference of the torque from settling to a tenth of its tolerance."""
+    print("| motor | largest difference from settling, % of μF₀R | not settled | CPU of a point, s |")
+    print("|---|---|---|---|")
+    for one in subjects():
+        speeds = one.speeds[::EVERY]
+        steady = pr.speed_torque(one.motor, one.drive, speeds=speeds)
+        before = used()
+        left = pr.speed_torque(one.motor, one.drive, speeds=speeds, mode="settle", tolerance=SETTLED, patience=400)
+        kept = left.settled.values
+        away = np.abs(steady.torque_n_m - left.torque_n_m).values[kept].max(initial=0.0) / one.friction_torque
+        print(
+            f"| {one.name} | {100.0 * away:.3f} | {np.count_nonzero(~kept)} of {len(kept)} | "
+            f"{(used() - before) / len(speeds):.1f} |",
+            flush=True,
+        )
+
+
+def flagship_map(points: int, over: str) -> object:
+    """Return a map of the flagship over its frequency and its phase or its preload."""
+    motor = pr.load_motor("bimodal40")
+    second = {"drive.phase_deg": (50.0, 100.0), "contact.preload_n": (5.0, 25.0)}[over]
+    axes = {"drive.frequency": np.linspace(40.4e3, 41.4e3, points), over: np.linspace(*second, points)}
+    return pr.working_points(motor, pr.default_drive(motor), over=axes, speed=20.0)  # type: ignore[arg-type]
+
+
+def maps() -> None:
+    """Print the times of maps of 400 points, and the gain of a second core on one of 100."""
+    for over in ("drive.phase_deg", "contact.preload_n"):
+        wall, spent = timed(partial(flagship_map, 20, over), 1)
+        print(f"map of bimodal40 over frequency and {over}, 400 points: {wall:.1f} s, {spent:.1f} s of CPU", flush=True)
+    two, _ = timed(lambda: flagship_map(10, "drive.phase_deg"), 1)
+    every = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, set(sorted(every)[:1]))
+        one, _ = timed(lambda: flagship_map(10, "drive.phase_deg"), 1)
+    finally:
+        os.sched_setaffinity(0, every)
+    print(f"map of 100 points: {one:.1f} s on one core, {two:.1f} s on {len(every)}: {one / two:.2f} times as fast")
+
+
+def transients() -> None:
+    """Print ngspice's time for 1 ms of the flagship under each law."""
+    motor = pr.load_motor("bimodal40")
+    laws = ("spring-slider", BRUSH, pr.Law("brush", 32), "coulomb")
+    spent: dict[object, list[float]] = {law: [] for law in laws}
+    for _ in range(REPEATS):
+        for law in laws:
+            run = pr.simulate(motor, pr.default_drive(motor), duration=1e-3, contact=law, step=1.8e-7)
+            spent[law].append(run.solver_seconds)
+    first = statistics.median(spent["spring-slider"])
+    for law in laws:
+        middle = statistics.median(spent[law])
+        print(
+            f"1 ms of bimodal40 in steps of 0.18 µs, {law}: {middle:.3f} s, {middle / first:.2f} of the spring-slider's"
+        )
+
+
+def small() -> None:
+    """Print the wall times of commands, each in a process of its own."""
+    python, page = [sys.executable, "-m", "pyspice_runner"], str(Path(tempfile.gettempdir()) / "report.html")
+    for what, command in (
+        ("import pyspice_runner", [sys.executable, "-c", "import pyspice_runner"]),
+        ("piezomotor --version", [*python, "--version"]),
+        ("piezomotor show bimodal40", [*python, "show", "bimodal40"]),
+        ("piezomotor simulate bimodal40, 2 ms", [*python, "simulate", "bimodal40", "--duration", "2e-3"]),
+        ("piezomotor steady bimodal40", [*python, "steady", "bimodal40", "--speed", "20"]),
+        ("piezomotor report bimodal40", [*python, "report", "bimodal40", "--output", page]),
+    ):
+        wall, spent = timed(partial(subprocess.run, command, capture_output=True, check=True), 3)
+        print(f"{what}: {wall:.2f} s, {spent:.2f} s of CPU", flush=True)
+    motor = pr.load_motor("bimodal40")
+    drive = pr.default_drive(motor)
+    wall, spent = timed(lambda: pr.steady_state(motor, drive, speed=20.0))
+    print(f"steady_state in a process that has loaded it: {wall:.2f} s, {spent:.2f} s of CPU")
+    wall, spent = timed(lambda: pr.simulate(motor, drive, duration=2e-3))
+    print(f"simulate of 2 ms in such a process: {wall:.2f} s, {spent:.2f} s of CPU")
+
+
+PARTS = {part.__name__: part for part in (curves, settled, maps, transients, small)}
+
+
+def main(names: Sequence[str] = tuple(PARTS)) -> None:
+    """Measure, and print tables and lines."""
+    for name in names:
+        print(f"- {name}: {(PARTS[name].__doc__ or '').partition('.')[0]}", flush=True)
+        PARTS[name]()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:] or tuple(PARTS))
