@@ -106,6 +106,20 @@ def test_noisy_points_are_explained_and_outliers_are_named() -> None:
 
 
 @pytest.mark.soak
+def test_a_calibrated_motor_predicts_another_voltage_within_its_band() -> None:
+    truth = {"contact.friction": 0.25, "modes.1.quality_factor": 70.0}
+    result = pr.calibrate(pr.load_motor(SET), truth_and_points(truth, [1.0, 6.0, 12.0], noise=5), free=list(truth))
+    motor = pr.load_motor(SET).updated(truth)
+    drive, speeds = pr.default_drive(motor).updated({"voltage": 80.0}), [2.0, 8.0]
+    states = steady_states([OperatingPoint.of(motor, drive, speed=speed, audit=False) for speed in speeds])
+    torques = [state.torque_n_m for state in states]
+    curve = result.predict({"voltage": [80.0, 80.0], "speed_rad_s": speeds, "torque_n_m": torques})
+    # 1e-3 of the friction torque of 0.0125 N·m: steps of truth and prediction differ
+    assert np.all(np.abs(curve.values - torques) < 4.0 * curve.standard_errors + 1.25e-5)
+    assert np.all(curve.standard_errors < 0.02 * np.abs(curve.values))
+
+
+@pytest.mark.soak
 def test_a_missing_spectrum_is_named_as_the_measurement_that_decides_a_quality_factor() -> None:
     columns = truth_and_points({}, [1.0, 4.0, 8.0, 12.0])
     result = pr.calibrate(pr.load_motor(SET), columns, free=["contact.friction", "modes.0.quality_factor"])
