@@ -235,7 +235,10 @@ def check_driven(setup: OperatingPoint) -> None:
             f"The driver {source.name} is a subcircuit of your own, whose states are not known. {settle}"
         )
     if source.kind == "full-bridge":
-        raise ParameterError(f"A full bridge with its transformer has no steady state by shooting. {settle}")
+        raise ParameterError(
+            f"A full bridge with its transformer has no steady state by shooting. {settle} Or take driver.equivalent(), "
+            "which leaves out dead time and harmonics."
+        )
     if setup.law is None:
         raise ParameterError(f"contact = None is not valid behind a driver. Give a law. {settle}")
     if setup.load.speed is None and setup.motor.rotor.bearing_friction_n_m:

@@ -96,7 +96,7 @@ def propose_matching(
         parts: further values of the driver, by their names or by PART.PARAMETER, as for :meth:`.Driver.updated`; those
             of network and transformer are chosen here.
         speed: of the operating point, rad/s; by default half the speed at no load.
-        load_torque: torque in N·m at the operating point, in place of the speed; it loads the motor when it starts.
+        load_torque: torque in N·m of the load at the operating point, and of the motor when it starts.
         rail: voltage in V between the rails of the stage, to which the transformer is fitted; by default the rails are
             as the voltage requires.
         contact: law of the contact.
@@ -107,8 +107,10 @@ def propose_matching(
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
     ideal = OperatingPoint.of(
-        motor, drive, speed=speed, load_torque=load_torque, contact=contact, timeout=timeout, audit=False
-    )
+        motor, drive, speed=speed, load_torque=0.0 if speed is not None else load_torque, contact=contact,
+        timeout=timeout, audit=False,
+    )  # fmt: skip
+    Load(torque=load_torque).check(motor)
     if ideal.law is None:
         raise ParameterError("A driver is designed for a motor on its rotor. Give a law of the contact, not none.")
     wanted = {group: abs(volts) for group, volts in _pins(drive).items()}
@@ -119,7 +121,7 @@ def propose_matching(
     begun = Design(None, wanted, load_torque_n_m=load_torque)
     if told := _lost(states, wanted, "with the wanted voltages at the pins"):
         return replace(begun, reason=told)
-    search = _Search(ideal, drive, template, rail, states)
+    search = _Search(ideal, drive, template, rail, load_torque, states)
     begun = replace(begun, unmatched=search.points, reason=search.unreachable())
     if begun.reason:
         return begun
@@ -229,9 +231,11 @@ class _Search:
         drive: TwoPhaseDrive,
         driver: Driver,
         rail: float | None,
+        load_torque: float,
         states: Mapping[str, SteadyState],
     ) -> None:
         self.ideal, self.driver, self.rail, self.states = ideal, driver, rail, states
+        self.load_torque = load_torque
         self.points = tuple(_point(name, state, None) for name, state in states.items())
         self.pins = _pins(drive)  # wanted phasors
         self.omega = 2.0 * pi * driver.frequency
@@ -242,8 +246,15 @@ class _Search:
         idle, middle = self.points[-1].speed_rad_s, self.middle
         load = self.ideal.load
         asked = load.speed if load.speed is not None else middle.speed_rad_s
-        if (load.speed is None and not load.torque) or not asked or (abs(idle) > STANDS and 0.0 < asked / idle < 1.0):
-            return ""
+        given = load.speed is not None or load.torque
+        if not given or not asked or (abs(idle) > STANDS and 0.0 < asked / idle < 1.0):
+            ahead = 1.0 if asked >= 0.0 else -1.0
+            if load.speed is None or ahead * middle.torque_n_m >= ahead * self.load_torque:
+                return ""
+            return (
+                f"At {asked:.4g} rad/s the motor gives {middle.torque_n_m:.3g} N·m with {abs(self.pins['a']):.4g} V at the "
+                f"pins, less than the load of {self.load_torque:.3g} N·m. Raise the voltage, or ask for less."
+            )
         what = f"turns at {asked:.4g} rad/s" if load.speed is not None else f"drives {load.torque:.4g} N·m"
         return (
             f"With {abs(self.pins['a']):.4g} V at the pins the motor turns at {idle:.4g} rad/s without load, and never "
@@ -418,7 +429,7 @@ class _Search:
                         f"are {100.0 * PIN_BAND:.0f} %."
                     )
         middle = next(point for point in points if point.state == OPERATING)
-        ahead, load = 1.0 if middle.speed_rad_s > 0.0 else -1.0, _SPARE * self.ideal.load.torque
+        ahead, load = 1.0 if middle.speed_rad_s > 0.0 else -1.0, _SPARE * self.load_torque
         if abs(middle.speed_rad_s) > STANDS and ahead * middle.torque_n_m < ahead * load:
             told.append(f"At {middle.speed_rad_s:.4g} rad/s the motor gives {middle.torque_n_m:.3g} N·m.")
         return [*told, *_overdriven(driver, points)]

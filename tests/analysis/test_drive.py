@@ -331,6 +331,28 @@ def test_the_command_reports_on_one_driver_and_compares_two(tmp_path: Path, caps
     assert (tmp_path / "two.png").stat().st_size > 20_000
 
 
+def test_the_command_says_why_there_is_no_driver_for_a_rail(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["drive", "andersen2002", "--rail", "190", "--stage", "half-bridge", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["maxima"] == {}
+    assert not found["design"]["feasible"]
+    assert "its transistors take 180 V" in found["design"]["reason"]
+
+
+@pytest.mark.soak
+def test_the_command_designs_a_driver_for_a_rail_and_a_load(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    words = ["drive", "bimodal40", "--rail", "24", "--stage", "full-bridge", "--speed", "20", "--load-torque", "3e-3"]
+    assert run([*words, "--json", "--output", str(tmp_path / "driver.cir")]) == 0
+    found = json.loads(capsys.readouterr().out)
+    design = found["design"]
+    assert design["feasible"], design["reason"]
+    assert design["starts"]
+    assert {"name", "value", "unit", "peak_voltage_v", "peak_current_a"} == set(design["parts"][0])
+    assert "transformer" in (tmp_path / "driver.cir").read_text(encoding="utf-8")
+    assert run([*words[:-1], "0.5", "--json"]) == 0
+    assert "less than the load of 0.5 N·m" in json.loads(capsys.readouterr().out)["design"]["reason"]
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
