@@ -400,7 +400,7 @@ def _start_time(motor: Motor, design: Design, load_torque: float) -> float:
     target = next(point for point in points if point.state == OPERATING)
     torque = min(abs(point.torque_n_m) for point in points[:2]) - abs(load_torque)
     time = motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
-    return min(max(_SHORTEST, 1.5 * time + motor.decay_s), _LONGEST)
+    return min(max(_SHORTEST, time + 0.5 * motor.decay_s), _LONGEST)
 
 
 def _check_duration(setup: OperatingPoint, duration: float) -> None:

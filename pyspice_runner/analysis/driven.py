@@ -236,8 +236,8 @@ def check_driven(setup: OperatingPoint) -> None:
         )
     if source.kind == "full-bridge":
         raise ParameterError(
-            f"A full bridge with its transformer has no steady state by shooting. {settle} Or take driver.equivalent(), "
-            "which leaves out dead time and harmonics."
+            f"A full bridge with its transformer has no steady state by shooting. {settle} Or take "
+            "driver.equivalent(), which leaves out dead time and harmonics."
         )
     if setup.law is None:
         raise ParameterError(f"contact = None is not valid behind a driver. Give a law. {settle}")

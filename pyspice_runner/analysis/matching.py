@@ -252,8 +252,8 @@ class _Search:
             if load.speed is None or ahead * middle.torque_n_m >= ahead * self.load_torque:
                 return ""
             return (
-                f"At {asked:.4g} rad/s the motor gives {middle.torque_n_m:.3g} N·m with {abs(self.pins['a']):.4g} V at the "
-                f"pins, less than the load of {self.load_torque:.3g} N·m. Raise the voltage, or ask for less."
+                f"At {asked:.4g} rad/s and {abs(self.pins['a']):.4g} V the motor gives {middle.torque_n_m:.3g} N·m, "
+                f"less than the load of {self.load_torque:.3g} N·m. Raise the voltage, or ask for less."
             )
         what = f"turns at {asked:.4g} rad/s" if load.speed is not None else f"drives {load.torque:.4g} N·m"
         return (
@@ -441,7 +441,12 @@ class _Search:
         )
         told = f"From stall to no load the pins keep their voltages within {100.0 * worst:.2g} %"
         told += f", and with the motor {self.rise:.3g} K warmer at a frequency that follows." if self.rise else "."
-        if self.driver.network == "inductor" and share < 1.0:
+        if self.driver.network == "inductor" and share == 0.0 and not self.driver.switched:
+            told += (
+                f" No series network is proposed: the voltages would change by more than {100.0 * PIN_BAND:.0f} %, or "
+                "the power factor fall. An LLCC filter can raise it."
+            )
+        elif self.driver.network == "inductor" and share < 1.0:
             told += (
                 f" The network cancels {100.0 * share:.0f} % of the reactance at the operating point; with more the "
                 f"voltages would change by more than {100.0 * PIN_BAND:.0f} %, or the power factor fall."
