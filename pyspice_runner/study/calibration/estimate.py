@@ -52,6 +52,7 @@ LIKELY = 1e-3  # probability of a sum of squares below which the model does not 
 _TOLD, _MOST_TOLD = 4.0, 10  # standard errors: one normal residual in 16,000 is beyond; and how many are told
 START_REACH = log(2.0)  # of further starts about the first
 _MOST_STEPS = 40
+_LONG, _SHORT = 0.1, 0.025  # steps of the search: beyond, a new Jacobian; below, no correction, which would be noise
 _GAIN = 0.1  # of the sum of squares by a further step: 0.3 standard errors of all parameters together
 _CLOSE = 1e-4  # relative gain of the sum of squares, and step of a coordinate, that are noise
 _REFINEMENTS = 3  # searches at the coarse step, each with the difference to finer ones where the last one ended
@@ -145,6 +146,7 @@ class _Search:
         self.found: dict[bytes, Prediction] = {}
         self.slopes: dict[bytes, Array] = {}
         self.last: Prediction | None = None
+        self.way: tuple[Array, Array, Array] | None = None  # coordinates, residuals and slope of the last step
 
     def solved(self, starts: int) -> Array:
         """Return the coordinates of the least sum of squares.
@@ -168,6 +170,7 @@ class _Search:
             self.found, self.slopes, self.last = {x.tobytes(): here}, {}, here
             shift = self.predictor.shift
             assert shift is not None
+            self.way = None
             change = (shift if before is None else shift - before) / self.errors
             if before is not None and float(np.sqrt(np.mean(change**2))) < _SETTLED:
                 break
@@ -222,9 +225,24 @@ class _Search:
             self.slopes[key] = self.predictor.jacobian(x, self.prediction(x))
         return np.vstack([self.slopes[key] / self.errors[:, None], np.diag(self.prior)])
 
+    def _followed(self, x: Array) -> Array:
+        """Return the Jacobian: a new one after a long step, otherwise the last one, corrected by Broyden's rule."""
+        if self.way is None:
+            return self.slope(x)
+        before, residuals, slope = self.way
+        step = x - before
+        length = float(np.linalg.norm(step))
+        if length > _LONG:
+            return self.slope(x)
+        if length < _SHORT:
+            return slope
+        missed = self.residuals(x) - residuals - slope @ step
+        return np.asarray(slope + np.outer(missed, step) / length**2)
+
     def descent(self, x: Array) -> Array:
         """Return the Jacobian for a step of the search. Raise :class:`_Found` where the step would gain too little."""
-        slope, residuals = self.slope(x), self.residuals(x)
+        slope, residuals = self._followed(x), self.residuals(x)
+        self.way = x.copy(), residuals, slope
         weights = np.minimum(1.0, OUTLIER / np.maximum(np.abs(residuals), 1e-12))
         free = np.ones(len(x), dtype=bool)
         gradient = slope.T @ (weights * residuals)
