@@ -27,6 +27,7 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.recoil import carriers, mass_matrix
 from pyspice_runner.netlist.copies import Copy, Plant, phasor_at
+from pyspice_runner.netlist.state import stems
 
 Array = NDArray[np.float64]
 
@@ -358,8 +359,8 @@ def start_point(plant: Plant) -> Point:
         carrier += [lift, lift / plant.drive.period]
     turning = [max(along, towards) / motor.rotor.radius_m] if plant.turns else []
     sliders = plant.where("contact")
-    compliance = motor.contact.series_compliance_m_per_n
-    stem = [compliance * preload, towards] if plant.law and compliance else []
+    softness = stems(motor, plant.law).values()
+    stem = [size for compliance in softness for size in (compliance * preload, max(along, towards))]
     scale = np.array([
         *np.sqrt(2.0 * energy / stiffnesses), *fastest, *(slide,) * (sliders.stop - sliders.start), *stem, *carrier,
         *turning,

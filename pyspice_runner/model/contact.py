@@ -191,8 +191,9 @@ def normal_stiffness_at_preload(contact: Contact) -> float:
 
 
 def tangential_stiffness_at_preload(contact: Contact) -> float:
-    """Tangential stiffness dF_T/du = 2 G* a of the sticking contact at the operating point, in N/m."""
-    return _stiffness(contact) * contact.friction / limit_ratio(contact)
+    """Tangential stiffness in stick at the operating point, in N/m: dF_T/du = 2 G* a and the compliance in series."""
+    alone = _stiffness(contact) * contact.friction / limit_ratio(contact)
+    return alone / (1.0 + alone * contact.tangential_series_compliance_m_per_n)
 
 
 def resonance_under_preload(contact: Contact, mode: Mode) -> float:

@@ -55,6 +55,7 @@ _EFFECTS: dict[tuple[str, str, float | None], tuple[str, ...]] = {
     ("contact", "restitution", 1.0): ("restitution_velocity_m_s",),
     ("contact", "sliding_ratio", 1.0): ("stribeck_velocity_m_s",),
     ("contact", "series_compliance_m_per_n", 0.0): (),
+    ("contact", "tangential_series_compliance_m_per_n", 0.0): (),
     ("contact", "worn_flat_radius_m", 0.0): (),
     ("contact", "effective_radius_m", None): (),
     ("contact", "poisson", None): (),

@@ -273,6 +273,10 @@ class Contact(Parameters):
         "compliance of the tip's stem and of rough surfaces, in series with the Hertz contact", "m/N", ge=0.0, le=1e-3,
         default=0.0,
     )  # fmt: skip
+    tangential_series_compliance_m_per_n: float = quantity(
+        "compliance of the tip's stem along the rotor, in series with the tangential contact", "m/N", ge=0.0, le=1e-3,
+        default=0.0,
+    )  # fmt: skip
     worn_flat_radius_m: float = quantity(
         "radius of the flat to which the cap of the tip is worn; K_N and K_t are those of the new tip", "m", ge=0.0,
         le=0.01, default=0.0,

@@ -86,6 +86,7 @@ def require_averaged(motor: Motor) -> None:
     left_out = {
         "contact.sliding_ratio": (motor.contact.sliding_ratio, 1.0),
         "contact.worn_flat_radius_m": (motor.contact.worn_flat_radius_m, 0.0),
+        "contact.tangential_series_compliance_m_per_n": (motor.contact.tangential_series_compliance_m_per_n, 0.0),
         motor.dry_friction[0]: (motor.dry_friction[1], 0.0),
     }
     for name, (value, neutral) in left_out.items():

@@ -327,6 +327,8 @@ def _meaning(name: str) -> str:
         "bearing_share": "1, share of its torque that the dry bearing takes at the start",
         "stem": "um, compression in series with the contact at the start, less that at rest",
         "stem_rate": "m/s, its rate at the start",
+        "stem_x": "um, the same along the rotor",
+        "stem_x_rate": "m/s, its rate at the start",
         "speed": "rad/s, of the rotor at the start",
     }.get(
         name,

@@ -55,6 +55,7 @@ from pyspice_runner.netlist.state import (
     plate_nodes,
     start_parameters,
     static_sway,
+    stems,
     written,
     written_recoils,
 )
@@ -197,7 +198,8 @@ class MotorSubCircuit(Assembly):
             moved = self._add_sway(static_sway(motor, law, discretisation) / preload)
             moved |= self._add_tangential("fx", moved.get("x", "x"))
             moved |= self._add_mount(approach=approach)
-            moved |= self._add_stem(moved.get("y", "y"), moved.get("vy", "vy"))
+            for stem, compliance in stems(motor, law).items():
+                moved |= self._add_stem(stem, compliance, moved)
             check_parameters(library.name, library.parameters, touching)
             expressions = _expressions(library, touching, flexibility)
             self._put("contact", library, [moved.get(pin, pin) for pin in PINS], {**touching, **expressions})
@@ -281,17 +283,23 @@ class MotorSubCircuit(Assembly):
         self.V("sway", "x", CROWN, f"DC {{{rounded(1e6 * sway)!r}*preload}}")
         return {"x": CROWN}
 
-    def _add_stem(self, y: str, vy: str) -> dict[str, str]:
-        """Add the compliance in series with the contact, which the contact force compresses."""
-        compliance = self._motor.contact.series_compliance_m_per_n
-        if not compliance:
-            return {}
+    def _add_stem(self, name: str, compliance: float, nodes: Mapping[str, str]) -> dict[str, str]:
+        """Add a compliance in series with the contact, which the contact force compresses, or friction along x.
+
+        ``nodes`` are those to which the contact would be connected. Return those that take their place.
+        """
+        axis, force = ("x", "friction") if name == "stem_x" else ("y", "normal")
         values = {"compliance": compliance}
-        passed = ["preload", *(item.name for item in self.settable if item.name == SLIDER_TIME)]
-        if SLIDER_TIME not in passed and self._discretisation:
+        passed = [item.name for item in self.settable if item.name == SLIDER_TIME]
+        if not passed and self._discretisation:
             values[SLIDER_TIME] = self._discretisation.slider_time
-        moved = {"y": "stem_y", "vy": "stem_vy"}
-        self._put("stem", "piezomotor_stem", (y, vy, "normal", *moved.values()), values, passed)
+        if axis == "y":
+            passed.append("preload")
+        else:
+            values["preload"] = 0.0  # at rest there is no friction
+        moved = {axis: f"stem_{axis}", f"v{axis}": f"stem_v{axis}"}
+        own = [nodes.get(pin, pin) for pin in moved]
+        self._put(name, "piezomotor_stem", (*own, force, *moved.values()), values, passed)
         return moved
 
     def _add_dry_bearing(self) -> None:

@@ -75,6 +75,13 @@ def written_recoils(mode: Mode, mount: Mount | None, discretisation: Discretisat
     return along_y, along_x
 
 
+def stems(motor: Motor, law: Law | None) -> dict[str, float]:
+    """Return the compliances in series with the contact in m/N, by the instances that have them."""
+    contact = motor.contact
+    found = {"stem": contact.series_compliance_m_per_n, "stem_x": contact.tangential_series_compliance_m_per_n}
+    return {name: compliance for name, compliance in found.items() if law and compliance}
+
+
 def carrier(motor: Motor, law: Law | None) -> Mount | None:
     """Return the mount of a motor in the netlist: a free tip, without a law, has one only if its modes shake it."""
     return motor.mount if law or recoils(motor.modes)[: len(carriers(motor.mount))].any() else None
@@ -101,6 +108,8 @@ class Motion:
     contact_m: tuple[float, ...] = ()  # states of another law, the nodes :attr:`.Law.states`, 1 V = 1 µm
     stem_m: float = 0.0  # compression of the compliance in series with the contact, less that at rest, with its lag
     stem_m_s: float = 0.0  # its rate, with its lag
+    stem_x_m: float = 0.0  # the same along the rotor
+    stem_x_m_s: float = 0.0
     carrier_m: float = 0.0  # displacement of the carrier towards the rotor
     carrier_m_s: float = 0.0  # velocity of the carrier
     carrier_x_m: float = 0.0  # displacement of the carrier along the rotor
@@ -177,10 +186,10 @@ def motor_states(motor: Motor, law: Law | None, kinds: Sequence[Kind] | None = N
             State(node, "contact", f"v({{0}}.{node})", "contact_m", at, unit=MICRO)
             for at, node in enumerate(law.states)
         ]
-    if law and motor.contact.series_compliance_m_per_n:
+    for name in stems(motor, law):
         states += [
-            State("stem", "stem", "v({0}.xstem.lag)", "stem_m", part="stem", unit=MICRO),
-            State("stem_rate", "stem", "v({0}.xstem.slow)", "stem_m_s", part="stem", start="velocity"),
+            State(name, "stem", f"v({{0}}.x{name}.lag)", f"{name}_m", part=name, unit=MICRO),
+            State(f"{name}_rate", "stem", f"v({{0}}.x{name}.slow)", f"{name}_m_s", part=name, start="velocity"),
         ]
     for spring, (name, part) in zip(
         carriers(carrier(motor, law)), (("carrier", "mount"), ("carrier_x", "mount_x")), strict=False

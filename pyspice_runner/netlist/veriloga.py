@@ -12,6 +12,7 @@ from collections.abc import Mapping
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.parameters import Contact
 from pyspice_runner.model.recoil import carriers
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import LIBRARIES, ContactLaw, Law, contact_library, contact_values, touching_law
@@ -155,6 +156,14 @@ def _declared(item: LibraryParameter, name: str = "") -> str:
     return f'    (* desc="{item.meaning}"{unit} *) parameter real {value};'
 
 
+def without_form(contact: Contact) -> str:
+    """Return the path and value of a parameter of the contact that a module does not have; empty if it has all."""
+    for name, unit in (("worn_flat_radius_m", "m"), ("tangential_series_compliance_m_per_n", "m/N")):
+        if value := getattr(contact, name):
+            return f"contact.{name} = {value:g} {unit}"
+    return ""
+
+
 def _repeated(text: str, block: str, count: int) -> str:
     """Return the text with as many copies of the block of mode 1 as there are modes."""
     found = re.search(rf"(?ms)^ *// {block} 1\b.*?(?=^ *// end of the )", text)
@@ -174,11 +183,8 @@ def module_values(
     discretisation: Discretisation | None = None,
 ) -> Mapping[str, float | int]:
     """Return the value of every parameter of the module but those that stay at their neutral defaults."""
-    if motor.contact.worn_flat_radius_m:
-        raise ParameterError(
-            f"contact.worn_flat_radius_m = {motor.contact.worn_flat_radius_m:g} m has no Verilog-A form: it must be 0. "
-            "Set it, or take a subcircuit."
-        )
+    if absent := without_form(motor.contact):
+        raise ParameterError(f"{absent} has no Verilog-A form: it must be 0. Set it, or take a subcircuit.")
     constants = contact_values(
         law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=0.0,
         slider_time=discretisation.slider_time if discretisation else None,

@@ -38,6 +38,7 @@ from pyspice_runner.model.recoil import carriers
 from pyspice_runner.netlist.compiled import missing_form, module_of
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.netlist.veriloga import without_form
 from pyspice_runner.run.kernel import modules_folder
 from pyspice_runner.run.operating_point import OperatingPoint, Solver
 
@@ -82,9 +83,8 @@ def is_compiled(engine: Engine, motor: Motor, law: Law | None, reason: str = "")
     """
     if engine == "spice":
         return False
-    reason = (
-        reason or missing_form(law) or ("A worn tip needs the B-sources." if motor.contact.worn_flat_radius_m else "")
-    )
+    absent = without_form(motor.contact)
+    reason = reason or missing_form(law) or (f"{absent} needs the B-sources." if absent else "")
     if reason:
         if engine == "auto":
             return False

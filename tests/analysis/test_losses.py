@@ -17,6 +17,7 @@ from pyspice_runner.analysis.dynamometer import delivering
 from pyspice_runner.analysis.simulate import _delivering
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.contact import normal_damping, normal_stiffness_at_preload, static_penetration
+from pyspice_runner.netlist.veriloga import motor_module
 from pyspice_runner.run.waveforms import EnergyBalance, Waveforms
 from tests.reference.damped import integrate_damped
 from tests.reference.integrator import ReferenceRun, Tone, integrate
@@ -187,6 +188,45 @@ def test_a_steady_state_damps_the_penetration_and_not_the_compliance_in_series()
     run = state.waveforms
     # as above, at a step of 0.26 us
     assert np.std((damped(motor, run) - run.normal_force_n)[1:-1]) < 5e-3 * np.std(run.normal_force_n)
+
+
+TANGENTIAL = {"contact.tangential_series_compliance_m_per_n": 4e-8, "mount": None}  # 0.4 of the sticking contact's
+
+
+@pytest.mark.parametrize("law", ["spring-slider", "brush"])
+def test_a_compliance_along_the_rotor_takes_its_share_of_the_relative_motion_in_stick(law: str) -> None:
+    """u' = x' - c_t F_T' where nothing slips, on a shaft held still."""
+    motor = PAPER.updated(TANGENTIAL)
+    run = pr.simulate(motor, two_phase(20.0, 50e3), duration=6e-4, speed=0.0, step=1e-7, contact=law)
+    sticks = np.abs(run.contact_state - 1.0) < 0.01
+    sticks = sticks[1:] & sticks[:-1] & (run.time_s[1:] > 3e-4)
+    moved = np.diff(run.tip_x_m)
+    found = np.diff(run.contact_displacement_m + 4e-8 * run.friction_force_n)
+    assert sticks.sum() > 100
+    # measured 4e-4 at this step; the compression is a fifth of the motion
+    assert np.std((found - moved)[sticks]) < 2e-3 * np.std(moved[sticks])
+    assert run.energy_residual < 1e-3
+
+
+def test_a_steady_state_with_a_compliance_along_the_rotor_is_what_a_run_settles_to() -> None:
+    motor = PAPER.updated(TANGENTIAL)
+    drive = two_phase(60.0, 53e3)
+    state = pr.steady_state(motor, drive, speed=0.5)
+    run = pr.simulate(motor, drive, duration=3e-3, speed=0.5, step=state.step_s)
+    assert state.stable
+    limit = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    # the state is that of a vanishing step; measured 1.6e-4
+    assert run.mean_torque_n_m == pytest.approx(state.torque_n_m, abs=3e-4 * limit)
+    rigid = pr.steady_state(motor.updated({"contact.tangential_series_compliance_m_per_n": 0.0}), drive, speed=0.5)
+    assert abs(rigid.torque_n_m - state.torque_n_m) > 5e-4 * limit
+
+
+def test_what_has_no_compliance_along_the_rotor_rejects_it() -> None:
+    motor = PAPER.updated(TANGENTIAL)
+    with pytest.raises(ParameterError, match="tangential_series_compliance_m_per_n = 4e-08 has no averaged model"):
+        pr.simulate_averaged(motor, two_phase(50.0, 51.7e3), 1e-3)
+    with pytest.raises(ParameterError, match="4e-08 m/N has no Verilog-A form: it must be 0"):
+        motor_module(motor)
 
 
 @pytest.mark.soak
