@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.engine import openvaf
+from pyspice_runner.engine import kept
 from pyspice_runner.netlist.compiled import module_of
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.run import engines
@@ -49,13 +49,13 @@ def test_a_verdict_that_others_can_write_is_measured_again(
     path.write_text(json.dumps(GOOD), encoding="utf-8")
     assert engines._verdict.__wrapped__(*known) == GOOD  # by the user
     if what == "owner":
-        monkeypatch.setattr(openvaf.os, "getuid", lambda: path.stat().st_uid + 1)
+        monkeypatch.setattr(kept.os, "getuid", lambda: path.stat().st_uid + 1)
     else:
         (path if what == "file" else path.parent).chmod(0o666 if what == "file" else 0o777)
     assert engines._verdict.__wrapped__(*known) == BAD
     monkeypatch.undo()
     assert json.loads(path.read_text(encoding="utf-8")) == BAD
-    assert openvaf.is_private(path)
+    assert kept.is_private(path)
 
 
 @pytest.mark.parametrize("engine", ["compiled", "auto"])
