@@ -96,7 +96,7 @@ def _verdict(subject: Case, state: SteadyState, point: dict[str, Any]) -> str:
             settled = {"settled": False}
         if settled["settled"]:
             return "agrees" if _close(state, settled["torque_n_m"], settled["normal_force_n"]) else "differs"
-    return _staying(state)
+    return staying(state)
 
 
 def _close(state: SteadyState, torque: float, force: float) -> bool:
@@ -106,14 +106,14 @@ def _close(state: SteadyState, torque: float, force: float) -> bool:
     return abs(state.torque_n_m - torque) <= allowed
 
 
-def _staying(state: SteadyState) -> str:
+def staying(state: SteadyState, periods: int = STAYING) -> str:
     """Run the full model from the steady state for many periods at half of its step, and compare its means."""
     point = state.solution
     assert point is not None
     plant, period = point.plant, point.plant.drive.period
     finer = PeriodMap(period, 2 * round(period / state.step_s), LONGEST_CHECK)
     try:
-        (end,) = finer.settled([Copy(plant, point.state)], STAYING)
+        (end,) = finer.settled([Copy(plant, point.state)], periods)
         (trace,) = finer.traces([Copy(plant, end)]) if end is not None else (None,)
     except pr.SimulationError:
         return "the long run takes too long"
