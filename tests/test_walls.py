@@ -43,7 +43,7 @@ WALLS = {
     "commands": BASE
     | {"", "datasets", "model", "netlist", "engine", "run", "export", "analysis", "spectra", "study", "view"},
     "cli": {"commands", "interrupts", ""},
-    "__main__": {"cli", "commands", "interrupts"},
+    "__main__": {"cli", "commands", "errors", "interrupts"},
 }
 # libraries that only some parts may know; ngspice and PySpice end at the engine and the netlists
 HOMES = {
