@@ -17,8 +17,10 @@ from pydantic import SkipValidation
 from pyspice_runner.analysis.dynamometer import STUCK, stuck
 from pyspice_runner.engine.compiler import find_compiler
 from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Drive, Load, TwoPhaseDrive, check_together, too_fast
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.parameters import Contact
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.strength import peak_of_amplitudes, temperature_rise
 from pyspice_runner.model.thermal import Thermal
@@ -45,6 +47,7 @@ MOST_POINTS_OF_A_COURSE = 10_000
 FEWEST_PERIODS = 10
 LONGEST_STEPS = {"spice": 50, "compiled": 200}  # least number of steps of a run; linear in between
 TRUSTED_CHECK, TRUSTED_OPEN = 0.02, 0.0
+MOST_FACTOR = 4.0  # of the normal force by its damping, in piezomotor_averaged_phase.lib
 BALANCE_BOUND = 0.05  # of the energy put in; the engine's own steps, summed by the trapezoidal rule
 INPUT_OF = {  # setting → input of the averaged motor in C
     "frequency": "frequency", "voltage_a": "amplitude_a", "voltage_b": "amplitude_b", "phase_deg": "phase",
@@ -129,15 +132,19 @@ class AveragedRun(Result):
     def trusted(self) -> bool:
         """Whether the model's own check passes throughout the run, and the rotor keeps its limit of speed.
 
-        The check passes where the harmonics of the model are enough and the contact stays closed. Where it does not,
-        speed and torque may be off by more than 2 % of the friction torque μ F₀ R.
+        The check passes where the harmonics of the model are enough, the contact stays closed and damping multiplies
+        the normal force by 4 at most. Where it does not, speed and torque may be off by more than 2 % of the friction
+        torque μ F₀ R.
         """
         fastest = float(np.abs(self.curves["rotor_speed_rad_s"]).max())
         return not (self._model_cautions or too_fast(self.provenance["motor"], fastest))
 
     @property
     def _model_cautions(self) -> tuple[str, ...]:
-        return model_cautions(float(self.curves["check"].max()), float(self.curves["separated"].max()))
+        damping = contact_law.normal_damping(Contact(**self.provenance["motor"]["contact"]))
+        approach = 2.0 * np.pi * self.curves["frequency_hz"] * self.curves["tip_y_amplitude_m"]  # m/s
+        greatest = {name: float(self.curves[name].max()) for name in ("check", "separated")}
+        return model_cautions(greatest["check"], greatest["separated"], 1.0 + damping * float(approach.max()))
 
     @property
     def cautions(self) -> tuple[str, ...]:
@@ -182,8 +189,8 @@ class AveragedRun(Result):
         })  # fmt: skip
 
 
-def model_cautions(check: float, opened: float) -> tuple[str, ...]:
-    """Return the cautions for the largest check value and the largest open share of an averaged run."""
+def model_cautions(check: float, opened: float, factor: float = 1.0) -> tuple[str, ...]:
+    """Return the cautions for the largest check value, open share, and factor of the normal force by its damping."""
     found = []
     if check > TRUSTED_CHECK:
         found.append(
@@ -194,6 +201,11 @@ def model_cautions(check: float, opened: float) -> tuple[str, ...]:
         found.append(
             f"The contact is open for up to {100.0 * opened:.3g} % of the period, where the averaged model is less "
             "accurate. Compare with the full motor, or give more phases and harmonics."
+        )
+    if factor > MOST_FACTOR:
+        found.append(
+            f"Damping along the normal multiplies the normal force by up to {factor:.3g}; the averaged model limits "
+            f"this factor to {MOST_FACTOR:g}, so that its forces are too small. Use the full motor."
         )
     return tuple(found)
 

@@ -311,3 +311,19 @@ def test_a_compliance_in_series_has_the_torque_of_the_full_motor(
 def test_a_plate_whose_contact_opens_is_not_trusted() -> None:
     plate = pr.load_motor(PLATE)
     assert not simulate_averaged(plate, pr.default_drive(plate), 5e-3, speed=0.0).trusted
+
+
+@pytest.mark.parametrize(
+    ("name", "restitution", "velocity", "trusted"),
+    [("andersen2002", 0.9, 1.0, True), ("andersen2002", 0.2, 1e-3, False)],
+)
+def test_an_averaged_motor_whose_damping_exceeds_its_limit_is_not_trusted(
+    name: str, restitution: float, velocity: float, trusted: bool
+) -> None:
+    """Two random motors had a normal force 9 % and 65 % below that of their steady states, and were trusted."""
+    changes = {"contact.restitution": restitution, "contact.restitution_velocity_m_s": velocity}
+    motor = pr.load_motor(name).updated(changes)
+    drive = pr.TwoPhaseDrive(voltage=300.0, frequency=52.5e3, phase_deg=90.0)
+    run = pr.simulate_averaged(motor, drive, 20e-3, speed=4.0)
+    assert run.trusted == trusted
+    assert any("multiplies the normal force" in caution for caution in run.cautions) != trusted
