@@ -169,7 +169,7 @@ class _Group:
         if self.soft:
             stem = read_library("piezomotor_stem")
             given: dict[str, Any] = {item.name: item.default for item in stem.parameters}
-            given |= {name: values[name] for name in ("preload", SLIDER_TIME)}
+            given |= {"preload": values["preload"], SLIDER_TIME: step.slider_time}  # a law may have no slider
             given["compliance"] = column([motor.contact.series_compliance_m_per_n for motor in motors])
             names = library_function(stem).states
             given |= {"y": y, "vy": vy, "normal": normal, **dict(zip(names, states[-len(names) :], strict=True))}

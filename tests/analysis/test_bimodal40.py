@@ -43,6 +43,12 @@ def test_it_has_the_force_speed_and_efficiency_of_its_page() -> None:
     assert moving.quantities["temperature_rise_k"] < 0.5 * limits.curie_temperature_c - limits.ambient_c
 
 
+def test_a_law_without_a_slider_has_steady_states_with_the_compliance_of_the_plate() -> None:
+    state = pr.steady_state(MOTOR, DRIVE, speed=20.0, contact="coulomb")
+    assert state.converged
+    assert state.normal_force_n == pytest.approx(MOTOR.contact.preload_n, rel=5e-3)  # the springs are soft
+
+
 def test_plate_theory_gives_the_modes_of_three_dimensions() -> None:
     flat = SCRIPT["motor_of"]()
     solid = [mode for index, mode in enumerate(MOTOR.modes, start=1) if index != TORSION]
