@@ -158,10 +158,8 @@ def _loop_phase(loop: ControlLoop, ax: Axes) -> None:
     draw_lines(ax, (_HERTZ, loop.frequency_hz[shown]), label, [(phase, {"color": BLUE})], title)
     ax.set_xscale("log")
     ax.axhline(-180.0, color=GREY, linewidth=0.7)
-    scale = LABELS["frequency_hz"].scale
-    ax.plot(
-        [scale * loop.crossover_hz] * 2, [-180.0, loop.phase_margin_deg - 180.0], "o-", color=VERMILION, markersize=3
-    )
+    margin = (-180.0, loop.phase_margin_deg - 180.0)
+    ax.plot([loop.crossover_hz] * 2, margin, "o-", color=VERMILION, markersize=3)
 
 
 def _loop_step(loop: ControlLoop, ax: Axes) -> None:
