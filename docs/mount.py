@@ -37,7 +37,7 @@ def tones(u_1: float, f_1: float, u_2: float, f_2: float, phase: float = 0.0) ->
 
 
 def span(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> Callable[[pr.Motor], str]:
-    """Return what measures the span of the tip towards the held rotor, µm, and the mean force."""
+    """Return a bench that measures the span of the tip towards the held rotor, µm, and the mean force."""
 
     def measure(motor: pr.Motor) -> str:
         run = pr.simulate(motor, drive, duration=12e-3, speed=0.0)
@@ -48,7 +48,7 @@ def span(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> Callable[[pr.Motor], str]
 
 
 def held(drive: pr.TwoPhaseDrive | pr.TwoToneDrive, speed: float = 0.0) -> Callable[[pr.Motor], str]:
-    """Return what measures torque and mean force at a speed."""
+    """Return a bench that measures torque and mean force at a speed."""
 
     def measure(motor: pr.Motor) -> str:
         point = pr.speed_torque(motor, drive, speeds=[speed])
@@ -59,7 +59,7 @@ def held(drive: pr.TwoPhaseDrive | pr.TwoToneDrive, speed: float = 0.0) -> Calla
 
 
 def curve(drive: pr.TwoPhaseDrive) -> Callable[[pr.Motor], str]:
-    """Return what measures stall torque and no-load speed."""
+    """Return a bench that measures stall torque and no-load speed."""
 
     def measure(motor: pr.Motor) -> str:
         speeds = np.linspace(0.0, 28.0, 8)

@@ -81,8 +81,8 @@ def contact(sheet: Sheet) -> None:
     sheet.block((14.6, 0.1), (4.3, 8.2), CONTACT, fc="#FBEDE4")
     sheet.box(
         phase, 14.6, 18.9, 0.1, 8.3, CONTACT,
-        west={"slider_before": 7.2, "normal_before": 6.75, "normal_earlier": 6.3, "fx fy": 5.7, "x y": 4.0, "x_before y_before": 3.4, "x_after y_after": 2.8,
-              "turn": 1.6, "rate": 1.0},
+        west={"slider_before": 7.2, "normal_before": 6.75, "normal_earlier": 6.3, "fx fy": 5.7, "x y": 4.0,
+              "x_before y_before": 3.4, "x_after y_after": 2.8, "turn": 1.6, "rate": 1.0},
         east={"slider": 7.2, "normal": 6.3, "friction": 5.7, "open slip": 1.0},
     )  # fmt: skip
     sheet.note("contact, phase n", (16.75, 7.85), fontweight="bold")

@@ -93,7 +93,7 @@ def spectra_of(motor: pr.Motor, rng: np.random.Generator) -> list[Any]:
 
 
 def outcome(subject: str, index: int) -> dict[str, Any]:
-    """Return what came of a case."""
+    """Return the outcome of a case."""
     rng = np.random.default_rng((SEED, index))
     start = base()
     paths = paths_of(start)

@@ -92,7 +92,7 @@ def case(index: int) -> tuple[pr.Motor, pr.TwoPhaseDrive, float]:
 
 
 def outcome(index: int) -> dict[str, Any]:
-    """Return what came of a case."""
+    """Return the outcome of a case."""
     subject, drive, speed = case(index)
     plant = Plant(subject, drive, Load(speed), PAPER_LAW)
     began = time.process_time()

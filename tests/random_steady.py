@@ -66,7 +66,7 @@ def subject_of(index: int) -> Case:
 
 
 def outcome(index: int) -> dict[str, Any] | None:
-    """Return what came of a case; ``None`` for one without a plain drive or a contact."""
+    """Return the outcome of a case; ``None`` for one without a plain drive or a contact."""
     subject = subject_of(index)
     if not isinstance(subject.drive, pr.TwoPhaseDrive | pr.TwoToneDrive) or subject.settings.get("contact") is None:
         return None

@@ -237,4 +237,6 @@ def test_every_summary_names_the_law_of_the_contact() -> None:
     ):
         assert result.summary()["contact law"] == "brush, 4 sliders"
     assert pr.simulate_averaged(motor, drive, 1e-3).summary()["contact law"] == "spring-slider"
+    controlled = pr.simulate_controlled(motor, drive, lambda _: {}, 2e-3, sample_time=1e-3)
+    assert controlled.summary()["contact law"] == "spring-slider"
     assert "contact law" not in pr.simulate(motor, drive, 1e-4, contact=None).summary()

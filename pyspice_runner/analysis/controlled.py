@@ -32,9 +32,10 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import Course
+from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.controlled import CHECKED, COMMANDS, SAMPLED, CommandedSource, controlled_bench
 from pyspice_runner.netlist.sources import Bench, DriveSource
-from pyspice_runner.result import Result
+from pyspice_runner.result import Result, contact_row
 from pyspice_runner.run.averaged_motor import AveragedMotor
 from pyspice_runner.run.engines import Engine
 from pyspice_runner.run.kernel import transient_timing
@@ -169,7 +170,7 @@ class ControlledRun(Result):
         names |= {name: linear_name(name) or words for name, words in names.items()} if self.linear else {}
         found = {names[name]: f"{self.samples[name][-1]:.4g} {unit}" for name, unit in shown.items()}
         checked = {"check": "passed" if self.trusted else "not passed"} if "check" in self.samples else {}
-        return self._worded(found | checked)
+        return self._worded(found | checked | contact_row(self.provenance["run"]))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the last sample and the settings, JSON-ready."""
@@ -273,6 +274,7 @@ def simulate_controlled(
                 "step_s": uniform, "start": start, "load_torque_n_m": load_torque,
                 "courses": {name: [*map(list, course)] for name, course in settings.items() if len(course) > 1},
                 "thermal": None if thermal is None else thermal.model_dump(),
+                **PAPER_LAW.to_dict(),
             },
         },
         write_deck=write_deck,
@@ -297,7 +299,7 @@ def _count(drive: TwoPhaseDrive, duration: float, sample_time: float) -> int:
 def _run(
     motion: _Motion, decide: Controller, settings: Mapping[str, Course], motor: Motor, times: Iterable[float]
 ) -> Array:
-    """Let a controller act on a running motor at sample times in s; return what it measures and sets, and the check."""
+    """Let a controller act on a running motor at sample times in s; return a row for each sample, with the check."""
     present = {name: _first(settings[name]) for name in COMMANDS}
     fixed = [name for name in COMMANDS if len(settings[name]) > 1]
     rows: list[list[float]] = []

@@ -62,7 +62,7 @@ class Design:
         share: part of the reactance at the operating point that the network cancels, by its design.
         parts: the parts and what each must bear in the range; with a run the larger of both.
         feasible: whether everything was simulated and within its limits.
-        reason: why it is not feasible, and what can be done; or what was found.
+        reason: why it is not feasible and what can be done, or the explanation of the network.
         starts: whether the motor started from rest behind the driver; ``None`` if that was not simulated.
     """
 

@@ -305,7 +305,7 @@ def _clipped(slid: Array, limit: Array) -> tuple[Array, Array]:
 
 
 def _residual(stators: _Stators, grid: _Grid, response: _Response, unknowns: Array) -> tuple[Array, Array]:
-    """Return what the equations miss in m, and its derivative."""
+    """Return the residual of the equations in m, and its derivative."""
     s, found = stators, _touching(stators, grid, unknowns)
     forces = grid.phasors(np.stack([found.force_x, found.force_y], axis=2), grid.orders)
     slopes = np.stack([grid.phasors(each, grid.orders) for each in (found.slope_x, found.slope_y)], axis=2)

@@ -425,8 +425,8 @@ class _Search:
                 volts, wanted = point.group(group).voltage_v, abs(self.pins[group])
                 if abs(volts / wanted - 1.0) > PIN_BAND:
                     told.append(
-                        f"At {point.state} group {group.upper()} gets {volts:.4g} V instead of {wanted:.4g} V; allowed "
-                        f"are {100.0 * PIN_BAND:.0f} %."
+                        f"At {point.state} group {group.upper()} gets {volts:.4g} V instead of {wanted:.4g} V; the "
+                        f"limit is {100.0 * PIN_BAND:.0f} %."
                     )
         middle = next(point for point in points if point.state == OPERATING)
         ahead, load = 1.0 if middle.speed_rad_s > 0.0 else -1.0, _SPARE * self.load_torque
@@ -435,7 +435,7 @@ class _Search:
         return [*told, *_overdriven(driver, points)]
 
     def _told(self, points: tuple[RangePoint, ...], share: float) -> str:
-        """Return what was found."""
+        """Return the explanation of a feasible network."""
         worst = max(
             abs(point.group(group).voltage_v / abs(self.pins[group]) - 1.0) for point in points for group in GROUPS
         )

@@ -101,7 +101,7 @@ class Regions:
 
 
 def regions_of(solid: Solid) -> Regions:
-    """Return what boxes, electrodes and contact cover. Raise ParameterError as :func:`build_geometry`."""
+    """Return the regions of boxes, electrodes and contact. Raise ParameterError as :func:`build_geometry`."""
     from skfem import Basis
 
     shape, owner = _owned(solid)
