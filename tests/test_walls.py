@@ -157,6 +157,11 @@ def test_import_is_light() -> None:
     assert run(f"import sys, pyspice_runner; print(*[name for name in {HEAVY!r} if name in sys.modules])").split() == []
 
 
+def test_the_command_starts_without_scipy() -> None:
+    """It takes a third of the time of a command as short as ``show``."""
+    assert run("import sys, pyspice_runner.cli; print('scipy' in sys.modules)").strip() == "False"
+
+
 def test_no_plotting_library_loads_before_a_plot_is_asked_for() -> None:
     assert (
         run(

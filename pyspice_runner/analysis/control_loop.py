@@ -17,7 +17,6 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm, matrix_balance
 
 from pyspice_runner.analysis.averaged import INPUT_OF
 from pyspice_runner.analysis.controlled import Sample, simulate_controlled
@@ -260,6 +259,8 @@ def _plant(motor: Motor, drive: TwoPhaseDrive, load: Load, quantity: Quantity, s
     states = len(small.by_state)
     block = np.zeros((states + 1, states + 1))
     block[:states, :states], block[:states, states] = small.by_state, by_input
+    from scipy.linalg import expm, matrix_balance  # takes long to load
+
     balanced, scale = matrix_balance(sample_time * block, permute=False)  # the units of the states differ by decades
     held = scale @ expm(balanced) @ np.linalg.inv(scale)
     row = np.zeros(states)
