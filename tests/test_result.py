@@ -19,6 +19,7 @@ from pyspice_runner.analysis.impact import Throw, impact
 from pyspice_runner.datasets import Curves, Dataset, as_result
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.units import engineering, unit_in
+from pyspice_runner.view.draw import plain
 
 pytestmark = pytest.mark.xdist_group("results")  # they are shared
 
@@ -223,6 +224,13 @@ def test_values_are_written_with_the_prefix_of_their_unit() -> None:
     for (value, unit), text in written.items():
         assert engineering(value, unit).replace("\N{NO-BREAK SPACE}", " ") == text
     assert engineering(None, "V") == engineering(float("nan"), "V") == engineering(float("inf"), "V") == "–"
+
+
+def test_a_value_with_its_unit_is_drawn_without_a_box() -> None:
+    assert (
+        plain(f"a tension of {engineering(1.9e9, 'Pa')}\x07 and $")
+        == "a tension of 1.9 GPa\N{REPLACEMENT CHARACTER} and \\$"
+    )
 
 
 def test_every_summary_names_the_law_of_the_contact() -> None:

@@ -52,6 +52,7 @@ def write(figure: Figure, file: Any, dpi: int, kind: str | None = None) -> None:
 
 def plain(text: str) -> str:
     """Return a text from a file so that Matplotlib draws it unchanged: a dollar begins no formula."""
+    text = text.replace("\N{NO-BREAK SPACE}", " ")  # between value and unit; Python calls it not printable
     return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in text).replace("$", r"\$")
 
 
