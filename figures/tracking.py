@@ -46,7 +46,7 @@ def draw(folder: Path) -> list[str]:
                 found.plot(ax=axis, panel=panel)
             axis.label_outer()
         column[1].axhline(0.0, color=GREY, lw=0.8)
-    tracked = [line for line in axes[0, 0].lines if line.get_label() in NAMES]
+    tracked = list(axes[0, 0].lines)
     dashed = axes[0, 0].axhline(1e-3 * lag.resonance_hz, color=BLACK, lw=0.9, ls="--")
     times = [0.0, 1e3 * BEGIN, 1e3 * (BEGIN + DRIFT_TIME), 1e3 * END]
     drifted = 1e-3 * lag.resonance_hz * (1.0 + DRIFT)

@@ -168,14 +168,25 @@ class _Node:
         return np.column_stack([matrix, self.slope])
 
 
-def _followed(family: _Family, points: int) -> tuple[list[_Node], str]:
+def _first(family: _Family) -> Point:
+    """Return the solved point where the branch begins, from the free stator if that succeeds.
+
+    Where two motions are possible, it is the one that stays in contact.
+    """
     plant, period_map = family.at(family.start)
     first = start_point(plant)
     shooting = Shooting([first], period_map)
-    shooting.search()
+    shooting.solve()
+    if not first.done:
+        shooting.search()
     if not first.done:
         raise SimulationError(f"There is no steady state at {family.follow} = {family.start:g}. Choose another start.")
-    scale, order = first.scale, plant.order
+    return first
+
+
+def _followed(family: _Family, points: int) -> tuple[list[_Node], str]:
+    first = _first(family)
+    scale, order = first.scale, first.plant.order
     weights = np.append(np.full(order, 1.0 / sqrt(order)), 1.0)  # of the scaled unknowns in the arc
 
     def measured(state: Array, value: float) -> _Node | None:

@@ -348,7 +348,7 @@ def test_the_page_names_the_folds_of_the_full_motor() -> None:
     motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor).updated({"frequency": 39.73e3})
     branch = pr.steady_branch(motor, drive, follow="drive.frequency", start=39.73e3, stop=39.55e3)
-    assert branch.piezomotor.ended == "It reaches stop."
+    assert branch.attrs["ended"] == "It reaches stop."
     # the digits of the page
     assert [1e-3 * fold for fold in branch.piezomotor.folds] == pytest.approx(FOLDS, abs=0.005)
 
