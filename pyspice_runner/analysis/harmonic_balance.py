@@ -17,9 +17,9 @@ their slow equations
     (B + 2jh\omega M)\,\dot R_h = F - (K - (h\omega)^2 M + jh\omega B)\,R_h
 
 by the implicit Euler rule, with steps that grow until they skip the transient: the motion that is found is as a rule
-the one to which a motor runs up. T. M. Cameron, J. H. Griffin, J. Appl. Mech. 56, 149 (1989), for the alternation between time and
-frequency; C. T. Kelley, D. E. Keyes, SIAM J. Numer. Anal. 35, 508 (1998), for the steps that grow; P. Deuflhard,
-"Newton Methods for Nonlinear Problems", Springer 2004, for the damping.
+the one to which a motor runs up. T. M. Cameron, J. H. Griffin, J. Appl. Mech. 56, 149 (1989), for the alternation
+between time and frequency; C. T. Kelley, D. E. Keyes, SIAM J. Numer. Anal. 35, 508 (1998), for the steps that grow;
+P. Deuflhard, "Newton Methods for Nonlinear Problems", Springer 2004, for the damping.
 
 The result is a start only: what ngspice finds from it does not depend on these equations.
 """

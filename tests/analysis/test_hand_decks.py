@@ -82,8 +82,8 @@ def test_a_deck_written_by_hand_has_the_voltages_currents_power_and_torque_of_th
     """Within 1 %.
 
     The design counts the fundamental of the stage alone; the deck has switching edges, dead time of 200 ns (0.01 % of
-    the fundamental) and harmonics, and settles for 9 ms, in which the slowest mode decays to 6 %. Behind the LLCC filters
-    of bimodal40 the small current of group B is then still 1.6 % off: there it settles for 19 ms.
+    the fundamental) and harmonics, and settles for 9 ms, in which the slowest mode decays to 6 %. Behind the LLCC
+    filters of bimodal40 the small current of group B is then still 1.6 % off: there it settles for 19 ms.
     """
     motor_name, stage, network, rail, speed = DRIVES[name]
     motor = pr.load_motor(motor_name)
