@@ -8,9 +8,9 @@ response to the voltages and, for h = 0, to the preload,
 .. math::
     D_h = D^0_h + C_h F_h(D), \qquad C_h = P\,(K - (h\omega)^2 M + jh\omega B)^{-1} P^T .
 
-A compliance in series with the contact is a part of :math:`C_h`. The forces are evaluated at some phases of the period:
-Hertz's, with damping, and a slider that the relative motion charges and its limit clips. Newton's method, with the
-derivative of these equations, finds the harmonics. It begins at rest, and amplitudes follow
+A compliance in series with the contact is a part of :math:`C_h`. The forces are those of the spring-slider's library
+(:mod:`.evaluated`) at some phases of the period; the relative motion moves its slider, and its limit clips it. Newton's
+method, with the derivative of these equations, finds the harmonics. It begins at rest, and amplitudes follow
 their slow equations
 
 .. math::
@@ -37,9 +37,11 @@ from numpy.typing import NDArray
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.recoil import carriers, mass_matrix
-from pyspice_runner.netlist.contact import REACH
+from pyspice_runner.netlist.contact import PAPER_LAW, Law, contact_library
 from pyspice_runner.netlist.copies import Plant
-from pyspice_runner.netlist.state import static_sway
+from pyspice_runner.netlist.evaluated import DIFFERENCE, library_function, parameter_columns
+from pyspice_runner.netlist.library import Library
+from pyspice_runner.netlist.state import MICRO, static_sway
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -54,6 +56,7 @@ FIRST_STEP, SHORTEST_STEP = 4.0, 0.1  # of the slow equations, in periods of the
 LONGEST_STEP = 10.0  # of them, in decay times; beyond, the steady state is sought
 GROWTH, MOST_TIMES = 2.0, 60  # by which a step may grow, and number of steps
 LEAST_DAMPING = 1.0 / 64.0
+PINS = ("x", "y", "vx", "vy", "shaft", "slider")  # inputs of the library
 
 
 def harmonic_starts(plants: Sequence[Plant]) -> list[Array | None]:
@@ -63,11 +66,14 @@ def harmonic_starts(plants: Sequence[Plant]) -> list[Array | None]:
     from it. A free tip and laws without sliders have no such start.
     """
     starts: list[Array | None] = [None] * len(plants)
-    able = [place for place, plant in enumerate(plants) if plant.law and plant.law.sliding and tones(plant)]
-    if able:
-        some = [plants[place] for place in able]
-        grid = _Grid(plants[able[0]].drive.period, max(map(tones, some)))
-        for place, state in zip(able, _solved(some, grid), strict=True):
+    groups: dict[Library, list[int]] = {}
+    for place, plant in enumerate(plants):
+        if plant.law and plant.law.sliding and tones(plant):
+            groups.setdefault(contact_library(PAPER_LAW, plant.motor.contact), []).append(place)
+    for library, places in groups.items():
+        some = [plants[place] for place in places]
+        grid = _Grid(some[0].drive.period, max(map(tones, some)), library)
+        for place, state in zip(places, _solved(some, grid), strict=True):
             starts[place] = state
     return starts
 
@@ -79,9 +85,11 @@ def tones(plant: Plant) -> int:
 
 
 class _Grid:
-    """The harmonics and the phases of a period."""
+    """The harmonics and the phases of a period, and the law of the contact."""
 
-    def __init__(self, period: float, highest: int) -> None:
+    def __init__(self, period: float, highest: int, library: Library) -> None:
+        self.contact = library_function(library)
+        self.parameters = [parameter.name for parameter in library.parameters]
         self.omega = 2.0 * pi / period
         self.orders = np.arange(HARMONICS * highest + 1.0)
         self.angles = 2.0 * pi * np.arange(PHASES * highest) / (PHASES * highest)
@@ -108,15 +116,11 @@ class _Stators:
     impedance: Complex  # force over displacement, shape (points, harmonics, n, n), N/m
     memory: Complex  # force over the rate of an amplitude that changes slowly, N s/m
     forces: Complex  # by voltages and preload, shape (points, harmonics, n), N
-    hertz: Array  # N/m^1.5; this and the following have the shape (points, 1)
-    flat: Array  # length of a worn tip, m
-    series: Array  # compliance in series, m/N
-    damping: Array  # of Hunt and Crossley, s/m
-    ratio: Array  # limit of stick over penetration
-    friction: Array  # coefficient
-    preload: Array  # N
+    contact: Array  # parameters of the library, shape (points, parameters)
+    series: Array  # compliances in series along x and y, shape (points, 2), m/N
+    preload: Array  # N; this and the following have the shape (points, 1)
+    grip: Array  # static limit of the friction force, N
     depth: Array  # static penetration, m
-    seat: Array  # approach at y = 0, m
     sway: Array  # crown of the rotor, m
     radius: Array  # m
     surface: Array  # surface speed of a held shaft over ω, m
@@ -152,30 +156,43 @@ def _response(stators: _Stators, rate: Array, before: Complex) -> _Response:
     coordinates = np.einsum("phnm,phm->phn", gains, forces)
     tip = stators.tip[:, np.newaxis]
     compliance = np.asarray(tip @ gains @ np.swapaxes(tip, -1, -2), dtype=complex)
-    compliance[..., 1, 1] += stators.series[:, np.newaxis, 0]  # which the contact force compresses along y
+    compliance[..., [0, 1], [0, 1]] += stators.series[:, np.newaxis]  # which the contact force compresses
     return _Response(
         np.asarray(gains, dtype=complex), coordinates, compliance, np.einsum("pxn,phn->phx", stators.tip, coordinates)
     )
 
 
-def _stators(plants: Sequence[Plant], omega: float, orders: Array) -> _Stators:
-    rows, law = [], contact_law
+def _stators(plants: Sequence[Plant], grid: _Grid) -> _Stators:
+    rows = []
     most = max(len(plant.motor.modes) + len(carriers(plant.mount)) for plant in plants)
     for plant in plants:
         motor, contact = plant.motor, plant.motor.contact
-        depth, preload, radius = law.static_penetration(contact), contact.preload_n, motor.rotor.radius_m
-        deflection = law.static_deflection(contact, motor.modes) + preload * contact.series_compliance_m_per_n
+        preload, radius = contact.preload_n, motor.rotor.radius_m
         springs: list[Mode | Mount] = [*motor.modes, *carriers(plant.mount)]
         rows.append((
-            *_linear(plant, omega, orders, most), contact.normal_stiffness_n_per_m15, law.flat_length(contact),
-            contact.series_compliance_m_per_n, law.normal_damping(contact), law.limit_ratio(contact), contact.friction,
-            preload, depth, depth + deflection, static_sway(motor, plant.law, None), radius,
-            (plant.load.speed or 0.0) * radius / omega, float(plant.turns),
+            *_linear(plant, grid.omega, grid.orders, most), preload, contact.friction * preload,
+            contact_law.static_penetration(contact), static_sway(motor, plant.law, None), radius,
+            (plant.load.speed or 0.0) * radius / grid.omega, float(plant.turns),
             motor.rotor.bearing_damping_n_m_s / radius**2, (plant.load.torque or 0.0) / radius,
             max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs),
         ))  # fmt: skip
     columns = [np.array(column) for column in zip(*rows, strict=True)]
-    return _Stators(*columns[:4], *(column[:, np.newaxis] for column in columns[4:]))
+    contacts = [plant.motor.contact for plant in plants]
+    series = [[one.tangential_series_compliance_m_per_n, one.series_compliance_m_per_n] for one in contacts]
+    parameters = np.array(list(_parameters(plants, PAPER_LAW).values())).T
+    scalars = [column[:, np.newaxis] for column in columns[4:]]
+    return _Stators(*[*columns[:4], parameters, np.array(series), *scalars])
+
+
+def _parameters(plants: Sequence[Plant], law: Law) -> dict[str, Array]:
+    """Return the parameters of the library of a law, each of shape (points,)."""
+    motors = [plant.motor for plant in plants]
+    bent = [
+        contact_law.static_deflection(motor.contact, motor.modes)
+        + motor.contact.preload_n * motor.contact.series_compliance_m_per_n
+        for motor in motors
+    ]
+    return parameter_columns(law, motors, bent)
 
 
 def _linear(plant: Plant, omega: float, orders: Array, most: int) -> tuple[Array, Complex, Complex, Complex]:
@@ -212,16 +229,14 @@ def _real(phasors: Complex) -> Array:
 
 @dataclass
 class _Contact:
-    """The contact at the phases of a period, arrays of shape (points, phases), and its derivative."""
+    """The contact at the phases of a period, and the derivatives of forces with respect to the unknowns."""
 
-    force_x: Array  # on the tip, N
+    force_x: Array  # on the tip, N, shape (points, phases)
     force_y: Array
     friction: Array
     normal: Array
-    slider: Array  # m
-    slid: Array  # relative motion from the phase before, m
-    depth: Array  # penetration, m
-    factor: Array  # of the normal force by the damping
+    pins: Array  # of the library: x, y, vx, vy, shaft, slider, shape (6, points, phases)
+    slid: Array  # relative motion from the phase before, µm
     slope_x: Array  # derivative of force_x, shape (points, phases, unknowns)
     slope_y: Array
     slope_friction: Array
@@ -229,63 +244,46 @@ class _Contact:
 
 def _touching(stators: _Stators, grid: _Grid, unknowns: Array) -> _Contact:
     """Evaluate the contact: the unknowns are coefficients of x, of y, and the surface speed of the rotor over ω."""
-    s, width = stators, grid.shape.shape[1]
+    s, width, omega = stators, grid.shape.shape[1], grid.omega
     along, towards, surface = unknowns[:, :width], unknowns[:, width:-1], unknowns[:, -1:]
     x, y = along @ grid.shape.T - s.sway, towards @ grid.shape.T
-    seat = s.seat + y
-    distance = np.hypot(x, s.radius - seat)
-    sine, cosine = x / distance, (s.radius - seat) / distance
-    depth = np.maximum((2.0 * s.radius * seat - seat**2 - x**2) / (s.radius + distance), 0.0)
-    elastic, slope = _hertz(s, depth)
-    loss = grid.omega * s.damping * np.ones_like(depth)
-    factor = 1.0 + loss * (cosine * (towards @ grid.rate.T) - sine * (along @ grid.rate.T))
-    loss = np.where(factor > 0.0, loss, 0.0)
-    factor = np.maximum(factor, 0.0)
-    normal, limit = elastic * factor, s.ratio * depth * factor
-    slid = cosine * (x - np.roll(x, 1, axis=1)) + sine * (y - np.roll(y, 1, axis=1)) - surface * grid.angles[1]
-    slider, since = _clipped(slid, limit)
-    strain = np.divide(np.abs(slider), limit, out=np.zeros_like(limit), where=limit > 0.0)
-    sign = np.sign(slider)
-    held = np.sqrt(np.maximum(1.0 - strain, 0.0))
-    friction = sign * s.friction * normal * (1.0 - held**3)
-    # derivatives with respect to the unknowns, the last axis
-    points, phases = x.shape
+    slid = (x - np.roll(x, 1, axis=1) - surface * grid.angles[1]) / MICRO
+    pins = np.zeros((len(PINS), *x.shape))
+    pins[:2] = x / MICRO, y / MICRO
+    pins[2:4] = omega * along @ grid.rate.T, omega * towards @ grid.rate.T
+    pins[4] = omega * surface / s.radius
+    constants = dict(zip(grid.parameters, s.contact.T[..., np.newaxis], strict=True))
+    limit = grid.contact(constants | dict(zip(PINS, pins, strict=True)))["limit"]
+    pins[5], since = _clipped(slid, limit)
+    # difference quotients; the speed of the shaft has no effect on the forces
+    moved = [place for place, name in enumerate(PINS) if name != "shaft"]
+    scales = np.abs(pins[moved]).max(axis=2, keepdims=True)
+    steps = DIFFERENCE * np.where(scales > 0.0, scales, 1.0)
+    many = np.repeat(pins[:, np.newaxis], 1 + len(moved), axis=1)
+    for copy, place in enumerate(moved):
+        many[place, 1 + copy] += steps[copy]
+    found = grid.contact(constants | dict(zip(PINS, many, strict=True)))
 
-    def by(of_x: Array, of_y: Array, waves: Array, of_surface: Array | float = 0.0) -> Array:
-        last = np.broadcast_to(np.asarray(of_surface), (points, phases))
-        return np.concatenate([_wide(of_x) * waves, _wide(of_y) * waves, _wide(last)], axis=2)
+    def by_pins(name: str) -> Array:
+        values = np.broadcast_to(found[name], many.shape[1:])
+        return np.asarray((values[1:] - values[0]) / steps)[..., np.newaxis]
 
-    approach, d_factor = by(-sine, cosine, grid.shape), _wide(loss) * by(-sine, cosine, grid.rate)
-    d_normal = _wide(slope * factor) * approach + _wide(elastic) * d_factor
-    d_limit = _wide(s.ratio * factor) * approach + _wide(s.ratio * depth) * d_factor
+    shape, rate = grid.shape / MICRO, omega * grid.rate
+    none = np.zeros((*x.shape, 1))
+
+    def by(slope: Array) -> Array:
+        return np.concatenate([slope[0] * shape + slope[2] * rate, slope[1] * shape + slope[3] * rate, none], axis=2)
+
     # a slider that sticks has moved with the tip since it was at its limit, perhaps in the period before
+    points, phases = x.shape
     row, last = np.arange(points)[:, np.newaxis], since % phases
-    d_slider = by(cosine, sine, grid.shape - grid.shape[last], grid.angles[1] * (since - np.arange(phases)))
-    d_slider += _wide(np.where(since >= -phases, sign[row, last], 0.0)) * d_limit[row, last]
-    grip = np.divide(1.5 * s.friction * normal * held, limit, out=np.zeros_like(limit), where=limit > 0.0)
-    d_friction = _wide(sign * s.friction * (1.0 - held**3)) * d_normal
-    d_friction += _wide(grip) * d_slider - _wide(grip * sign * strain) * d_limit
-    return _Contact(
-        force_x=normal * sine - friction * cosine, force_y=-normal * cosine - friction * sine, friction=friction,
-        normal=normal, slider=slider, slid=slid, depth=depth, factor=factor,
-        slope_x=_wide(sine) * d_normal - _wide(cosine) * d_friction,
-        slope_y=-_wide(cosine) * d_normal - _wide(sine) * d_friction, slope_friction=d_friction,
-    )  # fmt: skip
-
-
-def _wide(values: Array) -> Array:
-    return values[..., np.newaxis]
-
-
-def _hertz(stators: _Stators, depth: Array) -> tuple[Array, Array]:
-    """Return the elastic normal force in N and its slope in N/m."""
-    flat = stators.flat
-    if not flat.any():
-        root = stators.hertz * np.sqrt(depth)
-        return root * depth, 1.5 * root
-    square = 2.0 * depth**2 / np.maximum(np.sqrt(flat**2 + 4.0 * depth**2) + flat, np.finfo(float).tiny)
-    force = stators.hertz * np.sqrt(square) * (square + 1.5 * flat)
-    return force, 1.5 * stators.hertz * np.sqrt(square + flat)
+    d_slider = by(by_pins("limit"))[row, last]
+    d_slider *= np.where(since >= -phases, np.sign(pins[5])[row, last], 0.0)[..., np.newaxis]
+    d_slider[..., :width] += shape - shape[last]
+    d_slider[..., -1] += grid.angles[1] / MICRO * (since - np.arange(phases))
+    slopes = [by(slope) + slope[4] * d_slider for slope in map(by_pins, ("fx", "fy", "friction"))]
+    forces = [np.broadcast_to(found[name], many.shape[1:])[0] for name in ("fx", "fy", "friction", "normal")]
+    return _Contact(*[*forces, pins, slid, *slopes])
 
 
 def _clipped(slid: Array, limit: Array) -> tuple[Array, Array]:
@@ -315,7 +313,7 @@ def _residual(stators: _Stators, grid: _Grid, response: _Response, unknowns: Arr
     missed[:, :-1] = unknowns[:, :-1] - _real(driven)
     derivative[:, :-1] = np.eye(count)[:-1] - _real(response.compliance @ slopes)
     # the rotor: held, or in balance with bearing and load
-    unit = (s.depth / (s.friction * s.preload))[:, 0]
+    unit = (s.depth / s.grip)[:, 0]
     turns, surface = s.turns[:, 0], unknowns[:, -1]
     balance = grid.omega * s.drag[:, 0] * surface + s.load[:, 0] - found.friction.mean(axis=1)
     missed[:, -1] = np.where(turns, unit * balance, surface - s.surface[:, 0])
@@ -401,7 +399,7 @@ def _run_up(stators: _Stators, grid: _Grid) -> tuple[Array, NDArray[np.bool_]]:
 
 def _solved(plants: Sequence[Plant], grid: _Grid) -> list[Array | None]:
     """Return the states of operating points at t = 0; ``None`` where no solution was found."""
-    stators = _stators(plants, grid.omega, grid.orders)
+    stators = _stators(plants, grid)
     steady = _response(stators, np.zeros(len(plants)), np.zeros_like(stators.forces))
     curves: dict[str, list[int]] = {}
     for place, plant in enumerate(plants):
@@ -452,27 +450,31 @@ def _state(plant: Plant, grid: _Grid, stators: _Stators, unknowns: Array) -> Arr
     velocities = (1j * grid.omega * orders @ coordinates).real
     modes, state = plant.modes, np.zeros(plant.order)
     state[:modes], state[modes : 2 * modes] = displacements[:modes], velocities[:modes]
-    state[plant.where("contact")] = _sliders(plant, stators, touching)
-    if plant.where("stem") != slice(0, 0):
-        normal, series = touching.normal[0], plant.motor.contact.series_compliance_m_per_n
-        rate = (normal[1] - normal[-1]) * grid.omega / (2.0 * grid.angles[1])
-        state[plant.where("stem")] = series * (normal[0] - plant.motor.contact.preload_n), series * rate
+    state[plant.where("contact")] = _sliders(plant, touching)
+    contact, stem = plant.motor.contact, []
+    for series, force, rest in (
+        (contact.series_compliance_m_per_n, touching.normal[0], contact.preload_n),
+        (contact.tangential_series_compliance_m_per_n, touching.friction[0], 0.0),
+    ):
+        if series:
+            rate = (force[1] - force[-1]) * grid.omega / (2.0 * grid.angles[1])
+            stem += [series * (force[0] - rest), series * rate]
+    state[plant.where("stem")] = stem
     state[plant.carrier] = np.column_stack([displacements[modes:], velocities[modes:]]).ravel()
     if plant.turns:
         state[-1] = unknowns[0, -1] * grid.omega / plant.motor.rotor.radius_m
     return state
 
 
-def _sliders(plant: Plant, stators: _Stators, touching: _Contact) -> Array:
-    """Return the slider, or those of a brush on the same motion, at t = 0."""
-    assert plant.law is not None
-    if plant.law.name != "brush":
-        return touching.slider[0, :1]
-    count = plant.law.sliders or 1
-    cell = REACH * contact_law.static_penetration(plant.motor.contact) / count**2
-    inner = np.arange(count)[:, np.newaxis]
-    wide = np.maximum(np.sqrt(touching.depth / cell) - inner, 0.0)
-    wide[:-1] = np.minimum(wide[:-1], 1.0)
-    part = wide * (touching.depth - cell * (inner**2 + wide * (inner + wide / 3.0)))
-    sliders, _ = _clipped(wide * touching.slid, stators.ratio * touching.factor * part)
-    return np.asarray(sliders[:, 0])
+def _sliders(plant: Plant, touching: _Contact) -> Array:
+    """Return the slider, or those of a brush on the same motion, at t = 0, in m."""
+    law = plant.law
+    if law is None or law.sliders is None:
+        return MICRO * touching.pins[-1, :, 0]
+    constants = {name: values[0] for name, values in _parameters([plant], law).items()}
+    pins = dict(zip(PINS, touching.pins[:, 0], strict=True))
+    brush = library_function(contact_library(law))
+    found = brush(constants | pins | dict.fromkeys(brush.states, 0.0))
+    wide, limit = (np.stack([found[f"{node}{1 + cell}"] for cell in range(law.sliders)]) for node in "wl")
+    sliders, _ = _clipped(wide * touching.slid, limit)
+    return MICRO * sliders[:, 0]

@@ -25,15 +25,14 @@ from numpy.typing import NDArray
 
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.recoil import carriers
-from pyspice_runner.netlist.contact import LIBRARIES, contact_library, contact_values
+from pyspice_runner.netlist.contact import LIBRARIES, contact_library
 from pyspice_runner.netlist.copies import Plant
-from pyspice_runner.netlist.evaluated import library_function
+from pyspice_runner.netlist.evaluated import DIFFERENCE, library_function, parameter_columns
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import SLIDER_TIME
 from pyspice_runner.netlist.state import MICRO, Discretisation, static_sway, written, written_recoils
 
 Array = NDArray[np.float64]
-DIFFERENCE = 1e-7  # of the scale of an input: the curvature and rounding change less than that
 
 
 @dataclass(frozen=True)
@@ -145,25 +144,19 @@ class _Group:
         motors = [course.plant.motor for course in self.courses]
         law, step = self.law, self.discretisation
 
-        def column(values: Sequence[float]) -> Array:
-            return np.array(values)[:, np.newaxis, np.newaxis]
+        def column(values: Sequence[float] | Array) -> Array:
+            return np.asarray(values)[:, np.newaxis, np.newaxis]
 
-        flexibility = [
-            sum(mode.tip_y**2 / written(mode, step)[1] for mode in motor.modes)
-            + motor.contact.series_compliance_m_per_n
+        bent = [
+            motor.contact.preload_n
+            * (
+                sum(mode.tip_y**2 / written(mode, step)[1] for mode in motor.modes)
+                + motor.contact.series_compliance_m_per_n
+            )
             for motor in motors
         ]
-        each = [
-            contact_values(
-                law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n,
-                deflection=motor.contact.preload_n * soft, slider_time=step.slider_time,
-            )
-            for motor, soft in zip(motors, flexibility, strict=True)
-        ]  # fmt: skip
-        values: dict[str, Any] = {
-            item.name: item.default for item in contact_library(law, motors[0].contact).parameters
-        }
-        values |= {name: column([one[name] for one in each]) for name in each[0]}
+        columns = parameter_columns(law, motors, bent, step.slider_time)
+        values: dict[str, Any] = {name: column(numbers) for name, numbers in columns.items()}
         x, y, vx, vy, shaft, *states, normal = np.moveaxis(inputs, -1, 0)
         rates = []
         if self.soft:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import CodeType
@@ -12,10 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.netlist.contact import Law, contact_library, contact_values
 from pyspice_runner.netlist.expressions import equations, translated
 from pyspice_runner.netlist.library import Library
 
 Array = NDArray[np.float64]
+DIFFERENCE = 1e-7  # step of a difference quotient over the scale: the curvature and rounding change less than that
 _REPETITIONS = 3  # of a node that depends on itself by a small term, as the penetration over the radius of the rotor
 
 
@@ -74,3 +77,22 @@ def library_function(library: Library) -> LibraryFunction:
         leak = f"-V({node})/{known.resistances[node]}" if node in known.resistances else ""
         program.append((f"rate_{node}", compiled(f"({flow}{leak})/{capacitance}"), 1))
     return LibraryFunction(tuple(known.capacitances), tuple(program))
+
+
+def parameter_columns(
+    law: Law, motors: Sequence[Motor], deflections_m: Sequence[float], slider_time: float | None = None
+) -> dict[str, Array]:
+    """Return the parameters of a law's library in its units and order, each for all motors.
+
+    The motors have the same library. The deflections are those of stator and series compliance under the preload.
+    """
+    defaults = {parameter.name: parameter.default for parameter in contact_library(law, motors[0].contact).parameters}
+    each = [
+        defaults
+        | contact_values(
+            law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=deflection,
+            slider_time=slider_time,
+        )
+        for motor, deflection in zip(motors, deflections_m, strict=True)
+    ]  # fmt: skip
+    return {name: np.array([values[name] for values in each], dtype=float) for name in defaults}

@@ -45,6 +45,22 @@ def test_a_motor_starts_near_its_steady_state_however_it_lifts_off(name: str, la
         assert gap(plant, state) < START
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"contact.worn_flat_radius_m": 5e-5},
+        {"contact.sliding_ratio": 0.7},
+        {"contact.tangential_series_compliance_m_per_n": 2e-8},
+    ],
+)
+def test_a_changed_contact_starts_near_its_steady_state(changes: dict[str, float]) -> None:
+    motor = pr.load_motor("bimodal40").updated(changes)
+    plants = [Plant(motor, pr.default_drive(motor), Load(speed), Law()) for speed in (0.0, 20.0)]
+    for plant, state in zip(plants, harmonic_starts(plants), strict=True):
+        assert state is not None
+        assert gap(plant, state) < START
+
+
 def test_a_free_shaft_starts_at_its_speed() -> None:
     motor = pr.load_motor("bimodal40")
     plant = Plant(motor, pr.default_drive(motor), Load(None), Law())
