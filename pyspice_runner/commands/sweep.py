@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -174,13 +175,16 @@ def _cluster(address: str | None, workers: int | None) -> Iterator[Executor | No
         raise pr.ParameterError("--workers and --scheduler exclude each other: a cluster has its own workers.")
     try:
         from distributed import Client
+        from distributed.comm.addressing import parse_address, parse_host_port
     except ImportError:
         raise pr.ParameterError(
             "--scheduler needs Dask. Install it: `pip install 'pyspice-runner[distributed]'`."
         ) from None
     try:
+        # a client would start its event loop first, and repeat a refused connection for its whole timeout
+        socket.create_connection(parse_host_port(parse_address(address)[1]), timeout=10).close()
         client = Client(address, timeout=10, set_as_default=False)  # a failed one would remain Dask's default
-    except (OSError, ValueError, TypeError, RuntimeError) as error:  # by the kind of address
+    except (OSError, ValueError, TypeError, RuntimeError, OverflowError) as error:  # by the kind of address
         raise pr.ParameterError(
             f"There is no Dask scheduler at {address}: {error}. Start one, `dask scheduler`."
         ) from error

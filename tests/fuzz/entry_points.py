@@ -416,6 +416,7 @@ def nothing_runs() -> Iterator[None]:
         mock.patch("pyspice_runner.study.answers.outcomes", here),
         mock.patch("pyspice_runner.study.plan.MOST_POINTS", 200),  # more would take long
         mock.patch("pyspice_runner.spectra.identify.problem.Problem.__init__", refuse),
+        mock.patch("socket.create_connection", unreachable),
         mock.patch("distributed.Client", unreachable),
         mock.patch("typer.main.get_command", return_value=_GROUP),  # typer would build it for every run
         mock.patch("pyspice_runner.model.beam.resonator_modes", _resonator_modes),
