@@ -64,7 +64,7 @@ _ROUNDS = 4  # of transformer ratio and network, each of which depends on the ot
 _SPARE = 0.9  # of a load torque, which a motor with pins of a somewhat lower voltage must give at least
 _LEAST_STEP = 0.02  # of a ratio from 1, below which a half bridge needs no transformer
 _RATIOS = (0.1, 100.0)  # of a transformer, as in its library
-_DETUNED = 0.02  # of the reactance of a coil: what is left of it below this needs no capacitor
+_DETUNED = 0.02  # of the reactance of a coil: a smaller difference needs no capacitor
 _INSTEAD = {
     "none": "Take a network, --driver …+llcc, or a stage of lower resistance.",
     "inductor": "Series matching cannot follow this load. Take +llcc, lower the voltage, or control the amplitude.",

@@ -2,7 +2,7 @@
 """The switching of a bridge: whether its transistors turn on without voltage, and what would make them.
 
 The leg commutates in the dead time: the current of its output charges the output capacitances of both transistors. If
-the voltage across a transistor has not come to zero when it turns on, its channel discharges what is left (hard
+the voltage across a transistor has not come to zero when it turns on, its channel discharges the rest (hard
 switching).
 """
 

@@ -64,7 +64,7 @@ def calibrate(
     read = measured.reader(columns, None)
     spectra = [(read(file), state) for file, state in files]
     told = "is not PATH=PERCENT; write it as contact.friction=20%."
-    priors = {path: _share(path, text) for path, text in common.pairs_of("--prior", prior, told)}
+    priors = {path: common.percentage("--prior", path, text) for path, text in common.pairs_of("--prior", prior, told)}
     with common.counting("steady states") as progress:
         result = pr.calibrate(
             loaded, points, free=[path.strip() for path in free.split(",") if path.strip()],
@@ -81,13 +81,3 @@ def _stated(text: str) -> tuple[Path, State]:
         if text.startswith(f"{state}="):
             return Path(text.removeprefix(f"{state}=")), state
     return Path(text), "preloaded" if "preload" in Path(text).stem.lower() else "free"
-
-
-def _share(path: str, text: str) -> float:
-    try:
-        number, percent, rest = text.strip().removeprefix("±").partition("%")
-        if not percent or rest:
-            raise ValueError
-        return float(number) / 100.0
-    except ValueError:
-        raise pr.ParameterError(f"--prior {path}: {text!r} is not a percentage. Write {path}=20%.") from None

@@ -212,6 +212,17 @@ def pairs_of(
         yield path, value
 
 
+def percentage(option: str, path: str, text: str) -> float:
+    """Return the share that a text as ``10%`` or ``±10%`` states. Raise ParameterError for another text."""
+    try:
+        number, percent, rest = text.strip().removeprefix("±").partition("%")
+        if not percent or rest:
+            raise ValueError
+        return float(number) / 100.0
+    except ValueError:
+        raise pr.ParameterError(f"{option} {path}: {text!r} is not a percentage. Write {path}=10%.") from None
+
+
 def check_targets(
     output: Path | None, endings: tuple[str, ...], plot: Path | None, inputs: Iterable[str | Path | None] = ()
 ) -> None:

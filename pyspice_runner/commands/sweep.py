@@ -101,7 +101,7 @@ def sweep(
     for path, text in common.pairs_of("--tolerance", tolerance):
         if path in axes:
             raise pr.ParameterError(f"{path} is given to --over and to --tolerance. Give it to one of them.")
-        axes[path] = pr.Tolerance(_percent(path, text), distribution)
+        axes[path] = pr.Tolerance(common.percentage("--tolerance", path, text), distribution)
     settings: dict[str, Any] = {"speed": speed, "duration": duration, "load_torque": load_torque, "timeout": timeout}
     settings["engine"] = None if engine == "spice" else engine  # which is the default of the run
     run = {name: value for name, value in settings.items() if value is not None}
@@ -153,16 +153,6 @@ def _question(
         kept = ["motor_power_w", "driver_efficiency", "mean_rotor_speed_rad_s"]
         return {"quantities": quantity or kept, **settings}
     return {"quantities": quantity or ["mean_rotor_speed_rad_s", "mean_torque_n_m"], "duration": 5e-3}
-
-
-def _percent(path: str, text: str) -> float:
-    try:
-        number, percent, rest = text.strip().removeprefix("±").partition("%")
-        if not percent or rest:
-            raise ValueError
-        return float(number) / 100.0
-    except ValueError:
-        raise pr.ParameterError(f"--tolerance {path}: {text!r} is not a percentage. Write 10%.") from None
 
 
 @contextmanager

@@ -138,7 +138,7 @@ def test_contact_gives_the_sums_of_the_law_over_a_period(
     law = contact_period(phases, x, y, speed, frequency, series)
     found = run_contact(tmp_path, phases, harmonics, x, y, speed, frequency, series)
     scale = CONTACT["preload"]
-    # the slider's memory settles over the periods of the run: what is left of it is below exp(-60); the force with a
+    # the slider's memory settles over the periods of the run to below exp(-60); the force with a
     # compliance is right to 3e-5
     bound = 1e-4 * max(scale, law["normal"].max() if series else 0.0)
     for name in ("normal", "friction"):
