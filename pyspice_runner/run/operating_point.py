@@ -25,6 +25,7 @@ from pyspice_runner.run.paths import Parameter, canonical, changed, parameter, u
 from pyspice_runner.run.recording import Recording
 
 MOST_POINTS = 20_000_000  # recorded points: 4 GB of vectors, 160 MB per signal
+_ROUNDED_DOWN = 0.995  # a limit that is printed with three digits is not above itself
 LEAST_ACCURACY, MOST_ACCURACY = 1e-4, 0.05  # finer, Newton's iteration counts; coarser, the order is lost
 
 
@@ -162,7 +163,7 @@ class OperatingPoint:
         if step > coarsest:
             raise ParameterError(
                 f"step = {step:g} s is too coarse for a motion of {1.0 / self.shortest_period:.4g} Hz; it must be <= "
-                f"{coarsest:.3g} s."
+                f"{_ROUNDED_DOWN * coarsest:.3g} s."
             )
         return step
 

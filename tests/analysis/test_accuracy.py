@@ -20,8 +20,8 @@ MORE = {
 
 
 def opens(run: Waveforms) -> bool:
-    """Whether the tip leaves the rotor; the whole distance from a coarser run then counts as its error."""
-    return run.state_fractions["separated"] > 0.0
+    """Whether the tip ever leaves the rotor; the whole distance from a coarser run then counts as its error."""
+    return bool((run.normal_force_n <= 0.0).any())
 
 
 def accurate(name: str, accuracy: float) -> Waveforms:

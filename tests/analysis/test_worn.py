@@ -55,8 +55,10 @@ def test_the_page_of_the_motor_has_the_numbers_new_and_run_in() -> None:
 
 @pytest.mark.soak
 def test_a_steady_state_is_what_the_motor_settles_to() -> None:
-    state = pr.steady_state(MOTOR, DRIVE, speed=10.0)
-    settled = operating_point(MOTOR, DRIVE, speed=10.0, mode="settle", tolerance=1e-3)
+    """At half of the voltage, where there is one steady state."""
+    drive = DRIVE.updated({"voltage": 55.0})
+    state = pr.steady_state(MOTOR, drive, speed=10.0)
+    settled = operating_point(MOTOR, drive, speed=10.0, mode="settle", tolerance=1e-3)
     friction = 0.3 * 6.5 * 0.015
     assert state.stable
     assert state.torque_n_m == pytest.approx(settled["torque_n_m"], abs=5e-3 * friction)  # as for a new tip
