@@ -43,6 +43,7 @@ from pyspice_runner.run.operating_point import OperatingPoint
 Array = NDArray[np.float64]
 HARMONICS = (1, 2, 3, 5, 7, 9)  # of a stage's output for the derivative
 FADED = 1e-6  # part of the largest singular value below which a state at the start has no influence but by rounding
+ROUGH = 5e-3  # accuracy from which on steps twice as long may do
 NEUTRAL = 1e-5  # distance of a multiplier from 1 within the error of a derivative by finite differences
 FEWEST_PERIODS = 10  # of the transient from which a curve starts
 SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs if Newton's method fails
@@ -132,10 +133,10 @@ def pin_vectors(copy: str) -> dict[str, str]:
 class DrivenShooting(Shooting):
     """Newton's method with the derivative of the motor behind the harmonics of its stage's output."""
 
-    def __init__(self, points: Sequence[Point], period_map: DrivenMap, timeout: float | None = None) -> None:
+    def __init__(self, points: Sequence[Point], period_map: DrivenMap) -> None:
         super().__init__(points, period_map)
         self.even = period_map if period_map.uniform else DrivenMap(
-            period_map.period, _EVEN * ceil(period_map.steps / 2 / _EVEN), timeout, uniform=True
+            period_map.period, _EVEN * ceil(period_map.steps / 2 / _EVEN), period_map.timeout, uniform=True
         )  # fmt: skip
 
     def _evaluate(self, points: Sequence[Point]) -> None:
@@ -249,13 +250,17 @@ def check_driven(setup: OperatingPoint) -> None:
 
 
 def driven_answers(
-    setups: Sequence[OperatingPoint], starts: Sequence[Point | None]
+    setups: Sequence[OperatingPoint], starts: Sequence[Point | None], accuracy: float
 ) -> tuple[list[Answer], tuple[DrivenMap, ...]]:
     """Solve operating points of motors behind drivers of the same frequency; return the answers and the maps.
 
     ``starts`` are solutions with ideal voltages at the pins, near those behind the driver, from which Newton's method
     is tried alone. Without them the first point of each curve starts from a short transient, the others from that
     point's solution, and where this fails after a longer transient.
+
+    The step is that of the operating points, for a rough ``accuracy`` twice as long, and half of it to compare. Where
+    uniform steps have a larger error of the torque, it is halved once more. Floquet multipliers are those of the
+    longest step.
     """
     points: list[DrivenPoint] = []
     for setup, start in zip(setups, starts, strict=True):
@@ -266,30 +271,51 @@ def driven_answers(
         state = np.zeros(plant.order) if start is None else _behind_network(plant, start)
         points.append(DrivenPoint(plant, state, _scale(plant), guessed=start is not None))
     first = setups[0]
-    maps = tuple(
+    rough = accuracy >= ROUGH and first.source.uniform
+    steps = (0.5, 1.0, 2.0) if rough else (1.0, 2.0)
+    maps = [
         DrivenMap(
-            first.source.period, finer * _EVEN * ceil(first.source.period / first.step / _EVEN), first.solver.timeout,
+            first.source.period, _EVEN * ceil(finer * first.source.period / first.step / _EVEN), first.solver.timeout,
             uniform=first.source.uniform,
         )
-        for finer in (1, 2)
-    )  # fmt: skip
+        for finer in steps
+    ]  # fmt: skip
     _search([point for point in points if not point.guessed], maps[0])
     _place([point for point in points if point.guessed], maps[0])
-    coarse = _metered(setups, points, maps[0])
-    shooting = DrivenShooting(points, maps[1])
-    shooting.solve([point for point in points if point.done])
-    shooting.measure([point for point in points if point.done and point.far])
-    fine = _metered(setups, points, maps[1])
-    answers = []
-    for point, one, other in zip(points, fine, coarse, strict=True):
-        answer = Answer(point, maps[1])
-        if one and other:
-            assert isinstance(point.plant, DrivenPlant)
-            assert point.trace is not None
-            speed = float(point.trace.states[point.plant.inner - 1].mean()) if point.plant.turns else None
-            answer = Answer(point, maps[1], one, abs(one["torque_n_m"] - other["torque_n_m"]), speed)
-        answers.append(answer)
-    return answers, maps
+    answers = [Answer(point, maps[1]) for point in points]
+    before = _metered(setups, points, maps[0])
+    stability = DrivenShooting(points, maps[0])
+    pending = list(range(len(points)))
+    for period_map in maps[1:]:
+        some = [points[place] for place in pending]
+        DrivenShooting(some, period_map).solve([point for point in some if point.done])
+        stability.measure([point for point in some if point.done and point.far])
+        found = _metered([setups[place] for place in pending], some, period_map)
+        for place, fine in zip(pending, found, strict=True):
+            answers[place] = _answer(points[place], period_map, fine, before[place])
+            before[place] = fine
+        pending = [place for place in pending if answers[place].error > accuracy * _friction(points[place])]
+        if not pending:
+            break
+    return answers, tuple(maps)
+
+
+def _answer(
+    point: DrivenPoint, period_map: DrivenMap, fine: Mapping[str, float], coarse: Mapping[str, float]
+) -> Answer:
+    """Return the answer for the quantities at a step and at one twice as long; both are empty without a solution."""
+    if not (fine and coarse):
+        return Answer(point, period_map)
+    assert isinstance(point.plant, DrivenPlant)
+    assert point.trace is not None
+    speed = float(point.trace.states[point.plant.inner - 1].mean()) if point.plant.turns else None
+    return Answer(point, period_map, fine, abs(fine["torque_n_m"] - coarse["torque_n_m"]), speed)
+
+
+def _friction(point: Point) -> float:
+    """Return the friction torque under the preload, N·m."""
+    motor = point.plant.motor
+    return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
 
 
 def _behind_network(plant: DrivenPlant, start: Point) -> Array:

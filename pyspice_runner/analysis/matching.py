@@ -383,15 +383,16 @@ class _Search:
         behind = [
             replace(self.ideal, source=driver.equivalent(), load=Load(speed=point.speed_rad_s)) for point in self.points
         ]
-        names = [point.state for point in self.points]
-        starts = [state.solution for state in self.states.values()]
-        rise = self.rise
-        groups = [(behind, starts), ([self._warmed(behind[1], rise)], starts[1:2])][: 2 if rise else 1]
-        solved = [state for points, guesses in groups for state in _solved(points, guesses, surely=share == 0.0)]
-        states = dict(zip([*names, WARM], solved, strict=False))
+        starts, surely = [state.solution for state in self.states.values()], share == 0.0
         found = replace(begun, driver=driver, share=share)
-        if told := _lost(states, begun.wanted_v, "behind this driver; the voltages wanted at the pins"):
-            return replace(found, reason=f"{told} {_INSTEAD[driver.network]}")
+        states = dict(zip(self.states, _solved(behind, starts, surely=surely), strict=True))
+        lost = _lost(states, begun.wanted_v, where := "behind this driver; the voltages wanted at the pins")
+        if (rise := self.rise) and not lost:
+            warm = self._warmed(behind[1], rise)
+            states[WARM] = _solved([warm], starts[1:2], surely=surely)[0]
+            lost = _lost(states, begun.wanted_v, where)
+        if lost:
+            return replace(found, reason=f"{lost} {_INSTEAD[driver.network]}")
         points = tuple(_point(name, state, driver) for name, state in states.items())
         parts = part_loads(driver, _phasors(driver, points))
         peaks = {group: max(point.group(group).voltage_v for point in points) for group in GROUPS}

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.driven import Answer, check_driven, driven_answers
+from pyspice_runner.analysis.driven import ROUGH, Answer, check_driven, driven_answers
 from pyspice_runner.analysis.dynamometer import STUCK, Quantities, delivering, stuck
 from pyspice_runner.analysis.period_map import PeriodMap, cores
 from pyspice_runner.analysis.period_means import current, extrapolated, means, quantities, speed, tip
@@ -45,7 +45,6 @@ from pyspice_runner.units import engineering
 OFFSETS = 2  # copies of each point, whose steps lie between each other's
 MOST_REFINEMENTS = 2  # halvings of the step beyond the default
 ACCURACY = 2e-3  # of the friction torque under the preload, μ F₀ R
-ROUGH = 5e-3  # accuracy from which on the coarse step may do, in a contact that does not open
 FROM_SPREAD = 4.0  # bound of the error of the mean of two copies over their distance, where the contact stays closed
 LONGEST_PERIOD = 1000  # periods of the fastest motion in one of the drive; beyond, settling is cheaper
 
@@ -273,7 +272,9 @@ def steady_states(
         for (places, _), states in zip(parts, pool.map(solved, parts), strict=True):
             found |= zip(places, states, strict=True)
     for places in behind.values():
-        answers, maps = driven_answers([setups[place] for place in places], [starts[place] for place in places])
+        answers, maps = driven_answers(
+            [setups[place] for place in places], [starts[place] for place in places], accuracy or ACCURACY
+        )
         for place, answer in zip(places, answers, strict=True):
             state = _result(setups[place], answer.point, answer, maps)
             if state.converged and waveforms:

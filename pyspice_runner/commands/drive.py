@@ -144,7 +144,7 @@ def drive(
 
 def _save(document: Mapping[str, Any], path: Path) -> None:
     """Write a design without a driver."""
-    common.write_table(path, document, [["reason"], [document["design"]["reason"].replace(",", ";")]])
+    common.write_table(path, document, [["reason"], [document["design"]["reason"]]])
 
 
 def _no_plot(_: Path) -> None:
@@ -270,7 +270,7 @@ def _parts(changes: list[str] | None) -> dict[str, float]:
 
 def _rows(reports: list[DriveReport]) -> list[list[str]]:
     """Return one row for each number of the reports, by its path in ``--json``, with one column for each driver."""
-    rows = [["driver", *(report.driver["label"].replace(",", ";") for report in reports)]]
+    rows = [["driver", *(report.driver["label"] for report in reports)]]
     documents = [dict(common.leaves(report.to_dict())) for report in reports]
     for path in dict.fromkeys(path for document in documents for path in document):
         values = [document.get(path) for document in documents]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from functools import cache
 from math import atan, degrees, pi, sqrt
@@ -331,12 +332,16 @@ def test_the_command_reports_on_one_driver_and_compares_two(tmp_path: Path, caps
     assert (tmp_path / "two.png").stat().st_size > 20_000
 
 
-def test_the_command_says_why_there_is_no_driver_for_a_rail(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["drive", "andersen2002", "--rail", "190", "--stage", "half-bridge", "--json"]) == 0
+def test_the_command_says_why_there_is_no_driver_for_a_rail(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    table = tmp_path / "why.csv"
+    words = ["--rail", "190", "--stage", "half-bridge", "--output", str(table), "--json"]
+    assert run(["drive", "andersen2002", *words]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["maxima"] == {}
     assert not found["design"]["feasible"]
     assert "its transistors take 180 V" in found["design"]["reason"]
+    with table.open(encoding="utf-8", newline="") as file:
+        assert list(csv.reader(file)) == [["reason"], [found["design"]["reason"]]]
 
 
 @pytest.mark.soak
