@@ -1,19 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Designs of drivers for random specifications; ``python -m tests.random_drivers 100`` counts their outcomes."""
+"""Designs of drivers for random specifications.
+
+``python -m tests.random_drivers --count 100`` continues the record ``random_drivers.json`` and counts the outcomes.
+"""
 
 from __future__ import annotations
 
+import argparse
+import json
 import random
-import sys
+import time
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.design import Design
 from pyspice_runner.analysis.drive import DriveReport
 
+RECORD = Path(__file__).with_suffix(".json")
 MOTORS = ("bimodal40", "beam40", "andersen2002")
-STAGES = ("linear", "half-bridge", "full-bridge")
+STAGES = ("linear", "half-bridge", "full-bridge", "push-pull")
 NETWORKS = ("inductor", "llcc")
 RAILS = (12.0, 400.0)  # V
 SEED = 31
@@ -59,28 +67,48 @@ def designed(spec: Specification) -> tuple[Design, DriveReport | None]:
     return report.design, report
 
 
-def outcome(spec: Specification) -> str:
-    """Return ``feasible``, or the kind of the reason why not.
+def outcome(spec: Specification) -> tuple[bool, str]:
+    """Return whether there is a feasible design, and its reason.
 
     Raises:
         AssertionError: for a design without a reason, or a feasible one that was not simulated.
     """
-    found, report = designed(spec)
+    try:
+        found, report = designed(spec)
+    except pr.SimulationError as error:
+        return False, f"failed: {error}"
     assert found.reason
     if not found.feasible:
-        return f"not feasible: {found.reason.split('.')[0][:60]}"
+        return False, found.reason
     assert report is not None
     assert found.starts
     assert len(found.points) >= 3
+    assert not report.maxima["exceeded"]
     assert all(part.peak_voltage_v for part in found.parts if part.unit in ("H", "F"))
-    return "feasible"
+    return True, found.reason
+
+
+def read() -> list[dict[str, Any]]:
+    """Return the record."""
+    found: list[dict[str, Any]] = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else []
+    return found
+
+
+def main() -> None:
+    """Run specifications until there are so many, or the time is over."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--seconds", type=float, default=1e9)
+    chosen = parser.parse_args()
+    record, begun = read(), time.monotonic()
+    while len(record) < chosen.count and time.monotonic() - begun < chosen.seconds:
+        spec = specification(len(record))
+        feasible, reason = outcome(spec)
+        record.append({"index": len(record), **asdict(spec), "feasible": feasible, "reason": reason})
+        lines = ",\n".join(json.dumps(one, separators=(",", ":"), ensure_ascii=False) for one in record)
+        RECORD.write_text(f"[{lines}]\n", encoding="utf-8")
+    print(len(record), Counter(one["feasible"] for one in record))
 
 
 if __name__ == "__main__":
-    first, last = (0, int(sys.argv[1])) if len(sys.argv) == 2 else (int(sys.argv[1]), int(sys.argv[2]))
-    counted: Counter[str] = Counter()
-    for number in range(first, last):
-        told = outcome(specification(number))
-        counted["feasible" if told == "feasible" else "not feasible"] += 1
-        print(number, specification(number), told, flush=True)
-    print(dict(counted))
+    main()

@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pyspice_runner.analysis.maxima import PartLoad
+from pyspice_runner.analysis.maxima import PartLoad, exceeded
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.strength import depolarised
 from pyspice_runner.netlist.drivers import Driver
-from pyspice_runner.netlist.stock import beyond
 
 STALL, OPERATING, IDLE = "stall", "operating point", "no load"  # states of the range
 WARM = "operating point, warm"  # the motor at its temperature, the frequency following its drift
@@ -100,7 +99,7 @@ class Design:
         assert self.driver is not None
         both = tuple(_larger(one, other) for one, other in zip(parts, _matched(self.parts, parts), strict=True))
         starts = None if speed_rad_s is None else self._starts(speed_rad_s)
-        told = [*exceeded(both, self.driver.frequency), *depolarised(motor, volts)]
+        told = [*exceeded(both, self.driver), *depolarised(motor, volts)]
         if starts is False:
             told.append(f"The motor does not start: it turns at {speed_rad_s:.3g} rad/s at the end of the run.")
         feasible = self.feasible and not told
@@ -142,13 +141,3 @@ def _larger(one: PartLoad, other: PartLoad | None) -> PartLoad:
 def _greater(one: float | None, other: float | None) -> float | None:
     """Return the greater of two values that are known."""
     return max((value for value in (one, other) if value is not None), default=None)
-
-
-def exceeded(parts: Sequence[PartLoad], frequency: float) -> list[str]:
-    """Return one sentence for each limit of a coil or a capacitor that is exceeded."""
-    told: list[str] = []
-    for part in parts:
-        if part.unit in ("H", "F"):
-            volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
-            told += beyond(part.name, part.value, part.unit, volts, amperes, frequency)
-    return told

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.design import OPERATING, Design, exceeded
+from pyspice_runner.analysis.design import OPERATING, Design
 from pyspice_runner.analysis.maxima import PartLoad, load_vectors, maxima, part_loads
 from pyspice_runner.analysis.switching import TurnOn, edge_waveforms, switching_vectors, turn_ons
 from pyspice_runner.errors import ParameterError
@@ -205,7 +205,7 @@ class DriveReport(Result):
         """Limits of coils and capacitors that the run exceeds; a design has them in its reason."""
         if self.design:
             return []
-        return exceeded([PartLoad(**load) for load in self.maxima["parts"]], self.driver["frequency"])
+        return list(self.maxima["exceeded"])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report, JSON-ready."""

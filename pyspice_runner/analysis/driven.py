@@ -235,9 +235,9 @@ def check_driven(setup: OperatingPoint) -> None:
         raise ParameterError(
             f"The driver {source.name} is a subcircuit of your own, whose states are not known. {settle}"
         )
-    if source.kind == "full-bridge":
+    if source.kind in ("full-bridge", "push-pull"):
         raise ParameterError(
-            f"A full bridge with its transformer has no steady state by shooting. {settle} Or take "
+            f"A {source.kind} with its transformer has no steady state by shooting. {settle} Or take "
             "driver.equivalent(), which leaves out dead time and harmonics."
         )
     if setup.law is None:

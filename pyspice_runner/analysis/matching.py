@@ -15,7 +15,7 @@ from __future__ import annotations
 from cmath import phase, rect
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import degrees, pi, radians
+from math import degrees, pi, radians, sqrt
 from typing import Any
 
 import numpy as np
@@ -29,9 +29,8 @@ from pyspice_runner.analysis.design import (
     Design,
     GroupPoint,
     RangePoint,
-    exceeded,
 )
-from pyspice_runner.analysis.maxima import NO_CAPACITOR, NO_COIL, NO_PARALLEL, part_loads
+from pyspice_runner.analysis.maxima import NO_BLEEDER, NO_CAPACITOR, NO_COIL, NO_PARALLEL, exceeded, part_loads
 from pyspice_runner.analysis.shooting import Point
 from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.errors import ParameterError
@@ -41,7 +40,8 @@ from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.strength import depolarised
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import ContactLaw
-from pyspice_runner.netlist.drivers import HEADROOM, Driver, NetworkKind
+from pyspice_runner.netlist.drivers import BRIDGES, HEADROOM, Driver, NetworkKind
+from pyspice_runner.netlist.mosfets import MOSFETS, suited
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.stock import (
     E12,
@@ -60,6 +60,10 @@ _SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the reactance that a series network 
 # reactance of a coil behind switching edges over that of the clamped capacitance, both at the drive: the third harmonic
 # of a square wave, a third of its fundamental, then is 9 % at the pin
 _FILTER = 0.6
+# of a bleeder over the reactance of its capacitor: it takes a hundredth of the current, and an offset of the pin decays
+# in 100 (1 + C of the group over C in series) / ω, a few tens of periods
+BLED = 100.0
+SPIKE = 2.0  # of the transistors of a push-pull stage over their swing, by the leakage between the halves: assumed
 _ROUNDS = 4  # of transformer ratio and network, each of which depends on the other
 _SPARE = 0.9  # of a load torque, which a motor with pins of a somewhat lower voltage must give at least
 _LEAST_STEP = 0.02  # of a ratio from 1, below which a half bridge needs no transformer
@@ -115,13 +119,16 @@ def propose_matching(
         raise ParameterError("A driver is designed for a motor on its rotor. Give a law of the contact, not none.")
     wanted = {group: abs(volts) for group, volts in _pins(drive).items()}
     values = {name: value for name, value in (parts or {}).items() if "." not in name}
+    choose = rail is not None and stage in BRIDGES and "mosfet" not in values
+    if choose:
+        values["mosfet"] = MOSFETS[-1]  # of the highest voltage, until the currents are known
     template = Driver(kind=stage, network=network, frequency=drive.frequency, voltage=1.0, **values)
     template = template.updated({name: value for name, value in (parts or {}).items() if "." in name})
     states = _range(ideal)
     begun = Design(None, wanted, load_torque_n_m=load_torque)
     if told := _lost(states, wanted, "with the wanted voltages at the pins"):
         return replace(begun, reason=told)
-    search = _Search(ideal, drive, template, rail, load_torque, states)
+    search = _Search(ideal, drive, template, rail, load_torque, states, choose)
     begun = replace(begun, unmatched=search.points, reason=search.unreachable())
     if begun.reason:
         return begun
@@ -208,7 +215,7 @@ def _network(driver: Driver, group: str) -> tuple[complex, complex]:
         values, prefix = part.values, "series_" if part.label == "llcc" else ""
         series += values[f"{prefix}resistance"] + 1j * omega * values[f"{prefix}inductance"]
         if values[f"{prefix}capacitance"] != NO_CAPACITOR:
-            series += 1.0 / (1j * omega * values[f"{prefix}capacitance"])
+            series += 1.0 / (1j * omega * values[f"{prefix}capacitance"] + 1.0 / values["bleeder"])
         if part.label == "llcc":
             coil = values["parallel_resistance"] + 1j * omega * values["parallel_inductance"]
             across += 1.0 / coil + 1j * omega * values["parallel_capacitance"]
@@ -233,7 +240,9 @@ class _Search:
         rail: float | None,
         load_torque: float,
         states: Mapping[str, SteadyState],
+        choose: bool,
     ) -> None:
+        self.choose = choose  # the MOSFET
         self.ideal, self.driver, self.rail, self.states = ideal, driver, rail, states
         self.load_torque = load_torque
         self.points = tuple(_point(name, state, None) for name, state in states.items())
@@ -293,9 +302,20 @@ class _Search:
         try:
             for _ in range(_ROUNDS):
                 driver = self._supplied(driver.updated(self._values(driver, share)))
+                if self.choose:
+                    driver = driver.updated({"mosfet": self._mosfet(driver)})
         except ParameterError as error:
             raise _NotFeasibleError(f"{error} Take another stage, rail or MOSFET.") from None
         return driver
+
+    def _mosfet(self, driver: Driver) -> str:
+        """Return the MOSFET with the least loss at the operating point."""
+        volts = driver.swing("a") * (SPIKE if driver.kind == "push-pull" else 1.0)
+        current = 0.0
+        for group, pin in self.pins.items():
+            _, through = _at_stage(driver, group, pin, pin / _impedance(self.middle, group))
+            current = max(current, driver.ratio(group) * abs(through) / sqrt(2.0))
+        return suited(volts, driver.swing("a"), current, driver.frequency) or MOSFETS[-1]
 
     def _values(self, driver: Driver, share: float) -> dict[str, float]:
         """Return the settings of the network."""
@@ -321,6 +341,8 @@ class _Search:
             values[f"{label}.{prefix}capacitance"] = capacitor
             if driver.network == "llcc":
                 values |= self._across(group, most)
+            isolated = capacitor != NO_CAPACITOR and values.get(f"{label}.parallel_inductance", NO_COIL) == NO_COIL
+            values[f"{label}.bleeder"] = nearest(BLED / (omega * capacitor), E12) if isolated else NO_BLEEDER
         return values
 
     def _across(self, group: str, most: float) -> dict[str, float]:
@@ -352,7 +374,7 @@ class _Search:
         if self.rail is None:
             return driver.updated(changes)
         if driver.switched:
-            changes["supply_v"], before = self.rail, (4.0 if driver.kind == "full-bridge" else 2.0) / pi * self.rail
+            changes["supply_v"], before = self.rail, (2.0 if driver.kind == "half-bridge" else 4.0) / pi * self.rail
         else:
             changes["supply_v"], before = 0.5 * self.rail, 0.5 * self.rail / 1.1 - HEADROOM
             if before < HEADROOM:
@@ -362,7 +384,7 @@ class _Search:
                 )
         ratios = {group: amplitude / before for group, amplitude in amplitudes.items()}
         if driver.switched:
-            needed = driver.kind == "full-bridge" or any(abs(ratio - 1.0) > _LEAST_STEP for ratio in ratios.values())
+            needed = driver.kind != "half-bridge" or any(abs(ratio - 1.0) > _LEAST_STEP for ratio in ratios.values())
         else:
             needed = any(ratio > 1.0 for ratio in ratios.values())
         least, most = _RATIOS
@@ -372,8 +394,8 @@ class _Search:
                     f"Group {group.upper()} needs a transformer of 1 to {ratio:.3g} at a rail of {self.rail:g} V; the "
                     f"limits are {least:g} and {most:g}. Take another rail."
                 )
-            changes[f"transformer_{group}.ratio"] = float(f"{ratio:.3g}")
-        if needed and driver.kind != "full-bridge":
+            changes[f"{driver.transformer_label}_{group}.ratio"] = float(f"{ratio:.3g}")
+        if needed and driver.kind in ("linear", "half-bridge"):
             changes["transformer"] = True
         return driver.updated(changes)
 
@@ -396,7 +418,7 @@ class _Search:
         points = tuple(_point(name, state, driver) for name, state in states.items())
         parts = part_loads(driver, _phasors(driver, points))
         peaks = {group: max(point.group(group).voltage_v for point in points) for group in GROUPS}
-        faults = [*self._off(driver, points), *exceeded(parts, driver.frequency), *depolarised(self.ideal.motor, peaks)]
+        faults = [*self._off(driver, points), *exceeded(parts, driver), *depolarised(self.ideal.motor, peaks)]
         reason = " ".join([*faults, _INSTEAD[driver.network]]) if faults else self._told(points, share)
         return replace(found, points=points, parts=parts, feasible=not faults, reason=reason)
 
@@ -494,7 +516,7 @@ def _phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, Any]:
                 across = pin / (values["parallel_resistance"] + 1j * omega * values["parallel_inductance"])
                 through = amperes + across + 1j * omega * values["parallel_capacitance"] * pin
                 found |= {f"i(v.xnetwork_{group}.vcurrent)": through, f"i(v.xnetwork_{group}.vparallel)": across}
-            inner = pin + through / (1j * omega * values[f"{prefix}capacitance"])
+            inner = pin + through / (1j * omega * values[f"{prefix}capacitance"] + 1.0 / values["bleeder"])
             coil = values[f"{prefix}resistance"] + 1j * omega * values[f"{prefix}inductance"]
             line = inner + coil * through
             found[f"v(xnetwork_{group}.inner)"] = inner

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,15 +11,18 @@ import numpy as np
 
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.strength import electrode_distance
-from pyspice_runner.netlist.drivers import RAILS, Driver, Part
+from pyspice_runner.netlist.drivers import BRIDGES, RAILS, Driver, Part
+from pyspice_runner.netlist.mosfets import MOSFETS, ratings
 from pyspice_runner.netlist.source import GROUPS
+from pyspice_runner.netlist.stock import beyond
 from pyspice_runner.run.window import Array
 
+TRANSISTOR = "MOSFET"  # first word of the names of transistors
 NO_CAPACITOR = 1.0  # F in series, which stands for none
 LEAST_COIL = 1e-6  # H in series, which stands for none
+NO_BLEEDER = 1e12  # Ω across it, which stands for none
 NO_COIL = 1.0  # H across a group, which stands for none
 NO_PARALLEL = 1e-12  # F across a group, which stands for none
-_TRANSISTORS = {"half-bridge": 2, "full-bridge": 4}  # of a group
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class PartLoad:
 
     name: str  # with its group
     value: float  # in its unit
-    unit: str  # H, F, V, s, or 1 for a ratio of turns or a number of pieces
+    unit: str  # H, F, Ω, V, s, or 1 for a ratio of turns or a number of pieces
     peak_voltage_v: float | None  # greatest voltage across it
     peak_current_a: float | None  # greatest current through it
 
@@ -39,6 +42,8 @@ def load_vectors(driver: Driver) -> list[str]:
     for group in GROUPS:
         before = {part.label: node for part, node in zip(_behind(driver, group), _nodes(driver, group), strict=True)}
         names += [f"v({node})" for node in before.values()]
+        if driver.kind == "push-pull":
+            names += [vector for pair in _drains(group) for vector in pair]
         if driver.network != "none":
             names.append(f"v(xnetwork_{group}.inner)")
         if driver.network == "llcc":
@@ -67,6 +72,12 @@ def _nodes(driver: Driver, group: str) -> list[str]:
         nodes.append(line)
         line = f"{part.label}_{group}"
     return nodes
+
+
+def _drains(group: str) -> list[tuple[str, str]]:
+    """Return the vectors of voltage and current of the drains of a push-pull stage."""
+    stage = f"xstage_{group}"
+    return [(f"v({stage}.drain_{leg})", f"i(v.{stage}.vdrain_{leg})") for leg in "pn"]
 
 
 def _greatest(values: Array) -> float:
@@ -99,10 +110,16 @@ def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[
             found.append(
                 PartLoad(f"supply {rail}, group {group.upper()}", volts, "V", abs(volts), _greatest(samples[current]))
             )
-    if driver.kind in _TRANSISTORS:
-        name = f"MOSFET {driver.mosfet.rpartition(':')[2]}, group {group.upper()}"
-        current_a = _greatest(samples[f"i(vout_{group})"])
-        found.append(PartLoad(name, _TRANSISTORS[driver.kind], "1", high - low, current_a))
+    if driver.kind in BRIDGES:
+        name = f"{TRANSISTOR} {driver.mosfet.rpartition(':')[2]}, group {group.upper()}"
+        borne_v, current_a = driver.swing(group), _greatest(samples[f"i(vout_{group})"])
+        if driver.kind == "push-pull":
+            told = f"transformer, group {group.upper()}, turns secondary to a half of the primary"
+            found.append(PartLoad(told, driver.ratio(group), "1", _greatest(samples[f"v(line_{group})"]), current_a))
+            drains = [pair for pair in _drains(group) if pair[0] in samples]
+            borne_v = max([borne_v, *(_greatest(samples[volts]) for volts, _ in drains)])
+            current_a = max([driver.ratio(group) * current_a, *(_greatest(samples[amps]) for _, amps in drains)])
+        found.append(PartLoad(name, BRIDGES[driver.kind], "1", borne_v, current_a))
         dead_time = driver.setting(f"bridge_{group}.dead_time")
         found.append(PartLoad(f"dead time, group {group.upper()}", dead_time, "s", None, None))
     return found
@@ -120,6 +137,9 @@ def _of_network(part: Part, group: str, before: Array, samples: Mapping[str, Arr
         found.append(PartLoad(f"series coil, {told}", coil, "H", _greatest(before - inner), _greatest(through)))
     if capacitor != NO_CAPACITOR:
         found.append(PartLoad(f"series capacitor, {told}", capacitor, "F", _greatest(inner - pin), _greatest(through)))
+    if (bleeder := values["bleeder"]) != NO_BLEEDER:
+        volts = _greatest(inner - pin)
+        found.append(PartLoad(f"bleeder, {told}", bleeder, "Ω", volts, volts / bleeder))
     if not llcc:
         return found
     across, volts = samples[f"i(v.{instance}.vparallel)"], _greatest(pin)
@@ -135,6 +155,8 @@ def _of_network(part: Part, group: str, before: Array, samples: Mapping[str, Arr
 def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[str, Any]:
     """Return the maxima of pins, stages and parts over a run and when the pins had theirs, JSON-ready.
 
+    ``exceeded`` has a sentence for each limit of a part that is exceeded.
+
     The field of a group is its greatest voltage over the distance of its electrodes; ``None`` where that is not known.
     """
     found: dict[str, Any] = {}
@@ -148,5 +170,22 @@ def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[s
             f"field_{group}_v_per_m": None if distance is None else float(voltage.max()) / distance,
             f"stage_current_{group}_a": float(np.abs(samples[f"i(vout_{group})"]).max()),
         }
-    found["parts"] = [load.__dict__ for load in part_loads(driver, samples)]
+    loads = part_loads(driver, samples)
+    found["parts"] = [load.__dict__ for load in loads]
+    found["exceeded"] = exceeded(loads, driver)
     return found
+
+
+def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
+    """Return one sentence for each limit of a coil, a capacitor or a built-in MOSFET that is exceeded."""
+    told: list[str] = []
+    frequency = driver.frequency
+    for part in parts:
+        if part.name.startswith(TRANSISTOR) and driver.mosfet in MOSFETS:
+            most, borne = ratings(driver.mosfet).breakdown_v, part.peak_voltage_v or 0.0
+            if borne > most:
+                told.append(f"The {part.name} bears {borne:.4g} V; it breaks down at {most:g} V. Lower the rail.")
+        if part.unit in ("H", "F"):
+            volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
+            told += beyond(part.name, part.value, part.unit, volts, amperes, frequency)
+    return told

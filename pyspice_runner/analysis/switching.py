@@ -8,13 +8,13 @@ switching).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from pyspice_runner.netlist.drivers import IRF610, Driver
-from pyspice_runner.netlist.library import number, read_library
+from pyspice_runner.netlist.drivers import BRIDGES, Driver
+from pyspice_runner.netlist.mosfets import MOSFETS, ratings
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.run.window import Array, Window
 
@@ -22,7 +22,6 @@ ON = 0.8  # V, of the ramp of a leg at which a gate is at half its voltage, in t
 ZERO = (
     0.05  # of the rails, voltage left below which a transistor turns on without voltage: less than 0.3 % of the energy
 )
-_POINTS = 400  # of the integrals over the voltage
 _BEFORE, _AFTER = 0.5, 1.0  # of a dead time around it, in the picture of an edge
 
 
@@ -42,67 +41,80 @@ class TurnOn:
 
 
 @dataclass(frozen=True)
-class _Leg:
-    """One leg of a bridge."""
+class _Switch:
+    """One transistor and the one that turns off before it turns on."""
 
-    ramp: str  # vector of its delayed control
-    voltage: str  # vector of its output
-    sign: float  # of the current in ``Vout``, positive out of the leg
-    high: str  # names of its transistors
-    low: str
+    name: str  # group and device
+    ramp: str  # vector of the delayed control
+    rising: bool  # whether it turns on where the ramp rises
+    voltage: str  # vector of the output of its leg, or of its drain
+    top: float | None  # V, the rail from which the voltage across it is counted down; ``None``: up from ``bottom``
+    bottom: float  # V
+    current: str  # vector of the current that the other transistor carries, or of the output
+    helping: float  # sign of that current where it moves the leg towards this transistor
 
 
-def _legs(driver: Driver, group: str) -> list[_Leg]:
-    """Return the legs of the bridge of a group."""
-    stage = f"xstage_{group}"
+def _switches(driver: Driver, group: str) -> list[_Switch]:
+    """Return the transistors of the bridge of a group."""
+    stage, (top, bottom) = f"xstage_{group}", driver.rails(group)
+    if driver.kind == "push-pull":
+        return [
+            _Switch(
+                f"{group}.{own}", f"v({stage}.ramp)", own == "p", f"v({stage}.drain_{own})", None, 0.0,
+                f"i(v.{stage}.vdrain_{other})", 1.0,
+            )
+            for own, other in ("pn", "np")
+        ]  # fmt: skip
+    out, line, back = f"i(vout_{group})", f"v(line_{group})", f"v(return_{group})"
     if driver.kind == "half-bridge":
-        return [_Leg(f"v({stage}.ramp)", f"v(line_{group})", 1.0, "high", "low")]
-    return [
-        _Leg(f"v({stage}.ramp_p)", f"v(line_{group})", 1.0, "ph", "pl"),
-        _Leg(f"v({stage}.ramp_n)", f"v(return_{group})", -1.0, "nh", "nl"),
-    ]
+        legs = [(f"v({stage}.ramp)", line, 1.0, "high", "low")]
+    else:
+        legs = [(f"v({stage}.ramp_p)", line, 1.0, "ph", "pl"), (f"v({stage}.ramp_n)", back, -1.0, "nh", "nl")]
+    found = []
+    for ramp, voltage, sign, high, low in legs:
+        found.append(_Switch(f"{group}.{high}", ramp, True, voltage, top, bottom, out, -sign))
+        found.append(_Switch(f"{group}.{low}", ramp, False, voltage, None, bottom, out, sign))
+    return found
 
 
 def switching_vectors(driver: Driver) -> list[str]:
     """Return the vectors that :func:`turn_ons` takes, beside those of the report."""
-    if driver.kind not in ("half-bridge", "full-bridge"):
-        return []
-    return [leg.ramp for group in GROUPS for leg in _legs(driver, group)]
+    switches = [switch for group in GROUPS if driver.kind in BRIDGES for switch in _switches(driver, group)]
+    return [name for switch in switches for name in (switch.ramp, switch.voltage, switch.current)]
 
 
 def turn_ons(driver: Driver, samples: Mapping[str, Array], window: Window) -> tuple[TurnOn, ...]:
     """Return the turn-ons of all transistors of a bridge over the window; none for another stage."""
     found: list[TurnOn] = []
-    for group in GROUPS if driver.kind in ("half-bridge", "full-bridge") else ():
-        top, bottom = driver.rails(group)
-        for leg in _legs(driver, group):
-            for device, rising in ((leg.high, True), (leg.low, False)):
-                edges = [edge for edge in _edges(samples, leg, rising) if edge[0] >= window.start]
-                if edges:
-                    found.append(_turn_on(driver, f"{group}.{device}", leg, rising, edges, samples, top, bottom))
+    for group in GROUPS if driver.kind in BRIDGES else ():
+        for switch in _switches(driver, group):
+            edges = [edge for edge in _edges(samples, switch) if edge[0] >= window.start]
+            if edges:
+                found.append(_turn_on(driver, switch, edges, samples, driver.swing(group)))
     return tuple(found)
 
 
 def edge_waveforms(driver: Driver, samples: Mapping[str, Array]) -> dict[str, Array]:
     """Return time, voltage and current of the first leg of group A around its last turn-on; empty for another stage."""
-    if driver.kind not in ("half-bridge", "full-bridge"):
+    if driver.kind not in BRIDGES:
         return {}
-    leg = _legs(driver, "a")[0]
-    edges = _edges(samples, leg, rising=True)
+    switch = _switches(driver, "a")[0]
+    edges = _edges(samples, switch)
     if not edges:
         return {}
     off, on = edges[-1]
     time = samples["time"]
     near = (time >= off - _BEFORE * (on - off)) & (time <= on + _AFTER * (on - off))
+    sign = 1.0 if driver.kind == "push-pull" else -switch.helping
     return {
-        "time_s": time[near] - off, "leg_voltage_v": samples[leg.voltage][near],
-        "leg_current_a": leg.sign * samples["i(vout_a)"][near], "turn_on_s": np.array([on - off]),
+        "time_s": time[near] - off, "leg_voltage_v": samples[switch.voltage][near],
+        "leg_current_a": sign * samples[switch.current][near], "turn_on_s": np.array([on - off]),
     }  # fmt: skip
 
 
-def _edges(samples: Mapping[str, Array], leg: _Leg, rising: bool) -> list[tuple[float, float]]:
-    """Return the times at which the other transistor turns off and this one turns on, for every edge of a leg."""
-    time, ramp = samples["time"], samples[leg.ramp] * (1.0 if rising else -1.0)
+def _edges(samples: Mapping[str, Array], switch: _Switch) -> list[tuple[float, float]]:
+    """Return the times at which the other transistor turns off and this one turns on, for every edge."""
+    time, ramp = samples["time"], samples[switch.ramp] * (1.0 if switch.rising else -1.0)
     offs, ons = (_crossings(time, ramp, level) for level in (-ON, ON))
     places = np.searchsorted(offs, ons) - 1
     return [(float(offs[place]), float(on)) for place, on in zip(places, ons, strict=True) if place >= 0]
@@ -117,47 +129,20 @@ def _crossings(time: Array, values: Array, level: float) -> Array:
 
 def _turn_on(
     driver: Driver,
-    name: str,
-    leg: _Leg,
-    rising: bool,
+    switch: _Switch,
     edges: list[tuple[float, float]],
     samples: Mapping[str, Array],
-    top: float,
-    bottom: float,
+    swing: float,
 ) -> TurnOn:
     """Return the mean over the edges of a transistor."""
     time, offs, ons = samples["time"], *(np.array(times) for times in zip(*edges, strict=True))
-    leg_v = np.interp(ons, time, samples[leg.voltage])
-    left = float(np.mean(top - leg_v if rising else leg_v - bottom))
-    helping = (-1.0 if rising else 1.0) * leg.sign
-    current = helping * float(np.mean(np.interp(offs, time, samples[f"i(vout_{name[0]})"])))
-    swing, charge, dead_time, loss = top - bottom, None, None, None
-    if driver.mosfet == IRF610:
-        charge = _integral(lambda volts: np.ones_like(volts), swing, swing)
+    volts = np.interp(ons, time, samples[switch.voltage])
+    left = float(np.mean(volts - switch.bottom if switch.top is None else switch.top - volts))
+    current = switch.helping * float(np.mean(np.interp(offs, time, samples[switch.current])))
+    charge, dead_time, loss = None, None, None
+    if driver.mosfet in MOSFETS:
+        part = ratings(driver.mosfet)
+        charge = part.swing_charge(swing)
         dead_time = charge / current if current > 0.0 else None
-        loss = driver.frequency * _integral(lambda volts: volts, min(max(left, 0.0), swing), swing)
-    return TurnOn(name, left <= ZERO * swing, left, current, charge, dead_time, loss)
-
-
-def _integral(weight: Callable[[Array], Array], upper: float, swing: float) -> float:
-    """Return ∫ weight(u) (C(u) + C(swing − u)) du from 0 to a voltage, for the capacitance C of the built-in MOSFET.
-
-    With the weight 1 it is the charge that moves the leg, with the weight u the heat in the channel that moves it.
-    """
-    volts = np.linspace(0.0, upper, _POINTS)
-    return float(np.trapezoid(weight(volts) * (output_capacitance(volts) + output_capacitance(swing - volts)), volts))
-
-
-def output_capacitance(volts: Array) -> Array:
-    """Return the output capacitance in F of the built-in MOSFET with its gate off, at voltages in V across it.
-
-    By its model (ngspice manual, VDMOS): the junction of the body diode, and the capacitance between drain and gate.
-    """
-    words = dict(
-        word.split("=") for word in read_library("driver_mosfet").subcircuit.replace("\n", " ").split() if "=" in word
-    )
-    names = ("Cjo", "Vj", "Cgdmin", "Cgdmax", "A")
-    junction, potential, least, most, steepness = (number(words[name]) for name in names)
-    share = (most - least) / (1.0 + 0.5 * np.pi)
-    drain_gate = most - share - share * np.arctan(steepness * volts)
-    return np.asarray(junction / np.sqrt(1.0 + volts / potential) + drain_gate)
+        loss = driver.frequency * part.swing_loss(left, swing)
+    return TurnOn(switch.name, left <= ZERO * swing, left, current, charge, dead_time, loss)

@@ -13,6 +13,7 @@ import pyspice_runner as pr
 from pyspice_runner.commands import common, options
 from pyspice_runner.commands.driving import recommended_phases
 from pyspice_runner.model.drive import two_phases
+from pyspice_runner.netlist.drivers import BRIDGES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
     from pyspice_runner.netlist.drivers import NetworkKind
 
 DRIVERS = (
-    "ideal, linear, half-bridge, full-bridge, or FILE:NAME of your own subcircuit; with +inductor or +llcc a matching "
-    "network"
+    "ideal, linear, half-bridge, full-bridge, push-pull, or FILE:NAME of your own subcircuit; with +inductor or +llcc "
+    "a matching network"
 )
 PartOption = Annotated[
     list[str] | None,
@@ -35,7 +36,11 @@ PartOption = Annotated[
 ]
 MosfetOption = Annotated[
     str | None,
-    typer.Option(metavar="FILE:NAME", help="MOSFET of a bridge, a .subckt or .model; default: IRF610."),
+    typer.Option(
+        metavar="NAME",
+        help="MOSFET of a bridge: IRF530, IRF610, IRF820, or FILE:NAME of a .subckt or .model; default: IRF610, with "
+        "--rail the one of the lowest voltage that suffices.",
+    ),
 ]
 MatchOption = Annotated[
     bool,
@@ -44,7 +49,7 @@ MatchOption = Annotated[
         help="Choose the parts of the network for the motor from stall to no load; --part states them instead.",
     ),
 ]
-Stage = Literal["linear", "half-bridge", "full-bridge"]
+Stage = Literal["linear", "half-bridge", "full-bridge", "push-pull"]
 VoltageOption = Annotated[
     float | None, typer.Option(help="Amplitude of group A, V; default: the motor's recommended drive.")
 ]
@@ -235,7 +240,7 @@ def _label(path: str) -> str:
 def _stated(kind: str, network: str, part: list[str] | None, mosfet: str | None, *, strict: bool) -> dict[str, Any]:
     """Return the values of a driver that are stated; unless ``strict``, those that it has."""
     stated: dict[str, Any] = dict(_parts(part))
-    if mosfet is not None and (strict or kind.endswith("-bridge")):
+    if mosfet is not None and (strict or kind in BRIDGES):
         stated["mosfet"] = mosfet
     if strict:
         return stated

@@ -26,17 +26,17 @@ from pyspice_runner.model.refusal import Stated, quoted
 from pyspice_runner.netlist.benches import UNIFORM_POINTS, transient_options
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.library import Library, check_parameters, definitions, read_library
+from pyspice_runner.netlist.mosfets import MOSFETS, ratings
 from pyspice_runner.netlist.motor import instantiate
 from pyspice_runner.netlist.own_device import DRIVEN, MOSFET, is_reference, read_driver, read_mosfet
 from pyspice_runner.netlist.source import GROUPS, Pins, Source
 
-DriverKind = Literal["ideal", "linear", "half-bridge", "full-bridge"]
+DriverKind = Literal["ideal", "linear", "half-bridge", "full-bridge", "push-pull"]
 NetworkKind = Literal["none", "inductor", "llcc"]
 
 RAILS = ("vp", "vn")  # supply pins
-ON_RESISTANCE = 1.5  # Ω of the built-in MOSFET, by its data sheet
-HIGHEST_RAILS = 180.0  # V between the rails of a bridge: nine tenths of the transistors' breakdown voltage
-IRF610 = "IRF610"  # the built-in MOSFET
+BRIDGES = {"half-bridge": 2, "full-bridge": 4, "push-pull": 2}  # stages that switch, with their transistors
+IRF610 = "IRF610"  # the MOSFET of a bridge by default
 START = "start_"  # of the names of parameters for the state at the start, which are no settings
 HEADROOM = 3.0  # V between an amplifier's output and its rails, if it does not state another one
 LARGEST_DEAD_TIME = 0.2  # of a period; with a quarter the transistors do not conduct at all
@@ -55,6 +55,7 @@ _STAGES = {
     "linear": _Slot("amplifier", "driver_amplifier", "stage"),
     "half-bridge": _Slot("bridge", "driver_half_bridge", "stage"),
     "full-bridge": _Slot("bridge", "driver_full_bridge", "stage"),
+    "push-pull": _Slot("bridge", "driver_push_pull", "stage"),
 }
 _TRANSFORMER = _Slot("transformer", "driver_transformer", "transformer")
 _NETWORKS = {
@@ -103,7 +104,8 @@ class Driver(Stated, Source):
     """
 
     kind: str = Field(
-        description="power stage: ideal, linear, half-bridge, full-bridge, or FILE:NAME of the user's own subcircuit"
+        description="power stage: ideal, linear, half-bridge, full-bridge, push-pull, or FILE:NAME of the user's own "
+        "subcircuit"
     )
     voltage: float = quantity("amplitude of the stage's fundamental, group A", "V", ge=0.1, le=1000.0)
     frequency: float = quantity("frequency", "Hz", ge=1e3, le=5e5)
@@ -119,11 +121,13 @@ class Driver(Stated, Source):
         le=2000.0,
     )
     transformer: bool = Field(
-        default=False, description="transformer behind a linear stage or a half bridge; a full bridge always has one"
+        default=False,
+        description="transformer behind a linear stage or a half bridge; a full bridge and a push-pull stage have one",
     )
     supply_rise_s: float = quantity("rise time of the supply at power-up", "s", default=20e-6, ge=1e-6, le=1e-2)
     mosfet: str = Field(
-        default=IRF610, description="MOSFET of a bridge: IRF610, or FILE:NAME of a .subckt or .model of the user's own"
+        default=IRF610,
+        description="MOSFET of a bridge: IRF530, IRF610, IRF820, or FILE:NAME of a .subckt or .model of the user's own",
     )
     settings: dict[str, float] = Field(default_factory=dict, description="parameters of the parts, by PART.PARAMETER")
     _stage: Library | None = PrivateAttr(None)  # the user's own files as read when the driver was created
@@ -140,15 +144,17 @@ class Driver(Stated, Source):
             )
         if is_reference(self.mosfet):
             self._transistor = read_mosfet(self.mosfet)
-        elif self.mosfet != IRF610:
+        elif self.mosfet not in MOSFETS:
             raise ParameterError(
-                f"Driver: mosfet = {quoted(self.mosfet)} is not valid: it must be {IRF610} or FILE:NAME of a .subckt "
-                "or .model."
+                f"Driver: mosfet = {quoted(self.mosfet)} is not valid: it must be {', '.join(MOSFETS)} or FILE:NAME of "
+                "a .subckt or .model."
             )
+        elif self.mosfet != IRF610:
+            self._transistor = ratings(self.mosfet).library
         self._check()
 
     def _check(self) -> None:
-        if self.transformer and (self.own or self.kind == "ideal"):
+        if self.transformer and (self.own or self.kind in ("ideal", "push-pull")):
             raise ParameterError(
                 f"Driver: transformer has no effect on a {self.name}. Leave it out, or choose linear or half-bridge."
             )
@@ -165,18 +171,21 @@ class Driver(Stated, Source):
                 )
         if self._transistor and not any(MOSFET in part.library.needs for part in self.parts("a")):
             raise ParameterError(
-                f"Driver: mosfet has no effect on a {self.name}. Leave it out, or choose a half-bridge or full-bridge."
+                f"Driver: mosfet has no effect on a {self.name}. Leave it out, or choose {', '.join(BRIDGES)}."
             )
-        if self.kind in ("half-bridge", "full-bridge"):
+        if self.kind in BRIDGES:
             self._check_bridge()
 
     def _check_bridge(self) -> None:
-        for group in GROUPS if self._transistor is None else ():
-            high, low = self.rails(group)
-            if high - low > HIGHEST_RAILS:
+        for group in GROUPS if self.mosfet in MOSFETS else ():
+            most, borne = ratings(self.mosfet).highest_v, self.swing(group)
+            if borne > most:
+                high, low = self.rails(group)
+                twice = ", which bear twice that," if borne > high - low else ""
                 raise ParameterError(
-                    f"Driver: {high - low:.4g} V between the rails of the {self.kind} of group {group.upper()} are "
-                    f"too high; its transistors take {HIGHEST_RAILS:g} V, so lower the voltage."
+                    f"Driver: {high - low:.4g} V between the rails of the {self.kind} of group {group.upper()} are too "
+                    f"high; its transistors {self.mosfet}{twice} take {most:g} V, so lower the voltage or choose "
+                    f"another one of {', '.join(MOSFETS)}."
                 )
         dead_time = self._setting("bridge", "dead_time", "a", 200e-9)
         longest = LARGEST_DEAD_TIME / self.frequency
@@ -199,7 +208,8 @@ class Driver(Stated, Source):
     @property
     def own_text(self) -> str:
         """The user's own subcircuits, for a netlist."""
-        return "\n".join(library.subcircuit for library in (self._stage, self._transistor) if library)
+        transistor = self._transistor if is_reference(self.mosfet) else None
+        return "\n".join(library.subcircuit for library in (self._stage, transistor) if library)
 
     @property
     def supplied(self) -> bool:
@@ -216,7 +226,7 @@ class Driver(Stated, Source):
     @property
     def switched(self) -> bool:
         """Whether the stage may have switching edges, which need non-uniform steps."""
-        return self.own or self.kind in ("half-bridge", "full-bridge")
+        return self.own or self.kind in BRIDGES
 
     @property
     def frequencies(self) -> tuple[float, ...]:
@@ -261,7 +271,7 @@ class Driver(Stated, Source):
         if self._stage:
             high, low = (self._own_rail(group) if rail in self._stage.pin_names else 0.0 for rail in RAILS)
             return high, -low
-        if self.kind == "full-bridge":
+        if self.kind in ("full-bridge", "push-pull"):
             return self.supply_v or self._square(group), 0.0
         if self.kind == "half-bridge":
             rail = 0.5 * self.supply_v or self._square(group)
@@ -269,9 +279,20 @@ class Driver(Stated, Source):
             rail = self.supply_v or self._amplifier_rail(self._setting("amplifier", "headroom", group, HEADROOM))
         return rail, -rail
 
+    def swing(self, group: str) -> float:
+        """Return the voltage in V that a transistor of a bridge bears while it is off."""
+        high, low = self.rails(group)
+        return (high - low) * (2.0 if self.kind == "push-pull" else 1.0)
+
+    @property
+    def transformer_label(self) -> str:
+        """The part with the parameters of the transformer: that of a push-pull stage belongs to the stage."""
+        return _STAGES[self.kind].label if self.kind == "push-pull" else _TRANSFORMER.label
+
     def ratio(self, group: str) -> float:
         """Return the voltage ratio of the transformer of a group; 1 without one."""
-        return next((part.values["ratio"] for part in self.parts(group) if part.label == _TRANSFORMER.label), 1.0)
+        label = self.transformer_label
+        return next((part.values["ratio"] for part in self.parts(group) if part.label == label), 1.0)
 
     def equivalent(self) -> Driver:
         """Return ideal sources of the fundamental of the stage, with the same network behind them.
@@ -301,7 +322,7 @@ class Driver(Stated, Source):
     def fundamental(self, group: str) -> float:
         """Return the amplitude in V of the fundamental of the lossless stage behind its transformer."""
         high, low = self.rails(group)
-        if self.kind == "full-bridge":
+        if self.kind in ("full-bridge", "push-pull"):
             level = self._setting("bridge", "level", group, 0.0)
             return 4.0 / pi * (high - low) * self.ratio(group) * sqrt(1.0 - level**2)
         if self.kind == "half-bridge":
@@ -312,11 +333,11 @@ class Driver(Stated, Source):
         """Return inductance in H and resistance in Ω of stage and transformer, seen from the network."""
         parts = {part.label: part.values for part in self.parts(group)}
         resistance = parts["amplifier"]["output_resistance"] if "amplifier" in parts else 0.0
-        if "bridge" in parts and self._transistor is None:
-            resistance = ON_RESISTANCE * (2.0 if self.kind == "full-bridge" else 1.0)
+        if "bridge" in parts and self.mosfet in MOSFETS:
+            resistance = ratings(self.mosfet).on_resistance_ohm * (2.0 if self.kind == "full-bridge" else 1.0)
         inductance = 0.0
-        if _TRANSFORMER.label in parts:
-            values = parts[_TRANSFORMER.label]
+        if self.transformer_label in parts:
+            values = parts[self.transformer_label]
             ratio = values["ratio"]
             inductance = values["magnetizing"] * ratio**2 * (1.0 - values["coupling"] ** 2)
             resistance = (resistance + values["primary_resistance"]) * ratio**2 + values["secondary_resistance"]
@@ -394,7 +415,7 @@ class Driver(Stated, Source):
         }
 
     def libraries(self) -> list[Library]:
-        """Return the libraries of all parts; the user's own MOSFET comes first."""
+        """Return the libraries of all parts; a MOSFET other than the default comes first."""
         parts = [part.library for group in GROUPS for part in self.parts(group)]
         return [self._transistor, *parts] if self._transistor else parts
 

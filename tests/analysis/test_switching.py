@@ -11,10 +11,11 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.drive import DriveReport
-from pyspice_runner.analysis.switching import output_capacitance
 from pyspice_runner.netlist.library import definitions, read_library
+from pyspice_runner.netlist.mosfets import ratings
 from tests.netlist.batch import measured
 
+CAPACITANCE = ratings("IRF610").output_capacitance
 pytestmark = pytest.mark.xdist_group("drivers")
 
 
@@ -28,7 +29,7 @@ def bridge(dead_time: float) -> DriveReport:
 
 def test_the_output_capacitance_is_that_of_the_data_sheet() -> None:
     """Vishay 91023: 53 pF, typical, at 25 V."""
-    assert output_capacitance(np.array([25.0]))[0] == pytest.approx(53e-12, rel=0.01)  # the digits of the sheet
+    assert CAPACITANCE(np.array([25.0]))[0] == pytest.approx(53e-12, rel=0.01)  # the digits of the sheet
 
 
 def test_a_constant_current_moves_a_leg_in_the_time_that_its_charge_needs(tmp_path: Path) -> None:
@@ -47,7 +48,7 @@ Ilift 0 out PWL(0 -1m 11u -1m 11.001u -20u 13u -20u 13.001u 40m)
         tmp_path,
     )
     volts = np.linspace(1.0, 79.0, 1000)
-    charge = np.trapezoid(output_capacitance(volts) + output_capacitance(80.0 - volts), volts)
+    charge = np.trapezoid(CAPACITANCE(volts) + CAPACITANCE(80.0 - volts), volts)
     # steps of 1 ns in 210, and 1e8 Ω of leakage, which takes 1 µA
     assert found["lifted_s"] == pytest.approx(charge / 40e-3, rel=0.01)
 

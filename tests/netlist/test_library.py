@@ -218,6 +218,14 @@ def _carrier(mass: float = 0.05, damping: float = 20.0, stiffness: float = 1e4, 
 
 # Kp ((Vgs − Vto) Vds − Vds²/2) = 1 A with Kp = 0.17, Vto = 3, inside Rd = 0.45 and Rs = 0.05 ohm: Vgs = 10 − 0.05
 MOSFET = 0.5 + (6.95 - (6.95**2 - 2.0 / 0.17) ** 0.5)
+
+
+def _triode(kp: float, source_ohm: float) -> float:
+    """Return the voltage of the channel of such a transistor at 1 A behind the resistance of its source."""
+    over = 7.0 - source_ohm
+    return over - sqrt(over**2 - 2.0 / kp)
+
+
 CONDUCTANCE = 2 * pi * 50e3 * 2.2e-9 * 2 ** (2 / pi * atan(0.02)) * 0.02
 
 
@@ -283,8 +291,13 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
     # the triode equation with Kp = 0.17, Vto = 3, Rd + Rs = 0.5: 1.0024 A in one transistor, 1.0047 A in two
     # VDMOS in the triode region at 1 A: the channel's 0.852 ohm and Rd + Rs = 0.5 ohm
     "driver_mosfet": {"drain_v": (MOSFET, 1e-5)},
+    # likewise with Kp of 1.72 and 0.877, Rd + Rs of 0.071 and 2.83
+    "driver_mosfet_irf530": {"drain_v": (0.071 + _triode(1.72, 0.01), 1e-4)},
+    "driver_mosfet_irf820": {"drain_v": (2.83 + _triode(0.877, 0.05), 1e-4)},
     "driver_half_bridge": {"out_end_v": (38.591144, 1e-5)},
     "driver_full_bridge": {"out_end_v": (38.587634, 1e-5)},
+    # twice 0.998 of 40 V less the drop of 40 V/5 mH * 9.5 us, in the mean, across 0.3 and 1.35 ohm of the transistor
+    "driver_push_pull": {"out_v": (2.0 * 0.998 * (40.0 - 40.0 / 5e-3 * 9.5e-6 * 1.65), 1e-4)},
     "driver_inductor": {"current_a": (0.01, 1e-6)},
     # 1 kohm behind 10 mohm, with 10 mohm of the parallel inductor at a reactance of 3.16 kohm: 1e-5 below 1
     "driver_llcc": {"through_v": (1.0 - 1e-5, 1e-6)},

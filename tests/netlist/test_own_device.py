@@ -294,7 +294,7 @@ def test_a_library_that_holds_no_mosfet_is_an_error(text: str, sentence: str, tm
         ("my.lib:a b", {}, "it must be FILE:NAME, with a NAME of letters, digits and _ . + -."),
         ("my.lib:", {}, "it must be FILE:NAME"),
         ("linear", {"mosfet": f"{EXAMPLE}:fast200"}, "mosfet has no effect on a linear"),
-        ("half-bridge", {"mosfet": "BUZ11"}, "it must be IRF610 or FILE:NAME of a .subckt or .model."),
+        ("half-bridge", {"mosfet": "BUZ11"}, "it must be IRF530, IRF610, IRF820 or FILE:NAME of a .subckt or .model."),
         (
             "half-bridge",
             {"mosfet": "absent.lib:one"},
