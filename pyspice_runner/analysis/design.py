@@ -86,18 +86,20 @@ class Design:
         return found
 
     def ran(
-        self, parts: Sequence[PartLoad], speed_rad_s: float | None, volts: Mapping[str, float], motor: Motor
+        self, runs: Sequence[Sequence[PartLoad]], speed_rad_s: float | None, volts: Mapping[str, float], motor: Motor
     ) -> Design:
-        """Return the design after a run from rest.
+        """Return the design after runs from rest.
 
         Args:
-            parts: the parts with their maxima over the run.
-            speed_rad_s: mean speed at its end; ``None`` for a held shaft.
+            runs: the parts with their maxima over each run.
+            speed_rad_s: mean speed at the end of the first one; ``None`` for a held shaft.
             volts: group → greatest voltage at its pin.
             motor: the motor.
         """
         assert self.driver is not None
-        both = tuple(_larger(one, other) for one, other in zip(parts, _matched(self.parts, parts), strict=True))
+        both = tuple(runs[0])
+        for others in (self.parts, *runs[1:]):
+            both = tuple(_larger(one, other) for one, other in zip(both, _matched(others, both), strict=True))
         starts = None if speed_rad_s is None else self._starts(speed_rad_s)
         told = [*exceeded(both, self.driver), *depolarised(motor, volts)]
         if starts is False:

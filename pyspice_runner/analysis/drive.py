@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.analysis.design import OPERATING, Design
-from pyspice_runner.analysis.maxima import PartLoad, load_vectors, maxima, part_loads
+from pyspice_runner.analysis.events import driver_events, event_cautions
+from pyspice_runner.analysis.maxima import PartLoad, load_vectors, maxima
 from pyspice_runner.analysis.switching import TurnOn, edge_waveforms, switching_vectors, turn_ons
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
@@ -107,6 +108,8 @@ class DriveReport(Result):
         ngspice_version: version of ngspice.
         deck: netlist of the run.
         audit: outcome of the physical audit; it has findings only with ``audit=False``.
+        events: maxima of further runs as in ``maxima``, by event: load step, stop, frequency sweep; empty if not asked.
+        event_faults: a sentence for each limit that an event exceeds.
         ceramic: strain, stress and temperature rise of the ceramic, and ``cautions``; empty where not measured.
     """
 
@@ -137,6 +140,8 @@ class DriveReport(Result):
     deck: str = field(repr=False)
     audit: Audit = field(default_factory=Audit)
     ceramic: dict[str, Any] = field(default_factory=dict)
+    events: dict[str, dict[str, Any]] = field(default_factory=dict)
+    event_faults: list[str] = field(default_factory=list)
 
     @property
     def linear(self) -> bool:
@@ -197,7 +202,7 @@ class DriveReport(Result):
                 )
         if self.design and not self.design.feasible:
             told.append(f"Do not build this driver. {self.design.reason}")
-        told += self.overloads
+        told += [*self.overloads, *self.event_faults]
         return self._told((*self.audit.findings, *told, *self.ceramic.get("cautions", ())))
 
     @property
@@ -213,7 +218,7 @@ class DriveReport(Result):
             "motor", "driver", "run", "groups", "outputs", "power_factor", "supply_power_w", "gate_power_w",
             "supply_current_mean_a", "supply_current_peak_a", "losses_w", "stored_power_w", "motor_power_w",
             "shaft_power_w", "mean_torque_n_m", "mean_rotor_speed_rad_s", "driver_efficiency", "efficiency",
-            "balance_residual", "settling", "settled", "to_come", "maxima", "switching", "design",
+            "balance_residual", "settling", "settled", "to_come", "maxima", "events", "switching", "design",
         )  # fmt: skip
         return self._keyed({
             **self._entries(*names),
@@ -254,6 +259,10 @@ class DriveReport(Result):
                 + ("" if field is None else f", {1e-3 * field:.3g} V/mm")
                 + f"; {engineering(self.maxima[f'current_{group}_a'], 'A')}"
             )
+            for event, most in self.events.items():
+                found[f"group {group}, {event}"] = (
+                    f"{engineering(most[f'voltage_{group}_v'], 'V')}; {engineering(most[f'current_{group}_a'], 'A')}"
+                )
         for edge in self.switching:
             how = "without voltage" if edge.zero_voltage else f"at {edge.voltage_left_v:.3g} V"
             needs = "" if edge.charge_c is None else f"; {engineering(edge.charge_c, 'C')} to move"
@@ -295,6 +304,7 @@ def drive_report(
     step: float | None = None,
     timeout: float | None = None,
     audit: bool = True,
+    events: bool = False,
 ) -> DriveReport:
     """Run a driver and its motor from power-up and report on both.
 
@@ -308,6 +318,8 @@ def drive_report(
         step: uniform time step in s, or with a bridge the largest; by default from the fastest motion.
         timeout: wall time in s after which a run is ended.
         audit: whether findings of the physical audit are an error; if not, ``audit`` of the report has them.
+        events: whether further runs find what a load step, a stop and a frequency sweep do to pins and parts. The parts
+            of a design then bear the largest of all.
 
     Raises:
         ParameterError: for an invalid value.
@@ -366,10 +378,17 @@ def drive_report(
         deck=outcome.deck,
         ceramic=ceramic(motor, setup.law, setup.discretisation, samples, driver, window),
     )
+    runs = [report.maxima]
+    if events:
+        found = driver_events(setup, list(dict.fromkeys(vectors)))
+        report = replace(report, events=found, event_faults=event_cautions(setup, found))
+        runs += found.values()
     peaks = {group: float(report.maxima[f"voltage_{group}_v"]) for group in GROUPS}
     if design:
         reached = None if speed is not None else report.mean_rotor_speed_rad_s
-        report = replace(report, design=design.ran(part_loads(driver, samples), reached, peaks, motor))
+        loads = [tuple(PartLoad(**load) for load in run["parts"]) for run in runs]
+        most = {group: max(float(run[f"voltage_{group}_v"]) for run in runs) for group in GROUPS}
+        report = replace(report, design=design.ran(loads, reached, most, motor))
     report.ceramic["cautions"] = [*report.ceramic.get("cautions", ()), *depolarised(motor, peaks)]
     reactive = sum(port.apparent_power_va for port in report.groups.values())
     findings = audit_power(report.power_in_w, report.power_found_w, reactive)

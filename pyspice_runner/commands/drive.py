@@ -80,6 +80,10 @@ def drive(
     duration: Annotated[
         float | None, typer.Option(help="Simulated time, s; default: 3e-3, of a design up to 6e-3.")
     ] = None,
+    events: Annotated[
+        bool,
+        typer.Option("--events", help="Also run a load step, a stop and a frequency sweep, for what the parts bear."),
+    ] = False,
     contact: options.ContactOption = options.DEFAULT_LAW,
     speed: options.SpeedOption = None,
     load_torque: options.LoadOption = 0.0,
@@ -131,6 +135,7 @@ def drive(
                     pr.drive_report(
                         loaded, chosen, duration=duration, contact=options.law_named(contact),
                         speed=speed if rail is None else None, load_torque=load_torque, timeout=timeout, audit=audit,
+                        events=events,
                     )
                 )  # fmt: skip
             common.caution(reports[-1])
