@@ -18,8 +18,6 @@ from dataclasses import replace
 from math import degrees, pi, radians, sqrt
 from typing import Any
 
-import numpy as np
-
 from pyspice_runner.analysis.design import (
     IDLE,
     OPERATING,
@@ -27,8 +25,16 @@ from pyspice_runner.analysis.design import (
     STANDS,
     WARM,
     Design,
-    GroupPoint,
     RangePoint,
+)
+from pyspice_runner.analysis.driver_state import (
+    ACCURACY,
+    at_stage,
+    impedance,
+    network_of,
+    part_phasors,
+    range_point,
+    warmed,
 )
 from pyspice_runner.analysis.maxima import NO_BLEEDER, NO_CAPACITOR, NO_COIL, NO_PARALLEL, exceeded, part_loads
 from pyspice_runner.analysis.shooting import Point
@@ -38,7 +44,6 @@ from pyspice_runner.model.drive import Load, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.strength import depolarised
-from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.drivers import BRIDGES, HEADROOM, Driver, NetworkKind
 from pyspice_runner.netlist.mosfets import MOSFETS, suited
@@ -55,7 +60,6 @@ from pyspice_runner.netlist.stock import (
 from pyspice_runner.run.operating_point import OperatingPoint
 
 PIN_BAND = 0.2  # by which the voltage of a pin may differ from the wanted one, from stall to no load
-ACCURACY = 1e-2  # of the torque, of the friction torque under the preload: the design needs voltages and currents
 _SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the reactance that a series network may cancel
 # reactance of a coil behind switching edges over that of the clamped capacitance, both at the drive: the third harmonic
 # of a square wave, a third of its fundamental, then is 9 % at the pin
@@ -184,51 +188,6 @@ def _pins(drive: TwoPhaseDrive) -> dict[str, complex]:
     return {"a": complex(drive.voltage), "b": rect(drive.voltage_b, radians(drive.phase_deg))}
 
 
-def _phasor(values: Any, time: Any, frequency: float) -> complex:
-    """Return the phasor of the fundamental over one period."""
-    return complex(2j * frequency * np.trapezoid(values * np.exp(-2j * pi * frequency * time), time))
-
-
-def _point(name: str, state: SteadyState, driver: Driver | None) -> RangePoint:
-    """Return a steady state with the power factor at the outputs of the stages; without a driver that of the pins."""
-    waves = state.waveforms
-    assert waves is not None
-    frequency = 1.0 / waves.drive_period_s
-    groups, real, apparent = {}, 0.0, 0.0
-    for group in GROUPS:
-        volts = _phasor(getattr(waves, f"voltage_{group}_v"), waves.time_s, frequency)
-        amperes = _phasor(getattr(waves, f"current_{group}_a"), waves.time_s, frequency)
-        source, through = _at_stage(driver, group, volts, amperes)
-        power, product = (source * through.conjugate()).real, abs(source) * abs(through)
-        impedance = volts / amperes
-        groups[group] = GroupPoint(abs(volts), abs(amperes), impedance.real, impedance.imag, power / product)
-        real, apparent = real + 0.5 * power, apparent + 0.5 * product
-    power_w = state.power_a_w + state.power_b_w
-    factor, speed = real / apparent, state.speed_rad_s
-    return RangePoint(name, speed, state.torque_n_m, power_w, real, factor, groups["a"], groups["b"])
-
-
-def _network(driver: Driver, group: str) -> tuple[complex, complex]:
-    """Return the series impedance, stage and transformer included, and the admittance across the pin."""
-    omega, series, across = 2.0 * pi * driver.frequency, 0j, 0j
-    for part in driver.equivalent().parts(group):
-        values, prefix = part.values, "series_" if part.label == "llcc" else ""
-        series += values[f"{prefix}resistance"] + 1j * omega * values[f"{prefix}inductance"]
-        if values[f"{prefix}capacitance"] != NO_CAPACITOR:
-            series += 1.0 / (1j * omega * values[f"{prefix}capacitance"] + 1.0 / values["bleeder"])
-        if part.label == "llcc":
-            coil = values["parallel_resistance"] + 1j * omega * values["parallel_inductance"]
-            across += 1.0 / coil + 1j * omega * values["parallel_capacitance"]
-    return series, across
-
-
-def _at_stage(driver: Driver | None, group: str, volts: complex, amperes: complex) -> tuple[complex, complex]:
-    """Return voltage and current of the lossless stage behind its transformer, for those of the pin."""
-    series, across = _network(driver, group) if driver else (0j, 0j)
-    through = amperes + across * volts
-    return volts + series * through, through
-
-
 class _Search:
     """The search for a driver over the range of a motor."""
 
@@ -245,7 +204,7 @@ class _Search:
         self.choose = choose  # the MOSFET
         self.ideal, self.driver, self.rail, self.states = ideal, driver, rail, states
         self.load_torque = load_torque
-        self.points = tuple(_point(name, state, None) for name, state in states.items())
+        self.points = tuple(range_point(name, state, None) for name, state in states.items())
         self.pins = _pins(drive)  # wanted phasors
         self.omega = 2.0 * pi * driver.frequency
         self.middle = next(point for point in self.points if point.state == OPERATING)
@@ -284,8 +243,8 @@ class _Search:
             for point in self.points:
                 real = apparent = 0.0
                 for group in GROUPS:
-                    series, _ = _network(driver, group)
-                    load = _impedance(point, group)
+                    series, _ = network_of(driver, group)
+                    load = impedance(point, group)
                     source = driver.fundamental(group)
                     changes.append(source * abs(load / (load + series)) / abs(self.pins[group]) - 1.0)
                     amperes = source / abs(load + series)
@@ -313,7 +272,7 @@ class _Search:
         volts = driver.swing("a") * (SPIKE if driver.kind == "push-pull" else 1.0)
         current = 0.0
         for group, pin in self.pins.items():
-            _, through = _at_stage(driver, group, pin, pin / _impedance(self.middle, group))
+            _, through = at_stage(driver, group, pin, pin / impedance(self.middle, group))
             current = max(current, driver.ratio(group) * abs(through) / sqrt(2.0))
         return suited(volts, driver.swing("a"), current, driver.frequency) or MOSFETS[-1]
 
@@ -325,7 +284,7 @@ class _Search:
         most = largest_inductance(driver.frequency)
         for group in GROUPS:
             label, leakage = f"{driver.network}_{group}", driver.leakage(group)
-            wanted = -share * _impedance(self.middle, group).imag
+            wanted = -share * impedance(self.middle, group).imag
             filtering = driver.switched or driver.network == "llcc"
             clamped = getattr(self.ideal.motor.piezo, f"capacitance_{group}_f")
             total = max(wanted, _FILTER / (omega * clamped) if filtering else 0.0) / omega
@@ -347,7 +306,7 @@ class _Search:
 
     def _across(self, group: str, most: float) -> dict[str, float]:
         """Return the settings of the pair across a group, which cancels the middle of its susceptances."""
-        susceptances = [(1.0 / _impedance(point, group)).imag for point in self.points]
+        susceptances = [(1.0 / impedance(point, group)).imag for point in self.points]
         middle, omega = 0.5 * (min(susceptances) + max(susceptances)), self.omega
         coil, capacitor = NO_COIL, -middle / omega
         if middle > 0.0:
@@ -365,7 +324,7 @@ class _Search:
         """Return the driver with the voltages of its stage and the ratios of its transformer."""
         sources = {}
         for group, volts in self.pins.items():
-            sources[group], _ = _at_stage(driver, group, volts, volts / _impedance(self.middle, group))
+            sources[group], _ = at_stage(driver, group, volts, volts / impedance(self.middle, group))
         amplitudes = {group: abs(source) for group, source in sources.items()}
         changes: dict[str, Any] = {
             "voltage": amplitudes["a"], "ratio_b": amplitudes["b"] / amplitudes["a"],
@@ -410,13 +369,13 @@ class _Search:
         states = dict(zip(self.states, _solved(behind, starts, surely=surely), strict=True))
         lost = _lost(states, begun.wanted_v, where := "behind this driver; the voltages wanted at the pins")
         if (rise := self.rise) and not lost:
-            warm = self._warmed(behind[1], rise)
+            warm = warmed(behind[1], rise)
             states[WARM] = _solved([warm], starts[1:2], surely=surely)[0]
             lost = _lost(states, begun.wanted_v, where)
         if lost:
             return replace(found, reason=f"{lost} {_INSTEAD[driver.network]}")
-        points = tuple(_point(name, state, driver) for name, state in states.items())
-        parts = part_loads(driver, _phasors(driver, points))
+        points = tuple(range_point(name, state, driver) for name, state in states.items())
+        parts = part_loads(driver, part_phasors(driver, points))
         peaks = {group: max(point.group(group).voltage_v for point in points) for group in GROUPS}
         faults = [*self._off(driver, points), *exceeded(parts, driver), *depolarised(self.ideal.motor, peaks)]
         reason = " ".join([*faults, _INSTEAD[driver.network]]) if faults else self._told(points, share)
@@ -430,15 +389,6 @@ class _Search:
             return 0.0
         rise = self.states[OPERATING].temperature_rise_k
         return min(rise, 0.5 * limits.curie_temperature_c - limits.ambient_c) if rise > 0.0 else 0.0
-
-    def _warmed(self, point: OperatingPoint, rise_k: float) -> OperatingPoint:
-        """Return an operating point behind a driver with a warm motor, which a tracker follows by the frequency."""
-        thermal, driver = Thermal.of(point.motor), point.source
-        assert isinstance(driver, Driver)
-        frequency = driver.frequency * thermal.frequency_factor(rise_k)
-        return replace(
-            point, motor=thermal.warmed(point.motor, rise_k), source=driver.updated({"frequency": frequency})
-        )
 
     def _off(self, driver: Driver, points: tuple[RangePoint, ...]) -> list[str]:
         """Return a sentence for each pin whose voltage leaves the band, and for a motor that brakes."""
@@ -484,44 +434,13 @@ def _overdriven(driver: Driver, points: tuple[RangePoint, ...]) -> list[str]:
         limit, most = driver.setting("amplifier.current_limit"), 0.0
         for point in points:
             volts = point.group(group).voltage_v
-            _, through = _at_stage(driver, group, volts, volts / _impedance(point, group))
+            _, through = at_stage(driver, group, volts, volts / impedance(point, group))
             most = max(most, abs(through) * driver.ratio(group))
         if most > limit:
             told.append(f"The amplifier of group {group.upper()} delivers {most:.3g} A; its limit is {limit:g} A.")
     return told
 
 
-def _impedance(point: RangePoint, group: str) -> complex:
-    """Return the impedance of a group at its pin."""
-    return complex(point.group(group).resistance_ohm, point.group(group).reactance_ohm)
-
-
 def _decades(series: tuple[float, ...]) -> list[float]:
     """Return the values of a series from 1 µH on."""
     return [float(f"{value * 10.0**decade:.6g}") for decade in range(-6, 1) for value in series]
-
-
-def _phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, Any]:
-    """Return phasors of the vectors of :func:`.part_loads`, an entry for each point, in a lossless stage's network."""
-    found: dict[str, Any] = {}
-    for group in GROUPS:
-        pin = np.array([complex(point.group(group).voltage_v) for point in points])
-        amperes = pin / np.array([_impedance(point, group) for point in points])
-        omega, line, through = 2.0 * pi * driver.frequency, pin, amperes
-        for part in driver.parts(group):
-            if part.label not in ("inductor", "llcc"):
-                continue
-            values, prefix = part.values, "series_" if part.label == "llcc" else ""
-            if part.label == "llcc":
-                across = pin / (values["parallel_resistance"] + 1j * omega * values["parallel_inductance"])
-                through = amperes + across + 1j * omega * values["parallel_capacitance"] * pin
-                found |= {f"i(v.xnetwork_{group}.vcurrent)": through, f"i(v.xnetwork_{group}.vparallel)": across}
-            inner = pin + through / (1j * omega * values[f"{prefix}capacitance"] + 1.0 / values["bleeder"])
-            coil = values[f"{prefix}resistance"] + 1j * omega * values[f"{prefix}inductance"]
-            line = inner + coil * through
-            found[f"v(xnetwork_{group}.inner)"] = inner
-        found |= {
-            f"v({group})": pin, f"i(vpin_{group})": amperes, f"v(line_{group})": line,
-            f"v(transformer_{group})": line, f"i(vout_{group})": driver.ratio(group) * through,
-        }  # fmt: skip
-    return found

@@ -213,11 +213,15 @@ def channel(
     contact: str,
     *,
     match: bool = True,
+    **how: Any,
 ) -> pr.Driver:
-    """Return a driver for further analyses, with a network for the motor. Raise ParameterError if there is none."""
-    if not (match and matchable(words, part)):
+    """Return a driver for further analyses, with a network for the motor. Raise ParameterError if there is none.
+
+    ``how`` are further arguments of ``propose_matching``; a ``rail`` asks for a design.
+    """
+    if not (match and (matchable(words, part) or how.get("rail"))):
         return driver_of(words, values, part, mosfet)
-    design = design_of(motor, words, values, part, mosfet, contact=contact)
+    design = design_of(motor, words, values, part, mosfet, contact=contact, **how)
     if design.driver is None or not design.feasible:
         raise pr.ParameterError(
             f"No network for the {words}: {design.reason} State its parts by --part, or add --no-match."

@@ -21,6 +21,14 @@ from pyspice_runner.commands.options import DEFAULT_LAW, LawOptions, Targets, wi
 from pyspice_runner.study.plan import Distribution, Sampling
 from pyspice_runner.units import linear_name
 
+_DRIVEN = ("driver", "part", "mosfet", "rail")
+_IDLE = {  # options without effect on each analysis
+    "simulate": _DRIVEN,
+    "operating-point": ("duration", "load_torque", *_DRIVEN),
+    "drive": ("engine",),
+    "driver-state": ("engine", "duration"),
+}
+
 
 @with_options
 def sweep(
@@ -45,10 +53,20 @@ def sweep(
         ),
     ] = None,
     analysis: Annotated[
-        Literal["simulate", "operating-point", "drive"],
-        typer.Option(help="simulate: a run from rest; operating-point: settled at a speed; drive: a driver."),
+        Literal["simulate", "operating-point", "drive", "driver-state"],
+        typer.Option(
+            help="simulate: a run from rest; operating-point: settled at a speed; drive: a run of a driver; "
+            "driver-state: the steady state behind one."
+        ),
     ] = "simulate",
-    driver: Annotated[str | None, typer.Option(help=f"Drive: {DRIVERS}; default: linear.")] = None,
+    driver: Annotated[str | None, typer.Option(help=f"Drive, driver-state: {DRIVERS}; default: linear.")] = None,
+    rail: Annotated[
+        float | None, typer.Option(help="Drive, driver-state: rails for which transformer and MOSFET are designed, V.")
+    ] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=LOW:HIGH", help="A limit of a quantity, for the yield. Either end may be left out."),
+    ] = None,
     part: PartOption = None,
     mosfet: MosfetOption = None,
     distribution: Annotated[
@@ -80,22 +98,31 @@ def sweep(
     Example: piezomotor sweep andersen2002 --over drive.voltage=40:80:5 --tolerance contact.friction=10% --samples 16
     """
     contact = law.law
-    if analysis == "operating-point":
-        common.refuse_idle(context, "on --analysis operating-point", "duration", "load_torque")
-    if analysis == "drive":
-        common.refuse_idle(context, "on --analysis drive", "engine")
-    else:
-        common.refuse_idle(context, "without --analysis drive", "driver", "part", "mosfet")
+    driven = analysis in ("drive", "driver-state")
+    for name in _IDLE[analysis]:
+        common.refuse_idle(context, f"on --analysis {analysis}", name)
     if not tolerance:
         common.refuse_idle(context, "without --tolerance", "distribution", "samples", "sampling", "seed")
     targets.check(".nc", ".csv", ".json")
-    driven = analysis == "drive"
     of_motor, of_parts = changes_of(changes, part) if driven else (changes, part)
     loaded = common.load_changed(motor, of_motor)
     stated = drive.stated(loaded)
     excitation = (
-        channel(loaded, driver or "linear", two_phase(stated), of_parts, mosfet, law.contact) if driven else stated
+        channel(
+            loaded,
+            driver or "linear",
+            two_phase(stated),
+            of_parts,
+            mosfet,
+            law.contact,
+            rail=rail,
+            speed=speed,
+            load_torque=load_torque or 0.0,
+        )
+        if driven
+        else stated
     )
+    limits = _limits(limit)
     axes: dict[str, Any] = {**common.axes_of(over)}
     common.refuse_covered(context, axes)
     for path, text in common.pairs_of("--tolerance", tolerance):
@@ -133,10 +160,16 @@ def sweep(
             return common.INTERRUPTED
     result = dataset.piezomotor
     common.caution(result)
+    document = result.to_dict()
+    met = {} if limits is None else result.met(limits)
     values = dataset[result.quantities].to_dataframe().astype(float).where(np.isfinite)
     marks = values.quantile([0.0, 0.05, 0.5, 0.95, 1.0]).T.to_string(float_format="{:.4g}".format)
     title = f"{dataset.attrs['parameter_set']}, {excitation.label}, quantiles of {len(values)} points"
-    targets.write(result.to_dict(), f"{title}\n{marks}\n", result.save, result.plot)
+    if met:
+        low, high = met["interval_95"]
+        marks += f"\nyield: {met['good']} of {met['points']} points, {met['yield']:.3g} (95 %: {low:.3g} to {high:.3g})"
+        document["yield"] = met
+    targets.write(document, f"{title}\n{marks}\n", result.save, result.plot)
     return 3 if result.failures else 0
 
 
@@ -148,11 +181,30 @@ def _question(
         from pyspice_runner.analysis.speed_torque import operating_point
 
         return {"analysis": operating_point, "quantities": quantity or ["torque_n_m", "efficiency", "settled"]}
+    if isinstance(excitation, pr.Driver) and analysis == "driver-state":
+        from pyspice_runner.analysis.driver_state import driver_state
+
+        kept = ["torque_n_m", "speed_rad_s", "voltage_a_v", "voltage_b_v", "stage_power_w", "power_factor"]
+        return {"quantities": quantity or kept, "analysis": driver_state}
     if isinstance(excitation, pr.Driver):
         settings = {"analysis": pr.drive_report, "duration": 3e-3}
         kept = ["motor_power_w", "driver_efficiency", "mean_rotor_speed_rad_s"]
         return {"quantities": quantity or kept, **settings}
     return {"quantities": quantity or ["mean_rotor_speed_rad_s", "mean_torque_n_m"], "duration": 5e-3}
+
+
+def _limits(limit: list[str] | None) -> dict[str, tuple[float, float]] | None:
+    """Return the limits of a specification."""
+    found = {}
+    for name, text in common.pairs_of("--limit", limit):
+        try:
+            low, colon, high = text.partition(":")
+            if not colon:
+                raise ValueError
+            found[name] = (float(low or "-inf"), float(high or "inf"))
+        except ValueError:
+            raise pr.ParameterError(f"--limit {name}: {text!r} is not LOW:HIGH. Write 135:165, or 3e-3:.") from None
+    return found or None
 
 
 @contextmanager

@@ -350,12 +350,16 @@ class Driver(Stated, Source):
     def updated(self, changes: Mapping[str, Any]) -> Self:
         """Return a driver with changed values: its own by their name, those of its parts by PART.PARAMETER.
 
+        A value for both groups takes the place of those of each group.
+
         Raises:
             ParameterError: for a name that does not exist or an invalid value.
         """
         own = {name: value for name, value in changes.items() if "." not in name}
         of_parts = {name: value for name, value in changes.items() if "." in name}
-        return super().updated({**own, "settings": {**own.get("settings", self.settings), **of_parts}})
+        replaced = {path for name in of_parts for path in of_groups(name)} - of_parts.keys()
+        kept = {path: value for path, value in own.get("settings", self.settings).items() if path not in replaced}
+        return super().updated({**own, "settings": {**kept, **of_parts}})
 
     def setting(self, path: str) -> float:
         """Return the value of a part's parameter, by PART.PARAMETER; for a part of both groups that of group A.
@@ -477,6 +481,12 @@ class Driver(Stated, Source):
         """Return the amplitude in V of the square wave in front of the transformer that the voltage requires."""
         level = self._setting("bridge", "level", group, 0.0)
         return self.amplitude(group) / (self.ratio(group) * sqrt(1.0 - level**2)) * pi / 4.0
+
+
+def of_groups(path: str) -> tuple[str, ...]:
+    """Return the paths of a part's parameter in each group, for PART.PARAMETER of both; else none."""
+    label, _, name = path.partition(".")
+    return () if label.endswith(("_a", "_b")) else tuple(f"{label}_{group}.{name}" for group in GROUPS)
 
 
 def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, source: bool = True) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import as_number, quoted
+from pyspice_runner.netlist.drivers import Driver, of_groups
 from pyspice_runner.netlist.sources import Excitation
 from pyspice_runner.run.paths import Parameter, canonical, parameter
 from pyspice_runner.run.waveforms import Array
@@ -69,7 +70,14 @@ class Plan:
 
 
 def named(path: str, motor: Motor, drive: Excitation, run: Mapping[str, Any]) -> list[Parameter]:
-    """Return the parameters that a path names: one, or with ``modes.*`` one of each mode."""
+    """Return the parameters that a path names: one, or with ``modes.*`` one of each mode.
+
+    A parameter of a driver's part that differs between the groups is one of each group.
+    """
+    if isinstance(drive, Driver) and path.startswith("drive.") and "." in path[6:]:
+        both = parameter(path, motor, drive, run)
+        each = [parameter(f"drive.{one}", motor, drive, run) for one in of_groups(path[6:])]
+        return each if len({one.nominal for one in each}) > 1 else [both]
     places = range(len(motor.modes)) if path.startswith("modes.*.") else ["*"]
     return [parameter(path.replace("*", str(place), 1), motor, drive, run) for place in places]
 
@@ -116,7 +124,7 @@ def _scatter(parameters: Sequence[Parameter], tolerance: Tolerance, factors: Arr
         raise ParameterError(f"{first.path} = {first.nominal} has no tolerance; give it a nominal value other than 0.")
     attributes = {**first.attributes, "tolerance": tolerance.relative, "distribution": tolerance.distribution}
     if len(parameters) > 1:
-        return factors, attributes | {"units": "1", "comment": "factor by which the values of all modes are multiplied"}
+        return factors, attributes | {"units": "1", "comment": "factor by which the values of all are multiplied"}
     value = first.nominal or 0.0
     return value * factors, attributes | {"nominal": value}
 

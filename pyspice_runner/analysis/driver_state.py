@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Steady states behind a driver as its designer sees them: fundamentals at the pins, at the stage and in the parts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from pyspice_runner.analysis.design import GroupPoint, RangePoint
+from pyspice_runner.analysis.maxima import NO_CAPACITOR
+from pyspice_runner.analysis.steady import SteadyState, steady_states
+from pyspice_runner.errors import SimulationError
+from pyspice_runner.model.drive import TwoPhaseDrive, two_phases
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.refusal import checked
+from pyspice_runner.model.thermal import Thermal
+from pyspice_runner.netlist.contact import ContactLaw
+from pyspice_runner.netlist.drivers import Driver
+from pyspice_runner.netlist.source import GROUPS
+from pyspice_runner.run.operating_point import OperatingPoint
+
+ACCURACY = 1e-2  # of the torque, of the friction torque under the preload: the design needs voltages and currents
+
+
+def _phasor(values: Any, time: Any, frequency: float) -> complex:
+    """Return the phasor of the fundamental over one period."""
+    return complex(2j * frequency * np.trapezoid(values * np.exp(-2j * pi * frequency * time), time))
+
+
+def range_point(name: str, state: SteadyState, driver: Driver | None) -> RangePoint:
+    """Return a steady state with the power factor at the outputs of the stages; without a driver that of the pins."""
+    waves = state.waveforms
+    assert waves is not None
+    frequency = 1.0 / waves.drive_period_s
+    groups, real, apparent = {}, 0.0, 0.0
+    for group in GROUPS:
+        volts = _phasor(getattr(waves, f"voltage_{group}_v"), waves.time_s, frequency)
+        amperes = _phasor(getattr(waves, f"current_{group}_a"), waves.time_s, frequency)
+        source, through = at_stage(driver, group, volts, amperes)
+        power, product = (source * through.conjugate()).real, abs(source) * abs(through)
+        impedance = volts / amperes
+        groups[group] = GroupPoint(abs(volts), abs(amperes), impedance.real, impedance.imag, power / product)
+        real, apparent = real + 0.5 * power, apparent + 0.5 * product
+    power_w = state.power_a_w + state.power_b_w
+    factor, speed = real / apparent, state.speed_rad_s
+    return RangePoint(name, speed, state.torque_n_m, power_w, real, factor, groups["a"], groups["b"])
+
+
+def network_of(driver: Driver, group: str) -> tuple[complex, complex]:
+    """Return the series impedance, stage and transformer included, and the admittance across the pin."""
+    omega, series, across = 2.0 * pi * driver.frequency, 0j, 0j
+    for part in driver.equivalent().parts(group):
+        values, prefix = part.values, "series_" if part.label == "llcc" else ""
+        series += values[f"{prefix}resistance"] + 1j * omega * values[f"{prefix}inductance"]
+        if values[f"{prefix}capacitance"] != NO_CAPACITOR:
+            series += 1.0 / (1j * omega * values[f"{prefix}capacitance"] + 1.0 / values["bleeder"])
+        if part.label == "llcc":
+            coil = values["parallel_resistance"] + 1j * omega * values["parallel_inductance"]
+            across += 1.0 / coil + 1j * omega * values["parallel_capacitance"]
+    return series, across
+
+
+def at_stage(driver: Driver | None, group: str, volts: complex, amperes: complex) -> tuple[complex, complex]:
+    """Return voltage and current of the lossless stage behind its transformer, for those of the pin."""
+    series, across = network_of(driver, group) if driver else (0j, 0j)
+    through = amperes + across * volts
+    return volts + series * through, through
+
+
+def impedance(point: RangePoint, group: str) -> complex:
+    """Return the impedance of a group at its pin."""
+    return complex(point.group(group).resistance_ohm, point.group(group).reactance_ohm)
+
+
+def part_phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, Any]:
+    """Return phasors of the vectors of :func:`.part_loads`, an entry for each point, in a lossless stage's network."""
+    found: dict[str, Any] = {}
+    for group in GROUPS:
+        pin = np.array([complex(point.group(group).voltage_v) for point in points])
+        amperes = pin / np.array([impedance(point, group) for point in points])
+        omega, line, through = 2.0 * pi * driver.frequency, pin, amperes
+        for part in driver.parts(group):
+            if part.label not in ("inductor", "llcc"):
+                continue
+            values, prefix = part.values, "series_" if part.label == "llcc" else ""
+            if part.label == "llcc":
+                across = pin / (values["parallel_resistance"] + 1j * omega * values["parallel_inductance"])
+                through = amperes + across + 1j * omega * values["parallel_capacitance"] * pin
+                found |= {f"i(v.xnetwork_{group}.vcurrent)": through, f"i(v.xnetwork_{group}.vparallel)": across}
+            inner = pin + through / (1j * omega * values[f"{prefix}capacitance"] + 1.0 / values["bleeder"])
+            coil = values[f"{prefix}resistance"] + 1j * omega * values[f"{prefix}inductance"]
+            line = inner + coil * through
+            found[f"v(xnetwork_{group}.inner)"] = inner
+        found |= {
+            f"v({group})": pin, f"i(vpin_{group})": amperes, f"v(line_{group})": line,
+            f"v(transformer_{group})": line, f"i(vout_{group})": driver.ratio(group) * through,
+        }  # fmt: skip
+    return found
+
+
+def warmed(point: OperatingPoint, rise_k: float) -> OperatingPoint:
+    """Return an operating point behind a driver with a warmer motor, which a tracker follows by the frequency."""
+    thermal, driver = Thermal.of(point.motor), point.source
+    assert isinstance(driver, Driver)
+    frequency = driver.frequency * thermal.frequency_factor(rise_k)
+    return replace(point, motor=thermal.warmed(point.motor, rise_k), source=driver.updated({"frequency": frequency}))
+
+
+@checked
+def driver_state(
+    motor: Motor,
+    driver: Driver,
+    *,
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    warmer_k: float = 0.0,
+    contact: ContactLaw = "spring-slider",
+    timeout: float | None = None,
+) -> dict[str, Any]:
+    """Return the steady state behind a driver with its network as it is: for sweeps over tolerances.
+
+    The stage counts with its fundamental and its resistance (:meth:`.Driver.equivalent`).
+
+    Args:
+        motor: the motor, cold.
+        driver: the driver.
+        speed: at which the shaft is held, rad/s; ``None`` leaves it free.
+        load_torque: torque in N·m of the load of a free shaft.
+        warmer_k: temperature in K of the motor above that of its parameters; the frequency follows its resonance.
+        contact: law of the contact.
+        timeout: wall time in s after which a run is ended.
+
+    Returns:
+        ``torque_n_m``, ``speed_rad_s``, amplitudes ``voltage_a_v`` and ``current_a_a`` at the pins of each group,
+        ``power_w`` into both, ``stage_power_w`` and ``power_factor`` of the fundamentals of the stages.
+
+    Raises:
+        ParameterError: for an invalid value.
+        SimulationError: if there is no stable steady state.
+    """
+    cold = OperatingPoint.of(
+        motor, driver.equivalent(), speed=speed, load_torque=load_torque, contact=contact, timeout=timeout, audit=False
+    )
+    point = warmed(cold, warmer_k) if warmer_k else cold
+    assert isinstance(point.source, Driver)
+    # a start with the voltages of the stages at the pins, which a network that is tuned to the drive passes
+    ideal = OperatingPoint.of(
+        point.motor, TwoPhaseDrive(**two_phases(point.source)), speed=speed, load_torque=load_torque, contact=contact,
+        timeout=timeout, audit=False,
+    )  # fmt: skip
+    (begun,) = steady_states([ideal], accuracy=ACCURACY)
+    starts = [begun.solution, None] if begun.solution is not None else [None]
+    for start in starts:
+        (state,) = steady_states([point], accuracy=ACCURACY, waveforms=True, starts=[start])
+        if state.converged and (state.stable or state.held_by_friction):
+            found = range_point("", state, driver)
+            of_groups = {
+                f"{name}_{group}_{unit}": getattr(found.group(group), f"{name}_{unit}")
+                for group in GROUPS for name, unit in (("voltage", "v"), ("current", "a"))
+            }  # fmt: skip
+            names = ("speed_rad_s", "torque_n_m", "power_w", "stage_power_w", "power_factor")
+            return {name: getattr(found, name) for name in names} | of_groups
+    raise SimulationError("There is no stable steady state behind this driver.")
