@@ -9,7 +9,7 @@ from a file, ``import pyspice_runner.datasets`` first.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,6 @@ import numpy as np
 import xarray
 from xarray.plot.accessor import DatasetPlotAccessor
 
-from pyspice_runner.errors import ParameterError
 from pyspice_runner.files import write_json, write_netcdf
 from pyspice_runner.result import Audit, Result, contact_row, json_ready
 from pyspice_runner.units import engineering
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     import pandas
 
 SPEED = "speed_rad_s"
-_DEVIATIONS = 1.96  # standard deviations of an interval of 95 %
 _NOT_QUANTITIES = ("failure", "deck_sha256")  # of a sweep
 FLAGS = {"settled": "not settled", "accurate": "not accurate"}  # of a point of a sweep: name and meaning of a 0
 _AS_JSON = ("motor", "drive", "run", "audit", "cautions", "best", "limits", "method", "folds")  # attributes
@@ -267,36 +265,6 @@ class Sweep(DatasetResult):
             {"at": {str(name): value.item() for name, value in point.coords.items()}, "reason": point.item()}
             for point in points
         ]
-
-    def met(self, limits: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
-        """Return the yield against a specification: the share of the points within all limits, JSON-ready.
-
-        A point that failed does not meet it. The interval of 95 % is that of E. B. Wilson (J. Am. Stat. Assoc. 22,
-        1927) for samples that are drawn at random; those of a Sobol sequence lie closer.
-
-        Args:
-            limits: name of a quantity → least and greatest value.
-
-        Raises:
-            ParameterError: for a name that is no quantity of the sweep.
-        """
-        unknown = [name for name in limits if name not in self.quantities]
-        if unknown:
-            raise ParameterError(f"{unknown[0]} is no quantity of the sweep; it has {', '.join(self.quantities)}.")
-        within = {
-            name: (self.dataset[name].values >= least) & (self.dataset[name].values <= most)
-            for name, (least, most) in limits.items()
-        }
-        count, good = int(np.prod(list(self.dataset.sizes.values()))), int(np.all([*within.values()], axis=0).sum())
-        share, spread = good / count, _DEVIATIONS**2 / count
-        centre = (share + 0.5 * spread) / (1.0 + spread)
-        half = _DEVIATIONS * np.sqrt(share * (1.0 - share) / count + 0.25 * spread / count) / (1.0 + spread)
-        return {
-            "points": count, "good": good, "yield": share,
-            "interval_95": [max(float(centre - half), 0.0), min(float(centre + half), 1.0)],
-            "limits": {name: list(ends) for name, ends in limits.items()},
-            "each": {name: int(good.sum()) for name, good in within.items()},
-        }  # fmt: skip
 
     @property
     def flagged(self) -> dict[str, xarray.DataArray]:

@@ -19,6 +19,7 @@ from pyspice_runner.commands.drive import DRIVERS, MosfetOption, PartOption, cha
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import DEFAULT_LAW, LawOptions, Targets, with_options
 from pyspice_runner.study.plan import Distribution, Sampling
+from pyspice_runner.study.specification import met
 from pyspice_runner.units import linear_name
 
 _DRIVEN = ("driver", "part", "mosfet", "rail")
@@ -161,14 +162,15 @@ def sweep(
     result = dataset.piezomotor
     common.caution(result)
     document = result.to_dict()
-    met = {} if limits is None else result.met(limits)
+    specified = {} if limits is None else met(dataset, limits)
     values = dataset[result.quantities].to_dataframe().astype(float).where(np.isfinite)
     marks = values.quantile([0.0, 0.05, 0.5, 0.95, 1.0]).T.to_string(float_format="{:.4g}".format)
     title = f"{dataset.attrs['parameter_set']}, {excitation.label}, quantiles of {len(values)} points"
-    if met:
-        low, high = met["interval_95"]
-        marks += f"\nyield: {met['good']} of {met['points']} points, {met['yield']:.3g} (95 %: {low:.3g} to {high:.3g})"
-        document["yield"] = met
+    if specified:
+        low, high = specified["interval_95"]
+        marks += f"\nyield: {specified['good']} of {specified['points']} points, {specified['yield']:.3g}"
+        marks += f" (95 %: {low:.3g} to {high:.3g})"
+        document["yield"] = specified
     targets.write(document, f"{title}\n{marks}\n", result.save, result.plot)
     return 3 if result.failures else 0
 

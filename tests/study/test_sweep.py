@@ -27,6 +27,7 @@ import pyspice_runner as pr
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.cli import run
 from pyspice_runner.study.plan import named
+from pyspice_runner.study.specification import met
 from pyspice_runner.study.store import Store
 from pyspice_runner.study.task import Task, versions_here
 from tests import points, processes
@@ -214,12 +215,12 @@ def heard(**how: Any) -> tuple[xarray.Dataset, list[tuple[int, int]]]:
 def test_the_yield_is_the_share_of_points_within_all_limits_with_wilsons_interval() -> None:
     """8 of 10: 0.4902 to 0.9433 (L. D. Brown, T. T. Cai, A. DasGupta, Statistical Science 16, 2001, formula (4))."""
     data = xarray.Dataset({"torque_n_m": ("x", np.arange(10.0)), "power_w": ("x", [1.0] * 9 + [np.nan])})
-    found = data.piezomotor.met({"torque_n_m": (1.0, np.inf), "power_w": (0.0, 2.0)})
+    found = met(data, {"torque_n_m": (1.0, np.inf), "power_w": (0.0, 2.0)})
     assert (found["good"], found["points"], found["yield"]) == (8, 10, 0.8)
     assert found["each"] == {"torque_n_m": 9, "power_w": 9}
     assert found["interval_95"] == pytest.approx([0.4902, 0.9433], abs=1e-4)
     with pytest.raises(pr.ParameterError, match="speed is no quantity of the sweep"):
-        data.piezomotor.met({"speed": (0.0, 1.0)})
+        met(data, {"speed": (0.0, 1.0)})
 
 
 def test_a_part_that_differs_between_the_groups_has_a_tolerance_by_one_factor() -> None:
