@@ -43,6 +43,7 @@ static phasor quotient(phasor a, phasor b)
 static double square(phasor a) { return a.re * a.re + a.im * a.im; }
 static double size(phasor a) { return sqrt(square(a)); }
 static phasor turned(phasor a) { return (phasor){-a.im, a.re}; } /* j a */
+static phasor turned_by(double degrees) { return (phasor){cos(degrees * PI / 180.0), sin(degrees * PI / 180.0)}; }
 
 /* --- the contact --- */
 
@@ -83,19 +84,23 @@ struct path {
     double slider, speed;                      /* m at the begin of the period; rad/s against the carrier */
 };
 
+/* The preload for which the distance of stator and rotor is set. A mount keeps that of the rest, and its springs press with
+   the present preload; without a mount another preload is another distance. */
+static double laid_preload(const struct motor *m) { return MOUNTED ? m->laid : m->value.preload; }
+
 /* One period of the contact; piezomotor_phase.h takes displacements in um. */
 static struct contact touch(const struct motor *m, const struct path *path)
 {
     const struct values *p = &m->value;
     double x[PHASES], y[PHASES], fx[PHASES], fy[PHASES];
-    double deflection = 0.0;
+    double deflection = 0.0, laid = laid_preload(m);
     struct contact found = {0};
 
     for (int i = 0; i < MODES; i++)
-        deflection += p->mode[i].tip_y * p->mode[i].tip_y * p->preload / p->mode[i].stiffness;
+        deflection += p->mode[i].tip_y * p->mode[i].tip_y * laid / p->mode[i].stiffness;
     struct phase at = {
         .normal_stiffness = p->normal_stiffness, .compliance = p->compliance, .mu = p->friction, .radius = p->radius,
-        .preload = p->preload, .deflection = 1e6 * deflection, .damping = p->normal_damping, .series = p->series_compliance,
+        .sliding = p->sliding_ratio, .stribeck = p->stribeck_velocity, .preload = laid, .deflection = 1e6 * deflection, .damping = p->normal_damping, .series = p->series_compliance,
         .slider_before = 1e6 * path->slider, .turn = 1e6 * p->radius * path->speed / (PHASES * p->frequency),
         .rate = 0.5 * PHASES * p->frequency,
     };
@@ -173,13 +178,15 @@ static int place(int mode, int harmonic) { return AMPLITUDE + 2 * (HARMONICS * m
 
 /* The path of the tip: the sum of the modes; x from the crown of the rotor, which is above the tip at rest; y with the
    carrier. */
-static struct path find_path(const struct values *p, const double state[STATES])
+static struct path find_path(const struct motor *m, const double state[STATES])
 {
+    const struct values *p = &m->value;
+    double laid = laid_preload(m);
     struct path found = {.slider = state[SLIDER], .speed = state[SPEED] - state[CARRIER_X_VELOCITY] / p->radius};
 
     for (int i = 0; i < MODES; i++) {
         const struct mode *mode = &p->mode[i];
-        found.x[0].re += mode->tip_x * (state[DEFLECTION + i] + mode->tip_y * p->preload / mode->stiffness);
+        found.x[0].re += mode->tip_x * (state[DEFLECTION + i] + mode->tip_y * laid / mode->stiffness);
         found.y[0].re += mode->tip_y * state[DEFLECTION + i];
     }
     for (int i = 0; i < MOVING; i++) {
@@ -195,12 +202,35 @@ static struct path find_path(const struct values *p, const double state[STATES])
     return found;
 }
 
+/* Find the rates of rotor and load for the torque on the rotor. */
+static void turn(const struct values *p, const double state[STATES], double torque, double rate[STATES])
+{
+    int rigid = p->coupling_stiffness == 0.0;
+    double angle = state[rigid ? POSITION : LOAD_POSITION], speed = state[rigid ? SPEED : LOAD_SPEED];
+    double held = p->load_damping * speed + p->load_spring * angle
+        + p->load_gravity * sin(angle + p->load_angle * PI / 180.0);
+
+    rate[POSITION] = rate[LOAD_POSITION] = state[SPEED];
+    if (p->load_inertia == 0.0 || rigid) {
+        rate[SPEED] = rate[LOAD_SPEED] = (torque - (p->load_inertia > 0.0 ? held : 0.0)) / (p->inertia + p->load_inertia);
+        return;
+    }
+    double twist = state[POSITION] - state[LOAD_POSITION], play = 0.5 * p->backlash;
+    double wound = twist > play ? twist - play : twist < -play ? twist + play : 0.0;
+    double passed = p->coupling_stiffness * wound + p->coupling_damping * (state[SPEED] - state[LOAD_SPEED]);
+    if (passed * wound <= 0.0) /* a coupling with play does not pull its sides together */
+        passed = p->backlash > 0.0 ? 0.0 : passed;
+    rate[LOAD_POSITION] = state[LOAD_SPEED];
+    rate[LOAD_SPEED] = (passed - held) / p->load_inertia;
+    rate[SPEED] = (torque - passed) / p->inertia;
+}
+
 /* Find the rates of the states, and what the outputs need, for the contact in f. */
 static void respond(const struct motor *m, const double state[STATES], struct flow *f)
 {
     const struct values *p = &m->value;
-    double angle = p->phase * PI / 180.0, turning = m->slope[phase_place] * PI / 180.0;
-    phasor wave = {cos(angle), sin(angle)};
+    double turning = m->slope[phase_place] * PI / 180.0;
+    phasor wave = turned_by(p->phase);
     phasor u_a = {p->amplitude_a, 0.0}, u_b = scaled(p->amplitude_b, wave);
     phasor rise_a = {m->slope[amplitude_a_place], 0.0}; /* V/s */
     phasor rise_b = product((phasor){m->slope[amplitude_b_place], p->amplitude_b * turning}, wave);
@@ -261,13 +291,14 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
         - p->mount_damping * state[CARRIER_VELOCITY];
     double push_x = f->contact.fx[0].re - p->mount_x_stiffness * state[CARRIER_X]
         - p->mount_x_damping * state[CARRIER_X_VELOCITY];
-    double drive = p->radius * f->contact.friction - p->load_torque - p->bearing * state[SPEED];
+    double drive = p->radius * f->contact.friction - p->load_torque - p->bearing * state[SPEED]
+        - p->bearing_friction * state[BEARING];
     f->rate[CARRIER] = state[CARRIER_VELOCITY];
     f->rate[CARRIER_VELOCITY] = MOUNTED ? push / p->mount_mass : 0.0;
     f->rate[CARRIER_X] = state[CARRIER_X_VELOCITY];
     f->rate[CARRIER_X_VELOCITY] = MOUNTED_X ? push_x / p->mount_x_mass : 0.0;
-    f->rate[SPEED] = drive / p->inertia;
-    f->rate[POSITION] = state[SPEED];
+    turn(p, state, drive, f->rate);
+    f->rate[BEARING] = (state[SPEED] - state[BEARING] * fabs(state[SPEED])) / p->bearing_presliding; /* Dahl */
     f->rate[SLIDER] = p->frequency * (f->contact.slider - state[SLIDER]);
     f->rate[TEMPERATURE] = 0.0;
     if (p->heat_capacity > 0.0) {
@@ -276,12 +307,14 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
     }
     f->rate[CHARGE] = f->current_a.re;
     f->rate[CHARGE + 1] = f->current_a.im;
+    f->rate[CHARGE + 2] = f->current_b.re;
+    f->rate[CHARGE + 3] = f->current_b.im;
 }
 
 /* Evaluate the motor in some state. */
 static void evaluate(const struct motor *m, const double state[STATES], struct flow *f)
 {
-    struct path path = find_path(&m->value, state);
+    struct path path = find_path(m, state);
 
     f->contact = touch(m, &path);
     respond(m, state, f);
@@ -330,7 +363,9 @@ void motor_rest(struct motor *motor)
 {
     const struct values *p = &motor->value;
 
+    motor->laid = p->preload;
     memset(motor->state, 0, sizeof motor->state);
+    memset(motor->flux, 0, sizeof motor->flux);
     motor->step = motor_shortest_step(motor);
     motor->solver = (struct solver){0};
     for (int i = 0; i < MODES; i++)
@@ -343,13 +378,14 @@ void motor_measure(struct motor *motor)
 {
     struct values *p = &motor->value;
     struct flow flow;
-    double angle = p->phase * PI / 180.0;
-    phasor back = {cos(angle), -sin(angle)}; /* turns a phase to that ahead of group B */
+    phasor back = turned_by(-p->phase); /* turns a phase to that ahead of group B */
 
     evaluate(motor, motor->state, &flow);
     phasor current_b = product(flow.current_b, back);
     p->speed = motor->state[SPEED];
     p->position = motor->state[POSITION];
+    p->load_speed = motor->state[LOAD_SPEED];
+    p->load_position = motor->state[LOAD_POSITION];
     p->current_amplitude_a = size(flow.current_a);
     p->current_phase_a = 180.0 / PI * atan2(flow.current_a.im, flow.current_a.re);
     p->current_amplitude_b = size(current_b);
@@ -364,7 +400,7 @@ void motor_measure(struct motor *motor)
     p->heat = flow.heat;
     p->contact_power = flow.contact_power;
     p->stored_energy = flow.stored;
-    struct path path = find_path(p, motor->state);
+    struct path path = find_path(motor, motor->state);
     p->tip_x_amplitude = size(path.x[1]);
     p->tip_y_amplitude = size(path.y[1]);
 }
@@ -381,11 +417,13 @@ static void find_scales(const struct values *p, double scale[STATES])
     for (int i = 0; i < MODES; i++)
         for (int s = place(i, 1); s < place(i + 1, 1); s++)
             scale[s] = depth / fmax(1e-6, fmax(fabs(p->mode[i].tip_x), fabs(p->mode[i].tip_y)));
-    scale[POSITION] = depth / p->radius;
-    scale[SPEED] = scale[POSITION] * p->frequency;
+    scale[POSITION] = scale[LOAD_POSITION] = depth / p->radius;
+    scale[SPEED] = scale[LOAD_SPEED] = scale[POSITION] * p->frequency;
+    scale[BEARING] = 1.0;
     scale[CARRIER_VELOCITY] = scale[CARRIER_X_VELOCITY] = depth * p->frequency;
     scale[TEMPERATURE] = 1.0;
-    scale[CHARGE] = scale[CHARGE + 1] = INFINITY; /* an integral that moves nothing */
+    for (int s = CHARGE; s < CHARGE + 4; s++)
+        scale[s] = INFINITY; /* an integral that moves nothing */
 }
 
 /* Find the derivatives of the rates by the states. The contact, which takes most of the time, is evaluated once for each
@@ -394,7 +432,7 @@ static void find_jacobian(struct motor *m, const double state[STATES])
 {
     enum { NUMBERS = sizeof(struct path) / sizeof(double), FOUND = sizeof(struct contact) / sizeof(double) };
     struct solver *solver = &m->solver;
-    struct path path = find_path(&m->value, state);
+    struct path path = find_path(m, state);
     struct flow here = {.contact = touch(m, &path)}, there;
     double depth = pow(m->value.preload / m->value.normal_stiffness, 2.0 / 3.0);
     double slope[NUMBERS][FOUND], moved[STATES];
@@ -412,7 +450,7 @@ static void find_jacobian(struct motor *m, const double state[STATES])
         double change = isfinite(solver->scale[column]) ? 1e-6 * solver->scale[column] : 1.0;
         memcpy(moved, state, sizeof moved);
         moved[column] += change;
-        struct path other = find_path(&m->value, moved);
+        struct path other = find_path(m, moved);
         there.contact = here.contact;
         for (int n = 0; n < NUMBERS; n++) {
             double by = ((double *)&other)[n] - ((double *)&path)[n];
@@ -564,6 +602,15 @@ void motor_begin(struct motor *motor)
     memcpy(motor->rate, flow.rate, sizeof motor->rate);
 }
 
+/* Add the voltages of the groups over a time, s. */
+static void add_flux(struct motor *m, double time)
+{
+    const struct values *p = &m->value;
+
+    m->flux[0].re += time * p->amplitude_a;
+    m->flux[1] = sum(m->flux[1], scaled(time * p->amplitude_b, turned_by(p->phase)));
+}
+
 double motor_step(struct motor *m, double left)
 {
     struct solver *solver = &m->solver;
@@ -589,6 +636,10 @@ double motor_step(struct motor *m, double left)
         else
             shortened = 1, step = isfinite(error) ? fmax(factor * step, fmin(step, shortest)) : 0.25 * step;
     }
+    add_flux(m, 0.5 * step);
+    move_inputs(m, inputs, 0.0);
+    add_flux(m, 0.5 * step);
+    move_inputs(m, inputs, step);
     for (int s = 0; s < STATES; s++) {
         m->change[s] = state[s] - m->state[s];
         m->state[s] = state[s];

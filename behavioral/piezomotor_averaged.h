@@ -39,9 +39,16 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
     ENTRY(load_torque, "N.m", -1e3, 1e3, "torque that the load draws from the shaft") \
     ENTRY(ambient_temperature, "K", -200, 500, "temperature of the surroundings above that at which the parameters hold")
 
+/* of the motor, which may change while it runs, as the inputs do */
+#define TUNABLE(ENTRY) \
+    ENTRY(preload, "N", 1e-6, 1e5, "static normal force F_0") \
+    ENTRY(friction, "1", 1e-4, 5, "coefficient of friction")
+
 #define OUTPUTS(ENTRY) \
     ENTRY(speed, "rad/s", "rotor speed") \
     ENTRY(position, "rad", "angle of the rotor") \
+    ENTRY(load_speed, "rad/s", "speed of the coupled load") \
+    ENTRY(load_position, "rad", "angle of the coupled load") \
     ENTRY(current_amplitude_a, "A", "amplitude of the current into group A") \
     ENTRY(current_phase_a, "deg", "phase of the current into group A ahead of the voltage of group A") \
     ENTRY(current_amplitude_b, "A", "amplitude of the current into group B") \
@@ -60,8 +67,8 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
     ENTRY(tip_y_amplitude, "m", "amplitude of the tip's fundamental, towards the rotor")
 
 #define PARAMETERS(ENTRY) \
-    ENTRY(preload, "N", 1e-6, 1e5, "static normal force F_0") \
-    ENTRY(friction, "1", 1e-4, 5, "coefficient of friction") \
+    ENTRY(sliding_ratio, "1", 0.01, 1, "friction of fast sliding over the coefficient of friction") \
+    ENTRY(stribeck_velocity, "m/s", 1e-6, 1e3, "slip velocity over which the friction falls") \
     ENTRY(normal_stiffness, "N/m^1.5", 1e3, 1e13, "K_N of the Hertz law") \
     ENTRY(compliance, "m/N^(2/3)", 2.2e-10, 1e-2, "tangential compliance K_t of tip and rotor together") \
     ENTRY(normal_damping, "s/m", 0, 1e6, "Hunt-Crossley damping: the normal force grows by this times the approach velocity") \
@@ -69,6 +76,16 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
     ENTRY(radius, "m", 1e-4, 10, "radius of the rotor") \
     ENTRY(inertia, "kg.m2", 1e-13, 1e3, "moment of inertia") \
     ENTRY(bearing, "N.m.s", 0, 1e3, "viscous bearing coefficient") \
+    ENTRY(bearing_friction, "N.m", 0, 1e3, "torque of dry friction of the bearing") \
+    ENTRY(bearing_presliding, "rad", 1e-9, 1, "angle over which it comes to 63 % of its value") \
+    ENTRY(load_inertia, "kg.m2", 0, 1e3, "moment of inertia that is coupled to the shaft; 0: none, and no coupling") \
+    ENTRY(load_damping, "N.m.s", 0, 1e3, "viscous friction of the load") \
+    ENTRY(load_spring, "N.m/rad", 0, 1e6, "spring that pulls the load to the angle 0") \
+    ENTRY(load_gravity, "N.m", 0, 1e3, "greatest torque of the load's weight") \
+    ENTRY(load_angle, "deg", -360, 360, "angle of the load's centre of mass from its lowest place, at the position 0") \
+    ENTRY(coupling_stiffness, "N.m/rad", 0, 1e6, "stiffness of the shaft to the load; 0: rigid") \
+    ENTRY(coupling_damping, "N.m.s", 0, 1e3, "damping of the shaft to the load") \
+    ENTRY(backlash, "rad", 0, 1, "play of the coupling from end to end") \
     ENTRY(capacitance_a, "F", 1e-15, 1e-3, "clamped capacitance of group A at 100 kHz") \
     ENTRY(capacitance_b, "F", 1e-15, 1e-3, "clamped capacitance of group B at 100 kHz") \
     ENTRY(capacitance_ab, "F", -1e-3, 1e-3, "capacitance between the groups at 100 kHz, a part of both others") \
@@ -104,6 +121,7 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
 #define FIELD(name, ...) double name;
 struct values {
     INPUTS(FIELD)
+    TUNABLE(FIELD)
     OUTPUTS(FIELD)
     PARAMETERS(FIELD)
     MOUNT_PARAMETERS(FIELD)
@@ -119,17 +137,19 @@ typedef struct { double re, im; } phasor;
 /* the states; those of a mode are its static deflection (m) and the amplitudes (m) of its harmonics, real and imaginary */
 enum {
     SPEED, POSITION, TEMPERATURE,
+    LOAD_SPEED, LOAD_POSITION,  /* of the coupled load; those of the rotor if it is rigid */
+    BEARING,                    /* share of the dry friction that the bearing takes, -1 to 1 */
     SLIDER,                     /* displacement of the slider at the end of the period, m */
     CARRIER, CARRIER_VELOCITY,  /* m, m/s, towards the rotor */
     CARRIER_X, CARRIER_X_VELOCITY, /* the same along the rotor */
-    CHARGE,                     /* integral of the amplitude of the current into group A, A.s: real and imaginary part */
-    DEFLECTION = CHARGE + 2,
+    CHARGE,                     /* integrals of the amplitudes of the currents into the groups, A.s: real and imaginary parts */
+    DEFLECTION = CHARGE + 4,
     AMPLITUDE = DEFLECTION + MODES,
     STATES = AMPLITUDE + 2 * MOVING * HARMONICS
 };
 
 #define PLACE(name, ...) name##_place,
-enum { INPUTS(PLACE) INPUT_COUNT }; /* the inputs are the first values */
+enum { INPUTS(PLACE) TUNABLE(PLACE) INPUT_COUNT }; /* what may change is the first values */
 #undef PLACE
 
 /* What the implicit integration keeps from step to step. */
@@ -146,9 +166,11 @@ struct motor {
     struct values value;
     double slope[INPUT_COUNT];    /* rates of the inputs, 1/s: an input changes by them while the motor advances */
     double longest;               /* longest internal step, s */
+    double laid;                  /* preload at rest, N: under it a sprung stator was laid against the rotor */
     double state[STATES];
     double rate[STATES];          /* of the states, 1/s */
     double change[STATES];        /* of the states in the last internal step */
+    phasor flux[2];               /* integrals of the amplitudes of the voltages of the groups, V.s */
     double taken, step;           /* last internal step, s; next one, unless the time that is left is shorter */
     struct solver solver;
     phasor wheel[PHASES][ORDERS]; /* exp(2 pi j h n / PHASES) */

@@ -63,7 +63,7 @@ struct instance {
 struct variable { const char *name, *unit; double least, greatest; };
 #define RANGE(name, unit, least, greatest, meaning) {#name, unit, least, greatest},
 #define ONE(...) +1
-static const struct variable INPUT[] = {INPUTS(RANGE)};
+static const struct variable INPUT[] = {INPUTS(RANGE) TUNABLE(RANGE)};
 static const struct variable PARAMETER[] = {PARAMETERS(RANGE) MOUNT_PARAMETERS(RANGE) MOUNT_X_PARAMETERS(RANGE)};
 static const struct variable OF_MODE[] = {MODE_PARAMETERS(RANGE)};
 enum {

@@ -16,7 +16,7 @@
 #endif
 
 #define ONE(...) +1
-enum { SHOWN = INPUT_COUNT OUTPUTS(ONE) }; /* inputs and outputs are the first values */
+enum { SHOWN = INPUT_COUNT OUTPUTS(ONE) }; /* what may change and outputs are the first values */
 
 EXPORT int session_bytes(void) { return (int)sizeof(struct motor); }
 EXPORT int session_columns(void) { return 1 + SHOWN; } /* of a row: time in s, inputs, outputs */
@@ -28,14 +28,19 @@ EXPORT void session_begin(struct motor *m, double longest, double speed)
 {
     m->longest = longest;
     motor_rest(m);
-    m->state[SPEED] = speed;
+    m->state[SPEED] = m->state[LOAD_SPEED] = speed;
     motor_measure(m);
 }
 
-/* Set angle of the rotor and charge to 0. */
+/* Set charge and angle of the rotor to 0, unless the torque of the load depends on the angle. */
 EXPORT void session_zero(struct motor *m)
 {
-    m->state[POSITION] = m->state[CHARGE] = m->state[CHARGE + 1] = 0.0;
+    memset(m->state + CHARGE, 0, 4 * sizeof(double));
+    memset(m->flux, 0, sizeof m->flux);
+    if (m->value.load_spring == 0.0 && m->value.load_gravity == 0.0) {
+        m->state[LOAD_POSITION] -= m->state[POSITION];
+        m->state[POSITION] = 0.0;
+    }
     motor_measure(m);
 }
 
@@ -63,8 +68,12 @@ EXPORT int session_record(struct motor *m, double *time, double until, double *r
     return count;
 }
 
-/* Integral of the current into group A since the begin, A.s: real and imaginary part of its amplitude. */
-EXPORT void session_charge(const struct motor *m, double charge[2]) { memcpy(charge, m->state + CHARGE, 2 * sizeof(double)); }
+/* Integrals since the begin of the amplitudes of the currents into the groups, A.s, and of their voltages, V.s. */
+EXPORT void session_sums(const struct motor *m, double sums[8])
+{
+    memcpy(sums, m->state + CHARGE, 4 * sizeof(double));
+    memcpy(sums + 4, m->flux, sizeof m->flux);
+}
 
 /* Greatest displacement of a mode's coordinate by its harmonics, all in phase, m. */
 EXPORT double session_amplitude(const struct motor *m, int mode)

@@ -36,9 +36,11 @@ from .model.circuit_file import load_circuit as load_circuit
 from .model.drive import TwoPhaseDrive as TwoPhaseDrive
 from .model.drive import TwoToneDrive as TwoToneDrive
 from .model.drive import default_drive as default_drive
+from .model.electronics import Electronics as Electronics
 from .model.load import available_motors as available_motors
 from .model.load import load_motor as load_motor
 from .model.motor import Motor as Motor
+from .model.shaft import ShaftLoad as ShaftLoad
 from .model.thermal import Thermal as Thermal
 from .model.tracking import propose_filter as propose_filter
 from .netlist.contact import Law as Law

@@ -30,6 +30,7 @@ def unit_in(name: str) -> str:
 # A slider is computed as a rotor of radius 1 m: the values of its rotary and linear quantities are equal.
 _LINEAR_UNITS = {
     "rad/s": "m/s", "rad": "m", "N·m·s": "N·s/m", "N·m": "N", "N.m.s": "N.s/m", "N.m": "N", "kg.m2": "kg",
+    "N.m/rad": "N/m",
 }  # fmt: skip
 _LINEAR_WORDS = {
     "torque": "force", "Torque": "Force", "rotor": "slider", "Rotor": "Slider", "moment of inertia": "mass",

@@ -22,12 +22,14 @@ from pyspice_runner.model.drive import Drive, Load, TwoPhaseDrive, check_togethe
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Contact
 from pyspice_runner.model.refusal import checked
+from pyspice_runner.model.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.model.strength import peak_of_amplitudes, temperature_rise
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import (
     HARMONICS,
     PHASES,
     SETTINGS,
+    SPECIAL,
     Course,
     averaged_bench,
     check_averaged,
@@ -44,6 +46,8 @@ from pyspice_runner.run.kernel import Outcome, progress_callback, run_bench, sim
 
 Array = NDArray[np.float64]
 MOST_POINTS_OF_A_COURSE = 10_000
+VALUES_OF_A_FUNCTION = 1000  # over the duration of a run
+CourseLike = ArrayLike | Callable[[float], float]
 FEWEST_PERIODS = 10
 LONGEST_STEPS = {"spice": 50, "compiled": 200}  # least number of steps of a run; linear in between
 TRUSTED_CHECK, TRUSTED_OPEN = 0.02, 0.0
@@ -51,7 +55,7 @@ MOST_FACTOR = 4.0  # of the normal force by its damping, in piezomotor_averaged_
 BALANCE_BOUND = 0.05  # of the energy put in; the engine's own steps, summed by the trapezoidal rule
 INPUT_OF = {  # setting → input of the averaged motor in C
     "frequency": "frequency", "voltage_a": "amplitude_a", "voltage_b": "amplitude_b", "phase_deg": "phase",
-    "load_torque": "load_torque",
+    "load_torque": "load_torque", "preload": "preload", "temperature": "ambient_temperature",
 }  # fmt: skip
 
 COLUMNS: dict[str, tuple[str, str]] = {
@@ -219,7 +223,8 @@ def simulate_averaged(
     contact: ContactLaw | None = "spring-slider",
     speed: float | None = None,
     load_torque: float = 0.0,
-    courses: Mapping[str, SkipValidation[ArrayLike]] | None = None,
+    shaft: ShaftLoad | None = None,
+    courses: Mapping[str, SkipValidation[CourseLike]] | None = None,
     thermal: Thermal | None = None,
     phases: int = PHASES,
     harmonics: int = HARMONICS,
@@ -239,8 +244,11 @@ def simulate_averaged(
         contact: law of the contact; only ``"spring-slider"`` has an average.
         speed: if given, the shaft is held at this speed, rad/s.
         load_torque: torque in N·m that a load draws from the free shaft.
+        shaft: a mass that is coupled to the free shaft.
         courses: what changes during the run: ``frequency`` (Hz), ``voltage`` (V, both groups), ``voltage_a``,
-            ``voltage_b``, ``phase_deg``, ``load_torque`` (N·m) → rows of time (s) and value, linear in between.
+            ``voltage_b``, ``phase_deg``, ``load_torque`` (N·m), ``preload`` (N, not in ngspice), ``temperature`` (K, of
+            the surroundings above that of the parameters; takes ``thermal``) → rows of time (s) and value, linear in
+            between; a number; or a function of the time, of which a thousand values in the run are taken.
         thermal: drift with temperature; the losses then heat the stator.
         phases: number of phases of the period at which the contact is evaluated.
         harmonics: number of harmonics of the tip's motion, 1 to 6.
@@ -267,24 +275,27 @@ def simulate_averaged(
             f"duration = {duration:g} s is out of range: it must be at least {FEWEST_PERIODS} periods of the drive, "
             f"{FEWEST_PERIODS * drive.period:.3g} s."
         )
-    settings = settings_of(drive, load, courses or {})
+    settings = settings_of(motor, drive, load, courses or {}, duration, thermal)
+    coupled = coupled_to(shaft, speed)
     used = averaged_engine(engine)
     longest = max(duration / LONGEST_STEPS[used], drive.period)  # the compiled motor damps what is faster
     timing = transient_timing(drive.period, duration, longest)
     vectors = _vectors(motor, harmonics, thermal)
 
     def bench() -> Bench:
-        return averaged_bench(motor, settings, load=load, phases=phases, harmonics=harmonics, thermal=thermal)
+        return averaged_bench(
+            motor, settings, load=load, phases=phases, harmonics=harmonics, thermal=thermal, shaft=coupled
+        )
 
     report = progress and progress_callback(progress, duration)
     course = None if speed is not None else settings["load_torque"]
     version, deck_sha256 = None, {}
     if used == "compiled":
         running = AveragedMotor(
-            motor, thermal=thermal, speed=speed, phases=phases, harmonics=harmonics, longest=longest
+            motor, thermal=thermal, shaft=coupled, speed=speed, phases=phases, harmonics=harmonics, longest=longest
         )
         begun = monotonic()
-        inputs = {of_c: settings[name] for name, of_c in INPUT_OF.items()}
+        inputs = {of_c: settings[name] for name, of_c in INPUT_OF.items() if name in settings}
         columns = compiled_columns(motor, running.record(inputs, duration, timeout=timeout, progress=report), course)
         seconds, stored = monotonic() - begun, columns.pop("stored_energy")
         amplitudes = running.mode_amplitudes()
@@ -313,7 +324,7 @@ def simulate_averaged(
             "run": {
                 "engine": used,
                 "duration_s": duration, **PAPER_LAW.to_dict(), "speed_rad_s": speed, "load_torque_n_m": load_torque,
-                "phases": phases, "harmonics": harmonics,
+                "shaft": None if shaft is None else shaft.model_dump(), "phases": phases, "harmonics": harmonics,
                 "courses": {name: [*map(list, course)] for name, course in settings.items() if len(course) > 1},
                 "thermal": None if thermal is None else thermal.model_dump(),
             },
@@ -371,8 +382,21 @@ def averaged_ceramic(
     return stated(motor, {**peak_of_amplitudes(motor, total), "temperature_rise_k": rise}, speed)
 
 
-def settings_of(drive: TwoPhaseDrive, load: Load, courses: Mapping[str, ArrayLike]) -> dict[str, Course]:
-    """Return the courses of all settings, constant unless the user gives one."""
+def coupled_to(shaft: ShaftLoad | None, speed: float | None = None) -> ShaftLoad:
+    """Return the load that is coupled to a shaft. Raise ParameterError for one at a shaft that is held at a speed."""
+    if shaft is not None and speed is not None:
+        raise ParameterError("shaft has no effect on a shaft that is held at a speed. Leave one out.")
+    return shaft or UNCOUPLED
+
+
+def settings_of(
+    motor: Motor, drive: TwoPhaseDrive, load: Load, courses: Mapping[str, CourseLike], duration: float,
+    thermal: Thermal | None,
+) -> dict[str, Course]:  # fmt: skip
+    """Return the courses of all settings, constant unless the user gives one, over a duration in s.
+
+    Preload and temperature are in it only if the user gives them. Raise ParameterError for an invalid course.
+    """
     given = dict(courses)
     if "voltage" in given:
         if {"voltage_a", "voltage_b"} & given.keys():
@@ -383,27 +407,49 @@ def settings_of(drive: TwoPhaseDrive, load: Load, courses: Mapping[str, ArrayLik
         settings["voltage_a"] = [(0.0, 0.0), (drive.soft_start, drive.voltage)]
         settings["voltage_b"] = [(0.0, 0.0), (drive.soft_start, drive.voltage_b)]
     for name, rows in given.items():
-        if name not in SETTINGS:
-            raise ParameterError(f"courses: {name!r} is not known: it must be voltage or one of {', '.join(SETTINGS)}.")
-        settings[name] = _course(name, rows)
+        if name == "reference":
+            raise ParameterError("courses: reference has an effect on a controller only. Leave it out.")
+        settings[name] = course_of(name, rows, duration)
+    for name, value in (("preload", motor.contact.preload_n), ("temperature", thermal.ambient_k if thermal else 0.0)):
+        if name in given and settings[name][0][1] != value:
+            raise ParameterError(
+                f"courses: {name} begins at {settings[name][0][1]:g} {SPECIAL[name]}: it must begin at that of the "
+                f"motor, {value:g} {SPECIAL[name]}."
+            )
+    if "temperature" in given and thermal is None:
+        raise ParameterError("courses: temperature takes thermal, which has the coefficients of the drift. Give it.")
     if load.speed is not None and "load_torque" in given:
         raise ParameterError("courses: load_torque has no effect on a shaft that is held at a speed. Leave one out.")
     return settings
 
 
-def _course(name: str, rows: ArrayLike) -> Course:
+def course_of(name: str, rows: CourseLike, duration: float) -> Course:
+    """Return the course of a quantity over a duration in s, of which a function gives a thousand values.
+
+    Raise ParameterError for an unknown name, or rows that are not valid.
+    """
+    known = SETTINGS | SPECIAL | {"reference": "the controller's unit"}
+    if name not in known:
+        raise ParameterError(f"courses: {name!r} is not known: it must be voltage or one of {', '.join(known)}.")
     try:
-        table = np.asarray(rows, dtype=float)
+        if callable(rows):
+            times = np.linspace(0.0, duration, VALUES_OF_A_FUNCTION + 1)
+            table = np.array([[time, float(rows(float(time)))] for time in times])
+        else:
+            table = np.asarray(rows, dtype=float)
+            table = np.array([[0.0, float(table)]]) if table.ndim == 0 else table
     except (TypeError, ValueError):
         table = np.empty(0)
     if table.ndim != 2 or table.shape[1] != 2 or not 1 <= len(table) <= MOST_POINTS_OF_A_COURSE:
         raise ParameterError(
-            f"courses: {name} must be 1 to {MOST_POINTS_OF_A_COURSE} rows of time (s) and value ({SETTINGS[name]})."
+            f"courses: {name} must be 1 to {MOST_POINTS_OF_A_COURSE} rows of time (s) and value ({known[name]}), a "
+            "number, or a function of the time."
         )
     if not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0.0).any() or table[0, 0] < 0.0:
         raise ParameterError(f"courses: {name} must have finite values and rising times from 0 s on.")
-    if name == "frequency" and (table[:, 1] <= 0.0).any():
-        raise ParameterError(f"courses: frequency = {table[:, 1].min():g} Hz is out of range: it must be > 0 Hz.")
+    if name in ("frequency", "preload") and (table[:, 1] <= 0.0).any():
+        unit = known[name]
+        raise ParameterError(f"courses: {name} = {table[:, 1].min():g} {unit} is out of range: it must be > 0 {unit}.")
     return [(float(time), float(value)) for time, value in table]
 
 

@@ -245,7 +245,7 @@ def control_loop(
 def _plant(motor: Motor, drive: TwoPhaseDrive, load: Load, quantity: Quantity, sample_time: float) -> _Plant:
     running = AveragedMotor(motor)
     settings = constant_settings(drive, load)
-    running.begin(**{of_c: settings[name][0][1] for name, of_c in INPUT_OF.items()})
+    running.begin(**{of_c: settings[name][0][1] for name, of_c in INPUT_OF.items() if name in settings})
     running.settle()
     shown = ("speed", "torque", "current_amplitude_a", "current_phase_a", "check", "separated")
     point = {name: running.get(name) for name in shown}

@@ -12,54 +12,77 @@ import cmath
 import ctypes
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from math import ceil, degrees, isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
-from pyspice_runner.analysis.averaged import INPUT_OF, averaged_engine, deck_of, model_cautions, settings_of
+from pyspice_runner.analysis.averaged import (
+    CourseLike,
+    averaged_engine,
+    coupled_to,
+    course_of,
+    deck_of,
+    model_cautions,
+    settings_of,
+)
+from pyspice_runner.analysis.motions import Compiled, Motion, Spice, State, first
 from pyspice_runner.engine.session import Session
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import FASTEST_DRIVE, SLOWEST_DRIVE, Load, TwoPhaseDrive, too_fast
+from pyspice_runner.model.electronics import IDEAL, Electronics, Rounding
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
+from pyspice_runner.model.shaft import ShaftLoad
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import Course
 from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.controlled import CHECKED, COMMANDS, SAMPLED, CommandedSource, controlled_bench
 from pyspice_runner.netlist.sources import Bench, DriveSource
 from pyspice_runner.result import Result, contact_row
-from pyspice_runner.run.averaged_motor import AveragedMotor
 from pyspice_runner.run.engines import Engine
 from pyspice_runner.run.kernel import transient_timing
 from pyspice_runner.run.operating_point import OperatingPoint, Solver
 from pyspice_runner.run.window import Array
 from pyspice_runner.units import linear_name
 
+IDEAL_ROUNDING = Rounding(IDEAL)
 MOST_SAMPLES = 100_000
 MOST_VOLTAGE = 1e4  # V, as of a drive
+MOST_RECORDS = 1000  # between two samples
 SAMPLES: dict[str, tuple[str, str]] = {
     "time_s": ("s", "time of the sample"),
     "speed_rad_s": ("rad/s", "mean speed of the rotor since the last sample"),
     "position_rad": ("rad", "angle of the rotor"),
     "current_amplitude_a": ("A", "amplitude of the current into group A, mean since the last sample"),
-    "current_phase_deg": ("deg", "phase of that current ahead of the voltage of group A"),
+    "current_phase_deg": ("deg", "phase of that current ahead of the commanded voltage of group A"),
     "temperature_k": ("K", "temperature of the stator above that at which its parameters hold"),
+    "reference": ("1", "value of the course reference, in the unit that the controller gives it"),
+    "current_b_amplitude_a": ("A", "amplitude of the current into group B, mean since the last sample"),
+    "current_b_phase_deg": ("deg", "phase of that current ahead of the commanded voltage of group A"),
+    "voltage_amplitude_v": ("V", "amplitude of the voltage of group A, mean since the last sample"),
+    "voltage_b_amplitude_v": ("V", "amplitude of the voltage of group B, mean since the last sample"),
     "frequency_hz": ("Hz", "drive frequency from this sample on"),
     "voltage_a_v": ("V", "amplitude of group A from this sample on"),
     "voltage_b_v": ("V", "amplitude of group B from this sample on"),
     "phase_deg": ("deg", "phase of group B ahead of group A from this sample on"),
     "load_torque_n_m": ("N·m", "torque that the load draws"),
+    "load_position_rad": ("rad", "angle of what is coupled to the shaft"),
     "check": ("1", "motion that the averaged motor leaves out, relative to static penetration and limit of stick"),
     "separated": ("1", "share of the period in which the contact of the averaged motor is open"),
 }
+
+
+RECORDS = (
+    "time_s", "speed_rad_s", "position_rad", "current_amplitude_a", "current_b_amplitude_a", "temperature_k",
+    "load_position_rad",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -72,6 +95,11 @@ class Sample:
     current_amplitude_a: float
     current_phase_deg: float
     temperature_k: float
+    reference: float = 0.0
+    current_b_amplitude_a: float = 0.0
+    current_b_phase_deg: float = 0.0
+    voltage_amplitude_v: float = 0.0
+    voltage_b_amplitude_v: float = 0.0
 
 
 Controller = Callable[[Sample], Mapping[str, float]]
@@ -105,12 +133,14 @@ class ControlledRun(Result):
 
     Attributes:
         samples: arrays by the names of :data:`SAMPLES`, one value a sample; of the full motor without ``check`` and
-            ``separated``.
+            ``separated``. They are what the sensors measure and the actuators set.
+        records: arrays by the names of :data:`RECORDS`, between the samples, by ideal sensors.
         provenance: motor, drive and run settings, JSON-ready.
         write_deck: returns the netlist of the run, for ngspice; the controller is not in it.
     """
 
     samples: Mapping[str, Array] = field(repr=False)
+    records: Mapping[str, Array] = field(repr=False)
     provenance: dict[str, Any] = field(repr=False)
     write_deck: Callable[[], str] = field(repr=False)
 
@@ -192,8 +222,11 @@ def simulate_controlled(
     sample_time: float,
     averaged: bool = True,
     load_torque: float = 0.0,
-    courses: Mapping[str, SkipValidation[ArrayLike]] | None = None,
+    shaft: ShaftLoad | None = None,
+    electronics: Electronics | None = None,
+    courses: Mapping[str, SkipValidation[CourseLike]] | None = None,
     start: Literal["rest", "steady"] = "rest",
+    records: int = 1,
     thermal: Thermal | None = None,
     step: float | None = None,
     engine: Engine = "auto",
@@ -207,18 +240,21 @@ def simulate_controlled(
         controller: called at every sample time with a :class:`Sample`; it returns what changes: ``voltage`` (V, of both
             groups), ``voltage_a``, ``voltage_b``, ``phase_deg``, ``frequency`` (Hz). A negative amplitude turns the
             phase by 180°. A path is that of a shared library of C code with the function
-            ``void step(double t, const double *in, double *out)``. ``in`` has speed (rad/s), position (rad), current
-            amplitude (A), current phase (deg) and temperature (K). ``out`` takes amplitude of both groups (V), phase
+            ``void step(double t, const double *in, double *out)``. ``in`` has the values of a
+            :class:`Sample` behind the time, in its order. ``out`` takes amplitude of both groups (V), phase
             (deg) and frequency (Hz), and has the present values on entry. The library runs in this process: only load
             code that you trust.
         duration: simulated time in s.
         sample_time: time in s between two samples; at least one period of the drive.
         averaged: whether the averaged motor runs, or the full one, cycle by cycle.
         load_torque: torque in N·m that a load draws from the shaft.
-        courses: what changes during the run, as in :func:`simulate_averaged`; a controller that sets a quantity with a
-            course is an error.
+        shaft: a mass that is coupled to the shaft.
+        electronics: sensors and actuators, and the computing delay; by default ideal ones.
+        courses: what changes during the run, as in :func:`simulate_averaged`, and ``reference``, which the controller
+            reads in the sample. A controller that sets a quantity with a course is an error.
         start: ``"rest"``, preloaded and without voltage; ``"steady"``, the steady state at the drive and the load of
             the start, of the compiled averaged motor only.
+        records: number of values between two samples in the ``records`` of the result.
         thermal: drift with temperature; the losses then heat the stator.
         step: time step in s of the full motor; by default that of ``simulate``. It is made a whole part of the sample
             time.
@@ -232,7 +268,13 @@ def simulate_controlled(
     count = _count(drive, duration, sample_time)
     load = Load(None, load_torque)
     load.check(motor)
-    settings = settings_of(drive, load, courses or {})
+    given = dict(courses or {})
+    reference = course_of("reference", given.pop("reference", 0.0), duration)
+    settings = settings_of(motor, drive, load, given, duration, thermal)
+    coupled, parts = coupled_to(shaft), electronics or IDEAL
+    parts.check(sample_time, drive.frequency)
+    if not 1 <= records <= MOST_RECORDS:
+        raise ParameterError(f"records = {records} is not valid: it must be a whole number from 1 to {MOST_RECORDS}.")
     CommandedSource(settings, drive).check(motor)
     used = averaged_engine(engine) if averaged else "spice"
     if start == "steady" and used == "spice":
@@ -248,30 +290,37 @@ def simulate_controlled(
         raise ParameterError("step has no effect on an averaged run, whose engine chooses its steps. Leave it out.")
 
     def bench() -> Bench:
-        return controlled_bench(motor, drive, settings, sample_time=sample_time, step=uniform, thermal=thermal)
+        return controlled_bench(
+            motor, drive, settings, sample_time=sample_time, stops=(records, parts.delay_s), step=uniform,
+            thermal=thermal, shaft=coupled,
+        )  # fmt: skip
 
     vectors = [*SAMPLED, *(CHECKED if averaged else ()), *(["v(temperature)"] if thermal else [])]
+    vectors += ["v(load_position)"] if coupled.coupling_stiffness_n_m_per_rad else []
     timing = transient_timing(uniform or drive.period, (count + 1) * sample_time, uniform or 0.5 * sample_time)
     write_deck = partial(deck_of, bench, vectors, timing)
     decide = _Library(controller, drive) if isinstance(controller, str | Path) else controller
     with ExitStack() as stack:
         if used == "compiled":
-            motion: _Motion = _Compiled(motor, settings, thermal, steady=start == "steady")
+            motion: Motion = Compiled(motor, settings, thermal, coupled, steady=start == "steady")
         else:
             write_deck = partial(str, write_deck())
-            motion = _Spice(stack.enter_context(Session(write_deck(), vectors, timeout=timeout)))
-        table = _run(motion, decide, settings, motor, (number * sample_time for number in range(1, count + 1)))
-    names = [name for name in SAMPLES if name != "load_torque_n_m"]
-    samples = {name: table[:, index] for index, name in enumerate(names)}
+            motion = Spice(stack.enter_context(Session(write_deck(), vectors, timeout=timeout)))
+        running = Loop(motion, decide, motor, settings | {"reference": reference}, Rounding(parts))
+        samples, between = running.run(count, sample_time, records)
     samples["load_torque_n_m"] = np.interp(samples["time_s"], *np.transpose(settings["load_torque"]))
     return ControlledRun(
         samples={name: samples[name] for name in SAMPLES if averaged or name not in ("check", "separated")},
+        records=between,
         provenance={
             "motor": motor.to_dict(),
             "drive": DriveSource(drive).to_dict(),
             "run": {
                 "duration_s": duration, "sample_time_s": sample_time, "averaged": averaged, "engine": used,
                 "step_s": uniform, "start": start, "load_torque_n_m": load_torque,
+                "shaft": None if shaft is None else shaft.model_dump(),
+                "electronics": None if electronics is None else electronics.model_dump(),
+                "resolution": parts.resolution(sample_time, drive.frequency), "reference": [*map(list, reference)],
                 "courses": {name: [*map(list, course)] for name, course in settings.items() if len(course) > 1},
                 "thermal": None if thermal is None else thermal.model_dump(),
                 **PAPER_LAW.to_dict(),
@@ -296,102 +345,90 @@ def _count(drive: TwoPhaseDrive, duration: float, sample_time: float) -> int:
     return count
 
 
-def _run(
-    motion: _Motion, decide: Controller, settings: Mapping[str, Course], motor: Motor, times: Iterable[float]
-) -> Array:
-    """Let a controller act on a running motor at sample times in s; return a row for each sample, with the check."""
-    present = {name: _first(settings[name]) for name in COMMANDS}
-    fixed = [name for name in COMMANDS if len(settings[name]) > 1]
-    rows: list[list[float]] = []
-    last = State(0.0)
-    for time in times:
-        now = motion.advance(time)
-        sample = _sample(now, last)
-        last = now
-        changed = _commands(decide(sample), present, motor)
-        for name in fixed:
-            if name in changed:
-                raise ParameterError(f"The controller set {name}, which has a course or a soft start. Leave one out.")
-            present[name] = float(np.interp(time, *np.transpose(settings[name])))
-        for name, value in changed.items():
-            if value != present[name]:
-                motion.alter(name, value)
-        present |= changed
-        rows.append([*vars(sample).values(), *present.values(), now.check, now.separated])
-    return np.array(rows)
-
-
-def _first(course: Course) -> float:
-    return float(np.interp(0.0, *np.transpose(course)))
-
-
 @dataclass(frozen=True)
-class State:
-    """What a sample and the check are made of."""
+class Loop:
+    """A controller that acts on a running motor at sample times."""
 
-    time: float  # s
-    position: float = 0.0  # rad
-    charge: complex = 0.0  # integral of the amplitude of the current into group A, A·s
-    temperature: float = 0.0  # K
-    check: float = 0.0
-    separated: float = 0.0
+    motion: Motion
+    decide: Controller
+    motor: Motor
+    settings: Mapping[str, Course]
+    rounding: Rounding
+
+    def run(self, count: int, sample_time: float, records: int) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Run for a number of samples; return what the controller saw and set at each, and the records between.
+
+        Raise ParameterError for a command that is not valid, SimulationError if the engine fails.
+        """
+        wanted = {name: first(self.settings[name]) for name in COMMANDS}  # what the controller set
+        present, delay = dict(wanted), self.rounding.electronics.delay_s
+        self._set(self.rounding.commands(wanted), present)
+        fixed = [name for name in COMMANDS if len(self.settings[name]) > 1]
+        rows, between = list[list[float]](), list[list[float]]()
+        last = seen = now = State(0.0)
+        measured = 0.0  # the last measured angle
+        for number in range(1, count + 1):
+            begun, waiting = (number - 1) * sample_time, delay > 0.0 and number > 1
+            for part in range(1, records + 1):
+                until = begun + part * sample_time / records if part < records else number * sample_time
+                if waiting and begun + delay <= until:
+                    now = self.motion.advance(begun + delay)
+                    self._set(self.rounding.commands(wanted), present)
+                    waiting = False
+                if until > now.time:
+                    now = self.motion.advance(until)
+                if records > 1:
+                    ideal = vars(_sample(now, seen)) | {"load_position_rad": now.load_position}
+                    between.append([ideal[name] for name in RECORDS])
+                    seen = now
+            reference = float(np.interp(now.time, *np.transpose(self.settings["reference"])))
+            sample = _sample(now, last, self.rounding, measured, reference, linear=self.motor.slider is not None)
+            measured, last = sample.position_rad, now
+            changed = _commands(self.decide(sample), wanted, self.motor)
+            for name in fixed:
+                if name in changed:
+                    raise ParameterError(
+                        f"The controller set {name}, which has a course or a soft start. Leave one out."
+                    )
+                wanted[name] = present[name] = float(np.interp(now.time, *np.transpose(self.settings[name])))
+            wanted |= changed
+            set_now = self.rounding.commands(wanted)
+            if not delay:
+                self._set(set_now, present)
+            rows.append([*vars(sample).values(), *set_now.values(), now.load_position, now.check, now.separated])
+        names = [name for name in SAMPLES if name != "load_torque_n_m"]
+        table, beside = np.array(rows), np.array(between).reshape(-1, len(RECORDS))
+        samples = {name: table[:, place] for place, name in enumerate(names)}
+        return samples, {name: beside[:, place] for place, name in enumerate(RECORDS)} if records > 1 else {}
+
+    def _set(self, commands: Mapping[str, float], present: dict[str, float]) -> None:
+        """Give the motor the commands that are not the present ones."""
+        for name, value in commands.items():
+            if value != present[name] and len(self.settings[name]) == 1:
+                self.motion.alter(name, value)
+                present[name] = value
 
 
-class _Motion(Protocol):
-    """A running motor."""
-
-    def advance(self, until: float) -> State:
-        """Run to a time in s."""
-
-    def alter(self, name: str, value: float) -> None:
-        """Set a command from now on."""
-
-
-class _Spice:
-    """A motor in ngspice."""
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
-
-    def advance(self, until: float) -> State:
-        now = self._session.advance(until)
-        return State(
-            now["time"], now["v(position)"], 1e-6 * complex(now["v(sum_re)"], now["v(sum_im)"]),
-            now.get("v(temperature)", 0.0), *(now.get(name, 0.0) for name in CHECKED),
-        )  # fmt: skip
-
-    def alter(self, name: str, value: float) -> None:
-        self._session.alter(COMMANDS[name], value)
-
-
-class _Compiled:
-    """The compiled averaged motor."""
-
-    def __init__(self, motor: Motor, settings: Mapping[str, Course], thermal: Thermal | None, *, steady: bool) -> None:
-        self._motor, self._time = AveragedMotor(motor, thermal=thermal), 0.0
-        self._motor.begin(
-            **{of_c: float(np.interp(0.0, *np.transpose(settings[name]))) for name, of_c in INPUT_OF.items()}
-        )
-        self._courses = {of_c: settings[name] for name, of_c in INPUT_OF.items() if len(settings[name]) > 1}
-        if steady:
-            self._motor.settle()
-
-    def advance(self, until: float) -> State:
-        self._motor.advance(self._time, until, self._courses)
-        self._time = until
-        numbers = (self._motor.get(name) for name in ("temperature", "check", "separated"))
-        return State(until, self._motor.get("position"), self._motor.charge, *numbers)
-
-    def alter(self, name: str, value: float) -> None:
-        self._motor.set(**{INPUT_OF[name]: value})
-
-
-def _sample(now: State, last: State) -> Sample:
+def _sample(
+    now: State, last: State, rounding: Rounding = IDEAL_ROUNDING, measured: float | None = None,
+    reference: float = 0.0, *, linear: bool = False,
+) -> Sample:  # fmt: skip
+    """Return the sample between two states; ``measured`` is the angle that was measured at the last one, rad."""
     interval = now.time - last.time
-    current = (now.charge - last.charge) / interval
+    position = rounding.position(now.position, linear=linear)
+    currents = [
+        rounding.current((after - before) / interval)
+        for after, before in ((now.charge_a, last.charge_a), (now.charge_b, last.charge_b))
+    ]
+    voltages = [
+        rounding.voltage((after - before) / interval)
+        for after, before in ((now.flux_a, last.flux_a), (now.flux_b, last.flux_b))
+    ]
+    current_a, current_b = ((abs(current), degrees(cmath.phase(current))) for current in currents)
+    before = last.position if measured is None else measured
     return Sample(
-        now.time, (now.position - last.position) / interval, now.position, abs(current),
-        degrees(cmath.phase(current)), now.temperature,
+        now.time, (position - before) / interval, position, *current_a, now.temperature, reference, *current_b,
+        *map(abs, voltages),
     )  # fmt: skip
 
 

@@ -44,6 +44,7 @@ _UNITS: dict[str, dict[str, float]] = {
     "deg": {"rad": 1, "factor": pi / 180.0}, "rad": {"rad": 1}, "rad/s": {"rad": 1, "s": -1}, "m": {"m": 1},
     "m/s": {"m": 1, "s": -1}, "J": {"kg": 1, "m": 2, "s": -2},
     "N": {"kg": 1, "m": 1, "s": -2}, "N.m": {"kg": 1, "m": 2, "s": -2}, "N.m.s": {"kg": 1, "m": 2, "s": -1},
+    "N.m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
     "W": {"kg": 1, "m": 2, "s": -3}, "kg": {"kg": 1}, "kg.m2": {"kg": 1, "m": 2}, "N/m": {"kg": 1, "s": -2},
     "N.s/m": {"kg": 1, "s": -1}, "N/V": {"m": -1, "s": 1, "A": 1}, "F": {"kg": -1, "m": -2, "s": 4, "A": 2},
     "J/K": {"kg": 1, "m": 2, "s": -2, "K": -1}, "K/W": {"kg": -1, "m": -2, "s": 3, "K": 1}, "1/K": {"K": -1},
@@ -121,6 +122,7 @@ def _model_description(motor: Motor, known: list[Variable], identifier: str, gui
             "input": {"causality": "input", "variability": "continuous"},
             "output": {"causality": "output", "variability": "continuous", "initial": "calculated"},
             "parameter": {"causality": "parameter", "variability": "fixed", "initial": "exact"},
+            "tunable": {"causality": "parameter", "variability": "tunable", "initial": "exact"},
         }[item.causality]
         variable = ElementTree.SubElement(listed, "ScalarVariable", {
             "name": item.name, "valueReference": str(item.reference), "description": item.meaning, **kind,

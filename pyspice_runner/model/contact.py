@@ -168,6 +168,17 @@ def static_deflection(contact: Contact, modes: tuple[Mode, ...]) -> float:
     return contact.preload_n * sum(mode.tip_y**2 / mode.stiffness_n_per_m for mode in modes)
 
 
+def approach(contact: Contact, modes: tuple[Mode, ...], mount: Mount | None, preload_n: float) -> float:
+    """Return the motion in m of the stator's support towards the rotor that changes the preload to another, N.
+
+    Of a stator on a mount, the fixed end of the springs moves; otherwise the stator itself.
+    """
+    if mount:
+        return (preload_n - contact.preload_n) / mount.stiffness_n_per_m
+    deeper = penetration(contact, preload_n) - static_penetration(contact)
+    return deeper + static_deflection(contact, modes) * (preload_n / contact.preload_n - 1.0)
+
+
 def static_sway(contact: Contact, modes: tuple[Mode, ...]) -> float:
     """Sideways displacement x = −F₀ Σ X_n Y_n/k_n of the tip under the preload, in m; 0 for a symmetric stator.
 

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from math import cos, pi, radians, sin
+from typing import NamedTuple
 
 from PySpice.Spice.Netlist import Circuit, Netlist
 
@@ -23,6 +24,7 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Load, TwoPhaseDrive, default_drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.recoil import carriers, modes_on_carrier
+from pyspice_runner.model.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.benches import add_cooling
 from pyspice_runner.netlist.contact import PAPER_LAW, ContactLaw, law_of
@@ -84,10 +86,8 @@ def require_averaged(motor: Motor) -> None:
     """Raise ParameterError for a mode that is not linear, a loss without an averaged model, or a deep penetration."""
     require_linear(motor, "The averaged motor")
     left_out = {
-        "contact.sliding_ratio": (motor.contact.sliding_ratio, 1.0),
         "contact.worn_flat_radius_m": (motor.contact.worn_flat_radius_m, 0.0),
         "contact.tangential_series_compliance_m_per_n": (motor.contact.tangential_series_compliance_m_per_n, 0.0),
-        motor.dry_friction[0]: (motor.dry_friction[1], 0.0),
     }
     for name, (value, neutral) in left_out.items():
         if value != neutral:
@@ -130,18 +130,38 @@ def _source(name: str, target: str, source: str, gain: float) -> str | None:
     return f"G{name} 0 {target} {source} 0 {rounded!r}" if abs(rounded) > 1e-12 else None
 
 
+class Terms(NamedTuple):
+    """Terms of the averaged contact that are written where a motor has them."""
+
+    series: bool = True  # a compliance in series along the normal
+    falling: bool = True  # friction that falls with the slip velocity
+
+    @classmethod
+    def of(cls, motor: Motor) -> Terms:
+        """Return the terms of a motor."""
+        return cls(motor.contact.series_compliance_m_per_n > 0.0, motor.contact.sliding_ratio < 1.0)
+
+
+ALL_TERMS = Terms()
+
+
 @cache
-def averaged_phase(series: bool) -> Library:
-    """Return ``piezomotor_averaged_phase``; without a compliance in series it is smaller."""
+def averaged_phase(terms: Terms) -> Library:
+    """Return ``piezomotor_averaged_phase`` with the terms that a motor has."""
     library = read_library(_PHASE)
-    if series:
-        return library
-    text = re.sub(r"(?m)^B(hold|depth) .*\n", "", library.subcircuit)
-    text = re.sub(r"(?m)^Bfree free 0 V=(.*)\+{damping\*series}.*$", r"Bhold hold 0 V=min(uramp(\1),4)", text)
-    text = re.sub(r"(?m)^(Bnormal .*?\*)uramp.*$", r"\1V(hold)*V(depth)**1.5", text)
-    text = text.replace(" series=0", "").replace("+1e6*series*preload", "")
-    text = text.replace("Bapproach approach", "Bdepth depth")
-    parameters = tuple(item for item in library.parameters if item.name != "series")
+    text, absent = library.subcircuit, list[str]()
+    if not terms.series:
+        text = re.sub(r"(?m)^B(hold|depth) .*\n", "", text)
+        text = re.sub(r"(?m)^Bfree free 0 V=(.*)\+{damping\*series}.*$", r"Bhold hold 0 V=min(uramp(\1),4)", text)
+        text = re.sub(r"(?m)^(Bnormal .*?\*)uramp.*$", r"\1V(hold)*V(depth)**1.5", text)
+        text = text.replace(" series=0", "").replace("+1e6*series*preload", "")
+        text = text.replace("Bapproach approach", "Bdepth depth")
+        absent.append("series")
+    if not terms.falling:
+        text = re.sub(r"(?m)^B(slipped|fallen) .*\n", "", text).replace("*V(fallen)", "")
+        text = text.replace(" sliding=1 stribeck=50m", "")
+        absent += ["sliding", "stribeck"]
+    parameters = tuple(item for item in library.parameters if item.name not in absent)
     return replace(library, subcircuit=text, parameters=parameters)
 
 
@@ -152,7 +172,7 @@ def _carried(node: str, last: str, start: str) -> tuple[str, ...]:
 
 
 @cache
-def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS, series: bool = True) -> Library:
+def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS, terms: Terms = ALL_TERMS) -> Library:
     """Return ``piezomotor_averaged_contact``, which chains one ``piezomotor_averaged_phase`` per phase.
 
     The parameters are those of a phase. The displacement of the slider, and with a compliance in series the force, go
@@ -162,7 +182,7 @@ def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS, series: b
     range.
     """
     check_resolution(phases, harmonics)
-    phase = averaged_phase(series)
+    phase, series = averaged_phase(terms), terms.series
     defaults = phase.subcircuit.partition("\n")[0].split()[len(phase.pins) + 2 :]
     passed = " ".join(f"{item.name}={{{item.name}}}" for item in phase.parameters)
     pins = contact_pins(harmonics)
@@ -254,10 +274,13 @@ class AveragedSubCircuit(Assembly):
             self.R(f"sum_{node}", node, self.gnd, 1)
         self.R("open_temperature", "temperature", self.gnd, 1e9)
         self._add_check(motor, harmonics)
-        series = contact.series_compliance_m_per_n > 0.0
-        self._libraries.append(averaged_phase(series))  # instead of that which the contact needs by its name
-        self._add_contact(motor, averaged_contact(phases, harmonics, series), contact_pins(harmonics))
+        terms = Terms.of(motor)
+        self._libraries.append(averaged_phase(terms))  # instead of that which the contact needs by its name
+        self._add_contact(motor, averaged_contact(phases, harmonics, terms), contact_pins(harmonics))
         self._put("rotor", "piezomotor_rotor", ("shaft",), {}, ["inertia", "bearing"])
+        if motor.rotor.bearing_friction_n_m:
+            dry = {"torque": motor.rotor.bearing_friction_n_m, "angle": motor.rotor.bearing_presliding_rad}
+            self._put("bearing", "piezomotor_bearing", ("shaft", "bearing_share"), dry)
 
     def _add_harmonics(
         self, name: str, values: dict[str, float], warm: tuple[str | int, str | int], harmonics: int
@@ -325,6 +348,8 @@ class AveragedSubCircuit(Assembly):
         }  # fmt: skip
         if contact.series_compliance_m_per_n:
             values["series"] = contact.series_compliance_m_per_n
+        if contact.sliding_ratio < 1.0:
+            values |= {"sliding": contact.sliding_ratio, "stribeck": contact.stribeck_velocity_m_s}
         self._put("contact", library, nodes, values, ["normal_stiffness", "radius", "preload"])
 
     def _add_check(self, motor: Motor, harmonics: int) -> None:
@@ -441,8 +466,49 @@ SETTINGS = {  # quantities that may change during a run, with their units
     "phase_deg": "deg",
     "load_torque": "N.m",
 }
-ANGLE = "Gposition 0 position shaft 0 1\nCposition position 0 1 ic=0\nRposition position 0 1t\n"  # of the shaft, rad
+SPECIAL = {  # further ones, for which not every engine has a value over time
+    "preload": "N",
+    "temperature": "K",
+}
 Course = Sequence[tuple[float, float]]  # times in s and values; linear in between, constant before and after
+
+
+def add_angle(circuit: Circuit, load: ShaftLoad) -> None:
+    """Add the node ``position``, the angle of the shaft in rad, and what is coupled to the shaft.
+
+    Behind an elastic coupling it turns with ``v(load)`` in rad/s, to the angle ``v(load_position)``.
+    """
+
+    def angle(of: str, node: str) -> str:
+        return f"G{node} 0 {node} {of} 0 1\nC{node} {node} 0 1 ic=0\nR{node} {node} 0 1t\n"
+
+    text, of, turned = angle("shaft", "position"), "shaft", "position"
+    if load.coupling_stiffness_n_m_per_rad:
+        of, turned = "load", "load_position"
+        twist, play = f"(V(position)-V({turned}))", repr(0.5 * load.backlash_rad)
+        text += angle(of, turned)
+        text += f"Bwound wound 0 V=uramp({twist}-{play})-uramp(-{twist}-{play})\n"
+        text += (
+            f"Bpassed passed 0 V={load.coupling_stiffness_n_m_per_rad!r}*V(wound)"
+            f"+{load.coupling_damping_n_m_s!r}*(V(shaft)-V({of}))\n"
+        )
+        # a coupling with play does not pull its sides together
+        sided = "u(V(wound))*uramp(V(passed))-u(-V(wound))*uramp(-V(passed))" if load.backlash_rad else "V(passed)"
+        text += f"Bcoupling shaft {of} I={sided}\n"
+    if load.inertia_kg_m2:
+        text += f"Cload {of} 0 {load.inertia_kg_m2!r} ic=0\nRload {of} 0 1t\n"
+        text += f"Gload {of} 0 {of} 0 {load.damping_n_m_s!r}\n"
+        weight = f"{load.gravity_n_m!r}*sin(V({turned})+{radians(load.gravity_angle_deg)!r})"
+        text += f"Bheld {of} 0 I={load.spring_n_m_per_rad!r}*V({turned})+{weight}\n"
+    circuit.raw_spice += text
+
+
+def add_surroundings(circuit: Circuit, settings: Mapping[str, Course], thermal: Thermal) -> None:
+    """Let the surroundings of a motor with cooling follow the course ``temperature``, if there is one."""
+    if "temperature" in settings:
+        flow = [(time, (value - thermal.ambient_k) / thermal.thermal_resistance_k_per_w)
+                for time, value in settings["temperature"]]  # fmt: skip
+        circuit.I("surroundings", circuit.gnd, "temperature", course_text(flow))
 
 
 def constant_settings(drive: TwoPhaseDrive, load: Load) -> dict[str, Course]:
@@ -459,15 +525,24 @@ def averaged_bench(
     phases: int = PHASES,
     harmonics: int = HARMONICS,
     thermal: Thermal | None = None,
+    shaft: ShaftLoad = UNCOUPLED,
 ) -> Bench:
     """Return a bench with ideal sources and an averaged motor ``Xmotor`` whose shaft is free, loaded or held.
 
     ``settings`` has :data:`SETTINGS` over time; the phase is that of group B ahead of group A. ``v(position)`` is the
     angle of the shaft in rad; ``Va_re``, ``Va_im``, ``Vb_re``, ``Vb_im`` carry the currents into the pins. With
-    ``thermal`` the losses heat the motor through ``Xcooling``.
+    ``thermal`` the losses heat the motor through ``Xcooling``. ``shaft`` is the load that is coupled to it.
+
+    Raises:
+        ParameterError: for a course of the preload, which is a number in the subcircuit.
     """
+    if "preload" in settings:
+        raise ParameterError(
+            "courses: preload cannot change in the averaged motor of ngspice. Take engine = 'compiled', or the full "
+            "motor."
+        )
     circuit = Circuit(f"{motor.name}: averaged over the period of the drive")
-    sources = {name: course_text(course) for name, course in settings.items()}
+    sources = {name: course_text(settings[name]) for name in SETTINGS}
     nodes = {"frequency": "set_frequency", "voltage_a": "set_a", "voltage_b": "set_b", "phase_deg": "set_phase"}
     for name, node in nodes.items():
         circuit.V(node, node, circuit.gnd, sources[name])
@@ -480,9 +555,10 @@ def averaged_bench(
         circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
     else:
         circuit.I("load", "shaft", circuit.gnd, sources["load_torque"])
-    circuit.raw_spice += ANGLE
+    add_angle(circuit, shaft)
     if thermal is not None:
         add_cooling(circuit, thermal)
+        add_surroundings(circuit, settings, thermal)
     pins = ("a_re", "a_im", "b_re", "b_im", "set_frequency", "shaft", "temperature", "heat")
     add_averaged_motor(circuit, motor, pins, phases=phases, harmonics=harmonics, thermal=thermal)
     # of the clamped capacitances: a voltage step would draw an infinite current

@@ -17,8 +17,9 @@ from textwrap import wrap
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.recoil import carriers, modes_on_carrier
+from pyspice_runner.model.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.averaged import HARMONICS, PHASES, averaged_phase, default_two_phase
+from pyspice_runner.netlist.averaged import ALL_TERMS, HARMONICS, PHASES, Terms, averaged_phase, default_two_phase
 from pyspice_runner.netlist.expressions import HELPERS, equations, translated
 from pyspice_runner.netlist.library import data_path, slider_words
 from pyspice_runner.netlist.motor import mode_values, rounded, spring_values
@@ -29,7 +30,7 @@ CORE, HEADER, START, PHASE = (
 )  # fmt: skip
 SESSION = "piezomotor_session.c"
 # in the order of struct values
-_GROUPS = ("INPUTS", "OUTPUTS", "PARAMETERS", "MOUNT_PARAMETERS", "MOUNT_X_PARAMETERS", "MODE_PARAMETERS")
+_GROUPS = ("INPUTS", "TUNABLE", "OUTPUTS", "PARAMETERS", "MOUNT_PARAMETERS", "MOUNT_X_PARAMETERS", "MODE_PARAMETERS")
 MOUNTS = ("mount_", "mount_x_")  # prefixes of the springs of the carrier, along y and x
 OF_SPRINGS = ("mass", "damping", "stiffness")
 
@@ -43,7 +44,7 @@ class Variable:
     least: str  # least value, empty for an output
     greatest: str  # greatest value
     meaning: str  # one line
-    causality: str  # ``input``, ``output`` or ``parameter``
+    causality: str  # ``input``, ``output``, ``parameter``, or ``tunable`` for a parameter that may change
     reference: int  # place in the C structure
     start: float | None  # value before a run; ``None`` for an output
 
@@ -60,18 +61,18 @@ def _declared() -> Mapping[str, tuple[tuple[str, str, str, str, str], ...]]:
     return found
 
 
-def variables(motor: Motor, thermal: Thermal | None = None) -> list[Variable]:
-    """Return the variables of a motor, in the order of the C structure.
+def variables(motor: Motor, thermal: Thermal | None = None, load: ShaftLoad = UNCOUPLED) -> list[Variable]:
+    """Return the variables of a motor and the load on its shaft, in the order of the C structure.
 
     Without ``thermal`` nothing drifts, and the motor's own heat capacity holds.
     """
-    values = _values(motor, thermal)
+    values = _values(motor, thermal, load)
     found: list[Variable] = []
     for group in _GROUPS:
         for number in range(1, len(motor.modes) + 1) if group == "MODE_PARAMETERS" else (0,):
             for name, unit, least, greatest, meaning in _declared()[group]:
                 full = f"mode[{number}].{name}" if number else name
-                causality = {"INPUTS": "input", "OUTPUTS": "output"}.get(group, "parameter")
+                causality = {"INPUTS": "input", "TUNABLE": "tunable", "OUTPUTS": "output"}.get(group, "parameter")
                 start = None if causality == "output" else values[full]
                 text = f"{meaning}, mode {motor.modes[number - 1].name}" if number else meaning
                 if motor.slider:
@@ -80,7 +81,7 @@ def variables(motor: Motor, thermal: Thermal | None = None) -> list[Variable]:
     return found
 
 
-def _values(motor: Motor, thermal: Thermal | None) -> dict[str, float]:
+def _values(motor: Motor, thermal: Thermal | None, load: ShaftLoad) -> dict[str, float]:
     """Return the start values of inputs and parameters; the inputs are those of the recommended drive."""
     drive, contact = default_two_phase(motor), motor.contact
     motor = motor.model_copy(update={"modes": modes_on_carrier(motor.modes, motor.mount)})
@@ -92,7 +93,13 @@ def _values(motor: Motor, thermal: Thermal | None) -> dict[str, float]:
         "normal_stiffness": contact.normal_stiffness_n_per_m15, "compliance": contact_law.total_compliance(contact),
         "normal_damping": contact_law.normal_damping(contact),
         "series_compliance": contact.series_compliance_m_per_n, "radius": motor.rotor.radius_m,
+        "sliding_ratio": contact.sliding_ratio, "stribeck_velocity": contact.stribeck_velocity_m_s,
         "inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s,
+        "bearing_friction": motor.rotor.bearing_friction_n_m, "bearing_presliding": motor.rotor.bearing_presliding_rad,
+        "load_inertia": load.inertia_kg_m2, "load_damping": load.damping_n_m_s, "load_spring": load.spring_n_m_per_rad,
+        "load_gravity": load.gravity_n_m, "load_angle": load.gravity_angle_deg,
+        "coupling_stiffness": load.coupling_stiffness_n_m_per_rad, "coupling_damping": load.coupling_damping_n_m_s,
+        "backlash": load.backlash_rad,
         "capacitance_a": motor.piezo.capacitance_a_f, "capacitance_b": motor.piezo.capacitance_b_f,
         "capacitance_ab": motor.piezo.capacitance_ab_f, "loss": motor.piezo.loss_tangent,
         "frequency_drift": thermal.frequency_drift_per_k if thermal else 0.0,
@@ -136,15 +143,12 @@ static double phase_{0}(struct phase *p)
 """
 
 
-def phase_source(series: bool = True) -> str:
-    """Return the contact at one phase in C, with the equations of ``piezomotor_averaged_phase``.
-
-    Without a compliance in ``series`` with the contact, it is smaller.
-    """
-    library = averaged_phase(series)
+def phase_source(terms: Terms = ALL_TERMS) -> str:
+    """Return the contact at one phase in C, with the equations of ``piezomotor_averaged_phase`` that a motor has."""
+    library = averaged_phase(terms)
     found = equations(library)
     inputs = [pin.name for pin in library.pins if pin.name not in found.values]
-    fields = [*(item.name for item in averaged_phase(True).parameters), *inputs, *found.parameters, *found.values]
+    fields = [*(item.name for item in averaged_phase(ALL_TERMS).parameters), *inputs, *found.parameters, *found.values]
     texts = {name: translated(text, "c", lambda used: f"p->{used}") for name, text in found.ordered()}
     lines = {name: f"    p->{name} = {text};" for name, text in texts.items()}
     implicit = [name for name, text in found.values.items() if f"V({name})" in text]
@@ -200,17 +204,17 @@ def _size(modes: int, moving: int) -> list[str]:
 
 
 def session_texts(
-    modes: int, moving: int, *, series: bool, phases: int = PHASES, harmonics: int = HARMONICS
+    modes: int, moving: int, terms: Terms, *, phases: int = PHASES, harmonics: int = HARMONICS
 ) -> dict[str, str]:
     """Return the C texts of a library that runs averaged motors of one size: file → text.
 
-    The size is the number of modes, the number of directions in which the carrier moves, and whether there is a
-    compliance in series with the contact. Similar motors share one compilation.
+    The size is the number of modes, the number of directions in which the carrier moves, and the terms of the contact.
+    Similar motors share one compilation.
     """
     behavioral = data_path("behavioral")
     size = [*_size(modes, moving), f"#define PHASES {phases}", f"#define HARMONICS {harmonics}", "#define START {0.0}"]
     return {
         **{file: (behavioral / file).read_text(encoding="utf-8") for file in (CORE, SESSION, HEADER)},
-        PHASE: phase_source(series),
+        PHASE: phase_source(terms),
         START: "\n".join(size) + "\n",
     }

@@ -13,16 +13,21 @@ from math import pi
 
 from PySpice.Spice.Netlist import Circuit
 
+from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.averaged import ANGLE, Course, averaged_bench, course_text
+from pyspice_runner.netlist.averaged import Course, add_angle, add_surroundings, averaged_bench, course_text
 from pyspice_runner.netlist.source import Pins, UniformSource
 from pyspice_runner.netlist.sources import Bench, motor_bench
 from pyspice_runner.netlist.state import Discretisation
 
 COMMANDS = {"frequency": "vset_frequency", "voltage_a": "vset_a", "voltage_b": "vset_b", "phase_deg": "vset_phase"}
-SAMPLED = ("v(position)", "v(sum_re)", "v(sum_im)")  # angle in rad; integrals of the current's amplitude, 1 V = 1 uA.s
+_PARTS = ("re", "im")
+SAMPLED = (  # angle in rad; integrals of the amplitudes of currents, 1 V = 1 uA.s, and of voltages, 1 V = 1 mV.s
+    "v(position)", *(f"v({sum_of}_{group}_{part})" for sum_of in ("sum", "flux") for group in "ab" for part in _PARTS)
+)  # fmt: skip
 CHECKED = ("v(xmotor.check)", "v(xmotor.open)")  # of the averaged motor: its own check
 _TURNS = f"{2.0 * pi!r}*V(turns)"
 
@@ -49,9 +54,14 @@ class CommandedSource(UniformSource):
             "Gturns 0 turns set_frequency 0 1u\nCturns turns 0 1u ic=0\nRturns turns 0 1t\n"
             f"Bdrive_a drive_a 0 V=V(set_a)*sin({_TURNS})\n"
             f"Bdrive_b drive_b 0 V=V(set_b)*sin({_TURNS}+{shift})\n"
-            f"Bsum_re 0 sum_re I=-2*I(Va)*sin({_TURNS})\nBsum_im 0 sum_im I=-2*I(Va)*cos({_TURNS})\n"
         )
-        # ngspice counts the current of Va from the pin into the source, hence the signs above
+        for group in "ab":
+            for part, wave in zip(_PARTS, ("sin", "cos"), strict=True):
+                circuit.raw_spice += (
+                    f"Bsum_{group}_{part} 0 sum_{group}_{part} I=-2*I(V{group})*{wave}({_TURNS})\n"
+                    f"Bflux_{group}_{part} 0 flux_{group}_{part} I=2*V(drive_{group})*{wave}({_TURNS})\n"
+                )
+        # ngspice counts the current of a source from the pin into it, hence the signs above
         for group, pin in zip("ab", pins, strict=True):
             circuit.V(group, pin, f"drive_{group}", "DC 0")
 
@@ -62,27 +72,51 @@ def controlled_bench(
     settings: Mapping[str, Course],
     *,
     sample_time: float,
+    stops: tuple[int, float] = (1, 0.0),
     step: float | None = None,
     thermal: Thermal | None = None,
+    shaft: ShaftLoad = UNCOUPLED,
 ) -> Bench:
     """Put a motor on a bench whose commands a session can alter and whose samples it can read.
 
     ``drive`` has the values at the start, and ``settings`` those over time, as in :func:`averaged_bench`.
-    ``sample_time`` in s is the time between two samples; a clock makes ngspice take a time point at each. ``step`` is
-    the uniform step in s of the full motor, ``None`` the averaged motor. With ``thermal`` the losses heat the motor.
+    ``sample_time`` in s is the time between two samples, ``stops`` the number of parts into which records divide it,
+    and the time in s from a sample to its commands; clocks make ngspice take a time point at each. ``step`` is the
+    uniform step in s of the full motor, ``None`` the averaged motor. With ``thermal`` the losses heat the motor.
+    ``shaft`` is coupled to it. Raise ParameterError for a course that the motor cannot follow.
     """
     if step is None:
-        bench = averaged_bench(motor, settings, thermal=thermal)
-        bench.circuit.raw_spice += "Fsum_re 0 sum_re Va_re 1\nFsum_im 0 sum_im Va_im 1\n"
+        bench = averaged_bench(motor, settings, thermal=thermal, shaft=shaft)
+        for group in "ab":
+            for part in _PARTS:
+                bench.circuit.raw_spice += f"Fsum_{group}_{part} 0 sum_{group}_{part} V{group}_{part} 1\n"
+                bench.circuit.raw_spice += f"Gflux_{group}_{part} 0 flux_{group}_{part} {group}_{part} 0 1\n"
     else:
         bench = motor_bench(
-            motor, CommandedSource(settings, drive), discretisation=Discretisation(step), thermal=thermal
-        )
+            motor, CommandedSource(settings, drive), discretisation=Discretisation(step), thermal=thermal,
+            approach=_approach(motor, settings["preload"]) if "preload" in settings else "",
+        )  # fmt: skip
         bench.circuit.I("load", "shaft", bench.circuit.gnd, course_text(settings["load_torque"]))
-        bench.circuit.raw_spice += ANGLE
-    # a trapezoid with a corner at each sample time, where ngspice takes a time point
-    bench.circuit.raw_spice += (
-        "Csum_re sum_re 0 1u ic=0\nRsum_re sum_re 0 1t\nCsum_im sum_im 0 1u ic=0\nRsum_im sum_im 0 1t\n"
-        f"Vclock clock 0 PULSE(0 1 0 {sample_time!r} {sample_time!r} {sample_time!r} {4.0 * sample_time!r})\n"
-    )
+        add_angle(bench.circuit, shaft)
+        if thermal:
+            add_surroundings(bench.circuit, settings, thermal)
+    for name in SAMPLED[1:]:
+        node = name[2:-1]
+        capacitance = "1u" if node.startswith("sum") else "1m"
+        bench.circuit.raw_spice += f"C{node} {node} 0 {capacitance} ic=0\nR{node} {node} 0 1t\n"
+    parts, delay = stops
+    for number, begin in enumerate((0.0, delay) if delay else (0.0,)):
+        # a trapezoid with a corner at each stop, where ngspice takes a time point
+        time = repr(sample_time if number else sample_time / parts)
+        bench.circuit.raw_spice += (
+            f"Vclock{number} clock{number} 0 PULSE(0 1 {begin!r} {time} {time} {time} {4.0 * float(time)!r})\n"
+        )
     return bench
+
+
+def _approach(motor: Motor, preload: Course) -> str:
+    """Return the value of a source that moves the stator so that its preload follows a course."""
+    moved = [
+        (time, 1e6 * contact_law.approach(motor.contact, motor.modes, motor.mount, value)) for time, value in preload
+    ]
+    return course_text(moved)

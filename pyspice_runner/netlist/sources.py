@@ -94,6 +94,7 @@ def motor_bench(
     title: str = "",
     compiled: bool = False,
     check: bool = False,
+    approach: str = "",
 ) -> Bench:
     """Return the bench of a motor with source and load; the motor is ``Xmotor`` on the nodes a, b, 0, shaft.
 
@@ -101,12 +102,16 @@ def motor_bench(
     tip. With ``thermal`` the losses heat the motor through ``Xcooling`` on the nodes heat and temperature. ``start`` is
     by default preloaded rest, with the plates at the first voltages of the source, which has been on for ``begun``
     seconds. A compiled module (:mod:`.compiled`) has no drift and no disturbance. With ``check`` the motor has the node
-    ``check``. Raise ParameterError for a source that does not suit the motor.
+    ``check``. ``approach`` is the value of a source by which the stator moves towards the rotor, um. Raise
+    ParameterError for a source that does not suit the motor.
     """
     source.check(motor)
     circuit = Circuit(title or f"{motor.name}: transient")
     source.add(circuit, motor, GROUPS, begun=begun)
     nodes = add_disturbance(circuit, motor, disturbance) if disturbance else ()
+    if approach:
+        circuit.V("approach", "approach", circuit.gnd, approach)
+        nodes = ("approach",)
     if load.speed is not None:
         circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
     elif load.torque:
@@ -128,7 +133,7 @@ def motor_bench(
     add_motor(
         circuit, motor, ("a", "b", circuit.gnd, "shaft", *nodes),
         law=law, discretisation=discretisation, start=start,
-        thermal=thermal, approach=disturbance is not None and disturbance.kind == "preload", check=check,
+        thermal=thermal, approach="approach" in nodes, check=check,
     )  # fmt: skip
     return Bench(circuit, source.options(motor, law), _start(motor, source, law, start, discretisation))
 

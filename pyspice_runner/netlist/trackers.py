@@ -428,13 +428,8 @@ def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) ->
     if disturbance.kind == "load":
         circuit.I("load", "shaft", circuit.gnd, ramp(disturbance.load_torque_n_m))
     if disturbance.kind == "preload":
-        if motor.mount:  # the fixed end of the springs moves
-            moved = motor.contact.preload_n * disturbance.preload_change / motor.mount.stiffness_n_per_m
-        else:
-            factor = 1.0 + disturbance.preload_change
-            deeper = contact_law.penetration(motor.contact, factor * motor.contact.preload_n)
-            deeper -= contact_law.static_penetration(motor.contact)
-            moved = deeper + contact_law.static_deflection(motor.contact, motor.modes) * disturbance.preload_change
+        preload = (1.0 + disturbance.preload_change) * motor.contact.preload_n
+        moved = contact_law.approach(motor.contact, motor.modes, motor.mount, preload)
         circuit.V("approach", "approach", circuit.gnd, ramp(1e6 * moved))
         return ("approach",)
     if disturbance.kind == "temperature":

@@ -24,13 +24,16 @@ from pyspice_runner.engine.compiler import kept_library
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.recoil import carriers
+from pyspice_runner.model.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.averaged import HARMONICS, PHASES, Course, require_averaged
+from pyspice_runner.netlist.averaged import HARMONICS, PHASES, Course, Terms, require_averaged
 from pyspice_runner.netlist.averaged_c import session_texts, variables
 from pyspice_runner.run.kernel import modules_folder
 
 Array = NDArray[np.float64]
-INPUTS = ("amplitude_a", "amplitude_b", "phase", "frequency", "load_torque", "ambient_temperature")
+INPUTS = (
+    "amplitude_a", "amplitude_b", "phase", "frequency", "load_torque", "ambient_temperature", "preload", "friction"
+)  # fmt: skip
 _ROWS = 512  # between two looks at the clock
 SETTLING, SETTLED = ("speed", "torque", "tip_x_amplitude", "temperature"), 1e-6  # what settles; relative change
 SHORT, DOUBLINGS = 5e-3, 25  # s, first interval between two looks; each is twice as long as the one before it
@@ -42,7 +45,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "zero": (None, ()),
     "advance": (ctypes.c_int, (ctypes.c_double,)),
     "record": (ctypes.c_int, (_POINTER, ctypes.c_double, _POINTER, ctypes.c_int)),
-    "charge": (None, (_POINTER,)),
+    "sums": (None, (_POINTER,)),
     "amplitude": (ctypes.c_double, (ctypes.c_int,)),
     "linearise": (None, (_POINTER, _POINTER)),
     "places": (None, (ctypes.POINTER(ctypes.c_int),)),
@@ -61,8 +64,8 @@ class LinearMotor:
 
 
 @cache
-def _library(modes: int, moving: int, series: bool, phases: int, harmonics: int, folder: Path) -> ctypes.CDLL:
-    texts = session_texts(modes, moving, series=series, phases=phases, harmonics=harmonics)
+def _library(modes: int, moving: int, terms: Terms, phases: int, harmonics: int, folder: Path) -> ctypes.CDLL:
+    texts = session_texts(modes, moving, terms, phases=phases, harmonics=harmonics)
     loaded = ctypes.CDLL(str(kept_library("piezomotor_averaged", texts, folder)))
     for name, (result, arguments) in _FUNCTIONS.items():
         function = getattr(loaded, f"session_{name}")
@@ -76,6 +79,7 @@ class AveragedMotor:
     Args:
         motor: the motor.
         thermal: drift with temperature; the losses then heat the stator. Without it the stator keeps its temperature.
+        shaft: load that is coupled to the shaft.
         speed: if given, the shaft is held at this speed, rad/s.
         phases: number of phases of the period at which the contact is evaluated.
         harmonics: number of harmonics of the tip's motion.
@@ -91,16 +95,16 @@ class AveragedMotor:
         motor: Motor,
         *,
         thermal: Thermal | None = None,
+        shaft: ShaftLoad = UNCOUPLED,
         speed: float | None = None,
         phases: int = PHASES,
         harmonics: int = HARMONICS,
         longest: float = inf,
     ) -> None:
         require_averaged(motor)
-        series = motor.contact.series_compliance_m_per_n > 0.0
         moving = len(carriers(motor.mount))
-        self._c = _library(len(motor.modes), moving, series, phases, harmonics, modules_folder())
-        known = variables(motor, thermal)
+        self._c = _library(len(motor.modes), moving, Terms.of(motor), phases, harmonics, modules_folder())
+        known = variables(motor, thermal, shaft)
         self._modes = len(motor.modes)
         self._places = {item.name: item.reference for item in known}
         self.shown = tuple(item.name for item in known if item.name in INPUTS or item.causality == "output")
@@ -204,11 +208,11 @@ class AveragedMotor:
             yield rows[:count]
 
     @property
-    def charge(self) -> complex:
-        """Integral of the amplitude of the current into group A since the start, A·s."""
-        found = (ctypes.c_double * 2)()
-        self._c.session_charge(self._memory, found)
-        return complex(*found)
+    def sums(self) -> tuple[complex, ...]:
+        """Integrals since the start of the amplitudes of the currents into A and B, A·s, and of their voltages, V·s."""
+        found = (ctypes.c_double * 8)()
+        self._c.session_sums(self._memory, found)
+        return tuple(complex(*found[place : place + 2]) for place in range(0, 8, 2))
 
     def linearised(self) -> LinearMotor:
         """Return the small signals about the present state."""

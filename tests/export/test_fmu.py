@@ -135,7 +135,7 @@ def test_every_variable_has_a_description_a_unit_and_a_range(file: Path, motor: 
     description = read_model_description(str(file))
     # the carrier does not move along the rotor, and its three values there are not shown
     assert len(description.modelVariables) == len(variables(motor)) - 3
-    dimensionless = {"check", "separated", "slip", "friction", "loss", "tip_x", "tip_y"}
+    dimensionless = {"check", "separated", "slip", "friction", "loss", "tip_x", "tip_y", "sliding_ratio"}
     for item in description.modelVariables:
         assert item.description
         bare = item.name.rpartition(".")[2]
@@ -155,8 +155,8 @@ def test_a_motor_that_has_no_average_is_an_error(motor: pr.Motor, tmp_path: Path
         pr.export_motor(motor, tmp_path / "motor.fmu", contact="coulomb")
     with pytest.raises(pr.ParameterError, match="The averaged motor takes linear modes only: set both to 0"):
         fmu_texts(motor.updated({"modes.0.softening_per_m2": 1e9}))
-    with pytest.raises(pr.ParameterError, match=r"contact\.sliding_ratio = 0\.8 has no averaged model: it must be 1\."):
-        fmu_texts(motor.updated({"contact.sliding_ratio": 0.8}))
+    with pytest.raises(pr.ParameterError, match=r"worn_flat_radius_m = 1e-05 has no averaged model: it must be 0\."):
+        fmu_texts(motor.updated({"contact.worn_flat_radius_m": 1e-5}))
 
 
 def test_without_a_compiler_the_export_says_what_to_install(
@@ -244,6 +244,20 @@ def test_a_motor_that_shakes_its_carrier_is_that_of_simulate_averaged(
         values = getattr(expected, column)
         assert unit.get(ours)[0] == pytest.approx(values[-1], abs=WITHIN * np.abs(values).max()), ours
     unit.fmu.freeInstance()
+
+
+def test_preload_and_friction_may_change_while_the_motor_runs(unit: Unit, motor: pr.Motor) -> None:
+    """The preload as in a course of ``simulate_averaged``; without friction the rotor is not driven."""
+    for _ in range(4):
+        unit.advance(0.5e-3)
+    unit.set(preload=5.0)
+    unit.advance()
+    course = {"preload": [(2e-3, 6.5), (2e-3 + 1e-9, 5.0)]}
+    expected = simulate_averaged(motor, pr.default_drive(motor), 3e-3, courses=course)
+    assert unit.get("speed")[0] == pytest.approx(expected.rotor_speed_rad_s[-1], rel=2e-3)  # other steps
+    unit.set(friction=1e-4)
+    unit.advance()
+    assert abs(unit.get("torque")[0]) < 2e-4 * 6.5 * motor.rotor.radius_m
 
 
 def test_phase_of_the_currents_and_power_agree(unit: Unit) -> None:
@@ -360,10 +374,10 @@ INVALID: dict[str, tuple[Callable[[Unit], object], str]] = {
         r"the communication point 5 s is not valid: the instance is at 0 s\.",
     ),
     "parameter during a run": (
-        lambda unit: unit.set(preload=5.0),
-        r"the parameter preload cannot change during a run\. Reset the instance first\.",
+        lambda unit: unit.set(inertia=5.0),
+        r"the parameter inertia cannot change during a run\. Reset the instance first\.",
     ),
-    "an output": (lambda unit: unit.set(speed=1.0), r"value reference 6 is not that of an input or a parameter"),
+    "an output": (lambda unit: unit.set(speed=1.0), r"value reference 8 is not that of an input or a parameter"),
     "unknown variable": (lambda unit: unit.fmu.getReal([10_000]), r"value reference 10000 is not valid"),
     "another type": (lambda unit: unit.fmu.getBoolean([0]), r"all variables are of type Real"),
     "second start": (
