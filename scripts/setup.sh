@@ -7,6 +7,7 @@
 #   scripts/setup.sh            what `make demo` needs
 #   scripts/setup.sh docs       what `make docs` needs
 #   scripts/setup.sh test dev   the package with these extras of pyproject.toml
+#   scripts/setup.sh target …   the same, with a compiler for a microcontroller, and qemu
 #
 # PYTHON=/path/to/python3 chooses the interpreter that .venv is made with. When nothing is missing, this
 # returns at once, without pip or network.
@@ -105,6 +106,14 @@ need_compiler() { # for the tests, which build a .fmu
     apt_install gcc libc6-dev
 }
 
+need_target() { # for the firmware: a compiler for a microcontroller, and a processor to run it
+    if have arm-none-eabi-gcc && have qemu-system-arm; then
+        return
+    fi
+    have apt-get || die "Install gcc and newlib for arm-none-eabi, and qemu-system-arm, then try again."
+    apt_install gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm
+}
+
 # --- Python ---
 
 new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; }
@@ -201,6 +210,10 @@ alone() { # waits for another set-up of this tree, which would make .venv at the
 }
 
 alone
+if [ "${1:-}" = target ]; then
+    shift
+    need_target
+fi
 need_ngspice
 case " $* " in *" test "*) need_browser; need_compiler ;; esac
 need_package "$@"

@@ -9,9 +9,6 @@ one process runs throughout. Both keep the motor's state exactly.
 from __future__ import annotations
 
 import cmath
-import ctypes
-import shutil
-import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -32,6 +29,7 @@ from pyspice_runner.analysis.averaged import (
     model_cautions,
     settings_of,
 )
+from pyspice_runner.analysis.firmware import Firmware
 from pyspice_runner.analysis.motions import Compiled, Motion, Spice, State, first
 from pyspice_runner.engine.session import Session
 from pyspice_runner.errors import ParameterError
@@ -105,28 +103,6 @@ class Sample:
 Controller = Callable[[Sample], Mapping[str, float]]
 
 
-class _Library:
-    """A controller in a shared C library, loaded from a copy so that its variables are initialised."""
-
-    def __init__(self, path: str | Path, drive: TwoPhaseDrive) -> None:
-        try:
-            with tempfile.TemporaryDirectory(prefix="piezomotor-") as folder:
-                self._step = ctypes.CDLL(str(shutil.copy(path, folder))).step
-        except (OSError, AttributeError) as error:
-            raise ParameterError(
-                f"{path} cannot be used as a controller: {error}. Compile it as a shared library with a function step."
-            ) from None
-        pointer = ctypes.POINTER(ctypes.c_double)
-        self._step.argtypes, self._step.restype = (ctypes.c_double, pointer, pointer), None
-        self._out: Any = (ctypes.c_double * 3)(drive.voltage, drive.phase_deg, drive.frequency)
-
-    def __call__(self, sample: Sample) -> Mapping[str, float]:
-        """Return the commands of the library."""
-        time, *seen = vars(sample).values()
-        self._step(time, (ctypes.c_double * len(seen))(*seen), self._out)
-        return dict(zip(("voltage", "phase_deg", "frequency"), map(float, self._out), strict=True))
-
-
 @dataclass(frozen=True, repr=False)
 class ControlledRun(Result):
     """Samples and commands of a controller.
@@ -135,12 +111,14 @@ class ControlledRun(Result):
         samples: arrays by the names of :data:`SAMPLES`, one value a sample; of the full motor without ``check`` and
             ``separated``. They are what the sensors measure and the actuators set.
         records: arrays by the names of :data:`RECORDS`, between the samples, by ideal sensors.
+        logs: what firmware logs at each sample, by its own names.
         provenance: motor, drive and run settings, JSON-ready.
         write_deck: returns the netlist of the run, for ngspice; the controller is not in it.
     """
 
     samples: Mapping[str, Array] = field(repr=False)
     records: Mapping[str, Array] = field(repr=False)
+    logs: Mapping[str, Array] = field(repr=False)
     provenance: dict[str, Any] = field(repr=False)
     write_deck: Callable[[], str] = field(repr=False)
 
@@ -239,7 +217,8 @@ def simulate_controlled(
         drive: the commands until the first sample.
         controller: called at every sample time with a :class:`Sample`; it returns what changes: ``voltage`` (V, of both
             groups), ``voltage_a``, ``voltage_b``, ``phase_deg``, ``frequency`` (Hz). A negative amplitude turns the
-            phase by 180°. A path is that of a shared library of C code with the function
+            phase by 180°. A path is that of a shared library of C code: firmware with
+            the functions of ``piezomotor_firmware.h``, or the function
             ``void step(double t, const double *in, double *out)``. ``in`` has the values of a
             :class:`Sample` behind the time, in its order. ``out`` takes amplitude of both groups (V), phase
             (deg) and frequency (Hz), and has the present values on entry. The library runs in this process: only load
@@ -299,7 +278,7 @@ def simulate_controlled(
     vectors += ["v(load_position)"] if coupled.coupling_stiffness_n_m_per_rad else []
     timing = transient_timing(uniform or drive.period, (count + 1) * sample_time, uniform or 0.5 * sample_time)
     write_deck = partial(deck_of, bench, vectors, timing)
-    decide = _Library(controller, drive) if isinstance(controller, str | Path) else controller
+    decide = Firmware(controller, drive, sample_time) if isinstance(controller, str | Path) else controller
     with ExitStack() as stack:
         if used == "compiled":
             motion: Motion = Compiled(motor, settings, thermal, coupled, steady=start == "steady")
@@ -312,6 +291,7 @@ def simulate_controlled(
     return ControlledRun(
         samples={name: samples[name] for name in SAMPLES if averaged or name not in ("check", "separated")},
         records=between,
+        logs=dict(zip(decide.names, np.transpose(decide.logs), strict=False)) if isinstance(decide, Firmware) else {},
         provenance={
             "motor": motor.to_dict(),
             "drive": DriveSource(drive).to_dict(),
