@@ -3,16 +3,18 @@
 
 Each motor has the two modes near the drive of ``andersen2002-unintended-mode``, and values that differ at random from
 those that the calibration starts with. Its measurements are twelve points of the speed–torque curve at two voltages
-and two spectra, all with 1 % noise. ``--subject prediction`` calibrates with the points at 60 V alone and predicts
-those at 100 V; ``--subject law`` has a motor with a brush contact, calibrated with the spring-slider. The outcome of a
-case is written at once, so that an interrupted study can be resumed.
+and two spectra, all with 1 % noise. The subject ``prediction`` calibrates with the points at 60 V alone and predicts
+those at 100 V; ``law`` has a motor with a brush contact, calibrated with the spring-slider. The outcome of a case is
+written at once, so that an interrupted study can be resumed.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import resource
 import time
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,7 @@ from pyspice_runner.spectra.spectrum import Spectrum
 
 RECORD = Path(__file__).with_suffix(".json")
 SEED = 33
+SUBJECTS = ("truth", "prediction", "law")
 NOISE = 0.01  # of the greatest value of a quantity, and of the magnitude of an admittance
 SPREAD = 0.2  # of the logarithm of each value about that at the start
 SPEEDS = (0.5, 3.0, 6.0, 9.0, 12.0, 15.0)  # rad/s
@@ -92,6 +95,12 @@ def spectra_of(motor: pr.Motor, rng: np.random.Generator) -> list[Any]:
     return found
 
 
+def processor_s() -> float:
+    """Return the processor time in s of this process and of the runs of ngspice that ended."""
+    every = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in every)
+
+
 def outcome(subject: str, index: int) -> dict[str, Any]:
     """Return the outcome of a case."""
     rng = np.random.default_rng((SEED, index))
@@ -101,11 +110,12 @@ def outcome(subject: str, index: int) -> dict[str, Any]:
     truth = start.updated({path: factor * value_of(start, path) for path, factor in zip(paths, factors, strict=True)})
     law: Law | str = "brush" if subject == "law" else "spring-slider"
     points = points_of(truth, law, rng, VOLTAGES[:1] if subject == "prediction" else VOLTAGES)
-    began = time.process_time(), time.perf_counter()
+    began = processor_s(), time.perf_counter()
     free = [*paths, UNDECIDED] if subject == "truth" else paths
     result = pr.calibrate(start, points, free=free, spectra=spectra_of(truth, rng))
     found: dict[str, Any] = {
         "subject": subject, "index": index, "seconds": round(time.perf_counter() - began[1], 1),
+        "processor_seconds": round(processor_s() - began[0], 1), "points": len(points["voltage"]),
         "steady_states": result.steady_states, "rms_residual": result.rms_residual,
         "misfit": any("does not explain" in warning for warning in result.warnings),
         "named": [one.path for one in result.estimates if not one.identifiable],
@@ -127,16 +137,17 @@ def summary(record: list[dict[str, Any]]) -> dict[str, Any]:
     """Return coverage, bias and counts of each subject."""
     found: dict[str, Any] = {}
     for subject in dict.fromkeys(case["subject"] for case in record):
-        cases = [case for case in record if case["subject"] == subject]
+        every = [case for case in record if case["subject"] == subject]
+        cases = [case for case in every if "failed" not in case]
         rows: dict[str, list[list[float]]] = {}
         for case in cases:
             for path, values in case["parameters"].items():
                 if path not in case["named"]:
                     rows.setdefault(path, []).append(values)
         found[subject] = {
-            "cases": len(cases), "misfits": sum(case["misfit"] for case in cases),
+            "cases": len(every), "failed": len(every) - len(cases), "misfits": sum(case["misfit"] for case in cases),
             "undecided_named": sum(UNDECIDED in case["named"] for case in cases),
-            "median_seconds": float(np.median([case["seconds"] for case in cases])),
+            "median_processor_seconds": float(np.median([case["processor_seconds"] for case in cases])),
             "parameters": {
                 path: {
                     "count": len(values),
@@ -158,20 +169,21 @@ def main() -> None:
     """Run the cases that are not in the record yet, and write the summary."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=60)
-    parser.add_argument("--subject", choices=("truth", "prediction", "law"), default="truth")
+    parser.add_argument("--subjects", default=",".join(SUBJECTS), help="comma between them")
     parser.add_argument("--output", type=Path, default=RECORD)
     arguments = parser.parse_args()
     record = json.loads(arguments.output.read_text(encoding="utf-8"))["cases"] if arguments.output.exists() else []
     done = {(case["subject"], case["index"]) for case in record}
-    for index in range(arguments.count):
-        if (arguments.subject, index) in done:
+    for index, subject in product(range(arguments.count), arguments.subjects.split(",")):
+        if (subject, index) in done:
             continue
         try:
-            record.append(outcome(arguments.subject, index))
+            record.append(outcome(subject, index))
         except (pr.ParameterError, pr.SimulationError) as error:
-            print(index, error, flush=True)
-            continue
-        print(index, record[-1]["seconds"], record[-1]["rms_residual"], flush=True)
+            print(subject, index, error, flush=True)
+            record.append({"subject": subject, "index": index, "failed": str(error)})
+        else:
+            print(subject, index, record[-1]["seconds"], record[-1]["rms_residual"], flush=True)
         document = {"summary": summary(record), "cases": record}
         arguments.output.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 

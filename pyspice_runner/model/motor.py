@@ -32,7 +32,7 @@ from pyspice_runner.model.parameters import (
     Tip,
 )
 from pyspice_runner.model.recoil import carriers, recoils, unknown_recoil
-from pyspice_runner.model.refusal import allowed_range, build, checked, limited, positive, quoted, refusal
+from pyspice_runner.model.refusal import allowed_range, build, checked, limited, positive, quoted, refusal, schema_of
 from pyspice_runner.model.save import motor_toml
 from pyspice_runner.model.solid.parameters import Solid
 from pyspice_runner.units import engineering
@@ -393,7 +393,7 @@ def _stiffness_for(mass_kg: Any, frequency_hz: Any, path: str, where: str) -> fl
     mass = limited(Mode, "mass_kg", mass_kg, f"{path}.mass_kg", where)
     frequency = positive(frequency_hz, f"{path}.frequency_hz", where, "Hz")
     stiffness = mass * (2.0 * pi * frequency) ** 2
-    limits = Mode.model_json_schema()["properties"]["stiffness_n_per_m"]
+    limits = schema_of(Mode, "stiffness_n_per_m")
     if not limits["exclusiveMinimum"] < stiffness <= limits["maximum"]:
         raise ParameterError(
             f"{where}: {path}.frequency_hz = {frequency:g} Hz is not valid: with a mass of {mass:g} kg it needs a "

@@ -6,7 +6,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from datetime import date
-from functools import wraps
+from functools import cache, wraps
 from numbers import Real
 from typing import Any, ParamSpec, Self, TypeVar
 
@@ -97,9 +97,15 @@ def refusal(error: ValidationError, kind: type[Parameters], path: str, where: st
     return _invalid(first["input"], full, where, allowed, _unit(kind, name))
 
 
+@cache
+def schema_of(kind: type[Parameters], name: str) -> dict[str, Any]:
+    """Return the JSON schema of a field, which has its range."""
+    return dict(kind.model_json_schema()["properties"][name])
+
+
 def limited(kind: type[Parameters], name: str, value: Any, path: str, where: str) -> float:
     """Return the value if it is valid for the field of that name. Raise ParameterError otherwise."""
-    schema = kind.model_json_schema()["properties"][name]
+    schema = schema_of(kind, name)
     inside = (
         _is_number(value)
         and schema.get("exclusiveMinimum", float("-inf")) < value < schema.get("exclusiveMaximum", float("inf"))
@@ -112,7 +118,7 @@ def limited(kind: type[Parameters], name: str, value: Any, path: str, where: str
 
 def allowed_range(kind: type[Parameters], name: str) -> str:
     """Return in words the values that a field accepts, with its unit."""
-    schema = kind.model_json_schema()["properties"][name]
+    schema = schema_of(kind, name)
     if "enum" in schema:
         return "one of " + ", ".join(map(str, schema["enum"]))
     schema = next(iter(schema.get("anyOf", [schema])))  # of an optional number

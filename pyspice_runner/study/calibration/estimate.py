@@ -55,10 +55,10 @@ _MOST_STEPS = 40
 _LONG, _SHORT = 0.1, 0.025  # steps of the search: beyond, a new Jacobian; below, no correction, which would be noise
 _GAIN = 0.1  # of the sum of squares by a further step: 0.3 standard errors of all parameters together
 _CLOSE = 1e-4  # relative gain of the sum of squares, and step of a coordinate, that are noise
-_REFINEMENTS = 3  # searches at the coarse step, each with the difference to finer ones where the last one ended
+_REFINEMENTS = 5  # searches by the fast model, each with its difference to ngspice where the last one ended
 _FARTHEST = 0.3  # step of the other parameters of a profile, in coordinates
 _LEAST = 0.05  # of the rise, below which a profile counts as flat
-_SETTLED = 0.1  # of the errors of the data, RMS: the difference to finer steps no longer changes
+_SETTLED = 0.1  # of the errors of the data, RMS: the difference to ngspice no longer changes
 
 
 @checked
@@ -156,23 +156,21 @@ class _Search:
         """
         bounds = np.array([unknown.bounds for unknown in self.predictor.unknowns]).T
         x = np.clip(np.zeros(len(self.prior)), bounds[0] + 1e-9, bounds[1] - 1e-9)
-        first = self.prediction(x)
         if starts > 1:
             x = self._best(x, bounds, starts)
-        elif not first.known:
-            raise SimulationError(
-                "The motor has no steady state at any of the measured points with its values at the start. Check drive "
-                "and load of the points with steady_state, start from other values, or give starts = 16."
-            )
         for _ in range(_REFINEMENTS):
             before = self.predictor.shift
             here = self.predictor.refine(x, self.prediction(x))
+            if not here.known:
+                raise SimulationError(
+                    "The motor has no steady state at any of the measured points with these values. Check drive and "
+                    "load of the points with steady_state, start from other values, or give starts = 16."
+                )
             self.found, self.slopes, self.last = {x.tobytes(): here}, {}, here
             shift = self.predictor.shift
             assert shift is not None
             self.way = None
-            change = (shift if before is None else shift - before) / self.errors
-            if before is not None and float(np.sqrt(np.mean(change**2))) < _SETTLED:
+            if before is not None and _rms((shift - before) / self.errors) < _SETTLED:
                 break
             try:
                 x = np.asarray(least_squares(
@@ -255,6 +253,11 @@ class _Search:
         if gain < _GAIN:
             raise _Found(x)
         return slope
+
+
+def _rms(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
 
 
 def huber(residuals: Array) -> Array:

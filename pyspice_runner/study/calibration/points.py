@@ -171,6 +171,6 @@ def _conditions(row: Mapping[str, float]) -> dict[str, float | None]:
     return {**there, "load.torque": 0.0 if np.isnan(load) else load, "load.speed": speed if held else None}
 
 
-def measured_of(state: Any, quantity: str) -> float:
+def measured_of(values: Mapping[str, float], quantity: str) -> float:
     """Return a measured quantity of a steady state."""
-    return float(state.power_a_w + state.power_b_w if quantity == POWER else getattr(state, quantity))
+    return values["power_a_w"] + values["power_b_w"] if quantity == POWER else values[quantity]

@@ -1,35 +1,41 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a motor would show at the measured points and in the measured spectra, and how that depends on its parameters.
 
-All points of many motors are one call of :func:`~pyspice_runner.analysis.steady.steady_states`. A perturbed motor
-starts from the solution of the unperturbed one, with the derivative of its period map: by the implicit function theorem
-one Newton step from there is its steady state to first order, so that a column of the Jacobian costs few periods.
+The values at the points are those of a fast model, with the difference to steady states by ngspice that
+:meth:`Predictor.refine` takes at one set of parameters. The search is repeated until this difference stays the same; so
+its result is that of ngspice, and its cost that of the fast model.
 
-The search runs at the coarse step. :meth:`Predictor.refine` adds what finer steps change at one set of parameters; the
-search is repeated with it. So its result is that of the finer steps, and its cost that of the coarse one.
+The fast model is harmonic balance (:mod:`~pyspice_runner.analysis.balanced`). Where that has no solution, or is far
+from ngspice, it is ngspice itself at a coarse step: all points of many motors are one call of
+:func:`~pyspice_runner.analysis.steady.steady_states`, and a perturbed motor starts from the solution of the unperturbed
+one, with the derivative of its period map.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from pyspice_runner.analysis.balanced import QUANTITIES, BalancedState, balanced_states, balances
+from pyspice_runner.analysis.harmonic_balance import Balance
 from pyspice_runner.analysis.shooting import Point
 from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.two_port import sweep_two_port, two_port, two_port_bench
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spectra.spectrum import Connection, Spectrum, State, connect
-from pyspice_runner.study.calibration.points import Points, measured_of
+from pyspice_runner.study.calibration.points import POWER, Points, measured_of
 from pyspice_runner.study.calibration.unknowns import Unknown
 
 # of a coordinate: the torque changes by more than it varies from event to event of a step (2e-3 of mu F0 R), and its
 # curvature stays small
 DIFFERENCE = 0.05
 ACCURACY = 2e-3  # of the friction torque, where the coarse step is compared with finer ones
+FAR = 0.2  # of the greatest value of a quantity: another motion, or one that the harmonics do not describe
 STEP = 0.9  # of the default: the steps stay those of the first motor while its stiffness grows by a fifth
 SPECTRUM_ERROR = 0.01  # relative error of a measured admittance: that of an impedance analyser with its fixture
 SPECTRUM_POINTS = 200  # of a measured spectrum that are compared; its resonances are narrow, so they are chosen there
@@ -60,10 +66,9 @@ class Band:
         magnitude = np.hypot(self.measured[:half], self.measured[half:])
         return self.error * np.concatenate([magnitude, magnitude])
 
-    def predicted(self, setup: OperatingPoint) -> Array:
-        """Return the real and imaginary parts of the motor's admittance at the measured frequencies."""
+    def predicted(self, bench: Bench) -> Array:
+        """Return the real and imaginary parts of a motor's admittance at the measured frequencies."""
         frequency = self.spectrum.frequency_hz
-        bench = two_port_bench(setup.motor, preloaded=self.state == "preloaded")
         steps = np.diff(frequency)
         even = np.ptp(steps) < 1e-6 * steps.mean()
         points = len(frequency) if even else _FINE
@@ -84,7 +89,7 @@ class Prediction:
     """What one motor would show; NaN where it has no steady state."""
 
     values: Array  # at the measured points, then in the spectra
-    solutions: tuple[Point | None, ...] = ()  # of the points
+    solutions: tuple[Point | Balance | None, ...] = ()  # of the points
     states: tuple[SteadyState, ...] = ()
 
     @property
@@ -103,7 +108,10 @@ class Predictor:
     bands: tuple[Band, ...] = ()
     progress: Callable[[int], None] = lambda _: None
     solved: int = 0  # number of steady states that were computed
-    shift: Array | None = None  # of the values at the points by finer steps than the coarse one
+    shift: Array | None = None  # of the values at the points by ngspice at fine steps; NaN where it has none
+    reference: Prediction | None = None  # by ngspice, where the shift was taken last
+    _balanced: bool | None = field(default=None, init=False)  # whether harmonic balance is the fast model
+    _admittances: dict[tuple[int, str], Array] = field(default_factory=dict, init=False)  # by band and bench
 
     @property
     def measured(self) -> Array:
@@ -121,13 +129,26 @@ class Predictor:
         """Return path → value for the coordinates of the free parameters."""
         return {unknown.path: unknown.value(float(one)) for unknown, one in zip(self.unknowns, x, strict=True)}
 
+    @property
+    def balanced(self) -> bool:
+        """Whether harmonic balance is the fast model."""
+        if self._balanced is None:
+            points = self.points
+            self._balanced = (
+                points is not None
+                and set(points.quantities) <= {*QUANTITIES, POWER}
+                and all(balances(self.base.updated(conditions)) for conditions in points.conditions)
+            )
+        return self._balanced
+
     def at(self, vectors: Sequence[Array], near: Prediction | None = None, *, fine: bool = False) -> list[Prediction]:
-        """Predict for many sets of coordinates in one call of steady states.
+        """Predict for many sets of coordinates in one call of the model.
 
         Args:
             vectors: the sets.
             near: a prediction whose solutions are starts.
-            fine: whether finer steps are taken; if not, the coarse one with the last :meth:`refine`.
+            fine: whether the values are those of ngspice at fine steps; if not, of the fast model with the last
+                :meth:`refine`.
         """
         motors: list[OperatingPoint | None] = []
         for x in vectors:
@@ -143,7 +164,12 @@ class Predictor:
                 setups.append(motor.updated(conditions))
                 owners.append((number, place))
         starts = [near.solutions[place] if near and near.solutions else None for _, place in owners]
-        states = steady_states(setups, accuracy=ACCURACY if fine else None, starts=starts) if setups else []
+        states: Sequence[SteadyState | BalancedState | None] = []
+        if setups and self.balanced and not fine:
+            states = balanced_states(setups, [start if isinstance(start, Balance) else None for start in starts])
+        elif setups:
+            own = [start if isinstance(start, Point) else None for start in starts]
+            states = steady_states(setups, accuracy=ACCURACY if fine else None, starts=own)
         self.solved += len(states)
         self.progress(self.solved)
         by_owner = dict(zip(owners, states, strict=True))
@@ -153,33 +179,60 @@ class Predictor:
         return [replace(one, values=one.values + self.shift) for one in found]
 
     def refine(self, x: Array, near: Prediction) -> Prediction:
-        """Take the difference between finer steps and the coarse one at these coordinates; return the finer one."""
+        """Take the difference between ngspice at fine steps and the fast model here; return the former's values."""
         self.shift = None
-        (coarse,) = self.at([x], near)
-        (fine,) = self.at([x], coarse, fine=True)
-        self.shift = np.nan_to_num(fine.values - coarse.values, nan=0.0)
-        return replace(fine, values=coarse.values + self.shift, solutions=coarse.solutions)
+        (fast,) = self.at([x], near)
+        (fine,) = self.at([x], self.reference or fast, fine=True)
+        if self.balanced and self._far(fast, fine):
+            self._balanced = False
+            (fast,) = self.at([x], fine)
+        self.shift, self.reference = fine.values - fast.values, fine
+        return replace(fine, solutions=fast.solutions)
+
+    def _far(self, fast: Prediction, fine: Prediction) -> bool:
+        """Whether a value by the fast model is missing, or farther from that by ngspice than :data:`FAR`."""
+        assert self.points is not None
+        names = np.array(self.points.quantities)
+        for name in self.points.quantities:
+            own = np.flatnonzero(names == name)
+            there = own[np.isfinite(fine.values[own])]
+            size = np.abs(fine.values[there]).max(initial=0.0)
+            if not np.all(np.abs(fast.values[there] - fine.values[there]) <= FAR * size):
+                return True
+        return False
 
     def _prediction(
-        self, number: int, motor: OperatingPoint | None, states: Mapping[tuple[int, int], SteadyState]
+        self,
+        number: int,
+        motor: OperatingPoint | None,
+        states: Mapping[tuple[int, int], SteadyState | BalancedState | None],
     ) -> Prediction:
         if motor is None:
             return Prediction(np.full(len(self.measured), np.nan))
         parts: list[Array] = []
-        own: tuple[SteadyState, ...] = ()
+        own: tuple[SteadyState | BalancedState | None, ...] = ()
         if self.points:
             own = tuple(states[number, place] for place in range(len(self.points)))
             parts.append(np.array([
-                measured_of(own[row], quantity) if _sound(own[row]) else np.nan
+                measured_of(_values(own[row]), quantity) if _sound(own[row]) else np.nan
                 for row, quantity in zip(self.points.rows, self.points.quantities, strict=True)
             ]))  # fmt: skip
-        for band in self.bands:
+        parts += [self._admittance(place, motor) for place in range(len(self.bands))]
+        solutions = tuple(state.solution if state and _sound(state) else None for state in own)
+        kept = tuple(replace(state, solution=None) for state in own if isinstance(state, SteadyState))
+        return Prediction(np.concatenate(parts), solutions, kept)
+
+    def _admittance(self, place: int, motor: OperatingPoint) -> Array:
+        """Return a spectrum; one on which a parameter has no influence is computed once."""
+        band = self.bands[place]
+        bench = two_port_bench(motor.motor, preloaded=band.state == "preloaded")
+        key = place, str(bench.circuit)
+        if key not in self._admittances:
             try:
-                parts.append(band.predicted(motor))
+                self._admittances[key] = band.predicted(bench)
             except SimulationError:
-                parts.append(np.full(len(band.measured), np.nan))
-        solutions = tuple(state.solution if state.stable else None for state in own)
-        return Prediction(np.concatenate(parts), solutions, tuple(replace(state, solution=None) for state in own))
+                self._admittances[key] = np.full(len(band.measured), np.nan)
+        return self._admittances[key]
 
     def jacobian(self, x: Array, here: Prediction, *, central: bool = False) -> Array:
         """Return the derivative of the predicted values; 0 where it is not known.
@@ -200,6 +253,18 @@ class Predictor:
         return np.asarray(np.nan_to_num(np.array(columns).T, nan=0.0))
 
 
-def _sound(state: SteadyState) -> bool:
-    """Whether the motor stays at a steady state, and it is the only one: friction holds a stuck shaft at any torque."""
-    return state.stable and not state.held_by_friction
+def _sound(state: SteadyState | BalancedState | None) -> bool:
+    """Whether the motor stays at a steady state, and it is the only one: friction holds a stuck shaft at any torque.
+
+    Of a balanced motion this is not known; :meth:`Predictor.refine` leaves out what ngspice refuses.
+    """
+    if isinstance(state, SteadyState):
+        return state.stable and not state.held_by_friction
+    return state is not None
+
+
+def _values(state: SteadyState | BalancedState | None) -> Mapping[str, float]:
+    """Return the quantities of a state by name."""
+    if isinstance(state, SteadyState):
+        return {**state.quantities, "speed_rad_s": state.speed_rad_s}
+    return state.values if state else {}

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, inf, log
-from typing import Any
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import (
@@ -16,7 +15,8 @@ from pyspice_runner.model.motor import (
     LOWEST_QUALITY,
     Motor,
 )
-from pyspice_runner.model.refusal import quoted
+from pyspice_runner.model.parameters import Parameters
+from pyspice_runner.model.refusal import quoted, schema_of
 from pyspice_runner.netlist.sources import Excitation
 from pyspice_runner.run.paths import parameter
 
@@ -122,11 +122,13 @@ def _unknown(motor: Motor, drive: Excitation, path: str, width: float | None) ->
 
 def _range(motor: Motor, path: str) -> tuple[float, float]:
     section, _, key = path.partition(".")
-    owner: Any = motor.modes[0] if section == "modes" else getattr(motor, section)
+    owner: Parameters = motor.modes[0] if section == "modes" else getattr(motor, section)
     key = key.rpartition(".")[2]
     if section == "modes" and key in _DERIVED:
         return _DERIVED[key]
-    schema = type(owner).model_json_schema()["properties"][key]
+    schema = schema_of(type(owner), key)
     schema = next(iter(schema.get("anyOf", [schema])))  # of an optional number
-    low = schema.get("minimum", schema.get("exclusiveMinimum"))
-    return float(low), float(schema.get("maximum", schema.get("exclusiveMaximum")))
+    low, high = (schema.get(f"{name}imum", schema.get(f"exclusive{name.title()}imum")) for name in ("min", "max"))
+    assert low is not None
+    assert high is not None
+    return float(low), float(high)
