@@ -144,6 +144,7 @@ def _newton(
         better = near | (later < (1.0 - 0.25 * damping[active]) * length)
         taken[active] += 1
         unknowns[active[better]] = trial[better]
+        unknowns[active[near]] += after[near]  # the step that is left, by the derivative of the last one
         done[active[near]] = True
         damping[active] *= np.where(better, 2.0, 0.5)
         damping[active] = np.minimum(damping[active], 1.0)

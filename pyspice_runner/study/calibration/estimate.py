@@ -46,7 +46,7 @@ from pyspice_runner.study.calibration.unknowns import unknowns_of
 OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals stay those of the normal
 RISE = 3.8415  # of the sum of squares at the end of a 95 % interval: chi-squared with one degree of freedom
 WIDE = log(10.0)  # a factor of 10 in the value: longest step of a profile, and what is always known of a value
-ROUNDS = 4  # computations of the sum of squares at each end of a profile, most of them for curved valleys
+ROUNDS = 6  # computations of the sum of squares at each end of a profile, most of them for curved valleys
 IDENTIFIED = 0.25  # largest relative standard error by the data of a value that they identify
 LIKELY = 1e-3  # probability of a sum of squares below which the model does not explain the data
 _TOLD, _MOST_TOLD = 4.0, 10  # standard errors: one normal residual in 16,000 is beyond; and how many are told
@@ -224,8 +224,8 @@ class _Search:
         return np.vstack([self.slopes[key] / self.errors[:, None], np.diag(self.prior)])
 
     def _followed(self, x: Array) -> Array:
-        """Return the Jacobian: a new one after a long step, otherwise the last one, corrected by Broyden's rule."""
-        if self.way is None:
+        """Return the Jacobian. By ngspice it is new after a long step, otherwise the last one, by Broyden's rule."""
+        if self.way is None or self.predictor.points is None or self.predictor.balanced:
             return self.slope(x)
         before, residuals, slope = self.way
         step = x - before

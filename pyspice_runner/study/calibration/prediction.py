@@ -31,9 +31,9 @@ from pyspice_runner.spectra.spectrum import Connection, Spectrum, State, connect
 from pyspice_runner.study.calibration.points import POWER, Points, measured_of
 from pyspice_runner.study.calibration.unknowns import Unknown
 
-# of a coordinate: the torque changes by more than it varies from event to event of a step (2e-3 of mu F0 R), and its
-# curvature stays small
-DIFFERENCE = 0.05
+# of a coordinate, for the derivative: by ngspice the torque changes by more than it varies from event to event of a
+# step (2e-3 of mu F0 R), and its curvature stays small; harmonic balance is smooth
+COARSE_DIFFERENCE, DIFFERENCE = 0.05, 0.002
 ACCURACY = 2e-3  # of the friction torque, where the coarse step is compared with finer ones
 FAR = 0.2  # of the greatest value of a quantity: another motion, or one that the harmonics do not describe
 STEP = 0.9  # of the default: the steps stay those of the first motor while its stiffness grows by a fifth
@@ -178,7 +178,7 @@ class Predictor:
             return found
         return [replace(one, values=one.values + self.shift) for one in found]
 
-    def refine(self, x: Array, near: Prediction) -> Prediction:
+    def refine(self, x: Array, near: Prediction | None = None) -> Prediction:
         """Take the difference between ngspice at fine steps and the fast model here; return the former's values."""
         self.shift = None
         (fast,) = self.at([x], near)
@@ -239,16 +239,17 @@ class Predictor:
 
         Central differences take twice the time and have no error by the curvature.
         """
-        forward = np.array([1.0 if one + DIFFERENCE <= unknown.bounds[1] else -1.0
+        size = DIFFERENCE if self.points is None or self.balanced else COARSE_DIFFERENCE
+        forward = np.array([1.0 if one + size <= unknown.bounds[1] else -1.0
                             for unknown, one in zip(self.unknowns, x, strict=True)])  # fmt: skip
-        steps = DIFFERENCE * np.diag(forward)
+        steps = size * np.diag(forward)
         near = self.at([*(x + steps), *(x - steps if central else ())], here)
         columns = []
         for place, sign in enumerate(forward):
             there = near[place].values
             back = near[len(x) + place].values if central else here.values
-            one_sided = (there - here.values) / (sign * DIFFERENCE)
-            both = (there - back) / (2.0 * sign * DIFFERENCE)
+            one_sided = (there - here.values) / (sign * size)
+            both = (there - back) / (2.0 * sign * size)
             columns.append(np.where(np.isfinite(both), both, one_sided) if central else one_sided)
         return np.asarray(np.nan_to_num(np.array(columns).T, nan=0.0))
 

@@ -157,7 +157,7 @@ class Calibration(Result):
         """
         points = read_points(data, self.start.slider is not None)
         predictor = Predictor(self.predictor.base, self.predictor.unknowns, points)
-        (here,) = predictor.at([self.coordinates])
+        here = predictor.refine(self.coordinates)
         slope = predictor.jacobian(self.coordinates, here)
         if not here.known:
             raise SimulationError("The calibrated motor has no steady state at any of the points.")
