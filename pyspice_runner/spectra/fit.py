@@ -25,6 +25,7 @@ from pyspice_runner.result import Result
 from pyspice_runner.spectra.identify import errors
 from pyspice_runner.spectra.identify.arms import GLOBALS
 from pyspice_runner.spectra.identify.descent import Vector, rms
+from pyspice_runner.spectra.identify.leaning import leaning
 from pyspice_runner.spectra.identify.problem import Problem
 from pyspice_runner.spectra.identify.selection import Candidate, fit_arms, missing, select
 from pyspice_runner.spectra.noise import noise_of, same_shape
@@ -33,6 +34,13 @@ from pyspice_runner.units import engineering, unit_in
 
 MOST_MODES = 20  # that may be stated
 _ANALYSER = 1e-3  # twice the accuracy of the best impedance analysers
+_UNDECIDED = (
+    "The data do not tell some descriptions of loss and leads apart. The errors contain the spread of the values by "
+    "these. State the leads, or measure a wider band."
+)
+LEANS = "leans with the amplitude within the sweep"
+FOLLOWS_NOT = "The circuit does not follow the spectrum"
+_MOSTLY = 0.8  # of a standard error by the choice among descriptions: two thirds of the variance
 _LEAST_ADMITTANCE = 1e-30  # S; no device lies below it or above its inverse, and squares leave the range of numbers
 _FREQUENCIES = 1e-9, 1e12  # Hz; outside there are no measurements, and products leave the range of numbers
 _LAST_STEPS = 20  # of the descent with all points, which starts near its end
@@ -276,6 +284,12 @@ def fit_spectrum(
     hidden = 0.0 if modes is None else missing(whole, solution)[0][0]
     correlated = errors.independent(whole, solution) < 0.5 * len(spectrum)
     cautions = _cautions(spectrum, arms, whole.rms_relative_error(solution), correlated, hidden)
+    cautions += [
+        f"The resonance at {arms[place].series_resonance_hz:.6g} Hz {LEANS}: its values hold at no level. Repeat at a "
+        "lower level, or state the level by fit_together (fit --voltages) for its softening and its growth of losses."
+        for place in leaning(whole, solution)
+    ]
+    cautions += _undecided(outcome.shifts, np.argsort(best.columns[0]), arms)
     if len(problem.w) < len(spectrum):
         cautions.append(
             f"The arms were searched with {len(problem.w)} of {len(spectrum)} points, closest where the admittance "
@@ -359,10 +373,26 @@ def _cautions(
         if uncertainty is None or uncertainty > 0.3 * arm.resistance_ohm:
             said.append(f"{where} is hardly determined: its resistance is uncertain by more than 30 %.")
     if correlated and error > _ANALYSER:
-        said.append(misfit("The circuit does not follow the spectrum", error))
+        said.append(misfit(FOLLOWS_NOT, error))
     if correlated and hidden >= 2 * errors.SIGNIFICANT:
         said.append("The residuals hide at least one more arm; try a greater number of modes.")
     return said
+
+
+def _undecided(shifts: Vector, order: NDArray[np.intp], arms: tuple[FittedArm, ...]) -> list[str]:
+    """Return the caution that the choice among descriptions of loss and leads makes most of an arm's error.
+
+    Args:
+        shifts: as the outcome of the selection has them.
+        order: the fit's arms by rising frequency.
+        arms: the arms in that order.
+    """
+    by_choice = np.linalg.norm(shifts, axis=0)[len(errors.GLOBAL_NAMES) :].reshape(len(arms), -1)[order]
+    for arm, own in zip(arms, by_choice[:, errors.ARM_NAMES.index("inductance_h")], strict=True):
+        error = arm.standard_errors["inductance_h"]
+        if error is not None and own > _ANALYSER and own * arm.inductance_h > _MOSTLY * error:
+            return [_UNDECIDED]
+    return []
 
 
 def misfit(what: str, error: float, limit: str = "") -> str:

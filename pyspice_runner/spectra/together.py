@@ -31,7 +31,7 @@ from pyspice_runner.model.equivalent import MotionalArm
 from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
-from pyspice_runner.spectra.fit import SpectrumFit, fit_spectrum, misfit
+from pyspice_runner.spectra.fit import FOLLOWS_NOT, LEANS, SpectrumFit, fit_spectrum, misfit
 from pyspice_runner.spectra.identify import descent
 from pyspice_runner.spectra.identify.descent import FINEST, Complexes, Vector, rms
 from pyspice_runner.spectra.noise import estimate
@@ -110,6 +110,8 @@ def fit_together(
 ) -> TogetherFit:
     """Fit several spectra of one device together. Leads must be compensated, and sweeps have rising frequency.
 
+    A single spectrum at a known voltage is enough for softening and growth of damping, if its resonance leans.
+
     Args:
         spectra: one-ports of the same device.
         voltages: amplitude at the device's terminals in V, one for each spectrum.
@@ -126,8 +128,11 @@ def fit_together(
     if voltages is not None and not all(0.0 < value < 1e6 for value in voltages):
         raise ParameterError(f"voltages = {list(voltages)} is not valid: they must be numbers > 0 V.")
     changing = [values for values in (voltages, temperatures) if values is not None]
-    if not changing or any(len(set(values)) < 2 for values in changing):
-        raise ParameterError("Give at least two spectra, with voltages or temperatures that differ.")
+    alone = len(spectra) == 1 and voltages is not None and temperatures is None
+    if not alone and (not changing or any(len(set(values)) < 2 for values in changing)):
+        raise ParameterError(
+            "Give at least two spectra with voltages or temperatures that differ, or one spectrum with its voltage."
+        )
     level = np.ones(len(spectra)) if voltages is None else np.array(voltages, dtype=float)
     kelvin = np.zeros(len(spectra)) if temperatures is None else np.array(temperatures, dtype=float)
     start = fit_spectrum(spectra[int(np.argmin(level))], modes, leads=False)
@@ -154,7 +159,8 @@ class _Problem:
         measured = [spectrum.admittance_s for spectrum in spectra]
         self.weights = [np.abs(y) / np.maximum(estimate(y).deviation(y), FINEST * np.abs(y)) for y in measured]
         self.temperatures = bool(self.kelvin.any())
-        per_arm = [True, True, True, *[bool(np.ptp(level))] * 2]
+        leans = bool(np.ptp(level)) or len(spectra) == 1
+        per_arm = [True, True, True, *[leans] * 2]
         self.free = np.array([True, True, *[self.temperatures] * 4, *per_arm * len(self.frequency)])
 
     def arms(self, parameters: Vector, kelvin: float) -> Vector:
@@ -241,7 +247,9 @@ class _Problem:
         errors |= {name: float(value) for name, value in zip(_DRIFTS, error[2:6], strict=True) if name in drifts}
         each = tuple(rms(np.expm1(residual)) for residual in residuals)
         said = [misfit("The circuit does not follow the spectra", max(each), "up to ")] if correlated else []
-        return TogetherFit(tuple(arms), capacitance, drifts, errors, each, (*self.start.cautions, *said))
+        # of the start what does not hold for the law of amplitude that is fitted here is left out
+        kept = [one for one in self.start.cautions if LEANS not in one and not one.startswith(FOLLOWS_NOT)]
+        return TogetherFit(tuple(arms), capacitance, drifts, errors, each, (*kept, *said))
 
 
 def _amplitude_squared(detuning: Vector, damping: Vector, softer: float, growing: float) -> Vector:

@@ -79,6 +79,17 @@ def test_levels_give_the_softening_and_the_losses_of_the_ceramic(softening: floa
     assert "softening" in " ".join(found.summary())
 
 
+def test_a_resonance_that_leans_within_a_sweep_is_told_and_its_level_gives_the_softening() -> None:
+    soft = mode(6e7, 4e9)
+    leaning = measured(soft, 80.0, 1)
+    assert any("leans with the amplitude" in caution for caution in pr.fit_spectrum(leaning).cautions)
+    for straight in (measured(soft, 5.0, 1), measured(mode(0.0, 0.0), 80.0, 1)):
+        assert not pr.fit_spectrum(straight).cautions
+    found = pr.fit_together([leaning], voltages=[80.0], modes=1)
+    assert max(map(abs, scores(found, soft))) < 4.0
+    assert not found.cautions
+
+
 def test_a_sweep_that_jumps_is_followed() -> None:
     soft = mode(4e8, 0.0)
     jumps = folds(soft, COUPLING * 80.0, 19e3, 20.5e3)
@@ -132,7 +143,7 @@ def test_the_command_fits_spectra_at_several_levels(tmp_path: Path, capsys: pyte
     assert "softening per c2" in capsys.readouterr().out
     (arm,) = json.loads((tmp_path / "joint.json").read_text(encoding="utf-8"))["arms"]
     assert arm["softening_per_c2"] == pytest.approx(6e7 / COUPLING**2, rel=0.05)
-    assert run([*map(str, words[:2]), "--voltages", "5"]) == 2
+    assert run([*map(str, words[:2]), "--temperatures", "20"]) == 2
     assert "at least two spectra" in " ".join(capsys.readouterr().err.split())
 
 

@@ -37,9 +37,12 @@ def is_exact(problem: Problem, solution: Solution) -> bool:
     return solution.cost < FINEST**2 * len(problem.w)
 
 
-def criterion(problem: Problem, solution: Solution, points: float) -> float:
-    """Return Schwarz's criterion for a number of independent points; the lowest is best."""
-    penalty = solution.free_count * log(2.0 * points)
+def criterion(problem: Problem, solution: Solution, points: float, price: float | None = None) -> float:
+    """Return Schwarz's criterion for a number of independent points; the lowest is best.
+
+    ``price`` is that of a free parameter: 2 makes it Akaike's criterion.
+    """
+    penalty = solution.free_count * (log(2.0 * points) if price is None else price)
     if problem.noise.stated and points == len(problem.w):
         return 2.0 * solution.cost + penalty
     return 2.0 * points * log(max(solution.cost / (2 * len(problem.w)), FINEST**2)) + penalty

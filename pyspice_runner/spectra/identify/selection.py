@@ -27,6 +27,7 @@ _DISPERSION = 5e-3  # largest relative residual of a dielectric with another dis
 # difference of the criterion, twice that of very strong evidence (Kass and Raftery, doi:10.2307/2291091): noise exceeds
 # 10 in one of 60 spectra
 _TIE = 20.0
+_AKAIKE = 2.0  # price of a parameter in the weights of the averages
 _PARTS: tuple[tuple[int, ...], ...] = ((), (3,), (2,), (1, 3))  # free parts of the loss to try
 _BESIDE = np.array([0.05, 0.2, 0.8])  # of the margin, where arms outside the band are tried
 _QUALITY_BESIDE = 50.0  # of these
@@ -99,7 +100,7 @@ def select(problem: Problem, modes: int | None, leads: bool, progress: Progress 
     lowest = [(0.0, min(solutions, key=COST))]
     ranked = lowest if problem.far else simplified(problem, solutions[chosen], points, leads)
     bare = simplified(problem, bare, points, leads=False)[0][1]
-    return Outcome(problem, bare, ranked[0][1], points, tuple(candidates), _shifts(ranked))
+    return Outcome(problem, bare, ranked[0][1], points, tuple(candidates), _shifts(problem, ranked, points))
 
 
 def _search(
@@ -144,13 +145,15 @@ def _search(
     return solutions
 
 
-def _shifts(ranked: Ranked) -> Vector:
-    """Return the values of rivals less those of the best solution, each times the root of the rival's probability.
+def _shifts(problem: Problem, ranked: Ranked, points: float) -> Vector:
+    """Return the values of rivals less those of the best solution, each times the root of the rival's weight.
 
-    The sum of their squares is the variance by the choice among the descriptions (Hoeting et al., Statistical Science
-    14, 1999, doi:10.1214/ss/1009212519).
+    The sum of their squares is the variance by the choice among the descriptions of loss and leads. The weights are
+    those of Akaike's criterion: a description that fits as well counts, though another one was selected because it is
+    simpler (Burnham and Anderson, "Model Selection and Multimodel Inference", Springer 2002, sec. 4.3).
     """
-    odds = np.exp(-0.5 * (np.array([score for score, _ in ranked]) - ranked[0][0]))
+    scores = np.array([errors.criterion(problem, item, points, price=_AKAIKE) for _, item in ranked])
+    odds = np.exp(-0.5 * (scores - scores.min()))
     best = errors.log_values(ranked[0][1])
     rivals = zip((odds / odds.sum()).tolist(), ranked, strict=True)
     return np.array([
