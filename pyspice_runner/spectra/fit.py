@@ -22,6 +22,7 @@ from pyspice_runner.model.equivalent import Characteristics, EquivalentCircuit
 from pyspice_runner.model.one_thread import one_thread
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.result import Result
+from pyspice_runner.spectra.half_power import HalfPower, half_power
 from pyspice_runner.spectra.identify import errors
 from pyspice_runner.spectra.identify.arms import GLOBALS
 from pyspice_runner.spectra.identify.descent import Vector, rms
@@ -60,6 +61,7 @@ class FittedArm:
     standard_errors: dict[str, float | None]
     in_band: bool  # whether the series resonance lies in the measured band
     characteristics: Characteristics  # fs, fp, fm, fn, fr, fa, k_eff and M of the fitted device behind its leads
+    half_power: HalfPower | None  # of the measured points less the leads; ``None`` where they do not show the peak
 
 
 _LABELS = {
@@ -195,6 +197,12 @@ class SpectrumFit(Result):
                     f"{label} {engineering(main[name], unit_in(name).strip('1')).rstrip()}"
                     for name, label in _STANDARD_LABELS.items()
                 )
+        points = self.main_arm.half_power
+        if points is not None:
+            found["main arm by its measured points, half power"] = (
+                f"f {engineering(points.resonance_hz, 'Hz')}, R1 {engineering(points.resistance_ohm, 'Ω')}, "
+                f"Q {points.quality_factor:.4g}"
+            )
         tried = (
             f"{item.arms}{' coupled' if item.rank else ''}{' with leads' if item.leads else ''} "
             f"({item.criterion:.0f}, {100.0 * item.rms_relative_error:.2g} %{', ' if item.note else ''}{item.note})"
@@ -276,8 +284,14 @@ def fit_spectrum(
         raise SpectrumError(f"{name} shows a resonance but no clamped capacitance; a piezoelectric resonator has one.")
     solution, circuit, global_errors, values, correlation = errors.estimates(whole, best, outcome.shifts)
     low, high = spectrum.frequency_hz[[0, -1]].tolist()
+    device = _device(spectrum, circuit)
     arms = tuple(
-        FittedArm(**arm, in_band=low <= arm["series_resonance_hz"] <= high, characteristics=characteristics)
+        FittedArm(
+            **arm,
+            in_band=low <= arm["series_resonance_hz"] <= high,
+            characteristics=characteristics,
+            half_power=half_power(spectrum.frequency_hz, device, arm["series_resonance_hz"], arm["quality_factor"]),
+        )
         for arm, characteristics in zip(values, circuit.characteristics(), strict=True)
     )
     # for a stated number of arms, the significance of one more
@@ -313,6 +327,12 @@ def fit_spectrum(
         candidates=outcome.candidates,
         cautions=(*spectrum.cautions, *cautions),
     )
+
+
+def _device(spectrum: Spectrum, circuit: EquivalentCircuit) -> NDArray[np.complex128]:
+    """Return the measured admittance in S behind the fitted leads."""
+    leads = circuit.lead_resistance_ohm + 2j * np.pi * spectrum.frequency_hz * circuit.lead_inductance_h
+    return np.asarray(1.0 / (1.0 / spectrum.admittance_s - leads), dtype=complex)
 
 
 def _leads(leads: tuple[float, float]) -> tuple[float, float]:

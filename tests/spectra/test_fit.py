@@ -206,6 +206,20 @@ def test_the_definitions_of_a_strong_resonance_agree_and_are_those_of_its_arm() 
         assert pair["coupling_factor"] == pytest.approx(np.sqrt(0.05 / 1.05), rel=1e-3)
 
 
+def test_half_power_is_read_from_the_measured_points_too() -> None:
+    circuit = resonator([20e3], [200.0], [0.05], loss_tangent=1e-4)
+    (arm,) = circuit.arms
+    found = pr.fit_spectrum(spectrum(circuit, np.linspace(19e3, 21e3, 1001), noise=1e-3)).arms[0].half_power
+    assert found is not None
+    # G of one arm alone is 1/R at f and half of that 1/Q apart. The parabola is 1 % too low at its ends and the noise
+    # of some 15 points is 0.03 %; a line between points 1/50 of the width apart is off by far less
+    assert found.resistance_ohm == pytest.approx(arm.resistance_ohm, rel=0.01)
+    assert found.resonance_hz == pytest.approx(20e3, abs=0.02 * 20e3 / 200.0)
+    assert found.quality_factor == pytest.approx(200.0, rel=0.01)
+    sparse = pr.fit_spectrum(spectrum(circuit, np.linspace(19e3, 21e3, 61))).arms[0]
+    assert sparse.half_power is None  # three points in the width
+
+
 def test_a_weak_resonance_has_no_zero_susceptance() -> None:
     (item,) = resonator([20e3], [50.0], [0.01]).characteristics()  # M = 0.5 < 2
     assert (item.fr, item.fa) == (None, None)
