@@ -52,9 +52,11 @@ from .spectra.admittance import admittance as admittance
 from .spectra.compare import compare as compare
 from .spectra.fit import fit_spectrum as fit_spectrum
 from .spectra.readers import read_spectrum as read_spectrum
+from .spectra.scope import read_recording as read_recording
 from .spectra.spectrum import Spectrum as Spectrum
 from .spectra.together import fit_together as fit_together
 from .spectra.twoport import fit_two_port as fit_two_port
+from .study.calibration.elliptec import read_current_scan as read_current_scan
 from .study.calibration.estimate import calibrate as calibrate
 from .study.plan import Tolerance as Tolerance
 from .study.sweep import sweep as sweep

@@ -5,7 +5,8 @@ Columns state the conditions of a point: ``voltage``, ``frequency``, ``phase_deg
 path with a dot (``contact.preload_n``), and the load: ``load_torque_n_m``, or ``speed_rad_s`` of a shaft that is held.
 The other columns are measured: quantities of :func:`~pyspice_runner.speed_torque`, ``power_w`` of both groups, and the
 ``speed_rad_s`` of a row with a ``load_torque_n_m``. ``…_error`` is the standard error of a measured column. A cell
-without a value is not measured, or keeps the condition of the drive.
+without a value is not measured, or keeps the condition of the drive. A heading such as ``Speed (mm/s)`` or
+``Torque [mN·m]`` states its unit (:mod:`.headings`).
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from pyspice_runner.model.document import read_document
 from pyspice_runner.model.drive import TwoPhaseDrive, TwoToneDrive
 from pyspice_runner.model.refusal import as_number, quoted
 from pyspice_runner.run.waveforms import Array
+from pyspice_runner.study.calibration.headings import column_of
 
 MOST_POINTS = 2000
 ERROR = "_error"
@@ -78,7 +80,18 @@ def read_points(data: str | Path | Mapping[str, Any] | Any, motor_is_linear: boo
         )
     numbers = {name: [_number(value, name, row, source) for row, value in enumerate(values, start=1)]
                for name, values in columns.items()}  # fmt: skip
-    return _checked(source, _named(numbers, source, linear=motor_is_linear))
+    return _checked(source, _named(_scaled(numbers, source), source, linear=motor_is_linear))
+
+
+def _scaled(columns: Mapping[str, list[float]], source: str) -> dict[str, list[float]]:
+    """Return the columns in SI units under the names of this module, where their headings state a unit."""
+    found: dict[str, list[float]] = {}
+    for name, values in columns.items():
+        own, factor = column_of(name) or (name, 1.0)
+        if own in found:
+            raise ParameterError(f"{source}: {quoted(name)} is a second column of {own}. Leave one out.")
+        found[own] = [factor * value for value in values]
+    return found
 
 
 def _columns(path: Path) -> dict[str, list[str]]:
