@@ -341,7 +341,10 @@ class _Judged:
         """Return the result."""
         search, predictor = self.search, self.search.predictor
         deviations = np.sqrt(np.diag(self.covariance))
-        ends, open_ends = self._profiles(deviations)
+        sides = self._profiles(deviations)
+        pairs = list(zip(sides[::2], sides[1::2], strict=True))
+        ends = [[float(self.x[side.place] + side.sign * side.end) for side in pair] for pair in pairs]
+        open_ends = [any(side.open for side in pair) for pair in pairs]
         estimates = []
         for place, unknown in enumerate(predictor.unknowns):
             x, deviation = float(self.x[place]), float(deviations[place])
@@ -359,6 +362,7 @@ class _Judged:
             estimates=tuple(estimates), start=predictor.base.motor, calibrated=changed, law=law,
             points=predictor.points, bands=predictor.bands, predicted=self.here.values, measured=search.measured,
             errors=search.errors, correlations=correlations, covariance=self.covariance, coordinates=self.x,
+            ends=tuple(side.x for side in sides if not side.open),
             predictor=replace(predictor, progress=lambda _: None),
             rms_residual=float(np.sqrt(np.mean(kept[self.known[:count]] ** 2))) if self.known[:count].any() else 0.0,
             squares=self.squares, freedom=self.freedom, scale=self.scale,
@@ -368,8 +372,8 @@ class _Judged:
 
     # --- intervals ---
 
-    def _profiles(self, deviations: Array) -> tuple[list[list[float]], list[bool]]:
-        """Return the ends of the 95 % interval of each coordinate, and whether it is open: at a range or too wide."""
+    def _profiles(self, deviations: Array) -> list[_Side]:
+        """Return both sides of the profile of each coordinate, the lower one first, at the ends of the interval."""
         bounds = np.array([unknown.bounds for unknown in self.search.predictor.unknowns]).T
         sides = [
             _Side(self, place, sign, bounds, sqrt(RISE) * float(deviations[place]))
@@ -384,9 +388,7 @@ class _Judged:
                 pending, self.search.predictor.at([side.x for side in pending], self.here), strict=True
             ):
                 side.take(self.residuals_of(prediction, side.x))
-        ends = [[float(self.x[side.place] + side.sign * side.end) for side in pair]
-                for pair in zip(sides[::2], sides[1::2], strict=True)]  # fmt: skip
-        return ends, [any(side.open for side in pair) for pair in zip(sides[::2], sides[1::2], strict=True)]
+        return sides
 
     def residuals_of(self, prediction: Prediction, x: Array) -> Array:
         """Return the residuals of a prediction; 0 for what is not known at the solution or there."""

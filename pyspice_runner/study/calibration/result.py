@@ -47,18 +47,10 @@ class PredictedCurve:
     quantities: tuple[str, ...]
     rows: tuple[int, ...]  # point of each value
     values: Array
-    standard_errors: Array
+    standard_errors: Array  # by the covariance of the parameters
+    low: Array  # ends of the 95 % band: also of the values at the ends of each parameter's interval
+    high: Array
     measured: Array
-
-    @property
-    def low(self) -> Array:
-        """Lower end of the 95 % band."""
-        return self.values - 1.96 * self.standard_errors
-
-    @property
-    def high(self) -> Array:
-        """Upper end of the 95 % band."""
-        return self.values + 1.96 * self.standard_errors
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,6 +67,7 @@ class Calibration(Result):
         measured, predicted, errors: all measured values, those of the calibrated motor, and the standard errors.
         correlations, covariance: of the coordinates of the parameters, in the order of ``estimates``.
         coordinates: of the solution: ln(value/start) of each parameter, or the difference over ``start``.
+        ends: coordinates at the ends of the intervals, the other parameters following; without open ends.
         rms_residual: root mean square of (predicted − measured)/error.
         squares: sum of squares, with Huber's loss.
         freedom: number of values less that of parameters.
@@ -95,6 +88,7 @@ class Calibration(Result):
     correlations: Array
     covariance: Array
     coordinates: Array
+    ends: tuple[Array, ...]
     predictor: Predictor
     rms_residual: float
     squares: float
@@ -162,7 +156,11 @@ class Calibration(Result):
         if not here.known:
             raise SimulationError("The calibrated motor has no steady state at any of the points.")
         deviations = np.sqrt(np.einsum("ij,jk,ik->i", slope, self.covariance, slope))
-        return PredictedCurve(points.quantities, points.rows, here.values, deviations, points.values)
+        # where parameters replace each other the sum of squares has a curved valley, which the covariance does not know
+        every = [one.values for one in predictor.at(self.ends, here)] if self.ends else [here.values]
+        low = np.fmin(here.values - 1.96 * deviations, np.fmin.reduce(every))
+        high = np.fmax(here.values + 1.96 * deviations, np.fmax.reduce(every))
+        return PredictedCurve(points.quantities, points.rows, here.values, deviations, low, high, points.values)
 
     def to_dict(self) -> dict[str, Any]:
         """Return values, fit, correlations and residuals, JSON-ready."""
