@@ -101,6 +101,7 @@ static struct contact touch(const struct motor *m, const struct path *path)
     struct phase at = {
         .normal_stiffness = p->normal_stiffness, .compliance = p->compliance, .mu = p->friction, .radius = p->radius,
         .sliding = p->sliding_ratio, .stribeck = p->stribeck_velocity, .preload = laid, .deflection = 1e6 * deflection, .damping = p->normal_damping, .series = p->series_compliance,
+        .series_x = p->series_compliance_x,
         .slider_before = 1e6 * path->slider, .turn = 1e6 * p->radius * path->speed / (PHASES * p->frequency),
         .rate = 0.5 * PHASES * p->frequency,
     };

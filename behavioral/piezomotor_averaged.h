@@ -73,6 +73,7 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
     ENTRY(compliance, "m/N^(2/3)", 2.2e-10, 1e-2, "tangential compliance K_t of tip and rotor together") \
     ENTRY(normal_damping, "s/m", 0, 1e6, "Hunt-Crossley damping: the normal force grows by this times the approach velocity") \
     ENTRY(series_compliance, "m/N", 0, 1e-3, "compliance along the normal, in series with the contact") \
+    ENTRY(series_compliance_x, "m/N", 0, 1e-3, "compliance along the rotor, in series with the contact") \
     ENTRY(radius, "m", 1e-4, 10, "radius of the rotor") \
     ENTRY(inertia, "kg.m2", 1e-13, 1e3, "moment of inertia") \
     ENTRY(bearing, "N.m.s", 0, 1e3, "viscous bearing coefficient") \

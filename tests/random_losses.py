@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Random motors with every loss and recoil: ``python -m tests.random_losses``, a part of ``make soak``.
 
-Motors and drives are those of :mod:`tests.random_runs`, with dielectric loss, damping along the normal, compliance in
+Motors and drives are those of :mod:`tests.random_runs`, with dielectric loss, damping along the normal, compliances in
 series, Stribeck friction, a dry bearing, and a mount that the modes shake. Each is run by ``simulate`` with its default
 step and, its shaft held, by ``steady_state``.
 
@@ -28,7 +28,7 @@ from pydantic import ValidationError
 import pyspice_runner as pr
 from pyspice_runner.analysis.dynamometer import GAIN
 from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.model.contact import normal_stiffness_at_preload
+from pyspice_runner.model.contact import normal_stiffness_at_preload, tangential_stiffness_at_preload
 from pyspice_runner.model.drive import check_together
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SMALL_TORQUE
 from tests import random_runs
@@ -42,7 +42,7 @@ STILL = 1e-3  # of the greatest speed: the scale of a mean speed is not below
 CONVERGED = 0.002  # change of the reference by half its step and another start; more is chaotic
 LADDER = 0.05  # error of the loss tangent that the ladder of the dielectric may have
 PERIODS, MOST_STEPS = 30.0, 8000.0  # of a run
-DECAYS, MOST_REFERENCE_STEPS = 8.0, 8e6  # of a reference that settles
+DECAYS, MOST_REFERENCE_STEPS = 8.0, 1.5e7  # of a reference that settles
 FINER, SETTLING = 6400, 1600  # steps of the reference in the shortest period, of a run and to settle
 LONGEST = 20.0  # s, of a run of ngspice
 LOSSES = ("dielectric", "damping", "contact_damping", "friction", "mount_damping", "bearing")
@@ -89,7 +89,11 @@ def _lossy(rng: np.random.Generator, motor: pr.Motor, law: str) -> pr.Motor:
     if rng.random() < 0.5:
         share = float(rng.uniform(0.0, 0.5))
         changes["contact.series_compliance_m_per_n"] = share / normal_stiffness_at_preload(contact)
-    if law == "spring-slider" and rng.random() < 0.5:
+    falls, soft = rng.random() < 0.5, rng.random() < 0.5
+    if soft and not falls:
+        share = float(rng.uniform(0.0, 0.5))
+        changes["contact.tangential_series_compliance_m_per_n"] = share / tangential_stiffness_at_preload(contact)
+    if law == "spring-slider" and falls:
         changes["contact.sliding_ratio"] = float(rng.uniform(0.6, 1.0))
         changes["contact.stribeck_velocity_m_s"] = log(0.02, 0.5)
     if rng.random() < 0.5:

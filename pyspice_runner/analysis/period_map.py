@@ -228,7 +228,8 @@ class PeriodMap:
             contact[: len(values) - order] = values[order:]
             course = None
             if whole and differentiable(copy.plant):
-                course = Course(copy.plant, time[: window.stop], states, contact[0], contact[-1], window.start)
+                normal, friction, *_, depth = contact
+                course = Course(copy.plant, time[: window.stop], states, normal, friction, depth, window.start)
             trace = Trace(copy.begun + time[window], states[:, window], *contact[:, window])
             traces.append(replace(trace, course=course))
         return traces

@@ -30,7 +30,7 @@ from pyspice_runner.netlist.copies import Plant
 from pyspice_runner.netlist.evaluated import DIFFERENCE, library_function, parameter_columns
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import SLIDER_TIME
-from pyspice_runner.netlist.state import MICRO, Discretisation, static_sway, written, written_recoils
+from pyspice_runner.netlist.state import MICRO, Discretisation, static_sway, stems, written, written_recoils
 
 Array = NDArray[np.float64]
 
@@ -53,6 +53,7 @@ class Course:
     time: Array  # s
     states: Array  # shape (order, points)
     normal: Array  # N
+    friction: Array  # N
     penetration_um: Array
     first: int  # the point at which the period begins
 
@@ -70,7 +71,7 @@ def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> li
     for place, course in enumerate(courses):
         plant = course.plant
         library = contact_library(plant.law, plant.motor.contact) if plant.law else None
-        kinds = tuple(state.kind for state in plant.states)
+        kinds = tuple((state.kind, state.part) for state in plant.states)
         groups.setdefault((library, kinds), []).append(place)
     for places in groups.values():
         group = _Group([courses[place] for place in places], discretisation)
@@ -89,7 +90,7 @@ class _Group:
         self.law = self.plant.law
         self.library = contact_library(self.law, self.plant.motor.contact)
         self.function = library_function(self.library)
-        self.soft = self.plant.where("stem") != slice(0, 0)
+        self.stems = list(stems(self.plant.motor, self.law))
         inner = [place for place, state in enumerate(self.plant.states) if state.kind in ("contact", "stem")]
         self.inner = np.array(inner, dtype=int)  # states of contact and stem
         self.units = np.array([self.plant.states[place].unit for place in inner])
@@ -125,22 +126,22 @@ class _Group:
             held[run, 0, 0] = -static_sway(course.plant.motor, plant.law, self.discretisation) / MICRO
             held[run, 0, 4] = 0.0 if plant.turns else course.plant.load.speed or 0.0
         pins = np.einsum("rix,rnx->rni", self.tip, self.states) + held
-        normal = np.array([course.normal for course in self.courses])[..., np.newaxis]
-        inputs = np.concatenate([pins, self.states[..., self.inner] / self.units, normal], axis=2)
-        scales = np.concatenate([np.abs(inputs).max(axis=(0, 1)), [1.0]])[: inputs.shape[2]]
+        forces = np.array([(course.friction, course.normal) for course in self.courses]).swapaxes(1, 2)
+        inputs = np.concatenate([pins, self.states[..., self.inner] / self.units, forces], axis=2)
+        scales = np.abs(inputs).max(axis=(0, 1))
         steps = DIFFERENCE * np.where(scales > 0.0, scales, 1.0)
         many = inputs[:, :, np.newaxis] + np.vstack([np.zeros_like(steps), np.diag(steps)])
         outputs = self._outputs(many)
         slopes = np.moveaxis((outputs[:, :, 1:] - outputs[:, :, :1]) / steps[:, np.newaxis], 2, 3)
-        # the normal force compresses what is in series with the contact, on which it depends itself
-        own = slopes[:, :, 3:4, -1:]
-        slopes = slopes[..., :-1] + slopes[..., -1:] * slopes[:, :, 3:4, :-1] / (1.0 - own)
+        # the forces compress what is in series with the contact, on which they depend themselves
+        own = np.linalg.solve(np.eye(2) - slopes[:, :, 2:4, -2:], slopes[:, :, 2:4, :-2])
+        slopes = slopes[..., :-2] + slopes[..., -2:] @ own
         found = slopes[..., :5] @ self.tip[:, np.newaxis]
         found[..., self.inner] += slopes[..., 5:] / self.units
         return found
 
     def _outputs(self, inputs: Array) -> Array:
-        """Return the outputs of :meth:`_contact` for x, y, vx, vy, shaft, states, normal force in the last axis."""
+        """Return the outputs of :meth:`_contact` for x, y, vx, vy, shaft, states, friction, normal in the last axis."""
         motors = [course.plant.motor for course in self.courses]
         law, step = self.law, self.discretisation
 
@@ -157,20 +158,23 @@ class _Group:
         ]
         columns = parameter_columns(law, motors, bent, step.slider_time)
         values: dict[str, Any] = {name: column(numbers) for name, numbers in columns.items()}
-        x, y, vx, vy, shaft, *states, normal = np.moveaxis(inputs, -1, 0)
-        rates = []
-        if self.soft:
+        x, y, vx, vy, shaft, *states, friction, normal = np.moveaxis(inputs, -1, 0)
+        pins = {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft}
+        rates, at = [], len(self.function.states)
+        for name in self.stems:
+            axis, force, preload = ("x", friction, 0.0) if name == "stem_x" else ("y", normal, values["preload"])
             stem = read_library("piezomotor_stem")
             given: dict[str, Any] = {item.name: item.default for item in stem.parameters}
-            given |= {"preload": values["preload"], SLIDER_TIME: step.slider_time}  # a law may have no slider
-            given["compliance"] = column([motor.contact.series_compliance_m_per_n for motor in motors])
-            names = library_function(stem).states
-            given |= {"y": y, "vy": vy, "normal": normal, **dict(zip(names, states[-len(names) :], strict=True))}
-            moved = library_function(stem)(given)
-            y, vy = moved["stem_y"], moved["stem_vy"]
-            rates = [moved[f"rate_{name}"] for name in names]
+            given |= {"preload": preload, SLIDER_TIME: step.slider_time}  # a law may have no slider
+            given["compliance"] = column([stems(motor, law)[name] for motor in motors])
+            lags = library_function(stem).states
+            given |= {"y": pins[axis], "vy": pins[f"v{axis}"], "normal": force}
+            moved = library_function(stem)(given | dict(zip(lags, states[at : at + len(lags)], strict=True)))
+            pins |= {"vx": moved["stem_vy"]} if axis == "x" else {"y": moved["stem_y"], "vy": moved["stem_vy"]}
+            rates += [moved[f"rate_{lag}"] for lag in lags]
+            at += len(lags)
         names = self.function.states
-        values |= {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft, **dict(zip(names, states, strict=False))}
+        values |= pins | dict(zip(names, states, strict=False))
         values["delta"] = np.array([course.penetration_um for course in self.courses])[..., np.newaxis]
         found = self.function(values)
         parts = [found[name] for name in ("fx", "fy", "friction", "normal")]

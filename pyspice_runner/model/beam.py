@@ -116,6 +116,8 @@ class Resonator:
     """Tangential displacement of the contact point per modal coordinate."""
     tip_y: Array
     """Displacement of the contact point towards the rotor per modal coordinate."""
+    residual_m_per_n: Array
+    """Static compliance of the modes that are left out at the contact point, towards the rotor and along it."""
 
     @property
     def frequencies_hz(self) -> Array:
@@ -246,8 +248,10 @@ def solve_resonator(
     amplitudes = np.array([_amplitude(column, k, beam.length_m) for column in coefficients[:shapes].T])
     coefficients = coefficients / amplitudes
     stiffnesses = 1.0 / amplitudes**2  # eigh makes φᵀKφ = 1
-    foot = np.cos(waves * tip.position_m) @ ((mean * turns)[:, None] * coefficients[: len(waves)])
-    tip_x = -tip.length_m * foot - stem.sideways(tip.length_m) @ coefficients[beyond]
+    along = -np.concatenate((tip.length_m * turn[: len(waves)], stem.sideways(tip.length_m)))
+    tip_x, tip_y = along @ coefficients, rise @ coefficients
+    pushed = np.stack((rise, along), axis=1) * scale[:, None]
+    compliance = np.sum(pushed * np.linalg.solve(stiffness, pushed), axis=0)
     return Resonator(
         coefficients=coefficients[:shapes],
         masses_kg=stiffnesses * inverse_squares,
@@ -262,7 +266,8 @@ def solve_resonator(
         ),
         shears=coefficients[angle],
         tip_x=_without_round_off(tip_x, tip.length_m * k @ np.abs(coefficients[:shapes])),
-        tip_y=_without_round_off(rise @ coefficients, 1.0),
+        tip_y=_without_round_off(tip_y, 1.0),
+        residual_m_per_n=compliance - np.sum(np.stack((tip_y, tip_x)) ** 2 / stiffnesses, axis=1),
     )
 
 
@@ -303,6 +308,17 @@ def resonator_modes(
             f"The structure gives a mode with {first['loc'][0]} = {first['input']:g} "
             f"({first['msg'][0].lower()}{first['msg'][1:]}); check the dimensions of beam, patches and tip."
         ) from error
+
+
+def residual_compliances(beam: Beam, patches: Sequence[Patch], tip: Tip) -> Array:
+    """Return what the modes that are left out add to the contact of a tip on a stem, normal and tangent, in m/N.
+
+    A force on the head bends and stretches the stem, and the two modes contain little of that. It is 0 without a stem,
+    as in the paper.
+    """
+    if tip.stem_youngs_modulus_pa is None:
+        return np.zeros(2)
+    return solve_resonator(beam, patches, tip).residual_m_per_n
 
 
 def clamped_capacitances(beam: Beam, patches: Sequence[Patch]) -> tuple[float, float]:

@@ -374,15 +374,21 @@ def _from_solid(
 def _softening(
     contact: Mapping[str, Any], structure: Structure | Solid | None, provenance: dict[str, Provenance], where: str
 ) -> dict[str, float]:
-    """Return the compliance in series with the contact, if a solid's modes that are left out add to it."""
-    name = "series_compliance_m_per_n"
-    more = float(stator_of(structure).residual_m_per_n[0, 0]) if isinstance(structure, Solid) else 0.0
-    if more <= 0.0:
+    """Return the compliances in series with the contact to which left-out modes of a solid, or of a stem, add."""
+    if isinstance(structure, Solid):
+        left_out = np.diag(stator_of(structure).residual_m_per_n)
+    elif structure is not None:
+        left_out = beam_model.residual_compliances(structure.beam, structure.patches, structure.tip)
+    else:
         return {}
-    given = limited(Contact, name, contact.get(name, 0.0), f"contact.{name}", where)
-    note = f"the solid's modes that are left out add {more:.3g} m/N"
-    provenance[f"contact.{name}"] = Provenance("derived", note)
-    return {name: given + more}
+    found: dict[str, float] = {}
+    for name, more in zip(("series_compliance_m_per_n", "tangential_series_compliance_m_per_n"), left_out, strict=True):
+        if more > 0.0:
+            given = limited(Contact, name, contact.get(name, 0.0), f"contact.{name}", where)
+            note = f"the modes that are left out add {more:.3g} m/N"
+            provenance[f"contact.{name}"] = Provenance("derived", note)
+            found[name] = given + float(more)
+    return found
 
 
 def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, where: str) -> dict[str, Any]:

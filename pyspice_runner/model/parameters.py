@@ -274,7 +274,7 @@ class Contact(Parameters):
         default=0.0,
     )  # fmt: skip
     tangential_series_compliance_m_per_n: float = quantity(
-        "compliance of the tip's stem along the rotor, in series with the tangential contact", "m/N", ge=0.0, le=1e-3,
+        "compliance of tip and stem along the rotor, in series with the tangential contact", "m/N", ge=0.0, le=1e-3,
         default=0.0,
     )  # fmt: skip
     worn_flat_radius_m: float = quantity(
@@ -302,6 +302,12 @@ class Contact(Parameters):
             raise ValueError(
                 "tangential_compliance_tip_m_per_n23 and tangential_compliance_rotor_m_per_n23 add up to "
                 f"{total:g} m/N^(2/3); the sum must be ≥ 2.2e-10 and ≤ 0.01 m/N^(2/3)"
+            )
+        if self.tangential_series_compliance_m_per_n and self.sliding_ratio < 1.0:
+            raise ValueError(
+                f"sliding_ratio = {self.sliding_ratio:g} lets friction fall with the slip velocity, and the spring of "
+                f"tangential_series_compliance_m_per_n = {self.tangential_series_compliance_m_per_n:g} m/N, which has "
+                "no mass, then jumps: there is no motion to compute. Set sliding_ratio to 1, or the compliance to 0"
             )
         if self.worn_flat_radius_m and self.effective_radius_m is None:
             raise ValueError(

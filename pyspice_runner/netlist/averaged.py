@@ -87,7 +87,6 @@ def require_averaged(motor: Motor) -> None:
     require_linear(motor, "The averaged motor")
     left_out = {
         "contact.worn_flat_radius_m": (motor.contact.worn_flat_radius_m, 0.0),
-        "contact.tangential_series_compliance_m_per_n": (motor.contact.tangential_series_compliance_m_per_n, 0.0),
     }
     for name, (value, neutral) in left_out.items():
         if value != neutral:
@@ -134,12 +133,17 @@ class Terms(NamedTuple):
     """Terms of the averaged contact that are written where a motor has them."""
 
     series: bool = True  # a compliance in series along the normal
+    series_x: bool = True  # a compliance in series along the rotor
     falling: bool = True  # friction that falls with the slip velocity
 
     @classmethod
     def of(cls, motor: Motor) -> Terms:
         """Return the terms of a motor."""
-        return cls(motor.contact.series_compliance_m_per_n > 0.0, motor.contact.sliding_ratio < 1.0)
+        contact = motor.contact
+        return cls(
+            contact.series_compliance_m_per_n > 0.0, contact.tangential_series_compliance_m_per_n > 0.0,
+            contact.sliding_ratio < 1.0,
+        )  # fmt: skip
 
 
 ALL_TERMS = Terms()
@@ -157,6 +161,14 @@ def averaged_phase(terms: Terms) -> Library:
         text = text.replace(" series=0", "").replace("+1e6*series*preload", "")
         text = text.replace("Bapproach approach", "Bdepth depth")
         absent.append("series")
+    if not terms.series_x:
+        text = text.replace(" series_x=0", "").replace("-{1e6*series_x}*V(friction)", "")
+        text = text.replace("{1e6*series_x}*V(friction)+", "")
+        held = re.search(r"(?m)^Bslider slider 0 V=(.*)$", text)
+        assert held is not None
+        clipped = held[1]
+        text = re.sub(r"(?m)^B(friction|slipped) .*$", lambda line: line[0].replace(clipped, "V(slider)"), text)
+        absent.append("series_x")
     if not terms.falling:
         text = re.sub(r"(?m)^B(slipped|fallen) .*\n", "", text).replace("*V(fallen)", "")
         text = text.replace(" sliding=1 stribeck=50m", "")
@@ -348,6 +360,8 @@ class AveragedSubCircuit(Assembly):
         }  # fmt: skip
         if contact.series_compliance_m_per_n:
             values["series"] = contact.series_compliance_m_per_n
+        if contact.tangential_series_compliance_m_per_n:
+            values["series_x"] = contact.tangential_series_compliance_m_per_n
         if contact.sliding_ratio < 1.0:
             values |= {"sliding": contact.sliding_ratio, "stribeck": contact.stribeck_velocity_m_s}
         self._put("contact", library, nodes, values, ["normal_stiffness", "radius", "preload"])

@@ -92,7 +92,8 @@ def _values(motor: Motor, thermal: Thermal | None, load: ShaftLoad) -> dict[str,
         "preload": contact.preload_n, "friction": contact.friction,
         "normal_stiffness": contact.normal_stiffness_n_per_m15, "compliance": contact_law.total_compliance(contact),
         "normal_damping": contact_law.normal_damping(contact),
-        "series_compliance": contact.series_compliance_m_per_n, "radius": motor.rotor.radius_m,
+        "series_compliance": contact.series_compliance_m_per_n,
+        "series_compliance_x": contact.tangential_series_compliance_m_per_n, "radius": motor.rotor.radius_m,
         "sliding_ratio": contact.sliding_ratio, "stribeck_velocity": contact.stribeck_velocity_m_s,
         "inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s,
         "bearing_friction": motor.rotor.bearing_friction_n_m, "bearing_presliding": motor.rotor.bearing_presliding_rad,
@@ -126,10 +127,12 @@ static double phase_{0}_by(struct phase *p, double value)
 /* The root of an equation whose right side falls as the value rises: false position, by the Illinois rule. */
 static double phase_{0}(struct phase *p)
 {{
-    double low = 0.0, high = phase_{0}_by(p, 0.0), under = high, over = phase_{0}_by(p, high) - high, most = high;
+    double low = 0.0, high = phase_{0}_by(p, 0.0), sign = high < 0.0 ? -1.0 : 1.0, most = sign * high;
+    double under = most, over = sign * (phase_{0}_by(p, high) - high);
 
     for (int i = 0; i < 100 && over < -1e-13 * most; i++) {{
-        double middle = (low * over - high * under) / (over - under), excess = phase_{0}_by(p, middle) - middle;
+        double middle = (low * over - high * under) / (over - under);
+        double excess = sign * (phase_{0}_by(p, middle) - middle);
         if (fabs(excess) <= 1e-13 * most)
             return middle;
         if (excess < 0.0) {{

@@ -19,7 +19,7 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.recoil import carriers
 from pyspice_runner.netlist.contact import PAPER_LAW, Law
-from pyspice_runner.netlist.state import PLATES, Discretisation, motor_states, plate_nodes, written
+from pyspice_runner.netlist.state import PLATES, Discretisation, motor_states, plate_nodes, stems, written
 from pyspice_runner.netlist.veriloga import WRITTEN, module_source, module_values
 
 # states and pins that a motor may not need: their nodes, and the comment before their equations
@@ -27,6 +27,7 @@ _CARRIER = ("carrier on plate springs", ("carrier", "carrier_velocity"))
 _CARRIER_X = ("carrier along the rotor", ("carrier_x", "carrier_x_velocity"))
 _BEARING = ("dry bearing", ("share",))
 _STEM = ("lags of the compression in series with the contact", ("stem", "stem_rate"))
+_STEM_X = ("lags along the rotor", ("pulling", "stem_x", "stem_x_rate"))
 _HEAT = ("heat of dielectric and modes", ("temperature",))
 _HEAD = re.compile(r"module piezomotor\([^)]*\);\n +inout [^;]*;\n")
 _ELECTRICAL = re.compile(r"(?m)^    electrical ([^;]+);$")  # first the pins, then the states
@@ -74,14 +75,18 @@ def module_of(motor: Motor, law: Law) -> Module:
     Motors with the same number of modes, with or without mount, dry friction of the bearing and a compliance in series
     with the contact, have the same module.
     """
-    contact, dry = motor.contact, motor.rotor.bearing_friction_n_m > 0.0
-    return _module(len(motor.modes), law, len(carriers(motor.mount)), dry, contact.series_compliance_m_per_n > 0.0)
+    soft = stems(motor, law)
+    parts = {"dry": motor.rotor.bearing_friction_n_m > 0.0, "stem": "stem" in soft, "stem_x": "stem_x" in soft}
+    there = tuple(name for name, one in parts.items() if one)
+    return _module(len(motor.modes), law, len(carriers(motor.mount)), there)
 
 
 @cache
-def _module(modes: int, law: Law, moving: int, dry: bool, soft: bool) -> Module:
+def _module(modes: int, law: Law, moving: int, there: tuple[str, ...]) -> Module:
     text = module_source(modes, law)
-    unused = [_HEAT, *(_CARRIER, _CARRIER_X)[moving:], *(() if dry else (_BEARING,)), *(() if soft else (_STEM,))]
+    parts = {"dry": _BEARING, "stem": _STEM, "stem_x": _STEM_X}
+    absent = (part for name, part in parts.items() if name not in there)
+    unused = [_HEAT, *(_CARRIER, _CARRIER_X)[moving:], *absent]
     for comment, nodes in unused:  # their voltages are 0, and their equations are left out
         text, count = re.subn(rf"(?ms)^ *// {comment}.*?^ *// end of the [^\n]*\n", "", text)
         assert count == 1, comment
@@ -98,10 +103,7 @@ def _module(modes: int, law: Law, moving: int, dry: bool, soft: bool) -> Module:
     ports = tuple(port for line in _ELECTRICAL.findall(text) for port in line.split(", "))
     listed = ", ".join(ports)
     kind = {"spring-slider": (), "coulomb": ("coulomb",), "brush": (f"{law.sliders}_sliders",)}[law.name]
-    parts = (f"{modes}_modes", *kind)
-    name = "_".join(
-        ("piezomotor", *parts, *("mount", "x")[:moving], *(("dry",) if dry else ()), *(("stem",) if soft else ()))
-    )
+    name = "_".join(("piezomotor", f"{modes}_modes", *kind, *("mount", "x")[:moving], *there))
     return Module(name, _HEAD.sub(f"module {name}({listed});\n    inout {listed};\n", text, count=1), ports)
 
 

@@ -286,7 +286,9 @@ class MotorSubCircuit(Assembly):
     def _add_stem(self, name: str, compliance: float, nodes: Mapping[str, str]) -> dict[str, str]:
         """Add a compliance in series with the contact, which the contact force compresses, or friction along x.
 
-        ``nodes`` are those to which the contact would be connected. Return those that take their place.
+        ``nodes`` are those to which the contact would be connected. Return those that take their place: along x only
+        the velocity, because the displacement, of some ten nm, would move the contact on the rotor by 1e-6 of its
+        radius, and as a part of the penetration it makes ngspice's iteration diverge where the contact closes.
         """
         axis, force = ("x", "friction") if name == "stem_x" else ("y", "normal")
         values = {"compliance": compliance}
@@ -300,7 +302,7 @@ class MotorSubCircuit(Assembly):
         moved = {axis: f"stem_{axis}", f"v{axis}": f"stem_v{axis}"}
         own = [nodes.get(pin, pin) for pin in moved]
         self._put(name, "piezomotor_stem", (*own, force, *moved.values()), values, passed)
-        return moved
+        return {pin: node for pin, node in moved.items() if pin != "x"}
 
     def _add_dry_bearing(self) -> None:
         rotor = self._motor.rotor

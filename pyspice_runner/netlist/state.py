@@ -76,9 +76,14 @@ def written_recoils(mode: Mode, mount: Mount | None, discretisation: Discretisat
 
 
 def stems(motor: Motor, law: Law | None) -> dict[str, float]:
-    """Return the compliances in series with the contact in m/N, by the instances that have them."""
+    """Return the compliances in series with the contact in m/N, by the instances that have them.
+
+    Coulomb's law has none along the rotor: it has no spring there.
+    """
     contact = motor.contact
     found = {"stem": contact.series_compliance_m_per_n, "stem_x": contact.tangential_series_compliance_m_per_n}
+    if law and law.name == "coulomb":
+        found.pop("stem_x")
     return {name: compliance for name, compliance in found.items() if law and compliance}
 
 

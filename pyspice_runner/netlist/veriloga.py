@@ -27,7 +27,7 @@ from pyspice_runner.netlist.motor import (
     rounded,
     spring_values,
 )
-from pyspice_runner.netlist.state import Discretisation, written_recoils
+from pyspice_runner.netlist.state import Discretisation, stems, written_recoils
 
 WRITTEN = ("spring-slider", "coulomb", "brush")  # the laws that have a Verilog-A form
 _BLOCKS = ("parameters of mode", "states of mode", "motion of mode", "mode")
@@ -158,7 +158,7 @@ def _declared(item: LibraryParameter, name: str = "") -> str:
 
 def without_form(contact: Contact) -> str:
     """Return the path and value of a parameter of the contact that a module does not have; empty if it has all."""
-    for name, unit in (("worn_flat_radius_m", "m"), ("tangential_series_compliance_m_per_n", "m/N")):
+    for name, unit in (("worn_flat_radius_m", "m"),):
         if value := getattr(contact, name):
             return f"contact.{name} = {value:g} {unit}"
     return ""
@@ -194,6 +194,7 @@ def module_values(
         **{name: rounded(value) for name, value in touching.items()},
         "normal_damping": rounded(touching.get("normal_damping", 0.0)),
         "series_compliance": motor.contact.series_compliance_m_per_n,
+        "series_compliance_x": stems(motor, law).get("stem_x", 0.0),
         **({SLIDER_TIME: discretisation.slider_time} if discretisation else {}),
         "inertia": motor.rotor.inertia_kg_m2,
         "bearing": motor.rotor.bearing_damping_n_m_s,

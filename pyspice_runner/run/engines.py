@@ -38,6 +38,7 @@ from pyspice_runner.model.recoil import carriers
 from pyspice_runner.netlist.compiled import missing_form, module_of
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.netlist.state import stems
 from pyspice_runner.netlist.veriloga import without_form
 from pyspice_runner.run.kernel import modules_folder
 from pyspice_runner.run.operating_point import OperatingPoint, Solver
@@ -59,7 +60,10 @@ _LOSSES = {
     "modes.0.softening_per_m2": 1e11,
     "modes.0.damping_growth_per_m2": 1e12,
 }
-_SOFT = {"contact.series_compliance_m_per_n": 2e-9}
+_SOFT = {  # by :func:`.stems`
+    "stem": {"contact.series_compliance_m_per_n": 2e-9},
+    "stem_x": {"contact.tangential_series_compliance_m_per_n": 1e-8},
+}
 _FALLING = {"contact.sliding_ratio": 0.8, "contact.stribeck_velocity_m_s": 0.05}  # friction of the spring-slider
 
 
@@ -112,7 +116,7 @@ def verdict(motor: Motor, law: Law) -> Mapping[str, float]:
     Each signal of :data:`COMPARED` has its RMS difference over its RMS, infinite if the compiled motor failed. Raise
     SimulationError if compiler or ngspice are missing or fail.
     """
-    dry, soft = motor.rotor.bearing_friction_n_m > 0.0, motor.contact.series_compliance_m_per_n > 0.0
+    dry, soft = motor.rotor.bearing_friction_n_m > 0.0, tuple(stems(motor, law))
     shape = (len(motor.modes), len(carriers(motor.mount)), dry, soft)
     return _verdict(shape, law, tools(), modules_folder())
 
@@ -124,7 +128,7 @@ def tools() -> str:
 
 
 @cache
-def _verdict(shape: tuple[int, int, bool, bool], law: Law, used: str, folder: Path) -> Mapping[str, float]:
+def _verdict(shape: tuple[int, int, bool, tuple[str, ...]], law: Law, used: str, folder: Path) -> Mapping[str, float]:
     motor = _similar(*shape, law)
     spice = OperatingPoint(motor, DriveSource(_DRIVE), Load(None, _LOAD), law)
     setups = [replace(spice, solver=Solver(compiled=compiled)) for compiled in (False, True)]
@@ -142,7 +146,7 @@ def _verdict(shape: tuple[int, int, bool, bool], law: Law, used: str, folder: Pa
     return found
 
 
-def _similar(modes: int, moving: int, dry: bool, soft: bool, law: Law) -> Motor:
+def _similar(modes: int, moving: int, dry: bool, soft: tuple[str, ...], law: Law) -> Motor:
     """Return the motor that represents all motors with the same module.
 
     It is ``beam40`` with losses, its modes repeated at other frequencies. Every mode moves the tip
@@ -151,9 +155,9 @@ def _similar(modes: int, moving: int, dry: bool, soft: bool, law: Law) -> Motor:
     base = load_motor("beam40").updated(
         {
             **_LOSSES,
-            **(_FALLING if law.name == "spring-slider" else {}),
+            **(_FALLING if law.name == "spring-slider" and "stem_x" not in soft else {}),
             **(_DRY if dry else {}),
-            **(_SOFT if soft else {}),
+            **{path: value for stem in soft for path, value in _SOFT[stem].items()},
             **({} if moving else {"mount": None}),
             **(_SIDEWAYS if moving > 1 else {}),
         }

@@ -16,8 +16,12 @@ import pyspice_runner as pr
 from pyspice_runner.analysis.dynamometer import delivering
 from pyspice_runner.analysis.simulate import _delivering
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.contact import normal_damping, normal_stiffness_at_preload, static_penetration
-from pyspice_runner.netlist.veriloga import motor_module
+from pyspice_runner.model.contact import (
+    normal_damping,
+    normal_stiffness_at_preload,
+    static_penetration,
+    tangential_stiffness_at_preload,
+)
 from pyspice_runner.run.waveforms import EnergyBalance, Waveforms
 from tests.reference.damped import integrate_damped
 from tests.reference.integrator import ReferenceRun, Tone, integrate
@@ -221,12 +225,37 @@ def test_a_steady_state_with_a_compliance_along_the_rotor_is_what_a_run_settles_
     assert abs(rigid.torque_n_m - state.torque_n_m) > 5e-4 * limit
 
 
-def test_what_has_no_compliance_along_the_rotor_rejects_it() -> None:
-    motor = PAPER.updated(TANGENTIAL)
-    with pytest.raises(ParameterError, match="tangential_series_compliance_m_per_n = 4e-08 has no averaged model"):
-        pr.simulate_averaged(motor, two_phase(50.0, 51.7e3), 1e-3)
-    with pytest.raises(ParameterError, match="4e-08 m/N has no Verilog-A form: it must be 0"):
-        motor_module(motor)
+def test_two_springs_in_series_stick_with_the_stiffness_of_both() -> None:
+    """The measured stiffness between tip and rotor is 1/(1/k_t + c_t), with Mindlin's k_t = 3 F₀^(1/3)/(2 K_t)."""
+    changes = TANGENTIAL | {f"modes.{mode}.tip_y": 0.0 for mode in range(2)}  # the normal force does not change
+    motor = PAPER.updated(changes)
+    run = pr.simulate(motor, two_phase(0.3, 30e3), duration=4e-4, speed=0.0, step=1e-7)
+    contact = motor.contact
+    total = contact.tangential_compliance_tip_m_per_n23 + contact.tangential_compliance_rotor_m_per_n23
+    expected = 1.0 / (total / 1.5 / contact.preload_n ** (1.0 / 3.0) + 4e-8)
+    late = run.time_s > 2e-4
+    assert np.ptp(run.normal_force_n) < 1e-6 * contact.preload_n
+    slope = np.polyfit(run.tip_x_m[late], run.friction_force_n[late], 1)[0]
+    # the spring softens towards its limit, by a sixth of the share of it that is used
+    assert np.abs(run.friction_force_n).max() < 6e-3 * contact.friction * contact.preload_n
+    assert slope == pytest.approx(expected, rel=2e-3)
+    assert tangential_stiffness_at_preload(contact) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_averaged_motor_has_the_compliance_along_the_rotor() -> None:
+    """Within its 2 % of the friction force. Without the compliance the plate motor's force would be 28 % greater."""
+    motor = pr.load_motor("bimodal40").updated({"contact.tangential_series_compliance_m_per_n": 5e-8})
+    drive = pr.default_drive(motor)
+    full = pr.steady_state(motor, drive, speed=30.0)
+    limit = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    for engine, duration in (("compiled", 0.08), ("spice", 0.2)):
+        found = pr.simulate_averaged(motor, drive, duration, speed=30.0, engine=engine)  # type: ignore[arg-type]
+        assert found.torque_n_m[-1] == pytest.approx(full.torque_n_m, abs=0.02 * limit)
+
+
+def test_friction_that_falls_makes_a_compliance_along_the_rotor_jump() -> None:
+    with pytest.raises(ParameterError, match=r"sliding_ratio = 0\.7 lets friction fall .* no mass, then jumps"):
+        PAPER.updated(TANGENTIAL | {"contact.sliding_ratio": 0.7})
 
 
 @pytest.mark.soak

@@ -31,10 +31,13 @@ CASES = {
     "flagship, brush": (FLAGSHIP, pr.default_drive(FLAGSHIP), 10.0, Law("brush", 8)),
     "recoil along both axes": (SHAKEN, pr.default_drive(SHAKEN), 5.0, Law()),
     "coulomb": (PAPER, PAPERS_DRIVE, 2.0, Law("coulomb")),
+    "compliance along the rotor": (
+        PAPER.updated({"contact.tangential_series_compliance_m_per_n": 4e-8}), PAPERS_DRIVE, 2.0, Law()
+    ),
     "worn tip": (PAPER.updated({"contact.worn_flat_radius_m": 5e-5}), PAPERS_DRIVE, 1.0, Law()),
     "falling friction": (PAPER.updated({"contact.sliding_ratio": 0.7}), PAPERS_DRIVE, 1.0, Law()),
     "fixed distance": (PAPER.updated({"mount": None}), PAPERS_DRIVE, 2.0, Law()),
-}
+}  # fmt: skip
 
 
 def along_and_by_copies(plant: Plant) -> tuple[Point, Derivative, Derivative]:

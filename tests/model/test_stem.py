@@ -135,6 +135,18 @@ def test_what_does_not_fit_is_refused(changes: dict[str, Any], message: str, tmp
     assert message in str(refused.value)
 
 
+def test_what_a_stem_adds_to_the_contact_is_a_cantilever_on_a_stiff_beam() -> None:
+    """At its end, with the foot that turns in the face: k_x and k_y of the stem, to the part that is in the modes."""
+    turning = 16.67 / (pi * BASE.youngs_modulus_pa * BASE.width_m * FOOT**2)
+    bend, stretch = LENGTH**3 / (3 * BEND) + 3 * LENGTH / STRETCH + LENGTH**2 * turning, LENGTH / STRETCH
+    tip = head(0.5 * BASE.thickness_m + LENGTH, 0.0)
+    tip = tip.model_copy(update={"length_m": 0.5 * BASE.thickness_m + LENGTH})
+    found = solve_resonator(BASE, (), tip, count=3)
+    # mode 3 and above of the stiff beam and the rotation of the massless head are what is left out
+    kept = np.array([found.tip_y, found.tip_x]) ** 2 / found.stiffnesses_n_per_m
+    assert found.residual_m_per_n + kept.sum(axis=1) == pytest.approx([stretch, bend], rel=1e-3)
+
+
 def test_a_motor_with_a_stem_is_read(tmp_path: Path) -> None:
     stem = {"foot_width_m": 1e-3, "centre_m": 2.5e-3, "stem_length_m": 2e-3, "stem_youngs_modulus_pa": 2e11}
     file = tmp_path / "mine.toml"
@@ -144,3 +156,6 @@ def test_a_motor_with_a_stem_is_read(tmp_path: Path) -> None:
     found: Resonator = solve_resonator(motor.structure.beam, motor.structure.patches, motor.structure.tip)
     assert [mode.frequency_hz for mode in motor.modes] == pytest.approx(list(found.frequencies_hz))
     assert [mode.tip_x for mode in motor.modes] == list(found.tip_x)
+    contact, (normal, tangent) = motor.contact, found.residual_m_per_n
+    assert (contact.series_compliance_m_per_n, contact.tangential_series_compliance_m_per_n) == (normal, tangent)
+    assert tangent > normal > 0.0

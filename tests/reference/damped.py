@@ -11,13 +11,16 @@ The law, with the crown of the rotor above the tip as it rests and d the approac
     D = √(x² + h²),  d = R − D,  e_x = x/D,  e_y = h/D,  v_rel = x' e_y + y' e_x − Ω R
     d = δ + C F_N,  F_N = K_N δ^{3/2} f,  f = max(0, 1 + a δ')      series compliance C, Hunt and Crossley's a
     F_x = F_N e_x − F_T e_y,  F_y = −F_N e_y − F_T e_x
-    F_T = sign(u) μ s F_N [1 − (1 − |u|/u_lim)^{3/2}],  u_lim = μ K_t K_N^{2/3} δ f,  u' = v_rel in |u| ≤ u_lim
-    s = ρ + (1 − ρ) exp(−(w/v_s)²), with the slip velocity w = |v_rel − u'|
+    F_T = sign(u) μ s F_N [1 − (1 − |u|/u_lim)^{3/2}],  u_lim = μ K_t K_N^{2/3} δ f
+    (u + C_t F_T)' = v_rel in |u| ≤ u_lim, with the compliance C_t along the rotor
+    s = ρ + (1 − ρ) exp(−(w/v_s)²), with the slip velocity w = |v_rel − u'|, where C_t = 0
     J Ω' + C_R Ω + T = R F_T − τ_load,  T' = (T_c Ω − T |Ω|)/φ_0
 
 With C and a the penetration is a state of its own, which follows d with the time constant a C K_N δ^{3/2}. The implicit
-Euler rule finds it from that at the start of a step, so that it needs no finer step. (The package takes
-δ' = d'/(1 + C dF_N/dδ) instead, with the elastic dF_N/dδ, and leaves out C K_N δ^{3/2} a δ''.)
+Euler rule finds it from that at the start of a step, so that it needs no finer step.
+
+With a compliance C_t along the rotor the state is u + C_t F_T, a function of u that rises, so that its limit is that at
+u_lim. (The package forms the rate of C_t F_T by a difference formula instead.)
 
 The classical Runge–Kutta method runs with a fixed step. The slider is put back to its limit after each step, so that a
 change of state is late by a step at most: the error of the means is of first order, and two steps show it.
@@ -119,12 +122,27 @@ def _friction(u, limit, most, w, p):
 
 
 @njit(nogil=True, cache=True)
+def _slider(total, limit, most, soft):
+    """u of u + C_t F_T, by z = √(1 − |u|/u_lim) of limit (1 − z²) + C_t μ F_N (1 − z³) = |total|."""
+    if soft == 0.0 or limit <= 0.0:
+        return total
+    size, z = min(abs(total), limit + soft * most), 1.0
+    for _ in range(60):
+        excess = limit * (1.0 - z * z) + soft * most * (1.0 - z * z * z) - size
+        if excess >= -_SOLVED * limit:
+            break
+        z = max(z + excess / (2.0 * limit * z + 3.0 * soft * most * z * z), 0.0)  # concave: from one side
+    u = limit * (1.0 - z * z)
+    return u if total > 0.0 else -u
+
+
+@njit(nogil=True, cache=True)
 def _rates(s, ua, ub, before, f0, h, w, modes, p, ds):
-    """Fill the rates of the state; return δ, f, and the limit of stick."""
+    """Fill the rates of the state; return δ, f, and the limit of u + C_t F_T."""
     n = modes.shape[1]
     hertz, damping, kappa, mu = p[0], p[2], p[3], p[4]
     radius, seat, sway, preload = p[7], p[8], p[9], p[10]
-    z, rise, omega, dry, u = s[2 * n], s[2 * n + 1], s[2 * n + 2], s[2 * n + 3], s[2 * n + 4]
+    z, rise, omega, dry, total = s[2 * n], s[2 * n + 1], s[2 * n + 2], s[2 * n + 3], s[2 * n + 4]
     x, vx, y, vy = sway, 0.0, z, rise
     for i in range(n):
         x += modes[_X, i] * s[i]
@@ -141,7 +159,7 @@ def _rates(s, ua, ub, before, f0, h, w, modes, p, ds):
     fn = hertz * delta * np.sqrt(delta) * f
     limit = kappa * delta * f
     rate = (f - 1.0) / damping if damping > 0.0 and f > 0.0 else approach
-    ft = _friction(u, limit, mu * fn, w, p)
+    ft = _friction(_slider(total, limit, mu * fn, p[20]), limit, mu * fn, w, p)
     fx, fy = fn * ex - ft * ey, -fn * ey - ft * ex
     push, borne = preload + fy - p[12] * rise - p[13] * z, p[11]
     given = lost = 0.0
@@ -168,7 +186,7 @@ def _rates(s, ua, ub, before, f0, h, w, modes, p, ds):
     ds[q + 3] = (fn - hertz * delta * np.sqrt(delta)) * rate if d > 0.0 else 0.0
     ds[q + 4], ds[q + 5] = ft * relative, (p[15] * omega + dry) * omega
     ds[q + 6], ds[q + 7], ds[q + 8] = fn, ft, omega
-    return delta, f, limit
+    return delta, f, limit + p[20] * mu * fn
 
 
 @njit(nogil=True, cache=True)
@@ -231,6 +249,8 @@ def integrate_damped(
     law, rotor, mount = motor["contact"], motor["rotor"], motor.get("mount") or {}
     if law.get("worn_flat_radius_m"):
         raise ValueError("this integrator has no worn tip")
+    if law.get("sliding_ratio", 1.0) < 1.0 and law.get("tangential_series_compliance_m_per_n"):
+        raise ValueError("friction that falls makes a spring without mass jump")
     modes = np.array([[float(mode.get(name) or 0.0) for mode in motor["modes"]] for name in _MODES])
     hertz, preload, mu = law["normal_stiffness_n_per_m15"], law["preload_n"], law["friction"]
     radius, compliance = rotor["radius_m"], law.get("series_compliance_m_per_n", 0.0)
@@ -246,6 +266,7 @@ def integrate_damped(
         mount.get("mass_kg", np.inf), mount.get("damping_n_s_per_m", 0.0), mount.get("stiffness_n_per_m", 0.0),
         rotor["inertia_kg_m2"], rotor["bearing_damping_n_m_s"], rotor.get("bearing_friction_n_m", 0.0),
         rotor.get("bearing_presliding_rad", 1.0), float(speed is None), load_torque,
+        law.get("tangential_series_compliance_m_per_n", 0.0),
     ])  # fmt: skip
     n = modes.shape[1]
     s = np.zeros(2 * n + 5 + len(INTEGRALS))

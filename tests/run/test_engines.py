@@ -17,6 +17,7 @@ import pyspice_runner as pr
 from pyspice_runner.engine import kept
 from pyspice_runner.netlist.compiled import module_of
 from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.state import stems
 from pyspice_runner.run import engines
 from pyspice_runner.run.engines import COMPARED, TOLERANCE, is_compiled
 from pyspice_runner.run.operating_point import OperatingPoint
@@ -42,7 +43,7 @@ def test_a_verdict_that_others_can_write_is_measured_again(
 ) -> None:
     measured = []
     monkeypatch.setattr(engines, "_compared", lambda *_: measured.append(1) or BAD)
-    known = ((2, True, False, False), Law(), "tools", tmp_path)
+    known = ((2, True, False, ()), Law(), "tools", tmp_path)
     assert [engines._verdict.__wrapped__(*known) for _ in range(2)] == [BAD, BAD]
     assert len(measured) == 1
     (path,) = tmp_path.rglob("*.json")
@@ -99,14 +100,15 @@ def test_curves_whose_meters_need_the_b_sources_say_so(
 
 
 SOFT = {"contact.series_compliance_m_per_n": 1e-9}
+ALONG = {"contact.tangential_series_compliance_m_per_n": 1e-9}
 
 
-@pytest.mark.parametrize("changes", [{}, {"mount": None}, {"rotor.bearing_friction_n_m": 1e-3}, SOFT])
+@pytest.mark.parametrize("changes", [{}, {"mount": None}, {"rotor.bearing_friction_n_m": 1e-3}, SOFT, ALONG])
 def test_the_motor_of_the_comparison_has_the_same_module_and_opens_sticks_and_slips(changes: dict[str, Any]) -> None:
     """A comparison in which the contact never opens, or never slips, would not see a wrong term of these."""
     motor = MOTOR.updated(changes)
     mounted, dry = motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0
-    setup = OperatingPoint.of(engines._similar(2, mounted, dry, changes == SOFT, Law()), engines._DRIVE)
+    setup = OperatingPoint.of(engines._similar(2, mounted, dry, tuple(stems(motor, Law())), Law()), engines._DRIVE)
     assert module_of(setup.motor, Law()) == module_of(motor, Law())
     run = pr.simulate(
         setup.motor, engines._DRIVE, duration=engines._PERIODS / engines._DRIVE.frequency,

@@ -65,6 +65,13 @@ CASES = {
         (100.0, 40.1e3, 120.0),
     ),
     "damping and a compliance in series": ("bimodal40", {}, "spring-slider", (150.0, 40.7e3, 62.0)),
+    "a compliance along the rotor": (
+        "andersen2002", {"mount": None, "contact.tangential_series_compliance_m_per_n": 4e-8}, "spring-slider",
+        (200.0, 51.7e3, 90.0),
+    ),
+    "the same with sliders": (
+        "bimodal40", {"contact.tangential_series_compliance_m_per_n": 3e-8}, "brush", (150.0, 40.7e3, 62.0),
+    ),
     "the same with coulomb": ("bimodal40", {}, "coulomb", (150.0, 40.7e3, 62.0)),
     "coulomb": ("beam40", {}, "coulomb", (90.0, 40.1e3, -120.0)),
     "brush": ("beam40", {}, "brush", (90.0, 40.1e3, 120.0)),

@@ -14,7 +14,7 @@ def with_outside_modes(motor: Motor) -> Motor:
     """Return the motor of a solid with the modes computed outside its range; another motor is returned as it is.
 
     They are those whose current counts (:data:`~.stator.UNSEEN`), by rising frequency up to :data:`~.motor.MOST_MODES`
-    in all. Capacitances and series compliance lose what these modes contributed. They do not shake the carrier, as
+    in all. Capacitances and series compliances lose what these modes contributed. They do not shake the carrier, as
     before.
     """
     if motor.solid is None:
@@ -43,6 +43,9 @@ def with_outside_modes(motor: Motor) -> Motor:
     document["piezo"]["capacitance_a_f"] -= float(charges[0, 0])
     document["piezo"]["capacitance_b_f"] -= float(charges[1, 1])
     document["piezo"]["capacitance_ab_f"] += float(charges[0, 1])
-    compliance = document["contact"]["series_compliance_m_per_n"] - float(np.sum(modes.tip_y**2 / effective))
-    document["contact"]["series_compliance_m_per_n"] = max(compliance, 0.0)
+    for name, moved in (
+        ("series_compliance_m_per_n", modes.tip_y),
+        ("tangential_series_compliance_m_per_n", modes.tip_x),
+    ):
+        document["contact"][name] = max(document["contact"][name] - float(np.sum(moved**2 / effective)), 0.0)
     return assemble(document, motor.solid, dict(motor.provenance), where=f"motor {motor.name}")
