@@ -25,7 +25,8 @@ gives no torque, by interpolation between {count} speeds; a dash where it is abo
 *Efficiency*: the best at these speeds, shaft power over
 electrical power. *Time*: processor time of ngspice for a run of 1 ms, relative to the first row, the least of {runs}.
 The contact law is the paper's spring–slider; the last row of a table has the [brush](contact.md#the-brush) instead,
-which says what the law contributes.
+which says what the law contributes. Friction that falls with the slip velocity takes no [compliance along the
+rotor](contact.md#loss-along-the-normal): compare that row with the one without it, where there is one.
 """
 
 
@@ -39,8 +40,11 @@ def effects(motor: pr.Motor) -> dict[str, dict[str, Any]]:
         for index in range(len(motor.modes))
         for name, value in (("softening_per_m2", 1e9), ("damping_growth_per_m2", 1e10))
     }
+    rigid = {"contact.tangential_series_compliance_m_per_n": 0.0}
+    soft = contact.tangential_series_compliance_m_per_n > 0.0
     return {
         "as in the set": {},
+        **({"no compliance along the rotor": rigid} if soft else {}),
         "no dielectric loss": {"piezo.loss_tangent": 0.0},
         "fixed distance instead of the mount": {"mount": None},
         "restitution 1": {"contact.restitution": 1.0},
@@ -48,6 +52,7 @@ def effects(motor: pr.Motor) -> dict[str, dict[str, Any]]:
         "sliding friction 0.8 of static, over 50 mm/s": {
             "contact.sliding_ratio": 0.8,
             "contact.stribeck_velocity_m_s": 0.05,
+            **(rigid if soft else {}),
         },
         f"dry bearing, {1e3 * friction:.2g} mN·m": {"rotor.bearing_friction_n_m": friction},
         "series compliance that halves the stiffness of the contact": {

@@ -334,7 +334,7 @@ def _sliders(plant: Plant, touching: TouchingContact) -> Array:
         return MICRO * touching.pins[-1, :, 0]
     constants = {name: values[0] for name, values in contact_parameters([plant], law).items()}
     pins = dict(zip(PINS, touching.pins[:, 0], strict=True))
-    brush = library_function(contact_library(law))
+    brush = library_function(contact_library(law, plant.motor.contact))
     found = brush(constants | pins | dict.fromkeys(brush.states, 0.0))
     wide, limit = (np.stack([found[f"{node}{1 + cell}"] for cell in range(law.sliders)]) for node in "wl")
     sliders, _ = clipped(wide * touching.slid, limit)

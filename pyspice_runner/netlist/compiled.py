@@ -76,14 +76,17 @@ def module_of(motor: Motor, law: Law) -> Module:
     with the contact, have the same module.
     """
     soft = stems(motor, law)
-    parts = {"dry": motor.rotor.bearing_friction_n_m > 0.0, "stem": "stem" in soft, "stem_x": "stem_x" in soft}
+    parts = {
+        "dry": motor.rotor.bearing_friction_n_m > 0.0, "stem": "stem" in soft, "stem_x": "stem_x" in soft,
+        "worn": motor.contact.worn_flat_radius_m > 0.0,
+    }  # fmt: skip
     there = tuple(name for name, one in parts.items() if one)
     return _module(len(motor.modes), law, len(carriers(motor.mount)), there)
 
 
 @cache
 def _module(modes: int, law: Law, moving: int, there: tuple[str, ...]) -> Module:
-    text = module_source(modes, law)
+    text = module_source(modes, law, flat="worn" in there)
     parts = {"dry": _BEARING, "stem": _STEM, "stem_x": _STEM_X}
     absent = (part for name, part in parts.items() if name not in there)
     unused = [_HEAT, *(_CARRIER, _CARRIER_X)[moving:], *absent]

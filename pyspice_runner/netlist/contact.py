@@ -28,10 +28,14 @@ LIBRARIES: dict[str, str] = {
     "brush": "piezomotor_brush",
     "coulomb": "piezomotor_coulomb",
 }
-WORN = ("spring-slider", "coulomb")  # the laws of a worn tip
 SLIDERS = 8
 MOST_SLIDERS = 200
 _STRIBECK = ("sliding", "stribeck")  # parameters of the friction that falls with the slip velocity
+# normal force over √2 K_N of a worn tip at the penetration {0}, in N and um; q is written without cancellation
+WORN_FORCE = (
+    "{0}*(2*{0}*{0}/(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})+{{1.5*flat}})"
+    "/sqrt(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})"
+)
 REACH = 4.0  # penetration over the static one that the sliders of a brush cover evenly: at eight times the force
 
 
@@ -132,8 +136,8 @@ def contact_library(law: Law, contact: Contact | None = None) -> Library:
     if is_own(law.name):
         return read_own_law(law.name)
     name = LIBRARIES[law.name]
-    if contact is not None and contact.worn_flat_radius_m and law.name in WORN:
-        return _worn(contact_library(law, contact.model_copy(update={"worn_flat_radius_m": 0.0})))
+    if contact is not None and contact.worn_flat_radius_m:
+        return worn(contact_library(law, contact.model_copy(update={"worn_flat_radius_m": 0.0})))
     if law.name == "spring-slider" and (contact is None or contact.sliding_ratio == 1.0):
         return _constant_friction(read_library(name))
     if law.sliders not in (None, SLIDERS):
@@ -152,26 +156,9 @@ def _constant_friction(library: Library) -> Library:
 
 
 @cache
-def _worn(library: Library) -> Library:
-    """Return the spring-slider or Coulomb's law on the normal contact of a worn tip, as ``piezomotor_contact_worn``.
-
-    At the displacement u the tangential force is μ f (F(δ) − F(δ − |u|/(κ f))), for any axisymmetric profile
-    (Ciavarella, Jäger); f is the factor of the damping, taken as 0.1 at least within F. For Hertz's law that is the
-    spring of the paper.
-    """
-    name = f"{library.name}_worn"
-    force = (
-        "{0}*(2*{0}*{0}/(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})+{{1.5*flat}})"
-        "/sqrt(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})"
-    )
-    ahead, behind = (force.format(f"V({node})") for node in ("ahead", "behind"))
-    grip = (
-        "Bahead ahead 0 V=(V(limit)-uramp(-V(held)))/({limit_ratio}*max(V(factor),0.1))\n"
-        "Bbehind behind 0 V=(V(limit)-uramp(V(held)))/({limit_ratio}*max(V(factor),0.1))\n"
-        f"Bgrip grip 0 V={{mu*normal_stiffness*1.414213562373095e-9}}*({ahead}-{behind})"
-    )
-    text = re.sub(r"(?m)^Bgrip .*$", lambda _: grip, library.subcircuit)
-    text = text.replace("V(grip)/sqrt(max(V(factor),1n))", "V(grip)*V(factor)")
+def worn(library: Library) -> Library:
+    """Return a law on the normal contact of a worn tip; its name ends in ``_worn``."""
+    name, text = f"{library.name}_worn", _row_of_worn(_spring_of_worn(library.subcircuit))
     text = re.sub(rf"\b{library.name}\b", name, text)
     text = re.sub(r"(?m)^(Xnormal .*) piezomotor_normal (.*)$", r"\1 piezomotor_worn \2 flat={flat}", text)
     text = re.sub(r"(?m)^(\.subckt .*)$", r"\1 flat=1", text)
@@ -179,6 +166,38 @@ def _worn(library: Library) -> Library:
     return replace(
         library, name=name, subcircuit=text, parameters=(*library.parameters, flat), needs=("piezomotor_worn",)
     )
+
+
+def _spring_of_worn(text: str) -> str:
+    """Return the spring-slider of a worn tip; other laws are returned as they are.
+
+    At the displacement u the tangential force is μ f (F(δ) − F(δ − |u|/(κ f))), for any axisymmetric profile
+    (Ciavarella, Jäger); f is the factor of the damping, taken as 0.1 at least within F. For Hertz's law that is the
+    spring of the paper.
+    """
+    ahead, behind = (WORN_FORCE.format(f"V({node})") for node in ("ahead", "behind"))
+    grip = (
+        "Bahead ahead 0 V=(V(limit)-uramp(-V(held)))/({limit_ratio}*max(V(factor),0.1))\n"
+        "Bbehind behind 0 V=(V(limit)-uramp(V(held)))/({limit_ratio}*max(V(factor),0.1))\n"
+        f"Bgrip grip 0 V={{mu*normal_stiffness*1.414213562373095e-9}}*({ahead}-{behind})"
+    )
+    text = re.sub(r"(?m)^Bgrip .*limit_ratio.*$", lambda _: grip, text)
+    return text.replace("V(grip)/sqrt(max(V(factor),1n))", "V(grip)*V(factor)")
+
+
+def _row_of_worn(text: str) -> str:
+    """Return the brush of a worn tip; other laws are returned as they are.
+
+    Beyond the flat an element at x penetrates by δ − x √(x² − b²)/R*, within it by δ. The integral of that is
+    δ x − (x² − b²)^(3/2)/(3 R*).
+    """
+    text = re.sub(
+        r"(?m)^(Bl\d+ \S+ 0) V=V\(grip\)\*(\S+?)\*\(V\(depth\)-\{cell\}\*\((\d+)\+\S+?\*\((\d+)\+.*$",
+        r"\1 V=V(grip)*(\2*V(depth)-{cell/3}*(uramp((\4+\2)*(\4+\2)-{flat/cell})**1.5-{max(0,\3-flat/cell)**1.5}))",
+        text,
+    )
+    edge = r"\1 V=sqrt((sqrt({flat*flat}+4*V(depth)*V(depth))+{flat})*{0.5/cell})"
+    return re.sub(r"(?m)^(Bedge edge 0) .*$", edge, text)
 
 
 def contact_values(
@@ -195,7 +214,7 @@ def contact_values(
 
     Lengths are in m, the preload in N. ``slider_time``, by default the library's, is the time constant in s with which
     a slider is held at its limit. The brush's sliders cover the penetration ``span`` evenly, by default :data:`REACH`
-    times the static one.
+    times the static one of a new tip; of a worn tip they reach as far as its contact then does.
     """
     values = {
         "normal_stiffness": contact.normal_stiffness_n_per_m15,
@@ -221,10 +240,10 @@ def contact_values(
             )
         values |= {"sliding": contact.sliding_ratio, "stribeck": contact.stribeck_velocity_m_s}
     if contact.worn_flat_radius_m:
-        if law.name not in WORN:
+        if law.name not in LIBRARIES:
             raise ParameterError(
                 f"contact.worn_flat_radius_m = {contact.worn_flat_radius_m:g} m is not valid with the contact "
-                f"{law.name}: it must be {' or '.join(WORN)}. Choose one of these, or set it to 0."
+                f"{law.name}: it must be {' or '.join(LIBRARIES)}. Choose one of these, or set it to 0."
             )
         values["flat"] = 1e6 * contact_law.flat_length(contact)
     if "compliance" in declared:
@@ -232,7 +251,9 @@ def contact_values(
     if "slider_time" in declared and slider_time is not None:
         values["slider_time"] = slider_time
     if "span" in declared:
-        values["span"] = 1e6 * (span if span is not None else REACH * contact_law.static_penetration(contact))
+        flat = contact_law.flat_length(contact)
+        deep = REACH * (preload / contact.normal_stiffness_n_per_m15) ** (2.0 / 3.0) if span is None else span
+        values["span"] = 0.5e6 * (sqrt(flat**2 + 4.0 * deep**2) + flat)
     return values
 
 

@@ -335,7 +335,9 @@ def _expressions(law: Library, values: Mapping[str, float], flexibility: float) 
     written = {name: f"{{{outer.get(name, name)}}}" for name in _settable_names(law)}
     written["deflection"] = f"{{{rounded(1e6 * flexibility)!r}*preload}}"
     if "span" in values:
-        written["span"] = f"{{{1e6 * REACH!r}*(preload/normal_stiffness)**(2/3)}}"
+        deep = f"{1e6 * REACH!r}*(preload/normal_stiffness)**(2/3)"
+        # of a worn tip as far as its contact reaches, see :func:`.contact_values`
+        written["span"] = f"{{0.5*(sqrt(flat**2+4*({deep})**2)+flat)}}" if "flat" in values else f"{{{deep}}}"
     return written
 
 

@@ -12,10 +12,17 @@ from collections.abc import Mapping
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.parameters import Contact
 from pyspice_runner.model.recoil import carriers
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.contact import LIBRARIES, ContactLaw, Law, contact_library, contact_values, touching_law
+from pyspice_runner.netlist.contact import (
+    LIBRARIES,
+    ContactLaw,
+    Law,
+    contact_library,
+    contact_values,
+    touching_law,
+    worn,
+)
 from pyspice_runner.netlist.expressions import HELPERS, equations, translated
 from pyspice_runner.netlist.library import LibraryParameter, check_name, data_path, read_library, slider_words
 from pyspice_runner.netlist.motor import (
@@ -65,7 +72,7 @@ def motor_module(
             f"contact = {law.name!r} is not valid for a .va file: it must be one of {', '.join(WRITTEN)}. "
             "Export a .lib for a law of your own."
         )
-    text = module_source(len(motor.modes), law)
+    text = module_source(len(motor.modes), law, flat=motor.contact.worn_flat_radius_m > 0.0)
     for parameter, value in module_values(motor, law, thermal=thermal).items():
         text, count = re.subn(
             rf"(?m)^(.*parameter (?:real|integer) {parameter} = )\S+( from .*)$", rf"\g<1>{value!r}\g<2>", text
@@ -88,22 +95,23 @@ def motor_module(
     )
 
 
-def module_source(modes: int, law: Law) -> str:
-    """Return the module with some number of modes and a law of the contact.
+def module_source(modes: int, law: Law, *, flat: bool = False) -> str:
+    """Return the module with some number of modes and a law of the contact, of a new tip or one worn to a flat.
 
     The defaults are those of ``behavioral/piezomotor.va`` and of the library of the law.
     """
     text = (data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8")
     for block in _BLOCKS:
         text = _repeated(text, block, modes)
-    for name, lines in _contact(law).items():
+    for name, lines in _contact(law, flat).items():
         text = text.replace(f"// {name}\n", "\n".join((f"// {name}", *lines, "")), 1)
     return text
 
 
-def _contact(law: Law) -> dict[str, list[str]]:
+def _contact(law: Law, flat: bool) -> dict[str, list[str]]:
     """Return the lines of the contact, by the comments of ``behavioral/piezomotor.va`` after which they stand."""
     library = contact_library(law) if law.name == "brush" else read_library(LIBRARIES[law.name])
+    library = worn(library) if flat else library
     found = equations(library)
     parameters = {item.name: _OF_CONTACT.get(item.name, item.name) for item in library.parameters}
     parameters |= dict.fromkeys(_OF_RUN, "0.0")
@@ -156,14 +164,6 @@ def _declared(item: LibraryParameter, name: str = "") -> str:
     return f'    (* desc="{item.meaning}"{unit} *) parameter real {value};'
 
 
-def without_form(contact: Contact) -> str:
-    """Return the path and value of a parameter of the contact that a module does not have; empty if it has all."""
-    for name, unit in (("worn_flat_radius_m", "m"),):
-        if value := getattr(contact, name):
-            return f"contact.{name} = {value:g} {unit}"
-    return ""
-
-
 def _repeated(text: str, block: str, count: int) -> str:
     """Return the text with as many copies of the block of mode 1 as there are modes."""
     found = re.search(rf"(?ms)^ *// {block} 1\b.*?(?=^ *// end of the )", text)
@@ -183,8 +183,6 @@ def module_values(
     discretisation: Discretisation | None = None,
 ) -> Mapping[str, float | int]:
     """Return the value of every parameter of the module but those that stay at their neutral defaults."""
-    if absent := without_form(motor.contact):
-        raise ParameterError(f"{absent} has no Verilog-A form: it must be 0. Set it, or take a subcircuit.")
     constants = contact_values(
         law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=0.0,
         slider_time=discretisation.slider_time if discretisation else None,

@@ -39,7 +39,6 @@ from pyspice_runner.netlist.compiled import missing_form, module_of
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.netlist.state import stems
-from pyspice_runner.netlist.veriloga import without_form
 from pyspice_runner.run.kernel import modules_folder
 from pyspice_runner.run.operating_point import OperatingPoint, Solver
 
@@ -60,7 +59,8 @@ _LOSSES = {
     "modes.0.softening_per_m2": 1e11,
     "modes.0.damping_growth_per_m2": 1e12,
 }
-_SOFT = {  # by :func:`.stems`
+_SOFT = {  # by :func:`.stems`, and of a worn tip
+    "worn": {"contact.worn_flat_radius_m": 5e-5},
     "stem": {"contact.series_compliance_m_per_n": 2e-9},
     "stem_x": {"contact.tangential_series_compliance_m_per_n": 1e-8},
 }
@@ -87,8 +87,7 @@ def is_compiled(engine: Engine, motor: Motor, law: Law | None, reason: str = "")
     """
     if engine == "spice":
         return False
-    absent = without_form(motor.contact)
-    reason = reason or missing_form(law) or (f"{absent} needs the B-sources." if absent else "")
+    reason = reason or missing_form(law)
     if reason:
         if engine == "auto":
             return False
@@ -117,6 +116,7 @@ def verdict(motor: Motor, law: Law) -> Mapping[str, float]:
     SimulationError if compiler or ngspice are missing or fail.
     """
     dry, soft = motor.rotor.bearing_friction_n_m > 0.0, tuple(stems(motor, law))
+    soft += ("worn",) if motor.contact.worn_flat_radius_m else ()
     shape = (len(motor.modes), len(carriers(motor.mount)), dry, soft)
     return _verdict(shape, law, tools(), modules_folder())
 

@@ -99,11 +99,36 @@ def test_the_spring_of_a_worn_tip_is_the_difference_of_two_normal_forces(part: f
     assert abs(friction) == pytest.approx(abs(part) * WORN.friction * 4.0, rel=0.2)  # almost a punch: a linear spring
 
 
-def test_a_worn_tip_has_two_laws() -> None:
-    with pytest.raises(
-        ParameterError, match=r"worn_flat_radius_m = 6e-05 m is not valid with the contact brush: it must"
-    ):
-        contact_values(Law("brush"), WORN, radius=0.015, preload=4.0)
+@pytest.mark.parametrize(
+    ("flat", "sliders", "error"), [(0.0, 8, 6e-3), (2e-5, 8, 0.02), (6e-5, 8, 0.01), (2e-5, 32, 1e-3)]
+)
+def test_the_brush_of_a_worn_tip_has_the_forces_of_its_profile(flat: float, sliders: int, error: float) -> None:
+    """First loading as Ciavarella and Jäger, within the cells; stiffness 2 G* a and gross slip are exact."""
+    contact, row = WORN.model_copy(update={"worn_flat_radius_m": flat}), Law("brush", sliders)
+    values = contact_values(row, contact, radius=0.015, preload=4.0)
+    given = " ".join(f"{name}={value!r}" for name, value in values.items())
+    depth, ratio = law.static_penetration(contact), law.limit_ratio(contact)
+    library = contact_library(row, contact)
+
+    def friction(part: float) -> float:
+        deck = DECK.format(library=definitions(library), y="0", speed=part * ratio * depth / 40e-6, span=0, more=given)
+        text = deck.replace("piezomotor_brush span=0", library.name)
+        return float(run_deck(text, vectors=list(SAVED), stop_time=40e-6).raw.vectors[SAVED[1]][-1].real)
+
+    left = law.elastic_force(contact, np.array([0.5 * depth]))[0]
+    limit = contact.friction * 4.0
+    assert friction(0.5) == pytest.approx(contact.friction * (4.0 - left), abs=error * limit)
+    assert friction(2.0) == pytest.approx(limit, rel=1e-6)
+    radius = law.contact_radius(contact, 4.0)
+    modulus = 0.75 * contact.normal_stiffness_n_per_m15 / float(contact.effective_radius_m or 0.0) ** 0.5
+    shear = modulus * contact.friction / ratio  # E*/G* = κ/μ
+    assert friction(1e-3) == pytest.approx(2.0 * shear * radius * 1e-3 * ratio * depth, rel=3e-3)
+
+
+def test_a_law_of_ones_own_has_no_worn_tip(tmp_path: Path) -> None:
+    (tmp_path / "mine.lib").write_text(brush_library(3), encoding="utf-8")
+    with pytest.raises(ParameterError, match=r"worn_flat_radius_m = 6e-05 m is not valid with the contact .*mine\.lib"):
+        contact_values(Law(str(tmp_path / "mine.lib")), WORN, radius=0.015, preload=4.0)
     assert contact_library(Law("coulomb"), WORN).needs == ("piezomotor_worn",)
 
 

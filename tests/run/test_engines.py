@@ -101,14 +101,16 @@ def test_curves_whose_meters_need_the_b_sources_say_so(
 
 SOFT = {"contact.series_compliance_m_per_n": 1e-9}
 ALONG = {"contact.tangential_series_compliance_m_per_n": 1e-9}
+WORN = {"contact.worn_flat_radius_m": 4e-5}
 
 
-@pytest.mark.parametrize("changes", [{}, {"mount": None}, {"rotor.bearing_friction_n_m": 1e-3}, SOFT, ALONG])
+@pytest.mark.parametrize("changes", [{}, {"mount": None}, {"rotor.bearing_friction_n_m": 1e-3}, SOFT, ALONG, WORN])
 def test_the_motor_of_the_comparison_has_the_same_module_and_opens_sticks_and_slips(changes: dict[str, Any]) -> None:
     """A comparison in which the contact never opens, or never slips, would not see a wrong term of these."""
     motor = MOTOR.updated(changes)
     mounted, dry = motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0
-    setup = OperatingPoint.of(engines._similar(2, mounted, dry, tuple(stems(motor, Law())), Law()), engines._DRIVE)
+    parts = (*stems(motor, Law()), *(("worn",) if changes == WORN else ()))
+    setup = OperatingPoint.of(engines._similar(2, mounted, dry, parts, Law()), engines._DRIVE)
     assert module_of(setup.motor, Law()) == module_of(motor, Law())
     run = pr.simulate(
         setup.motor, engines._DRIVE, duration=engines._PERIODS / engines._DRIVE.frequency,

@@ -74,6 +74,8 @@ CASES = {
     ),
     "the same with coulomb": ("bimodal40", {}, "coulomb", (150.0, 40.7e3, 62.0)),
     "coulomb": ("beam40", {}, "coulomb", (90.0, 40.1e3, -120.0)),
+    "a worn tip": ("beam40", {"contact.worn_flat_radius_m": 60e-6}, "spring-slider", (110.0, 40.1e3, 120.0)),
+    "a worn tip with sliders": ("beam40", {"contact.worn_flat_radius_m": 40e-6}, "brush", (110.0, 40.1e3, 120.0)),
     "brush": ("beam40", {}, "brush", (90.0, 40.1e3, 120.0)),
 }  # fmt: skip
 
