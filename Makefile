@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 .DEFAULT_GOAL := help
-.PHONY: help setup demo figures docs test pytest soak fuzz bench lint format clean fresh kicad ngspice46 verilog-a firmware
+.PHONY: help setup demo figures docs test pytest soak fuzz bench lint format clean fresh kicad ngspice46 verilog-a firmware windows
 
 PY := .venv/bin/python
 JOBS ?= 3
@@ -67,6 +67,10 @@ verilog-a: ## compile the Verilog-A motor and run it in ngspice 46, beside the s
 firmware: ## compile the example of firmware for a Cortex-M4, and run it in qemu beside this computer (600 MB)
 	@sh scripts/setup.sh target test dev
 	$(PY) -m pytest -s tests/tools/firmware.py
+
+windows: ## run the Functional Mock-up Unit's binary for Windows under wine (500 MB)
+	@sh scripts/setup.sh windows test dev
+	$(PY) -m pytest -s tests/tools/windows.py
 
 fresh: ## run `make demo` and `make test` on a minimal Debian in a chroot, as root: RELEASE=trixie or bookworm
 	@sh scripts/fresh.sh "$(RELEASE)" $(TARGETS)

@@ -427,6 +427,13 @@ static void find_scales(const struct values *p, double scale[STATES])
         scale[s] = INFINITY; /* an integral that moves nothing */
 }
 
+void motor_scales(const struct motor *motor, double scale[STATES])
+{
+    find_scales(&motor->value, scale);
+    for (int s = CHARGE; s < CHARGE + 4; s++)
+        scale[s] = 1.0;
+}
+
 /* Find the derivatives of the rates by the states. The contact, which takes most of the time, is evaluated once for each
    number in its path; it changes with the states as its path does. */
 static void find_jacobian(struct motor *m, const double state[STATES])

@@ -185,8 +185,11 @@ int motor_advance(struct motor *motor, double duration);     /* 0, or -1 if the 
 /* derivatives of the rates by the inputs; those by the states are in motor->solver.jacobian */
 void motor_linearise(struct motor *motor, double by_input[STATES][INPUT_COUNT]);
 
+/* Find sizes of the states that matter: what moves the tip by the static penetration in a period; finite. */
+void motor_scales(const struct motor *motor, double scale[STATES]);
+
 /* the parts of motor_advance: one begin, then steps until no time is left, then a measurement */
-void motor_begin(struct motor *motor);                       /* after the inputs changed */
+void motor_begin(struct motor *motor);                       /* after inputs or states changed: finds the rates */
 double motor_step(struct motor *motor, double left);         /* one internal step; its length in s, or -1 */
 double motor_shortest_step(const struct motor *motor);       /* s */
 

@@ -1,29 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later
  *
- * FMI 2.0 for co-simulation around the averaged motor of piezomotor_averaged.c.
- *
- * A value reference is the place of the variable in struct values. Invalid input is fmi2Error with a message that gives
- * the value and the range; after it the instance must be reset. There are no variables outside of the instances.
+ * FMI 2.0 for co-simulation and model exchange around the averaged motor; piezomotor_unit.h does the work.
  *
  * SOURCE Functional Mock-up Interface for Model Exchange and Co-Simulation, version 2.0.2, Modelica Association
  */
-#include "piezomotor_averaged.h"
-
-#include <math.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
+#include "piezomotor_unit.h"
 
 /* --- what fmi2Functions.h declares --- */
-
-#if defined _WIN32
-#define EXPORT __declspec(dllexport)
-#elif defined __GNUC__
-#define EXPORT __attribute__((visibility("default")))
-#else
-#define EXPORT
-#endif
 
 typedef void *fmi2Component, *fmi2ComponentEnvironment, *fmi2FMUstate;
 typedef unsigned int fmi2ValueReference;
@@ -34,71 +17,30 @@ typedef char fmi2Byte;
 typedef enum { fmi2OK, fmi2Warning, fmi2Discard, fmi2Error, fmi2Fatal, fmi2Pending } fmi2Status;
 typedef enum { fmi2ModelExchange, fmi2CoSimulation } fmi2Type;
 typedef enum { fmi2DoStepStatus, fmi2PendingStatus, fmi2LastSuccessfulTime, fmi2Terminated } fmi2StatusKind;
+typedef void (*fmi2Logger)(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String, ...);
 typedef struct {
-    void (*logger)(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String, ...);
+    fmi2Logger logger;
     void *(*allocateMemory)(size_t, size_t);
     void (*freeMemory)(void *);
     void (*stepFinished)(fmi2ComponentEnvironment, fmi2Status);
     fmi2ComponentEnvironment componentEnvironment;
 } fmi2CallbackFunctions;
+typedef struct {
+    fmi2Boolean newDiscreteStatesNeeded, terminateSimulation, nominalsOfContinuousStatesChanged, valuesOfContinuousStatesChanged,
+        nextEventTimeDefined;
+    fmi2Real nextEventTime;
+} fmi2EventInfo;
 
-/* --- instance --- */
-
-enum phase { INSTANTIATED, INITIALIZING, RUNNING, TERMINATED, FAILED };
-static const char *const PHASE[] = {"instantiated", "in initialization", "running", "terminated", "in error; reset it"};
-
-struct kept { /* what a reset sets back, and an FMU state holds */
-    struct motor motor;
-    enum phase phase;
-    double time; /* s */
-    int measured;
-};
-
-struct instance {
-    struct kept kept;
-    fmi2CallbackFunctions callbacks;
-    char name[256];
-};
-
-struct variable { const char *name, *unit; double least, greatest; };
-#define RANGE(name, unit, least, greatest, meaning) {#name, unit, least, greatest},
-#define ONE(...) +1
-static const struct variable INPUT[] = {INPUTS(RANGE) TUNABLE(RANGE)};
-static const struct variable PARAMETER[] = {PARAMETERS(RANGE) MOUNT_PARAMETERS(RANGE) MOUNT_X_PARAMETERS(RANGE)};
-static const struct variable OF_MODE[] = {MODE_PARAMETERS(RANGE)};
-enum {
-    FIRST_PARAMETER = INPUT_COUNT OUTPUTS(ONE),
-    FIRST_OF_MODES = FIRST_PARAMETER PARAMETERS(ONE) MOUNT_PARAMETERS(ONE) MOUNT_X_PARAMETERS(ONE),
-    COUNT_OF_MODE = 0 MODE_PARAMETERS(ONE),
-    COUNT = FIRST_OF_MODES + MODES * COUNT_OF_MODE
-};
-
-#define LONGEST 1e6 /* s, of one call of fmi2DoStep */
-
-static fmi2Status fail(struct instance *c, const char *format, ...)
+static void report(struct instance *c, const char *message)
 {
-    char message[512];
-    va_list arguments;
-
-    va_start(arguments, format);
-    vsnprintf(message, sizeof message, format, arguments);
-    va_end(arguments);
-    c->kept.phase = FAILED;
-    c->callbacks.logger(c->callbacks.componentEnvironment, c->name, fmi2Error, "logStatusError", "%s", message);
-    return fmi2Error;
+    ((fmi2Logger)c->log)(c->environment, c->name, fmi2Error, "logStatusError", "%s", message);
 }
 
-/* Check that a call is allowed now. */
-static fmi2Status allowed(struct instance *c, const char *call, int now)
-{
-    if (!now)
-        return fail(c, "%s is not valid now: the instance is %s.", call, PHASE[c->kept.phase]);
-    return fmi2OK;
-}
+static fmi2Status told(enum unit_status status) { return status == UNIT_OK ? fmi2OK : fmi2Error; }
 
 static fmi2Status unsupported(fmi2Component component, const char *call, const char *reason)
 {
-    return component ? fail(component, "%s is not valid: %s.", call, reason) : fmi2Error;
+    return component ? told(fail(component, "%s is not valid: %s.", call, reason)) : fmi2Error;
 }
 
 /* --- creation --- */
@@ -121,136 +63,60 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     struct instance *c = calloc(1, sizeof *c);
     if (!c)
         return NULL;
-    c->callbacks = *callbacks;
-    snprintf(c->name, sizeof c->name, "%s", name ? name : "");
-    if (type != fmi2CoSimulation)
-        fail(c, "fmi2Instantiate: the type must be fmi2CoSimulation; there is no model exchange.");
-    else if (!name || !*name)
-        fail(c, "fmi2Instantiate: the instance needs a name.");
-    else if (!guid || strcmp(guid, GUID) != 0)
-        fail(c, "fmi2Instantiate: the guid is %.80s, it must be %s: take binary and model description from one file.",
-            guid ? guid : "missing", GUID);
-    else {
-        fmi2Status fmi2Reset(fmi2Component);
-        fmi2Reset(c);
-        return c;
+    c->log = (void (*)(void))callbacks->logger;
+    c->environment = callbacks->componentEnvironment;
+    c->exchange = type == fmi2ModelExchange;
+    if (unit_begin(c, "fmi2Instantiate", name, guid) != UNIT_OK) {
+        free(c);
+        return NULL;
     }
-    free(c);
-    return NULL;
+    unit_reset(c);
+    return c;
 }
 
 EXPORT void fmi2FreeInstance(fmi2Component component) { free(component); }
 
 EXPORT fmi2Status fmi2Reset(fmi2Component component)
 {
-    struct instance *c = component;
-
-    if (!c)
+    if (!component)
         return fmi2Error;
-    memset(&c->kept, 0, sizeof c->kept);
-    motor_default(&c->kept.motor);
+    unit_reset(component);
     return fmi2OK;
 }
 
 EXPORT fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_defined, fmi2Real tolerance,
     fmi2Real start, fmi2Boolean stop_defined, fmi2Real stop)
 {
-    struct instance *c = component;
-
     (void)tolerance_defined, (void)tolerance; /* the internal step follows from the motor */
-    if (!c || allowed(c, "fmi2SetupExperiment", c->kept.phase == INSTANTIATED) != fmi2OK)
-        return fmi2Error;
-    if (!isfinite(start) || (stop_defined && !(stop >= start)))
-        return fail(c, "fmi2SetupExperiment: start = %g s and stop = %g s are not valid: start must be finite, and stop "
-            "not before it.", start, stop);
-    c->kept.time = start;
-    return fmi2OK;
+    return component ? told(unit_times(component, "fmi2SetupExperiment", start, stop_defined, stop)) : fmi2Error;
 }
 
 EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component component)
 {
-    struct instance *c = component;
-
-    if (!c || allowed(c, "fmi2EnterInitializationMode", c->kept.phase == INSTANTIATED) != fmi2OK)
-        return fmi2Error;
-    c->kept.phase = INITIALIZING;
-    return fmi2OK;
+    return told(unit_enter(component, "fmi2EnterInitializationMode", INSTANTIATED, INITIALIZING));
 }
 
 EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component component)
 {
-    struct instance *c = component;
-
-    if (!c || allowed(c, "fmi2ExitInitializationMode", c->kept.phase == INITIALIZING) != fmi2OK)
-        return fmi2Error;
-    motor_rest(&c->kept.motor);
-    c->kept.measured = 1;
-    c->kept.phase = RUNNING;
-    return fmi2OK;
+    return told(unit_enter(component, "fmi2ExitInitializationMode", INITIALIZING, RUNNING));
 }
 
 EXPORT fmi2Status fmi2Terminate(fmi2Component component)
 {
-    struct instance *c = component;
-
-    if (!c || allowed(c, "fmi2Terminate", c->kept.phase == RUNNING) != fmi2OK)
-        return fmi2Error;
-    c->kept.phase = TERMINATED;
-    return fmi2OK;
+    return told(unit_enter(component, "fmi2Terminate", RUNNING, TERMINATED));
 }
 
 /* --- variables --- */
 
 EXPORT fmi2Status fmi2GetReal(fmi2Component component, const fmi2ValueReference reference[], size_t count, fmi2Real value[])
 {
-    struct instance *c = component;
-
-    if (!c || (count && (!reference || !value)))
-        return fmi2Error;
-    for (size_t i = 0; i < count; i++)
-        if (reference[i] >= COUNT)
-            return fail(c, "fmi2GetReal: the value reference %u is not valid: it must be below %d.", reference[i], COUNT);
-    if (!c->kept.measured && c->kept.phase == INITIALIZING)
-        motor_rest(&c->kept.motor); /* outputs for the parameters and inputs that are set until now */
-    else if (!c->kept.measured && c->kept.phase == RUNNING)
-        motor_measure(&c->kept.motor);
-    c->kept.measured = 1;
-    for (size_t i = 0; i < count; i++)
-        value[i] = ((const double *)&c->kept.motor.value)[reference[i]];
-    return fmi2OK;
+    return told(unit_get(component, "fmi2GetReal", reference, count, value));
 }
 
 EXPORT fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference reference[], size_t count,
     const fmi2Real value[])
 {
-    struct instance *c = component;
-
-    if (!c || (count && (!reference || !value)))
-        return fmi2Error;
-    if (allowed(c, "fmi2SetReal", c->kept.phase <= RUNNING) != fmi2OK)
-        return fmi2Error;
-    for (size_t i = 0; i < count; i++) {
-        unsigned r = reference[i];
-        const struct variable *v = NULL;
-        if (r < INPUT_COUNT)
-            v = &INPUT[r];
-        else if (r >= FIRST_PARAMETER && r < FIRST_OF_MODES)
-            v = &PARAMETER[r - FIRST_PARAMETER];
-        else if (r >= FIRST_OF_MODES && r < COUNT)
-            v = &OF_MODE[(r - FIRST_OF_MODES) % COUNT_OF_MODE];
-        if (!v)
-            return fail(c, "fmi2SetReal: the value reference %u is not that of an input or a parameter.", r);
-        if (r >= FIRST_PARAMETER && c->kept.phase == RUNNING)
-            return fail(c, "fmi2SetReal: the parameter %s cannot change during a run. Reset the instance first.", v->name);
-        if (!(value[i] >= v->least && value[i] <= v->greatest))
-            return fail(c, "fmi2SetReal: %s = %g %s is not valid: it must be between %g and %g.", v->name, value[i], v->unit,
-                v->least, v->greatest);
-    }
-    for (size_t i = 0; i < count; i++)
-        ((double *)&c->kept.motor.value)[reference[i]] = value[i];
-    if (count)
-        c->kept.measured = 0;
-    return fmi2OK;
+    return told(unit_set(component, "fmi2SetReal", reference, count, value));
 }
 
 #define NO_OTHERS(Type) \
@@ -270,22 +136,17 @@ NO_OTHERS(Integer)
 NO_OTHERS(Boolean)
 NO_OTHERS(String)
 
-/* --- steps --- */
+/* --- co-simulation --- */
 
 EXPORT fmi2Status fmi2DoStep(fmi2Component component, fmi2Real time, fmi2Real step, fmi2Boolean no_return)
 {
     struct instance *c = component;
 
     (void)no_return;
-    if (!c || allowed(c, "fmi2DoStep", c->kept.phase == RUNNING) != fmi2OK)
+    if (unit_step_allowed(c, "fmi2DoStep", time, step) != UNIT_OK)
         return fmi2Error;
-    if (!(step > 0.0 && step <= LONGEST))
-        return fail(c, "fmi2DoStep: the step size %g s is not valid: it must be more than 0 and at most %g s.", step, LONGEST);
-    if (!(fabs(time - c->kept.time) <= 1e-6 * step + 1e-9 * fabs(c->kept.time)))
-        return fail(c, "fmi2DoStep: the communication point %.9g s is not valid: the instance is at %.9g s.", time,
-            c->kept.time);
     if (motor_advance(&c->kept.motor, step) != 0)
-        return fail(c, "fmi2DoStep: the equations have no solution after %.9g s. Check the parameters of the motor.", time);
+        return told(unit_unsolved(c, "fmi2DoStep"));
     c->kept.time = time + step;
     c->kept.measured = 1;
     return fmi2OK;
@@ -338,20 +199,79 @@ EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fm
     return unsupported(component, "fmi2GetDirectionalDerivative", "there are no directional derivatives");
 }
 
+/* --- model exchange --- */
+
+EXPORT fmi2Status fmi2EnterEventMode(fmi2Component component)
+{
+    return told(unit_exchange(component, "fmi2EnterEventMode", 1));
+}
+
+EXPORT fmi2Status fmi2EnterContinuousTimeMode(fmi2Component component)
+{
+    return told(unit_exchange(component, "fmi2EnterContinuousTimeMode", 1));
+}
+
+EXPORT fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info)
+{
+    if (unit_exchange(component, "fmi2NewDiscreteStates", 1) != UNIT_OK || !info)
+        return fmi2Error;
+    memset(info, 0, sizeof *info); /* there are no events */
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2CompletedIntegratorStep(fmi2Component component, fmi2Boolean no_set_prior, fmi2Boolean *enter,
+    fmi2Boolean *terminate)
+{
+    (void)no_set_prior;
+    if (unit_exchange(component, "fmi2CompletedIntegratorStep", 1) != UNIT_OK || !enter || !terminate)
+        return fmi2Error;
+    *enter = *terminate = 0;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SetTime(fmi2Component component, fmi2Real time)
+{
+    struct instance *c = component;
+
+    if (unit_exchange(c, "fmi2SetTime", 1) != UNIT_OK)
+        return fmi2Error;
+    c->kept.time = time; /* the equations do not contain it */
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SetContinuousStates(fmi2Component component, const fmi2Real states[], size_t count)
+{
+    return told(unit_set_states(component, "fmi2SetContinuousStates", states, count));
+}
+
+EXPORT fmi2Status fmi2GetContinuousStates(fmi2Component component, fmi2Real states[], size_t count)
+{
+    return told(unit_get_states(component, "fmi2GetContinuousStates", states, count));
+}
+
+EXPORT fmi2Status fmi2GetDerivatives(fmi2Component component, fmi2Real rates[], size_t count)
+{
+    return told(unit_get_rates(component, "fmi2GetDerivatives", rates, count));
+}
+
+EXPORT fmi2Status fmi2GetEventIndicators(fmi2Component component, fmi2Real indicators[], size_t count)
+{
+    (void)indicators;
+    return count ? unsupported(component, "fmi2GetEventIndicators", "there are none") : fmi2OK;
+}
+
+EXPORT fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component component, fmi2Real nominals[], size_t count)
+{
+    return told(unit_nominals(component, "fmi2GetNominalsOfContinuousStates", nominals, count));
+}
+
 /* --- state of the FMU --- */
 
 EXPORT fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
 {
     struct instance *c = component;
 
-    if (!c || !state)
-        return fmi2Error;
-    if (!*state)
-        *state = malloc(sizeof c->kept);
-    if (!*state)
-        return fail(c, "fmi2GetFMUstate: there is no memory left.");
-    memcpy(*state, &c->kept, sizeof c->kept);
-    return fmi2OK;
+    return c && state ? told(unit_copy_of(c, "fmi2GetFMUstate", &c->kept, state)) : fmi2Error;
 }
 
 EXPORT fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state)
@@ -388,28 +308,15 @@ EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate st
     if (!component || !state || !bytes)
         return fmi2Error;
     if (size < sizeof(struct kept))
-        return fail(component, "fmi2SerializeFMUstate: %zu bytes are too few: it must be %zu.", size, sizeof(struct kept));
+        return told(fail(component, "fmi2SerializeFMUstate: %zu bytes are too few: it must be %zu.", size,
+            sizeof(struct kept)));
     memcpy(bytes, state, sizeof(struct kept));
     return fmi2OK;
 }
 
 EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
 {
-    struct instance *c = component;
-
-    if (!c || !bytes || !state)
+    if (!component || !bytes || !state)
         return fmi2Error;
-    if (size != sizeof c->kept)
-        return fail(c, "fmi2DeSerializeFMUstate: %zu bytes are not a state of this motor: it must be %zu.", size,
-            sizeof c->kept);
-    struct kept kept;
-    memcpy(&kept, bytes, size);
-    if ((int)kept.phase < INSTANTIATED || kept.phase > FAILED)
-        return fail(c, "fmi2DeSerializeFMUstate: the bytes are not a state of this motor. Serialize it again.");
-    if (!*state)
-        *state = malloc(size);
-    if (!*state)
-        return fail(c, "fmi2DeSerializeFMUstate: there is no memory left.");
-    memcpy(*state, bytes, size);
-    return fmi2OK;
+    return told(unit_from_bytes(component, "fmi2DeSerializeFMUstate", bytes, size, state));
 }

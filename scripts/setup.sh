@@ -8,6 +8,7 @@
 #   scripts/setup.sh docs       what `make docs` needs
 #   scripts/setup.sh test dev   the package with these extras of pyproject.toml
 #   scripts/setup.sh target …   the same, with a compiler for a microcontroller, and qemu
+#   scripts/setup.sh windows …  the same, with a compiler for Windows, and wine
 #
 # PYTHON=/path/to/python3 chooses the interpreter that .venv is made with. When nothing is missing, this
 # returns at once, without pip or network.
@@ -114,6 +115,14 @@ need_target() { # for the firmware: a compiler for a microcontroller, and a proc
     apt_install gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm
 }
 
+need_windows() { # for the binary of a .fmu: a compiler for Windows, and wine to run it
+    if have x86_64-w64-mingw32-gcc && have wine; then
+        return
+    fi
+    have apt-get || die "Install mingw-w64 and wine, then try again."
+    apt_install gcc-mingw-w64-x86-64 wine wine64
+}
+
 # --- Python ---
 
 new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; }
@@ -210,10 +219,10 @@ alone() { # waits for another set-up of this tree, which would make .venv at the
 }
 
 alone
-if [ "${1:-}" = target ]; then
-    shift
-    need_target
-fi
+case "${1:-}" in
+    target) shift && need_target ;;
+    windows) shift && need_windows ;;
+esac
 need_ngspice
 case " $* " in *" test "*) need_browser; need_compiler ;; esac
 need_package "$@"

@@ -78,6 +78,7 @@ def export(
     rotational: Annotated[
         bool, typer.Option("--rotational", help="Give the .va a shaft pin of the discipline rotational_omega.")
     ] = False,
+    fmi: Annotated[int, typer.Option(help="Version of FMI of the .fmu: 2 or 3.")] = 2,
     changes: common.SetOption = None,
     *,
     targets: Targets,
@@ -85,11 +86,12 @@ def export(
     """Write a motor, or the circuit of a fit, for other programs.
 
     A motor becomes .subckt piezomotor a b com shaft, a fit .subckt resonator p n. Writes .lib (ngspice and LTspice),
-    .va (Verilog-A), .fmu (averaged motor for control tools, FMI 2.0), .asy (LTspice symbol), .kicad_sym (KiCad symbol),
+    .va (Verilog-A), .fmu (averaged motor for control tools, FMI), .asy (LTspice symbol), .kicad_sym (KiCad symbol),
     .s2p or .s1p (Touchstone) or .toml; without --output, the .lib.
 
     Example: piezomotor export bimodal40 --output motor.lib
     """
+    from pyspice_runner.export.fmu_description import Version
     from pyspice_runner.export.motor import FORMATS, MotorExport, check_rotational, endings
     from pyspice_runner.export.xyce import Dialect, check_dialect
     from pyspice_runner.model.circuit_file import is_circuit_file
@@ -106,11 +108,15 @@ def export(
     targets.check(*endings(averaged), inputs=[source])
     check_dialect(dialect, output)
     check_rotational(rotational, output)
+    if fmi != 2 and (output is None or output.suffix != ".fmu"):
+        raise pr.ParameterError(f"--fmi {fmi} is for a Functional Mock-up Unit: give a file name that ends in .fmu.")
     ending = output.suffix if output is not None else ".lib"
     common.refuse_idle(context, f"on a {ending}", *FORMATS[ending].idle)
     loaded = common.load_changed(source, changes)
     drift = Thermal.of(loaded) if thermal else None
-    exported = MotorExport(loaded, contact, name, drift, averaged, cast(Dialect, dialect), rotational)
+    exported = MotorExport(
+        loaded, contact, name, drift, averaged, cast(Dialect, dialect), rotational, cast(Version, fmi)
+    )
 
     def save(path: Path) -> None:
         with common.busy("writing"):

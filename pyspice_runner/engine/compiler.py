@@ -14,6 +14,7 @@ from pyspice_runner.engine.kept import kept_file
 from pyspice_runner.engine.process import answer
 from pyspice_runner.errors import SimulationError
 
+FOR_WINDOWS = "x86_64-w64-mingw32-gcc"  # of mingw-w64
 COMPILERS = ("cc", "gcc", "clang")  # the first of them on the PATH is used
 _FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra")
 _TIMEOUT = 120.0  # s; a compiler takes about one
@@ -30,10 +31,26 @@ def find_compiler() -> str:
     return compiler
 
 
-def compile_library(folder: Path, sources: Sequence[str], target: Path) -> None:
-    """Compile C sources to a shared library. Raise SimulationError if there is no compiler, or if it fails."""
-    compiler = find_compiler()
-    command = [compiler, *_FLAGS, "-o", str(target.resolve()), *sources, "-lm"]
+def compile_library(folder: Path, sources: Sequence[str], target: Path) -> bool:
+    """Compile C sources to a shared library; return True. Raise SimulationError if it fails or none is there."""
+    _compile(find_compiler(), _FLAGS, folder, sources, target)
+    return True
+
+
+def compile_for_windows(folder: Path, sources: Sequence[str], target: Path) -> bool:
+    """Compile C sources to a library for Windows on x86-64; return whether mingw-w64 is installed.
+
+    Raise SimulationError if it fails.
+    """
+    compiler = shutil.which(FOR_WINDOWS)
+    if compiler:
+        flags = tuple(flag for flag in _FLAGS if flag != "-fPIC")
+        _compile(compiler, (*flags, "-D__USE_MINGW_ANSI_STDIO=1", "-static", "-s"), folder, sources, target)
+    return compiler is not None
+
+
+def _compile(compiler: str, flags: Sequence[str], folder: Path, sources: Sequence[str], target: Path) -> None:
+    command = [compiler, *flags, "-o", str(target.resolve()), *sources, "-lm"]
     hint = f"Check it by `{compiler} --version`."
     done = answer(command, timeout=_TIMEOUT, hint=hint, what=f"The C compiler {compiler}", folder=folder)
     if done.returncode != 0:

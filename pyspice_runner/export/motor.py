@@ -14,6 +14,7 @@ from pathlib import Path
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.export.fmu import fmu_archive, fmu_texts
+from pyspice_runner.export.fmu_description import Version
 from pyspice_runner.export.symbols import MOTOR_PINS, THERMAL_PINS, kicad_symbol, library_name, ltspice_symbol
 from pyspice_runner.export.touchstone import touchstone
 from pyspice_runner.export.xyce import Dialect, check_dialect, xyce_library
@@ -42,6 +43,7 @@ class MotorExport:
     averaged: bool = False
     dialect: Dialect = "spice"
     rotational: bool = False
+    fmi: Version = 2
 
     def text(self, ending: str) -> str:
         """Return the netlist of a format, of an ``.fmu`` its model description, of other formats the ``.lib``."""
@@ -86,14 +88,16 @@ def export_motor(
     averaged: bool = False,
     dialect: Dialect = "spice",
     rotational: bool = False,
+    fmi: Version = 2,
 ) -> Path:
     """Write a motor, by the ending of the file.
 
     ``.lib`` (SPICE, ``.subckt piezomotor a b com shaft``), ``.va`` (Verilog-A, ``module piezomotor(a, b, com, shaft,
     temperature)``), ``.asy`` (LTspice) and ``.kicad_sym`` (KiCad), which name
     the ``.lib`` of the same name beside them, ``.s2p`` (Touchstone of the stator, tip free) or ``.toml``
-    (:func:`load_motor`). ``.fmu`` is the averaged motor for control tools: FMI 2.0 for co-simulation, with C sources
-    and a binary for Linux on x86-64, which the system's C compiler builds.
+    (:func:`load_motor`). ``.fmu`` is the averaged motor for control tools: FMI for co-simulation and model exchange,
+    with C sources, a binary for Linux on x86-64, which the system's C compiler builds, and one for Windows, if
+    mingw-w64 is installed.
 
     Args:
         motor: the motor.
@@ -106,12 +110,13 @@ def export_motor(
         dialect: ``"spice"`` writes the ``.lib`` for ngspice and LTspice, ``"xyce"`` for Xyce.
         rotational: whether the shaft of the ``.va`` is a pin of the discipline ``rotational_omega`` (rad/s, N·m)
             instead of an electrical one; not for a slider.
+        fmi: version of FMI of the ``.fmu``, 2 or 3.
 
     Raises:
         ParameterError: for another ending, a place that cannot be written, or a name that is not possible.
         SimulationError: if ngspice fails to compute the two-port, or there is no C compiler for a ``.fmu``.
     """
-    return MotorExport(motor, contact, name, thermal, averaged, dialect, rotational).save(path)
+    return MotorExport(motor, contact, name, thermal, averaged, dialect, rotational, fmi).save(path)
 
 
 def check_rotational(rotational: bool, path: str | Path | None) -> None:
@@ -140,7 +145,7 @@ def _module(export: MotorExport) -> str:
 
 def _unit(export: MotorExport) -> dict[str, str]:
     check_averaged(export.contact)
-    return fmu_texts(export.motor, name=export.name, thermal=export.thermal)
+    return fmu_texts(export.motor, name=export.name, thermal=export.thermal, version=export.fmi)
 
 
 def _symbol(symbol: Callable[..., str], export: MotorExport, path: Path) -> str:

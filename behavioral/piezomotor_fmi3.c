@@ -1,0 +1,399 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later
+ *
+ * FMI 3.0 for co-simulation and model exchange around the averaged motor; piezomotor_unit.h does the work.
+ *
+ * In co-simulation the importing program is called after each internal step, may read all variables there, and may end the
+ * step early.
+ *
+ * SOURCE Functional Mock-up Interface Specification, version 3.0.2, Modelica Association
+ */
+#include "piezomotor_unit.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* --- what fmi3Functions.h declares --- */
+
+typedef void *fmi3Instance, *fmi3InstanceEnvironment, *fmi3FMUState;
+typedef uint32_t fmi3ValueReference;
+typedef float fmi3Float32;
+typedef double fmi3Float64;
+typedef bool fmi3Boolean, fmi3Clock;
+typedef const char *fmi3String;
+typedef uint8_t fmi3Byte;
+typedef const fmi3Byte *fmi3Binary;
+typedef enum { fmi3OK, fmi3Warning, fmi3Discard, fmi3Error, fmi3Fatal } fmi3Status;
+typedef enum { fmi3Independent } fmi3DependencyKind;
+typedef enum { fmi3IntervalNotYetKnown } fmi3IntervalQualifier;
+typedef void (*fmi3LogMessageCallback)(fmi3InstanceEnvironment, fmi3Status, fmi3String, fmi3String);
+typedef void (*fmi3IntermediateUpdateCallback)(fmi3InstanceEnvironment, fmi3Float64, fmi3Boolean, fmi3Boolean, fmi3Boolean,
+    fmi3Boolean, fmi3Boolean *, fmi3Float64 *);
+typedef void (*fmi3Any)(void);
+
+static void report(struct instance *c, const char *message)
+{
+    if (c->log)
+        ((fmi3LogMessageCallback)c->log)(c->environment, fmi3Error, "logStatusError", message);
+}
+
+static fmi3Status told(enum unit_status status) { return status == UNIT_OK ? fmi3OK : fmi3Error; }
+
+static fmi3Status unsupported(fmi3Instance instance, const char *call, const char *reason)
+{
+    return instance ? told(fail(instance, "%s is not valid: %s.", call, reason)) : fmi3Error;
+}
+
+/* --- creation --- */
+
+EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
+
+EXPORT fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean on, size_t count, const fmi3String categories[])
+{
+    (void)on, (void)count, (void)categories; /* errors are always logged, and there is nothing else to log */
+    return instance ? fmi3OK : fmi3Error;
+}
+
+static fmi3Instance created(const char *call, const char *name, const char *token, void *environment,
+    fmi3LogMessageCallback log, int exchange, fmi3IntermediateUpdateCallback between)
+{
+    struct instance *c = calloc(1, sizeof *c);
+
+    if (!c)
+        return NULL;
+    c->environment = environment;
+    c->log = (fmi3Any)log;
+    c->between = (fmi3Any)between;
+    c->exchange = exchange;
+    if (unit_begin(c, call, name, token) != UNIT_OK) {
+        free(c);
+        return NULL;
+    }
+    unit_reset(c);
+    return c;
+}
+
+EXPORT fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+    fmi3Boolean logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
+{
+    (void)resources, (void)visible, (void)logging;
+    return created("fmi3InstantiateModelExchange", name, token, environment, log, 1, NULL);
+}
+
+EXPORT fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+    fmi3Boolean logging, fmi3Boolean event_mode, fmi3Boolean early_return, const fmi3ValueReference required[], size_t count,
+    fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback between)
+{
+    (void)resources, (void)visible, (void)logging, (void)event_mode, (void)required, (void)count;
+    struct instance *c = created("fmi3InstantiateCoSimulation", name, token, environment, log, 0, between);
+    if (c)
+        c->early = early_return;
+    return c;
+}
+
+EXPORT fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources,
+    fmi3Boolean visible, fmi3Boolean logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
+    fmi3Any clock_update, fmi3Any lock, fmi3Any unlock)
+{
+    (void)name, (void)token, (void)resources, (void)visible, (void)logging, (void)environment, (void)clock_update;
+    (void)lock, (void)unlock;
+    if (log)
+        log(environment, fmi3Error, "logStatusError", "fmi3InstantiateScheduledExecution is not valid: there are no clocks.");
+    return NULL;
+}
+
+EXPORT void fmi3FreeInstance(fmi3Instance instance) { free(instance); }
+
+EXPORT fmi3Status fmi3Reset(fmi3Instance instance)
+{
+    if (!instance)
+        return fmi3Error;
+    unit_reset(instance);
+    return fmi3OK;
+}
+
+EXPORT fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
+    fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop)
+{
+    const char *call = "fmi3EnterInitializationMode";
+
+    (void)tolerance_defined, (void)tolerance; /* the internal step follows from the motor */
+    if (!instance || unit_times(instance, call, start, stop_defined, stop) != UNIT_OK)
+        return fmi3Error;
+    return told(unit_enter(instance, call, INSTANTIATED, INITIALIZING));
+}
+
+EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
+{
+    return told(unit_enter(instance, "fmi3ExitInitializationMode", INITIALIZING, RUNNING));
+}
+
+EXPORT fmi3Status fmi3Terminate(fmi3Instance instance)
+{
+    return told(unit_enter(instance, "fmi3Terminate", RUNNING, TERMINATED));
+}
+
+/* --- variables --- */
+
+EXPORT fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference reference[], size_t count, fmi3Float64 value[],
+    size_t values)
+{
+    if (instance && values != count)
+        return unsupported(instance, "fmi3GetFloat64", "there must be one value for each reference");
+    return told(unit_get(instance, "fmi3GetFloat64", reference, count, value));
+}
+
+EXPORT fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference reference[], size_t count,
+    const fmi3Float64 value[], size_t values)
+{
+    if (instance && values != count)
+        return unsupported(instance, "fmi3SetFloat64", "there must be one value for each reference");
+    return told(unit_set(instance, "fmi3SetFloat64", reference, count, value));
+}
+
+#define ALL_OF_FLOAT64 "all variables are of type Float64"
+#define NO_OTHERS(Name, Type) \
+    EXPORT fmi3Status fmi3Get##Name(fmi3Instance instance, const fmi3ValueReference reference[], size_t count, Type value[], \
+        size_t values) \
+    { \
+        (void)reference, (void)value, (void)values; \
+        return count ? unsupported(instance, "fmi3Get" #Name, ALL_OF_FLOAT64) : fmi3OK; \
+    } \
+    EXPORT fmi3Status fmi3Set##Name(fmi3Instance instance, const fmi3ValueReference reference[], size_t count, \
+        const Type value[], size_t values) \
+    { \
+        (void)reference, (void)value, (void)values; \
+        return count ? unsupported(instance, "fmi3Set" #Name, ALL_OF_FLOAT64) : fmi3OK; \
+    }
+NO_OTHERS(Float32, fmi3Float32)
+NO_OTHERS(Int8, int8_t)
+NO_OTHERS(UInt8, uint8_t)
+NO_OTHERS(Int16, int16_t)
+NO_OTHERS(UInt16, uint16_t)
+NO_OTHERS(Int32, int32_t)
+NO_OTHERS(UInt32, uint32_t)
+NO_OTHERS(Int64, int64_t)
+NO_OTHERS(UInt64, uint64_t)
+NO_OTHERS(Boolean, fmi3Boolean)
+NO_OTHERS(String, fmi3String)
+
+/* functions for what there is not: clocks, binary values, configuration, derivatives of variables by others */
+#define ABSENT(Name, reason, ...) \
+    EXPORT fmi3Status fmi3##Name(fmi3Instance instance, __VA_ARGS__) { return unsupported(instance, "fmi3" #Name, reason); }
+#define REFERENCES const fmi3ValueReference a[], size_t b
+#define NO_CLOCKS "there are no clocks"
+#if defined __GNUC__
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+ABSENT(GetBinary, ALL_OF_FLOAT64, REFERENCES, size_t c[], fmi3Binary d[], size_t e)
+ABSENT(SetBinary, ALL_OF_FLOAT64, REFERENCES, const size_t c[], const fmi3Binary d[], size_t e)
+ABSENT(GetClock, NO_CLOCKS, REFERENCES, fmi3Clock c[])
+ABSENT(SetClock, NO_CLOCKS, REFERENCES, const fmi3Clock c[])
+ABSENT(GetIntervalDecimal, NO_CLOCKS, REFERENCES, fmi3Float64 c[], fmi3IntervalQualifier d[])
+ABSENT(GetIntervalFraction, NO_CLOCKS, REFERENCES, uint64_t c[], uint64_t d[], fmi3IntervalQualifier e[])
+ABSENT(GetShiftDecimal, NO_CLOCKS, REFERENCES, fmi3Float64 c[])
+ABSENT(GetShiftFraction, NO_CLOCKS, REFERENCES, uint64_t c[], uint64_t d[])
+ABSENT(SetIntervalDecimal, NO_CLOCKS, REFERENCES, const fmi3Float64 c[])
+ABSENT(SetIntervalFraction, NO_CLOCKS, REFERENCES, const uint64_t c[], const uint64_t d[])
+ABSENT(SetShiftDecimal, NO_CLOCKS, REFERENCES, const fmi3Float64 c[])
+ABSENT(SetShiftFraction, NO_CLOCKS, REFERENCES, const uint64_t c[], const uint64_t d[])
+ABSENT(ActivateModelPartition, NO_CLOCKS, fmi3ValueReference a, fmi3Float64 b)
+ABSENT(GetNumberOfVariableDependencies, "no dependencies are known", fmi3ValueReference a, size_t *b)
+ABSENT(GetVariableDependencies, "no dependencies are known", fmi3ValueReference a, size_t b[], fmi3ValueReference c[],
+    size_t d[], fmi3DependencyKind e[], size_t f)
+ABSENT(GetDirectionalDerivative, "there are no directional derivatives", REFERENCES, const fmi3ValueReference c[], size_t d,
+    const fmi3Float64 e[], size_t f, fmi3Float64 g[], size_t h)
+ABSENT(GetAdjointDerivative, "there are no adjoint derivatives", REFERENCES, const fmi3ValueReference c[], size_t d,
+    const fmi3Float64 e[], size_t f, fmi3Float64 g[], size_t h)
+ABSENT(GetOutputDerivatives, "there are no derivatives of outputs", REFERENCES, const int32_t c[], fmi3Float64 d[], size_t e)
+EXPORT fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance)
+{
+    return unsupported(instance, "fmi3EnterConfigurationMode", "there are no structural parameters");
+}
+EXPORT fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance)
+{
+    return unsupported(instance, "fmi3ExitConfigurationMode", "there are no structural parameters");
+}
+EXPORT fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
+{
+    return unsupported(instance, "fmi3EvaluateDiscreteStates", "there are no discrete states");
+}
+
+/* --- co-simulation --- */
+
+EXPORT fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 step, fmi3Boolean no_return,
+    fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *reached)
+{
+    struct instance *c = instance;
+    fmi3IntermediateUpdateCallback between;
+    double left = step;
+
+    (void)no_return;
+    if (unit_step_allowed(c, "fmi3DoStep", time, step) != UNIT_OK)
+        return fmi3Error;
+    if (!event || !terminate || !early || !reached)
+        return unsupported(c, "fmi3DoStep", "a place for its results is missing");
+    between = (fmi3IntermediateUpdateCallback)c->between;
+    *event = *terminate = *early = false;
+    motor_begin(&c->kept.motor);
+    while (left > 1e-12 * step && !*early) {
+        double taken = motor_step(&c->kept.motor, left), wanted = 0.0;
+        fmi3Boolean ends = false;
+        if (taken < 0.0)
+            return told(unit_unsolved(c, "fmi3DoStep"));
+        left -= taken;
+        c->kept.time = left > 1e-12 * step ? time + step - left : time + step;
+        if (!between)
+            continue;
+        motor_measure(&c->kept.motor);
+        c->kept.measured = 1;
+        between(c->environment, c->kept.time, false, true, true, c->early, &ends, &wanted);
+        *early = c->early && ends && left > 1e-12 * step && wanted <= c->kept.time;
+    }
+    motor_measure(&c->kept.motor);
+    c->kept.measured = 1;
+    *reached = c->kept.time;
+    return fmi3OK;
+}
+
+EXPORT fmi3Status fmi3EnterStepMode(fmi3Instance instance)
+{
+    return unsupported(instance, "fmi3EnterStepMode", "there is no event mode in co-simulation");
+}
+
+/* --- model exchange --- */
+
+EXPORT fmi3Status fmi3EnterEventMode(fmi3Instance instance) { return told(unit_exchange(instance, "fmi3EnterEventMode", 1)); }
+
+EXPORT fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance)
+{
+    return told(unit_exchange(instance, "fmi3EnterContinuousTimeMode", 1));
+}
+
+EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *needed, fmi3Boolean *terminate,
+    fmi3Boolean *nominals, fmi3Boolean *values, fmi3Boolean *next_defined, fmi3Float64 *next)
+{
+    if (unit_exchange(instance, "fmi3UpdateDiscreteStates", 1) != UNIT_OK)
+        return fmi3Error;
+    if (!needed || !terminate || !nominals || !values || !next_defined || !next)
+        return unsupported(instance, "fmi3UpdateDiscreteStates", "a place for its results is missing");
+    *needed = *terminate = *nominals = *values = *next_defined = false; /* there are no events */
+    *next = 0.0;
+    return fmi3OK;
+}
+
+EXPORT fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean no_set_prior, fmi3Boolean *enter,
+    fmi3Boolean *terminate)
+{
+    (void)no_set_prior;
+    if (unit_exchange(instance, "fmi3CompletedIntegratorStep", 1) != UNIT_OK || !enter || !terminate)
+        return fmi3Error;
+    *enter = *terminate = false;
+    return fmi3OK;
+}
+
+EXPORT fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time)
+{
+    struct instance *c = instance;
+
+    if (unit_exchange(c, "fmi3SetTime", 1) != UNIT_OK)
+        return fmi3Error;
+    c->kept.time = time; /* the equations do not contain it */
+    return fmi3OK;
+}
+
+EXPORT fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 states[], size_t count)
+{
+    return told(unit_set_states(instance, "fmi3SetContinuousStates", states, count));
+}
+
+EXPORT fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 states[], size_t count)
+{
+    return told(unit_get_states(instance, "fmi3GetContinuousStates", states, count));
+}
+
+EXPORT fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 rates[], size_t count)
+{
+    return told(unit_get_rates(instance, "fmi3GetContinuousStateDerivatives", rates, count));
+}
+
+EXPORT fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t count)
+{
+    return told(unit_nominals(instance, "fmi3GetNominalsOfContinuousStates", nominals, count));
+}
+
+EXPORT fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 indicators[], size_t count)
+{
+    (void)indicators;
+    return count ? unsupported(instance, "fmi3GetEventIndicators", "there are none") : fmi3OK;
+}
+
+EXPORT fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *count)
+{
+    if (!instance || !count)
+        return fmi3Error;
+    *count = 0;
+    return fmi3OK;
+}
+
+EXPORT fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *count)
+{
+    if (!instance || !count)
+        return fmi3Error;
+    *count = STATES;
+    return fmi3OK;
+}
+
+/* --- state of the FMU --- */
+
+EXPORT fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state)
+{
+    struct instance *c = instance;
+
+    return c && state ? told(unit_copy_of(c, "fmi3GetFMUState", &c->kept, state)) : fmi3Error;
+}
+
+EXPORT fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state)
+{
+    struct instance *c = instance;
+
+    if (!c || !state)
+        return fmi3Error;
+    memcpy(&c->kept, state, sizeof c->kept);
+    return fmi3OK;
+}
+
+EXPORT fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *state)
+{
+    if (!instance)
+        return fmi3Error;
+    if (state) {
+        free(*state);
+        *state = NULL;
+    }
+    return fmi3OK;
+}
+
+EXPORT fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState state, size_t *size)
+{
+    if (!instance || !state || !size)
+        return fmi3Error;
+    *size = sizeof(struct kept);
+    return fmi3OK;
+}
+
+EXPORT fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState state, fmi3Byte bytes[], size_t size)
+{
+    if (!instance || !state || !bytes)
+        return fmi3Error;
+    if (size < sizeof(struct kept))
+        return unsupported(instance, "fmi3SerializeFMUState", "there are too few bytes");
+    memcpy(bytes, state, sizeof(struct kept));
+    return fmi3OK;
+}
+
+EXPORT fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
+{
+    if (!instance || !bytes || !state)
+        return fmi3Error;
+    return told(unit_from_bytes(instance, "fmi3DeserializeFMUState", bytes, size, state));
+}
