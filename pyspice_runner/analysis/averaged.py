@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import SkipValidation
 
+from pyspice_runner.analysis.bursts import short_bursts
 from pyspice_runner.analysis.dynamometer import STUCK, stuck
 from pyspice_runner.engine.compiler import find_compiler
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -136,9 +137,9 @@ class AveragedRun(Result):
     def trusted(self) -> bool:
         """Whether the model's own check passes throughout the run, and the rotor keeps its limit of speed.
 
-        The check passes where the harmonics of the model are enough, the contact stays closed and damping multiplies
-        the normal force by 4 at most. Where it does not, speed and torque may be off by more than 2 % of the friction
-        torque μ F₀ R.
+        The check passes where the harmonics of the model are enough, the contact stays closed, damping multiplies
+        the normal force by 4 at most, and the drive has no burst below 60 periods. Where it does not, speed and torque
+        may be off by more than 2 % of the friction torque μ F₀ R.
         """
         fastest = float(np.abs(self.curves["rotor_speed_rad_s"]).max())
         return not (self._model_cautions or too_fast(self.provenance["motor"], fastest))
@@ -148,7 +149,11 @@ class AveragedRun(Result):
         damping = contact_law.normal_damping(Contact(**self.provenance["motor"]["contact"]))
         approach = 2.0 * np.pi * self.curves["frequency_hz"] * self.curves["tip_y_amplitude_m"]  # m/s
         greatest = {name: float(self.curves[name].max()) for name in ("check", "separated")}
-        return model_cautions(greatest["check"], greatest["separated"], 1.0 + damping * float(approach.max()))
+        amplitude = np.maximum(self.curves["amplitude_a_v"], self.curves["amplitude_b_v"])
+        return (
+            *model_cautions(greatest["check"], greatest["separated"], 1.0 + damping * float(approach.max())),
+            *short_bursts(self.curves["time_s"], amplitude, float(self.curves["frequency_hz"].min())),
+        )
 
     @property
     def cautions(self) -> tuple[str, ...]:

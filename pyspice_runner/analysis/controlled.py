@@ -29,6 +29,7 @@ from pyspice_runner.analysis.averaged import (
     model_cautions,
     settings_of,
 )
+from pyspice_runner.analysis.bursts import short_bursts
 from pyspice_runner.analysis.firmware import Firmware
 from pyspice_runner.analysis.motions import Compiled, Motion, Spice, State, first
 from pyspice_runner.engine.session import Session
@@ -158,7 +159,14 @@ class ControlledRun(Result):
     def _model_cautions(self) -> tuple[str, ...]:
         if "check" not in self.samples:
             return ()
-        return model_cautions(float(self.samples["check"].max()), float(self.samples["separated"].max()))
+        amplitude = np.maximum(np.abs(self.samples["voltage_a_v"]), np.abs(self.samples["voltage_b_v"]))
+        started = self.provenance["run"]["start"] == "steady"
+        return (
+            *model_cautions(float(self.samples["check"].max()), float(self.samples["separated"].max())),
+            *short_bursts(
+                self.samples["time_s"], amplitude, float(self.samples["frequency_hz"].min()), running=started
+            ),
+        )
 
     @property
     def _too_fast(self) -> tuple[str, ...]:

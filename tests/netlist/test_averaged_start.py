@@ -72,6 +72,25 @@ def test_a_transient_gives_op_and_ac_the_start_that_they_do_not_find(tmp_path: P
 
 
 @pytest.mark.soak
+def test_op_of_a_motor_that_lifts_off_finds_a_steady_state_that_the_motor_leaves(tmp_path: Path) -> None:
+    """bimodal40 at 90 V: a transient that begins at the .op comes to the speed of a run from rest."""
+    motor = pr.load_motor("bimodal40")
+    drive = pr.default_drive(motor).model_copy(update={"voltage": 90.0})
+    assert isinstance(drive, pr.TwoPhaseDrive)
+    pr.export_motor(motor, tmp_path / "motor.lib", averaged=True)
+    text = deck("op", (drive.frequency, 90.0, drive.phase_deg, 0.0))
+    text = re.sub(r"(?m)^\.include .*$", ".include motor.lib", text)
+    text = re.sub(r"(\.param preload=)\S+", rf"\g<1>{motor.contact.preload_n!r}", text)
+    follow = ".options trtol=50\n.control\nop\nlet at_op = v(shaft)\nprint at_op\ntran 20u 400m 0 5m\n"
+    follow += "let speed_rad_s = v(shaft)[length(time)-1]\nprint speed_rad_s\nquit 0\n.endc\n"
+    speed, _ = result("op", re.sub(r"\.control.*?\.endc\n", lambda _: follow, text, flags=re.S), tmp_path)
+    settled = float(pr.simulate_averaged(motor, drive, 1.0, engine="compiled").rotor_speed_rad_s[-1])
+    assert speed == pytest.approx(settled, rel=1e-3)
+    at_op, _ = result("op", text, tmp_path)
+    assert at_op < 0.5 * settled
+
+
+@pytest.mark.soak
 @pytest.mark.parametrize("torque", [0.0, 4e-3])
 @pytest.mark.parametrize("voltage", [60.0, 69.0, 75.0, 80.0, 90.0, 100.0, 110.0])
 def test_op_and_ac_of_the_decks_end_by_themselves_at_the_usual_voltages(
