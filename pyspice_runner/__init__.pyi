@@ -3,6 +3,7 @@
 
 from .analysis.averaged import simulate_averaged as simulate_averaged
 from .analysis.branch import steady_branch as steady_branch
+from .analysis.burst import fast_burst as fast_burst
 from .analysis.control_loop import control_loop as control_loop
 from .analysis.controlled import Sample as Sample
 from .analysis.controlled import simulate_controlled as simulate_controlled

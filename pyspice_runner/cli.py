@@ -22,6 +22,7 @@ from rich.text import Text
 
 import pyspice_runner as pr
 from pyspice_runner.commands.admittance import admittance
+from pyspice_runner.commands.burst import burst
 from pyspice_runner.commands.calibrate import calibrate
 from pyspice_runner.commands.common import INTERRUPTED, OnceCommand, complain, say, say_versions, silence, written
 from pyspice_runner.commands.compare import compare
@@ -46,8 +47,8 @@ app = typer.Typer(
 )
 
 COMMANDS = (
-    motors, show, simulate, admittance, speed_torque, steady, small_signals, loop, sweep, drive, track, impact, fit,
-    compare, motor_from, calibrate, export, report, live,
+    motors, show, simulate, admittance, speed_torque, steady, small_signals, loop, sweep, drive, burst, track, impact,
+    fit, compare, motor_from, calibrate, export, report, live,
 )  # fmt: skip
 NAMES = {command.__name__.replace("_", "-"): command for command in COMMANDS} | {"map": map_points}
 for name, command in NAMES.items():

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 
 import pytest
 
@@ -17,6 +18,8 @@ def test_each_specification_of_the_record_ends_in_a_driver_that_works_or_in_a_re
         assert asdict(specification(one["index"])).items() <= one.items()
         assert one["reason"]
         assert not one["reason"].startswith("failed: ")
+    page = (Path(__file__).parents[1] / "docs" / "drive.md").read_text(encoding="utf-8")
+    assert f"Of {len(record)}, {sum(one['feasible'] for one in record)} end in parts" in page
 
 
 @pytest.mark.soak

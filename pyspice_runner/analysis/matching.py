@@ -67,6 +67,7 @@ _FILTER = 0.6
 # of a bleeder over the reactance of its capacitor: it takes a hundredth of the current, and an offset of the pin decays
 # in 100 (1 + C of the group over C in series) / ω, a few tens of periods
 BLED = 100.0
+_SMALLEST = {"inductor": SMALLEST_INDUCTANCE, "llcc": 1e-5}  # H, least series coil: those of the libraries
 SPIKE = 2.0  # of the transistors of a push-pull stage over their swing, by the leakage between the halves: assumed
 _ROUNDS = 4  # of transformer ratio and network, each of which depends on the other
 _SPARE = 0.9  # of a load torque, which a motor with pins of a somewhat lower voltage must give at least
@@ -288,8 +289,8 @@ class _Search:
             filtering = driver.switched or driver.network == "llcc"
             clamped = getattr(self.ideal.motor.piezo, f"capacitance_{group}_f")
             total = max(wanted, _FILTER / (omega * clamped) if filtering else 0.0) / omega
-            coil = SMALLEST_INDUCTANCE
-            if total - leakage > SMALLEST_INDUCTANCE:
+            coil = least = _SMALLEST[driver.network]
+            if total - leakage > least:
                 coil = min(nearest(total - leakage, E12), max(value for value in _decades(E12) if value <= most))
             excess = omega * (coil + leakage) - wanted
             capacitor = NO_CAPACITOR

@@ -184,7 +184,10 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
         if part.name.startswith(TRANSISTOR) and driver.mosfet in MOSFETS:
             most, borne = ratings(driver.mosfet).breakdown_v, part.peak_voltage_v or 0.0
             if borne > most:
-                told.append(f"The {part.name} bears {borne:.4g} V; it breaks down at {most:g} V. Lower the rail.")
+                told.append(
+                    f"The {part.name} bears {borne:.4g} V; it breaks down at {most:g} V. Take another one or lower the "
+                    "rail."
+                )
         if part.unit in ("H", "F"):
             volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
             told += beyond(part.name, part.value, part.unit, volts, amperes, frequency)

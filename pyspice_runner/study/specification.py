@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.result import json_ready
 
 if TYPE_CHECKING:
     import xarray
@@ -45,6 +46,6 @@ def met(dataset: xarray.Dataset, limits: Mapping[str, tuple[float, float]]) -> d
     return {
         "points": count, "good": good, "yield": share,
         "interval_95": [max(float(centre - half), 0.0), min(float(centre + half), 1.0)],
-        "limits": {name: list(ends) for name, ends in limits.items()},
+        "limits": {name: json_ready(list(ends)) for name, ends in limits.items()},
         "each": {name: int(points.sum()) for name, points in within.items()},
     }  # fmt: skip

@@ -15,6 +15,7 @@ from typing import Any
 from matplotlib.axes import Axes
 
 from pyspice_runner.analysis.averaged import AveragedRun
+from pyspice_runner.analysis.burst import BurstReport
 from pyspice_runner.analysis.control_loop import ControlLoop
 from pyspice_runner.analysis.controlled import ControlledRun
 from pyspice_runner.analysis.drive import DriveReport
@@ -59,6 +60,7 @@ SHEETS: dict[type, Callable[[Any], Sheet]] = {
     ControlLoop: plot_runs.control_loop,
     Tracking: plot_runs.tracking,
     DriveReport: plot_runs.drive_report,
+    BurstReport: plot_runs.burst,
     Admittance: plot_spectra.admittance,
     Spectrum: plot_spectra.spectrum,
     SpectrumFit: plot_spectra.spectrum_fit,

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.analysis.maxima import NO_BLEEDER
 from pyspice_runner.netlist.library import number
 
 DECKS = Path(__file__).parent / "hand_decks"
@@ -99,6 +100,7 @@ def test_a_deck_written_by_hand_has_the_voltages_currents_power_and_torque_of_th
         prefix = "series_" if network == "llcc" else ""
         assert parameters[f"coil_{group}"] == pytest.approx(net[f"{prefix}inductance"])
         assert parameters[f"series_{group}"] == pytest.approx(net[f"{prefix}capacitance"])
+        assert parameters.get(f"bleed_{group}", NO_BLEEDER) == pytest.approx(net["bleeder"])
         if "transformer" in parts:
             assert parameters[f"ratio_{group}"] == pytest.approx(parts["transformer"]["ratio"], rel=2e-3)
     point = design.points[1]
