@@ -170,6 +170,29 @@ def summary(record: list[dict[str, Any]]) -> dict[str, Any]:
     return found
 
 
+def table(found: dict[str, Any]) -> str:
+    """Return the rows of docs/calibrate.md for a summary."""
+    truth, law, prediction = (found[subject] for subject in ("truth", "law", "prediction"))
+    rows = [
+        "| parameter | motors | 95 % intervals that hold | bias over the width of the interval |", "|---|---|---|---|",
+        *(f"| `{path}` | {one['count']} | {100.0 * one['covered']:.0f} % | {one['bias_over_interval']:+.2f} |"
+          for path, one in truth["parameters"].items()),
+    ]  # fmt: skip
+    counts = {
+    "bearing's damping, which a held shaft does not show, named as not decided": (truth["undecided_named"], truth),
+    "misfit told, motor with the law of the calibration": (truth["misfits"], truth),
+    "misfit told, motor with a brush contact calibrated with the spring-slider": (law["misfits"], law),
+    "calibrated at 60 V: at least ten of twelve values at 100 V within their 95 % bands": (
+        prediction["predicted"], prediction,
+    ),
+    }  # fmt: skip
+    rows += ["", "| | motors |", "|---|---|"]
+    rows += [f"| {words} | {count} of {of['cases']} |" for words, (count, of) in counts.items()]
+    rows.append(f"| predicted values within their 95 % bands | {100.0 * prediction['mean_inside']:.0f} % |")
+    rows.append(f"| processor time, median | {truth['median_processor_seconds']:.0f} s |")
+    return "\n".join(rows)
+
+
 def main() -> None:
     """Run the cases that are not in the record yet, and write the summary."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

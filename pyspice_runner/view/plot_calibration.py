@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panels of a calibration: values with intervals, residuals of the points, and the spectra."""
+"""The panels of a calibration: values with intervals, residuals, speed–torque curves with bands, and the spectra."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from matplotlib.axes import Axes
 from pyspice_runner.study.calibration.prediction import Band
 from pyspice_runner.study.calibration.result import Calibration
 from pyspice_runner.view.draw import AXIS, Panel, Sheet, dress
-from pyspice_runner.view.style import BLUE, CYCLE, LABELS, VERMILION
+from pyspice_runner.view.style import BLUE, CYCLE, LABELS, VERMILION, label_of
 
 _MARKS = "osv^Dx+*"
 
 
 def calibration(result: Calibration) -> Sheet:
-    """Return the values over those at the start, the residuals of the points, and each spectrum."""
+    """Return the values over those at the start, residuals and curves of the points, and each spectrum."""
     panels: dict[str, Panel] = {"values": partial(_values, result)}
     if result.points is not None:
         panels["residuals"] = partial(_residuals, result)
+        if _curves(result):
+            panels["curves"] = partial(_torques, result)
     start = 0 if result.points is None else len(result.points.values)
     for number, band in enumerate(result.bands, start=1):
         panels[f"spectrum {number}"] = partial(_spectrum, band, result.predicted[start : start + len(band.measured)])
@@ -56,6 +58,40 @@ def _residuals(result: Calibration, ax: Axes) -> None:
     ax.axhline(0.0, **AXIS)
     ax.axhspan(-2.0, 2.0, color="0.92", zorder=0)
     dress(ax, "number of the point", "(predicted - measured) / error", "Residuals of the points; grey: two errors")
+    ax.legend(fontsize=7)
+
+
+def _curves(result: Calibration) -> dict[tuple[tuple[str, float | None], ...], list[int]]:
+    """Return the measured torques at held speeds, by rising speed: conditions of a curve → places of its values."""
+    points, found = result.points, dict[tuple[tuple[str, float | None], ...], list[int]]()
+    assert points is not None
+    for place, (row, quantity) in enumerate(zip(points.rows, points.quantities, strict=True)):
+        there = points.conditions[row]
+        if quantity == "torque_n_m" and there["load.speed"] is not None and np.isfinite(result.predicted[place]):
+            others = tuple((path, value) for path, value in there.items() if not path.startswith("load."))
+            found.setdefault(others, []).append(place)
+    kept = {others: places for others, places in found.items() if len(places) > 2}
+    return {
+        others: sorted(places, key=lambda place: points.conditions[points.rows[place]]["load.speed"] or 0.0)
+        for others, places in kept.items()
+    }
+
+
+def _torques(result: Calibration, ax: Axes) -> None:
+    """Draw measured and fitted torque over speed, with the 95 % band by the errors of the parameters."""
+    points = result.points
+    assert points is not None
+    torque, along = (label_of(name, result.start.slider is not None) for name in ("torque_n_m", "speed_rad_s"))
+    for number, (others, places) in enumerate(_curves(result).items()):
+        colour = CYCLE[number % len(CYCLE)]
+        speed = along.scale * np.array([points.conditions[points.rows[place]]["load.speed"] for place in places], float)
+        fitted, half = torque.scale * result.predicted[places], torque.scale * 1.96 * result.predicted_errors[places]
+        name = ", ".join(f"{path.removeprefix('drive.')} {value:g}" for path, value in others if value is not None)
+        ax.fill_between(speed, fitted - half, fitted + half, color=colour, alpha=0.3, lw=0.0)
+        ax.plot(speed, fitted, "-", color=colour, label=name or "calibrated")
+        measured, errors = torque.scale * points.values[places], torque.scale * points.errors[places]
+        ax.errorbar(speed, measured, errors, fmt=".", color=colour, ms=4, lw=0.8)
+    dress(ax, along, torque, "Curves: measured, calibrated with 95 % band")
     ax.legend(fontsize=7)
 
 

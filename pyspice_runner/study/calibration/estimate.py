@@ -357,10 +357,11 @@ class _Judged:
         changed = predictor.base.motor.updated(predictor.changes(self.x))
         correlations = self.covariance / np.outer(deviations, deviations)
         count = len(search.measured)
-        kept = self.residuals[:count]
+        kept, own = self.residuals[:count], self.slope[:count]
         return Calibration(
             estimates=tuple(estimates), start=predictor.base.motor, calibrated=changed, law=law,
             points=predictor.points, bands=predictor.bands, predicted=self.here.values, measured=search.measured,
+            predicted_errors=np.sqrt(np.einsum("ij,jk,ik->i", own, self.covariance, own)) * search.errors,
             errors=search.errors, correlations=correlations, covariance=self.covariance, coordinates=self.x,
             ends=tuple(side.x for side in sides if not side.open),
             predictor=replace(predictor, progress=lambda _: None),

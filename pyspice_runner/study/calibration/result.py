@@ -65,6 +65,7 @@ class Calibration(Result):
         points: the measured points; ``None`` without.
         bands: the measured spectra.
         measured, predicted, errors: all measured values, those of the calibrated motor, and the standard errors.
+        predicted_errors: standard errors of the predicted values by those of the parameters.
         correlations, covariance: of the coordinates of the parameters, in the order of ``estimates``.
         coordinates: of the solution: ln(value/start) of each parameter, or the difference over ``start``.
         ends: coordinates at the ends of the intervals, the other parameters following; without open ends.
@@ -84,6 +85,7 @@ class Calibration(Result):
     bands: tuple[Band, ...]
     measured: Array
     predicted: Array
+    predicted_errors: Array
     errors: Array
     correlations: Array
     covariance: Array

@@ -15,6 +15,7 @@ from pyspice_runner.analysis.steady import steady_states
 from pyspice_runner.cli import run
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.spectra.spectrum import Spectrum
+from tests import calibration_study as study
 
 SET = "andersen2002-unintended-mode"
 ERRORS = {"torque_n_m": 1e-4, "current_a_rms_a": 4e-4}  # 1 % of their greatest value at this drive
@@ -117,6 +118,18 @@ def test_a_calibrated_motor_predicts_another_voltage_within_its_band() -> None:
     # 1e-3 of the friction torque of 0.0125 N·m: steps of truth and prediction differ
     assert np.all(np.abs(curve.values - torques) < 4.0 * curve.standard_errors + 1.25e-5)
     assert np.all(curve.standard_errors < 0.02 * np.abs(curve.values))
+
+
+@pytest.mark.soak
+def test_twelve_points_and_six_parameters_take_less_than_a_minute_of_processor_time() -> None:
+    start, free = study.base(), [*study.FREE[:5], "modes.0.quality_factor"]
+    points = study.points_of(start, "spring-slider", np.random.default_rng(1), study.VOLTAGES)
+    assert len(points["voltage"]) == 12
+    began = study.processor_s()
+    result = pr.calibrate(start, points, free=free)
+    assert study.processor_s() - began < 60.0
+    for one in result.estimates:
+        assert abs(one.value - one.start) < 4.0 * one.standard_error, one.path  # one in 16,000 of a normal error
 
 
 @pytest.mark.soak
