@@ -64,7 +64,7 @@ def main() -> None:
         for kind in KINDS:
             if settings["disturb"] == "load":
                 settings["load_torque"] = load
-            found = pr.track(motor(), tracker(kind, offset), **settings)
+            found = pr.track(motor(), tracker(kind, offset), **settings, margin=False)
             if found.stall_torque_n_m is not None:
                 load = 0.5 * found.stall_torque_n_m
             lines.append(row(case, kind, found))

@@ -32,10 +32,10 @@ def draw(folder: Path) -> list[str]:
     for kind in NAMES:
         far = pr.Tracker(kind=kind, frequency=lag.resonance_hz, offset=OFFSET, **DRIVE)
         near = far.model_copy(update={"offset": 0.0})
-        starts[kind] = pr.track(motor, far, duration=DURATIONS[kind], step=STEP)
+        starts[kind] = pr.track(motor, far, duration=DURATIONS[kind], step=STEP, margin=False)
         drifts[kind] = pr.track(
             motor, near, disturb="temperature", drift=DRIFT, drift_time=DRIFT_TIME, begin=BEGIN, duration=END,
-            step=STEP,
+            step=STEP, margin=False,
         )  # fmt: skip
 
     figure, axes = canvas(3, 2, 7.2, sharex="col", sharey="row")

@@ -22,8 +22,8 @@ def draw(folder: Path) -> list[str]:
     voltages = {"voltage": DRIVE.voltage, "phase_deg": DRIVE.phase_deg, "target_deg": TARGET}
     lag = running_resonance(MOTOR, pr.Tracker(kind="pll", frequency=DRIVE.frequency, **voltages))
     tracker = pr.Tracker(kind="pll", frequency=lag.resonance_hz, offset=OFFSET, **voltages)
-    full = pr.track(MOTOR, tracker, duration=FIRST)
-    start = pr.track(MOTOR, tracker, duration=FIRST, averaged=True)
+    full = pr.track(MOTOR, tracker, duration=FIRST, margin=False)
+    start = pr.track(MOTOR, tracker, duration=FIRST, averaged=True, margin=False)
     began = perf_counter()
     whole = pr.track(MOTOR, tracker, disturb="warm-up", duration=WHOLE, averaged=True)
     took = perf_counter() - began

@@ -299,7 +299,7 @@ def _track(one: Case) -> Iterator[tuple[str, Answer]]:
     values = {name: getattr(one.drive, name) for name in ("voltage", "phase_deg", "ratio_b")}
     frequency = one.motor.modes[mode].frequency_hz
     tracker = pr.Tracker(kind="pll", frequency=frequency, bandwidth_hz=frequency / 60.0, **values)
-    run = pr.track(one.motor, tracker, 250.0 / frequency, mode=mode, **one.point)
+    run = pr.track(one.motor, tracker, 250.0 / frequency, mode=mode, margin=False, **one.point)
     document = run.to_dict()
     # the edges of the detector have the resolution of a step, ωh; and a run with a tracker is not corrected for the
     # shift of the resonance by the trapezoidal rule, (ωh)²/12

@@ -372,7 +372,7 @@ def _run(subject: Case) -> dict[str, Any]:
     if isinstance(subject.drive, pr.Driver):
         return pr.drive_report(subject.motor, subject.drive, **settings).to_dict()
     if isinstance(subject.drive, pr.Tracker):
-        return pr.track(subject.motor, subject.drive, **settings).to_dict()
+        return pr.track(subject.motor, subject.drive, margin=False, **settings).to_dict()
     if subject.question == "operating_point":
         return operating_point(subject.motor, subject.drive, **settings)
     return pr.simulate(subject.motor, subject.drive, **settings).to_dict()

@@ -49,9 +49,12 @@ def range_point(name: str, state: SteadyState, driver: Driver | None) -> RangePo
     return RangePoint(name, speed, state.torque_n_m, power_w, real, factor, groups["a"], groups["b"])
 
 
-def network_of(driver: Driver, group: str) -> tuple[complex, complex]:
-    """Return the series impedance, stage and transformer included, and the admittance across the pin."""
-    omega, series, across = 2.0 * pi * driver.frequency, 0j, 0j
+def network_of(driver: Driver, group: str, frequency: float | None = None) -> tuple[complex, complex]:
+    """Return the series impedance, stage and transformer included, and the admittance across the pin.
+
+    ``frequency`` in Hz is by default that of the driver; below 0 the values are those of a conjugate phasor.
+    """
+    omega, series, across = 2.0 * pi * (driver.frequency if frequency is None else frequency), 0j, 0j
     for part in driver.equivalent().parts(group):
         values, prefix = part.values, "series_" if part.label == "llcc" else ""
         series += values[f"{prefix}resistance"] + 1j * omega * values[f"{prefix}inductance"]

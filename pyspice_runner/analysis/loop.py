@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.small_signals import SmallSignals
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.model.tracking import LoopFilter, StatorLag
 from pyspice_runner.netlist.benches import AC_OPTIONS
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.trackers import Tracker, averaged_bench
+from pyspice_runner.result import json_ready
 from pyspice_runner.run.kernel import ac
 from pyspice_runner.run.waveforms import Array
 
@@ -36,6 +36,8 @@ class LoopDesign:
     phase_margin_deg: float  # phase of the loop gain there, above −180°
     frequency_hz: Array = field(repr=False)  # frequencies
     gain: NDArray[np.complex128] = field(repr=False)  # loop gain at them
+    margin_error_deg: float | None = None  # estimated error of the margin; of a running motor
+    sensed_phase_deg: float | None = None  # of the sensed motional current ahead of the force; of a running motor
 
     def to_dict(self) -> dict[str, Any]:
         """Return filter, crossover and margin, JSON-ready."""
@@ -43,33 +45,27 @@ class LoopDesign:
             "filter": asdict(self.loop_filter),
             "crossover_hz": self.crossover_hz,
             "phase_margin_deg": self.phase_margin_deg,
+            "margin_error_deg": self.margin_error_deg,
+            "sensed_phase_deg": self.sensed_phase_deg,
+            "frequency_hz": self.frequency_hz.tolist(),
+            "gain": json_ready(self.gain),
         }
 
 
-def loop_design(
-    tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter, signals: SmallSignals | None = None
-) -> LoopDesign:
-    """Return the loop gain of a phase-locked loop.
+def loop_design(tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter) -> LoopDesign:
+    """Return the loop gain of a phase-locked loop in front of a resonator alone, for which a filter is designed.
 
     Args:
         tracker: the tracker.
         lag: of the stator.
         loop_filter: the filter.
-        signals: small signals of the running motor. Their transfer function from the frequency to the phase of the
-            motional current of group A then replaces the lag.
 
     Raises:
         SimulationError: if ngspice fails, or the loop gain does not cross 1 near the bandwidth.
     """
-    if signals is not None:
-        frequency = signals.modulation_hz
-        stator = -signals.transfer("motional_phase_a_deg", "frequency") / 360.0
-        impedance = np.vectorize(loop_filter.impedance)(2j * pi * frequency)
-        gain = tracker.pump_current_a * tracker.gain_hz_per_v * impedance * stator
-        return _crossing(tracker, loop_filter, frequency, gain)
     bench = Bench(averaged_bench(tracker, lag, loop_filter, closed=False), AC_OPTIONS)
     frequency, returned = _swept(tracker, bench, "v(control)")
-    return _crossing(tracker, loop_filter, frequency, -returned)
+    return crossing(tracker, loop_filter, frequency, -returned)
 
 
 def averaged_loop(tracker: Tracker, loop_filter: LoopFilter, bench: Bench, guess: Mapping[str, float]) -> LoopDesign:
@@ -80,7 +76,7 @@ def averaged_loop(tracker: Tracker, loop_filter: LoopFilter, bench: Bench, guess
     pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
     frequency, phase = _swept(tracker, bench, "v(phase)", guess)
     impedance = np.vectorize(loop_filter.impedance)(2j * pi * frequency)
-    return _crossing(tracker, loop_filter, frequency, -pump * impedance * phase)
+    return crossing(tracker, loop_filter, frequency, -pump * impedance * phase)
 
 
 def _swept(
@@ -94,7 +90,13 @@ def _swept(
     return vectors["frequency"].real, vectors[vector]
 
 
-def _crossing(tracker: Tracker, loop_filter: LoopFilter, frequency: Array, gain: NDArray[np.complex128]) -> LoopDesign:
+def crossing(
+    tracker: Tracker, loop_filter: LoopFilter, frequency: Array, gain: NDArray[np.complex128], **more: float
+) -> LoopDesign:
+    """Return the design of a loop by its gain over frequency in Hz; ``more`` are further fields.
+
+    Raise SimulationError if the gain does not cross 1 once.
+    """
     level = np.log(np.abs(gain))
     below = np.flatnonzero((level[:-1] > 0.0) & (level[1:] <= 0.0))
     if below.size != 1:
@@ -103,4 +105,4 @@ def _crossing(tracker: Tracker, loop_filter: LoopFilter, frequency: Array, gain:
     crossover = float(np.exp(np.interp(0.0, level[near][::-1], np.log(frequency[near])[::-1])))
     phase = np.unwrap(np.angle(gain))
     margin = 180.0 + float(np.degrees(np.interp(np.log(crossover), np.log(frequency), phase)))
-    return LoopDesign(loop_filter, crossover, (margin + 180.0) % 360.0 - 180.0, frequency, gain)
+    return LoopDesign(loop_filter, crossover, (margin + 180.0) % 360.0 - 180.0, frequency, gain, **more)

@@ -237,7 +237,7 @@ def small_signals(
     return SmallSignals(
         state, modulation, {pair: copies.mean(axis=0) for pair, copies in transfers.items()}, probed,
         np.array([hot[at].mean(axis=0) for at in probed.tolist()]),
-        np.array([_cold(state.solution.plant, at) for at in probed.tolist()]),
+        np.array([cold_admittance(motor, at) for at in probed.tolist()]),
         np.array([image[at].mean(axis=0) for at in probed.tolist()]),
         {pair: _error(copies, transfers_smaller[pair]) for pair, copies in transfers.items()},
         np.array([_error(hot[at], hot_smaller[at]) for at in probed.tolist()]),
@@ -427,11 +427,11 @@ def _signals(plant: Plant, trace: Trace) -> Array:
     return np.array([speed(plant, trace), trace.friction, *currents, *motional])
 
 
-def _cold(plant: Plant, frequency: float) -> Complex:
-    """Return the admittance matrix of the free stator at rest."""
+def cold_admittance(motor: Motor, frequency: float) -> Complex:
+    """Return the admittance matrix in S of the free stator at rest at a frequency in Hz."""
     omega = 2.0 * pi * frequency
-    matrix = dielectric_matrix(plant.motor, frequency)
-    for mode in modes_on_carrier(plant.motor.modes, plant.motor.mount):
+    matrix = dielectric_matrix(motor, frequency)
+    for mode in modes_on_carrier(motor.modes, motor.mount):
         coupling = np.array([mode.coupling_a_n_per_v, mode.coupling_b_n_per_v])
         stiffness = mode.stiffness_n_per_m - omega**2 * mode.mass_kg + 1j * omega * mode.damping_n_s_per_m
         matrix = matrix + np.outer(coupling, coupling) * 1j * omega / stiffness

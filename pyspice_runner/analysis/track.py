@@ -3,17 +3,21 @@
 
 from __future__ import annotations
 
+from cmath import phase
+from collections.abc import Mapping
 from dataclasses import replace
-from math import pi
+from math import degrees, pi
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pyspice_runner.analysis.averaged import averaged_ceramic, mode_amplitudes, model_cautions
-from pyspice_runner.analysis.loop import LoopDesign, averaged_loop, loop_design
-from pyspice_runner.analysis.tracking import SMOOTHED_PERIODS, Periods, TrackedRun, Tracking, judged
+from pyspice_runner.analysis.loop import LoopDesign, averaged_loop
+from pyspice_runner.analysis.running_loop import LockedPoint, running_loop
+from pyspice_runner.analysis.tracking import SMOOTHED_PERIODS, Periods, Sensing, TrackedRun, Tracking, judged
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.model.drive import Load
+from pyspice_runner.model.drive import Load, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
@@ -23,7 +27,7 @@ from pyspice_runner.netlist.averaged_tracker import averaged_tracked_bench, chec
 from pyspice_runner.netlist.contact import ContactLaw, law_of
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.source import GROUPS
-from pyspice_runner.netlist.trackers import Disturbance, TrackedSource, Tracker, tracked_lag, tracker_filter
+from pyspice_runner.netlist.trackers import Disturbance, TrackedSource, Tracker, sensing, tracked_lag, tracker_filter
 from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import audit_contact
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
@@ -33,6 +37,7 @@ from pyspice_runner.run.waveforms import Array
 from pyspice_runner.run.window import Window
 
 STALL_TIME_S = 6e-3
+HARMONICS_OF_FORCE = 15  # behind a bridge; at 250 points a period and more
 LONGEST = 1e5  # s, of an averaged run
 LONGEST_STEPS = 50  # least number of steps of an averaged run
 
@@ -57,6 +62,7 @@ def track(
     step: float | None = None,
     driver: Driver | None = None,
     averaged: bool = False,
+    margin: bool = True,
     timeout: float | None = None,
     audit: bool = True,
 ) -> Tracking:
@@ -84,8 +90,9 @@ def track(
         speed: if given, the shaft is held at this speed, rad/s.
         step: largest time step, s; by default 1/200 of the period of the fastest motion.
         driver: circuit between tracker and the motor's pins, where the tracker senses; it sets voltages and phase.
-        averaged: whether to track the averaged motor. ``loop`` is then that of its ``.ac`` at the end of the run;
-            ``None`` if the tracker is not locked.
+        averaged: whether to track the averaged motor.
+        margin: whether to find the loop gain of a locked loop at the end of the run, from the small signals of the
+            running motor with driver and network; of the full motor this takes some ten seconds.
         timeout: wall time in s after which a run is ended.
         audit: whether findings of the physical audit are an error; if not, ``audit`` of the result has them.
 
@@ -119,7 +126,7 @@ def track(
         duration = begin if disturb == "start" else disturbance.end_s + {"temperature": 2e-3}.get(disturb, 12e-3)
     source = replace(source, disturbance=disturbance)
     setup = replace(setup, source=source, disturbance=disturbance)
-    run = TrackedRun(setup, source, disturbance, duration, lag, stall)
+    run = TrackedRun(setup, source, disturbance, duration, lag, stall, margin and tracker.kind == "pll")
     return _track_averaged(run) if averaged else _track_full(run)
 
 
@@ -165,6 +172,8 @@ def measured_loop_gain(
     amplitude_hz: float = 150.0,
     cycles: int = 5,
     step: float | None = None,
+    driver: Driver | None = None,
+    begin: float | None = None,
     timeout: float | None = None,
 ) -> complex:
     """Measure the gain of a running phase-locked loop, by a small sine in front of its oscillator.
@@ -182,6 +191,9 @@ def measured_loop_gain(
             several time steps, the resolution of the detector's edges.
         cycles: number of measured cycles, after the loop has settled.
         step: largest time step, s.
+        driver: circuit between tracker and the motor's pins, as in :func:`track`.
+        begin: time in s at which the measurement begins; by default when the tracker has settled. A light rotor may
+            take longer to reach its speed.
         timeout: wall time in s after which the run is ended.
 
     Raises:
@@ -193,15 +205,14 @@ def measured_loop_gain(
     mode = len(motor.modes) - 1 if mode is None else mode
     lag = tracked_lag(motor, tracker, mode, contact=contact is not None)
     window = cycles / frequency_hz
-    duration = _settled(tracker, "load") + window
+    duration = (_settled(tracker, "load") if begin is None else begin) + window
     inject = f"SIN(0 {amplitude_hz / tracker.gain_hz_per_v!r} {frequency_hz!r})"
-    source = TrackedSource(tracker, mode, tracker_filter(tracker, lag), inject=inject)
+    source = TrackedSource(tracker, mode, tracker_filter(tracker, lag), driver, inject=inject)
     setup = OperatingPoint(motor, source, law=law_of(contact), solver=Solver(step, timeout=timeout))
     _check_duration(setup, source, duration)
     vectors = setup.run(duration, _vectors(mode, "v(control)", "v(tuning)")).vectors()
     time = vectors["time"]
-    begin = time[-1] - window
-    grid = np.linspace(begin, time[-1], 4096 * cycles + 1)
+    grid = np.linspace(time[-1] - window, time[-1], 4096 * cycles + 1)
     turns = np.exp(-2j * pi * frequency_hz * grid)
     after, before = (
         np.trapezoid((values - values.mean()) * turns, grid)
@@ -228,12 +239,45 @@ def _track_full(run: TrackedRun) -> Tracking:
     audit = Audit(audit_contact(motor.contact.friction, *(vectors[name] for name in forces)) if forces else ())
     if setup.solver.audit:
         audit.withhold("run")
-    pll = source.tracker.kind == "pll"
-    loop = loop_design(source.tracker, run.lag, source.loop_filter) if pll else None
-    found = judged(run, _periods(vectors, mode), outcome, loop)
+    found = judged(run, _periods(vectors, mode), outcome)
     window = Window(vectors["time"], 1.0 / found.end_frequency_hz)
     stressed = ceramic(motor, setup.law, setup.discretisation, vectors, source, window)
-    return replace(found, audit=audit, ceramic=stressed)
+    found = replace(found, audit=audit, ceramic=stressed)
+    if run.source.tracker.kind == "pll":
+        currents = _phasors(vectors, {group: source.current(group)[0] for group in GROUPS})
+        found = replace(found, sensing=_sensing(run, _pins(vectors), currents, found))
+    if not (run.margin and found.locked):
+        return found
+    force = np.array([_phasors(vectors, {"": "v(force)"}, order)[""] for order in range(1, HARMONICS_OF_FORCE + 1)])
+    return _with_loop(run, found, _pins(vectors), force)
+
+
+def _with_loop(
+    run: TrackedRun, found: Tracking, pins: Mapping[str, complex], force: NDArray[np.complex128]
+) -> Tracking:
+    """Return a result with the loop gain of the running motor at its end; with a caution if there is none."""
+    setup, disturbance, tracker = run.setup, run.disturbance, run.source.tracker
+    motor, speed = setup.motor, setup.load.speed
+    if disturbance.kind == "temperature":
+        motor = disturbance.coefficients.warmed(motor, disturbance.rise_k)
+    if disturbance.kind == "preload":
+        motor = motor.updated({"contact.preload_n": motor.contact.preload_n * (1.0 + disturbance.preload_change)})
+    if speed is None and not found.settled:
+        speed = found.speed_after_rad_s
+    ratio = pins["b"] / pins["a"]
+    drive = TwoPhaseDrive(
+        voltage=abs(pins["a"]), ratio_b=abs(ratio), phase_deg=degrees(phase(ratio)), frequency=found.end_frequency_hz
+    )
+    target = tracker.target_deg + disturbance.target_step_deg
+    source = replace(run.source, tracker=tracker.model_copy(update={"target_deg": target}))
+    begins = np.exp(-1j * phase(pins["a"]) * np.arange(1, len(force) + 1))  # group A has the phase 0
+    point = LockedPoint(
+        motor, drive, speed, disturbance.load_torque_n_m if disturbance.kind == "load" else 0.0, force * begins
+    )
+    try:
+        return replace(found, loop=running_loop(setup, source, point, timeout=setup.solver.timeout))
+    except SimulationError as error:
+        return replace(found, no_loop=str(error))
 
 
 def _track_averaged(run: TrackedRun) -> Tracking:
@@ -254,12 +298,18 @@ def _track_averaged(run: TrackedRun) -> Tracking:
     force = own.coupling_a_n_per_v * volts["a"] + own.coupling_b_n_per_v * volts["b"]
     phase = np.degrees(np.angle((real + 1j * imaginary) / force))
     periods = Periods(time, vectors["v(tuned)"], phase, vectors["v(shaft)"], np.gradient(time))
-    found = judged(run, periods, outcome, None)
+    found = judged(run, periods, outcome)
+    if tracker.kind == "pll":
+        last = outcome.last()
+        currents = {
+            group: complex(*(last[f"i(v.xtracker.vline_{group}_{part})"] for part in ("re", "im"))) for group in GROUPS
+        }
+        found = replace(found, sensing=_sensing(run, volts, currents, found))
     kept = ("duration_s", "contact", "speed_rad_s", "mode", "deck_sha256")
     found.settings["run"] = {name: found.settings["run"][name] for name in kept} | {"averaged": True}
     return replace(
         found,
-        loop=_loop_at_end(run, outcome) if found.locked else None,
+        loop=_loop_at_end(run, outcome) if run.margin and found.locked else None,
         temperature_k=vectors["v(temperature)"] if disturbance.drifting else np.zeros(len(time)),
         model_cautions=model_cautions(float(vectors["v(xmotor.check)"].max()), float(vectors["v(xmotor.open)"].max())),
         ceramic=averaged_ceramic(
@@ -317,14 +367,53 @@ def _vectors(mode: int, *more: str) -> list[str]:
     return ["v(force)", "v(tuned)", "v(shaft)", f"i(v.xmotor.xmode{mode + 1}.vvelocity)", *more]
 
 
-def _periods(vectors: dict[str, Array], mode: int) -> Periods:
-    """Return the fundamentals of each period, from one rising edge of the force to the next."""
+def _edges(vectors: Mapping[str, Array]) -> Array:
+    """Return the times in s of the rising edges of the force."""
     time, force = vectors["time"], vectors["v(force)"]
-    velocity = vectors[f"i(v.xmotor.xmode{mode + 1}.vvelocity)"]
     rising = np.flatnonzero((force[:-1] < 0.0) & (force[1:] >= 0.0))
     if rising.size < 2 * SMOOTHED_PERIODS:
         raise SimulationError("The oscillator did not oscillate; see the deck.")
-    edges = time[rising] - force[rising] * (time[rising + 1] - time[rising]) / (force[rising + 1] - force[rising])
+    return np.asarray(
+        time[rising] - force[rising] * (time[rising + 1] - time[rising]) / (force[rising + 1] - force[rising])
+    )
+
+
+def _phasors(vectors: Mapping[str, Array], names: Mapping[str, str], order: int = 1) -> dict[str, complex]:
+    """Return the phasors of vectors, by group, over the last periods, or those of a harmonic."""
+    time, edges = vectors["time"], _edges(vectors)[-1 - SMOOTHED_PERIODS :]
+    late = (time >= edges[0]) & (time <= edges[-1])
+    turns = (
+        2.0j / (edges[-1] - edges[0]) * np.exp(-2j * pi * order * np.interp(time[late], edges, np.arange(edges.size)))
+    )
+    return {group: complex(np.trapezoid(vectors[name][late] * turns, time[late])) for group, name in names.items()}
+
+
+def _pins(vectors: Mapping[str, Array]) -> dict[str, complex]:
+    """Return the phasors in V of the voltages at the pins over the last periods."""
+    return _phasors(vectors, {group: f"v({group})" for group in GROUPS})
+
+
+def _sensing(run: TrackedRun, pins: Mapping[str, complex], currents: Mapping[str, complex], found: Tracking) -> Sensing:
+    """Return how the sensed motional current drifts where the copies of the clamped capacitances do not warm up."""
+    motor, tracker = run.setup.motor, run.source.tracker
+    drift = (run.disturbance.thermal or Thermal.of(motor)).capacitance_drift_per_k - tracker.copies_drift_per_k
+    weights = sensing(motor, tracker, run.source.mode)
+    motional = charging = 0j
+    for group in GROUPS:
+        reactance = 1.0 / (2j * pi * found.end_frequency_hz * weights[f"capacitance_{group}"])
+        taken = pins[group] / (weights[f"resistance_{group}"] + reactance)
+        motional += weights[f"current_{group}"] * (currents[group] - taken)
+        charging += weights[f"current_{group}"] * taken
+    turn = -degrees((drift * charging / motional).imag)  # the loop turns the mode back
+    wanted = tracker.target_deg + run.disturbance.target_step_deg
+    moved = run.lag.detuning_hz(wanted + turn) - run.lag.detuning_hz(wanted)
+    return Sensing(drift, turn, moved)
+
+
+def _periods(vectors: dict[str, Array], mode: int) -> Periods:
+    """Return the fundamentals of each period, from one rising edge of the force to the next."""
+    time, force, edges = vectors["time"], vectors["v(force)"], _edges(vectors)
+    velocity = vectors[f"i(v.xmotor.xmode{mode + 1}.vvelocity)"]
     turns = np.exp(-2j * pi * np.interp(time, edges, np.arange(edges.size)))
 
     def over_periods(values: Array) -> Any:

@@ -15,7 +15,7 @@ import numpy as np
 
 from pyspice_runner.analysis.loop import LoopDesign
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.tracking import StatorLag
+from pyspice_runner.model.tracking import LoopFilter, StatorLag
 from pyspice_runner.netlist.trackers import Disturbance, TrackedSource
 from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.kernel import Outcome
@@ -28,7 +28,43 @@ LOCKED_DEG = 20.0  # closer to the target is locked: a resonator has 94 % of its
 LOST_DEG = 60.0  # farther from it, lock is lost: half the amplitude
 BUILT_UP = 3.0  # time constants after which a mode's amplitude is within 5 % of its end
 SMOOTHED_PERIODS = 20  # over which phase and speed are averaged
+WARM_K = 50.0  # rise of the temperature at which the drift of the sensing is judged
 POINTS_TO_COME = 1000  # of an averaged run, from which its further change is extrapolated
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """Drift of the sensed motional current: the clamped capacitances warm up, their copies do not, or less.
+
+    Attributes:
+        capacitance_drift_per_k: relative drift of the clamped capacitances that their copies do not follow, 1/K.
+        phase_drift_deg_per_k: by which the loop moves the phase of the mode's velocity per kelvin.
+        frequency_drift_hz_per_k: by which it thus moves the frequency away from the one wanted.
+    """
+
+    capacitance_drift_per_k: float
+    phase_drift_deg_per_k: float
+    frequency_drift_hz_per_k: float
+
+    def words(self) -> str:
+        """Return the drift in a line."""
+        if not self.capacitance_drift_per_k:
+            return "copies of the clamped capacitances follow the temperature"
+        return (
+            f"copies of the clamped capacitances stay cold: {self.phase_drift_deg_per_k:.2g}° and "
+            f"{engineering(self.frequency_drift_hz_per_k, 'Hz')} per kelvin"
+        )
+
+    @property
+    def off(self) -> str:
+        """A caution where the drift matters, else empty."""
+        if abs(self.phase_drift_deg_per_k) * WARM_K <= LOCKED_DEG:
+            return ""
+        return (
+            f"The copies of the clamped capacitances do not warm up: {WARM_K:g} K move the phase by "
+            f"{WARM_K * self.phase_drift_deg_per_k:.2g}°. Let the copies follow the temperature (--compensate), or "
+            "match them where the motor runs."
+        )
 
 
 @dataclass(frozen=True, repr=False)
@@ -43,7 +79,10 @@ class Tracking(Result):
         rms_phase_error_deg: of the mode's velocity, from lock to the end; from the start without lock.
         worst_phase_error_deg: greatest deviation, averaged over 20 periods, in the same time.
         residual_detuning_hz: drive frequency minus the frequency at which the phase has its target, at the end.
+        static_phase_error_deg: phase of the mode's velocity minus its target, mean at the end.
         end_frequency_hz: mean frequency at the end.
+        resonance_reached_hz: frequency at which the mode's velocity would be in phase with the force, at the end; from
+            the phase there, by the loaded quality factor of the design.
         speed_before_rad_s: speed when the disturbance began.
         speed_after_rad_s: speed at the end.
         speed_lost_rad_s: speed before the disturbance minus the lowest speed after it began.
@@ -51,7 +90,8 @@ class Tracking(Result):
         to_come: expected further relative change of the speed, extrapolated from the part after the disturbance;
             ``None`` if that part is too short, or for a held shaft.
         lag: resonance and loaded quality factor of the mode, for which the filter was designed.
-        loop: the phase-locked loop's design; ``None`` for other trackers, and for an averaged one that is not locked.
+        loop: gain and margin of a locked phase-locked loop in front of the running motor, at the end; ``None`` for
+            other trackers, for one that is not locked, and where there is none.
         settings: motor, tracker, disturbance and run, JSON-ready.
         time_s: middle of each period.
         frequency_hz: frequency of each period.
@@ -64,6 +104,9 @@ class Tracking(Result):
         ceramic: strain, stress and temperature rise of the ceramic, and ``cautions``; empty where not measured.
         temperature_k: of the stator above that at which its parameters hold; averaged runs only.
         model_cautions: cautions by the check of the averaged model.
+        loop_filter: filter of a phase-locked loop.
+        no_loop: why a locked loop has no ``loop``.
+        sensing: how the sensing of a phase-locked loop drifts with the temperature of the stator.
     """
 
     locked: bool
@@ -72,14 +115,16 @@ class Tracking(Result):
     rms_phase_error_deg: float
     worst_phase_error_deg: float
     residual_detuning_hz: float
+    static_phase_error_deg: float
     end_frequency_hz: float
+    resonance_reached_hz: float
     speed_before_rad_s: float
     speed_after_rad_s: float
     speed_lost_rad_s: float
     stall_torque_n_m: float | None
     to_come: float | None
     lag: StatorLag
-    loop: LoopDesign | None
+    loop_filter: LoopFilter
     settings: dict[str, Any]
     time_s: Array = field(repr=False)
     frequency_hz: Array = field(repr=False)
@@ -92,6 +137,9 @@ class Tracking(Result):
     ceramic: dict[str, Any] = field(default_factory=dict)
     temperature_k: Array | None = field(default=None, repr=False)
     model_cautions: tuple[str, ...] = ()
+    loop: LoopDesign | None = None
+    no_loop: str = ""
+    sensing: Sensing | None = None
 
     @property
     def linear(self) -> bool:
@@ -102,13 +150,14 @@ class Tracking(Result):
         """Return the result, JSON-ready."""
         names = (
             "locked", "lock_time_s", "kept_lock", "rms_phase_error_deg", "worst_phase_error_deg",
-            "residual_detuning_hz", "end_frequency_hz", "speed_before_rad_s", "speed_after_rad_s", "speed_lost_rad_s",
-            "stall_torque_n_m", "settled", "to_come",
+            "residual_detuning_hz", "static_phase_error_deg", "end_frequency_hz", "design_frequency_hz",
+            "resonance_reached_hz", "speed_before_rad_s", "speed_after_rad_s",
+            "speed_lost_rad_s", "stall_torque_n_m", "settled", "to_come",
         )  # fmt: skip
         return self._keyed({
             **self._entries(*names),
             "lag": {**asdict(self.lag), "time_constant_s": self.lag.time_constant_s},
-            **self._entries("loop"),
+            **self._entries("loop", "loop_filter", "sensing"),
             **self.settings,
             "periods": len(self.time_s),
             **self._entries("solver_seconds", "ngspice_version", "audit"),
@@ -136,6 +185,10 @@ class Tracking(Result):
                 f"{engineering(self.lag.time_constant_s, 's')} each: the motion has not built up, and the end "
                 f"frequency is known within ±{engineering(0.5 / (np.pi * lasted), 'Hz')} only. Run it longer."
             )
+        if self.no_loop:
+            told.append(f"The loop gain of the running motor is not known: {self.no_loop}")
+        if self.sensing is not None and (off := self.sensing.off):
+            told.append(off)
         return self._told((*self.audit.findings, *self.model_cautions, *told, *self.ceramic.get("cautions", ())))
 
     def columns(self) -> dict[str, Array]:
@@ -154,12 +207,14 @@ class Tracking(Result):
             "locked": "yes" if self.locked else "no",
             "lock time": "–" if self.lock_time_s is None else engineering(self.lock_time_s, "s"),
             "phase error": f"{self.rms_phase_error_deg:.3g}° RMS, {self.worst_phase_error_deg:.3g}° at most",
+            "static phase error": self._static_error(),
             "residual detuning": engineering(self.residual_detuning_hz, "Hz"),
-            "frequency at the end": f"{1e-3 * self.end_frequency_hz:.6g} kHz",
+            "frequency reached": f"{1e-3 * self.end_frequency_hz:.6g} kHz, by design {self._design()}",
+            "running resonance": f"{1e-3 * self.resonance_reached_hz:.6g} kHz at the end, by design "
+            f"{self.lag.resonance_hz / 1e3:.6g} kHz with Q = {self.lag.quality:.3g}",
             "speed": f"{self.speed_before_rad_s:.4g} rad/s before, {self.speed_after_rad_s:.4g} rad/s at the end"
             + (", not settled" if self.settled is False else ""),
             "speed lost": f"{self.speed_lost_rad_s:.3g} rad/s",
-            "running resonance, by design": f"{self.lag.resonance_hz / 1e3:.6g} kHz, Q = {self.lag.quality:.3g}",
         }
         if self.settings["driver"]:
             rows["driver"] = self.settings["driver"]["label"]
@@ -167,11 +222,37 @@ class Tracking(Result):
             rows["temperature rise at the end"] = f"{self.temperature_k[-1]:.3g} K"
         if self.stall_torque_n_m is not None:
             rows["stall torque"] = engineering(self.stall_torque_n_m, "N·m")
+        if self.settings["tracker"]["kind"] == "pll":
+            parts, units = asdict(self.loop_filter), ("Ω", "F", "F")
+            designed = f"for {engineering(self.settings['tracker']['bandwidth_hz'], 'Hz')}"
+            rows["loop filter"] = f"{', '.join(map(engineering, parts.values(), units))}, {designed}"
+        if self.sensing is not None:
+            rows["sensing"] = self.sensing.words()
         if self.loop is not None:
-            parts, units = asdict(self.loop.loop_filter), ("Ω", "F", "F")
-            rows["loop filter"] = ", ".join(map(engineering, parts.values(), units))
-            rows["phase margin"] = f"{self.loop.phase_margin_deg:.1f}° at {self.loop.crossover_hz:.4g} Hz"
+            error = "" if self.loop.margin_error_deg is None else f" ± {self.loop.margin_error_deg:.1g}°"
+            rows["phase margin"] = f"{self.loop.phase_margin_deg:.1f}°{error} at {self.loop.crossover_hz:.4g} Hz"
         return self._worded(rows)
+
+    @property
+    def design_frequency_hz(self) -> float:
+        """Frequency at which the mode has the target phase by design, at the end."""
+        return self.lag.resonance_hz + self.lag.detuning_hz(self._wanted_deg)
+
+    @property
+    def _wanted_deg(self) -> float:
+        """Target phase at the end."""
+        step = self.settings["disturbance"]["target_step_deg"] or 0.0
+        return (
+            float(self.settings["tracker"]["target_deg"] + step) if self.settings["tracker"]["kind"] == "pll" else 0.0
+        )
+
+    def _static_error(self) -> str:
+        sensed = self.loop.sensed_phase_deg if self.loop else None
+        told = f"{self.static_phase_error_deg:.2g}° of the mode"
+        return told if sensed is None else f"{told}, {sensed - self._wanted_deg:.2g}° of the sensed current"
+
+    def _design(self) -> str:
+        return f"{1e-3 * self.design_frequency_hz:.6g} kHz"
 
 
 @dataclass(frozen=True)
@@ -184,6 +265,7 @@ class TrackedRun:
     duration: float  # simulated time in s
     lag: StatorLag  # resonance and lag of the mode, for which the filter was designed
     stall_torque_n_m: float | None  # torque on a held shaft, if it was measured
+    margin: bool  # whether to find the loop gain at the end
 
 
 @dataclass(frozen=True)
@@ -221,7 +303,7 @@ class Periods:
         return change / scale if isfinite(change) else None
 
 
-def judged(run: TrackedRun, periods: Periods, outcome: Outcome, loop: LoopDesign | None) -> Tracking:
+def judged(run: TrackedRun, periods: Periods, outcome: Outcome) -> Tracking:
     """Return lock, phase errors and speeds of a run. Raise ParameterError for a disturbance that begins too early."""
     setup, disturbance, tracker, time = run.setup, run.disturbance, run.source.tracker, periods.time
     wanted = tracker.wanted_deg + disturbance.target_step_deg * (time > disturbance.begin_s)
@@ -254,14 +336,16 @@ def judged(run: TrackedRun, periods: Periods, outcome: Outcome, loop: LoopDesign
         rms_phase_error_deg=sqrt(periods.mean((periods.phase - wanted) ** 2, since)),
         worst_phase_error_deg=float(np.abs(error[since]).max()),
         residual_detuning_hz=run.lag.detuning_hz(end_phase) - run.lag.detuning_hz(float(wanted[-1])),
-        end_frequency_hz=periods.mean(periods.frequency, last),
+        static_phase_error_deg=end_phase - float(wanted[-1]),
+        end_frequency_hz=(reached := periods.mean(periods.frequency, last)),
+        resonance_reached_hz=reached - run.lag.detuning_hz(end_phase),
         speed_before_rad_s=speed_before,
         speed_after_rad_s=float(speed[-1]),
         to_come=periods.to_come(begin if disturbed else 0.0) if setup.load.speed is None else None,
         speed_lost_rad_s=float(speed_before - since_begin.min()),
         stall_torque_n_m=run.stall_torque_n_m,
         lag=run.lag,
-        loop=loop,
+        loop_filter=run.source.loop_filter,
         settings={
             "motor": setup.motor.to_dict(),
             "tracker": tracker.model_dump(),

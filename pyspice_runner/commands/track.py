@@ -46,6 +46,10 @@ def track(
     all_drift: Annotated[
         bool, typer.Option("--all-drift", help="Couplings and capacitances drift too, by their default coefficients.")
     ] = False,
+    compensate: Annotated[
+        bool,
+        typer.Option("--compensate", help="The copies of the clamped capacitances follow the stator's temperature."),
+    ] = False,
     driver: Annotated[
         str | None, typer.Option(help=f"Driver between tracker and motor: {drive.DRIVERS}; default: none.")
     ] = None,
@@ -78,6 +82,7 @@ def track(
         "kind": tracker, **tone, "span": span,
         "offset": (0.03 if disturb == "start" else 0.0) if offset is None else offset, "target_deg": target,
         "bandwidth_hz": bandwidth, "period_s": period, "step_hz": step_size, "polarity": -1 if reverse else 1,
+        "copies_drift_per_k": pr.Thermal.of(loaded).capacitance_drift_per_k if compensate else 0.0,
     }  # fmt: skip
     chosen = pr.Tracker(**values)
     if frequency is None:
@@ -103,12 +108,14 @@ _OF_TRACKERS: dict[tuple[str, ...], set[str]] = {
     ("bandwidth", "target"): {"pll"},
     ("period", "step_size"): {"observe-current", "observe-power"},
     ("reverse",): {*get_args(TrackerKind)} - {"none"},
+    ("compensate",): {"pll", "observe-current"},
 }
 _OF_DISTURBANCES: dict[tuple[str, ...], set[str]] = {
     ("load_torque",): {"load"},
     ("preload_change",): {"preload"},
     ("target_step",): {"target"},
     ("drift", "drift_time", "all_drift"): {"temperature"},
+    ("compensate",): {"temperature", "warm-up"},
     ("begin",): {*get_args(DisturbanceKind)} - {"start", "warm-up"},
 }
 

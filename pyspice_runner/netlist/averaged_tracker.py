@@ -83,9 +83,9 @@ def averaged_tracked_bench(
     lines = [node for pin in _AMPLITUDES for node in (f"line_{pin}", pin)]
     instantiate(
         circuit, "tracker", "tracker_averaged",
-        (*lines, "target", "tuning", "control", "tuned", "phase"),
-        **sensing(motor, tracker, source.mode), **tracker.tuned_hz, current=tracker.pump_current_a,
-        polarity=tracker.polarity, rail=RAIL,
+        (*lines, "target", "tuning", "control", "tuned", "phase", "temperature"),
+        drift=tracker.copies_drift_per_k, **sensing(motor, tracker, source.mode), **tracker.tuned_hz,
+        current=tracker.pump_current_a, polarity=tracker.polarity, rail=RAIL,
     )  # fmt: skip
     if disturbance.kind == "warm-up":
         add_cooling(circuit, disturbance.thermal or Thermal())

@@ -75,6 +75,10 @@ class Tracker(Stated):
     capacitance_error: float = quantity(
         "error of the copies of the clamped capacitances, relative", "1", default=0.0, ge=-0.9, le=2.0
     )
+    copies_drift_per_k: float = quantity(
+        "relative drift with which these copies follow the temperature of the stator", "1/K",
+        default=0.0, ge=-0.02, le=0.02,
+    )  # fmt: skip
 
     def __init__(self, *values: Any, **named: Any) -> None:
         super().__init__(*values, **named)
@@ -141,6 +145,11 @@ class Disturbance:
     def coefficients(self) -> Thermal:
         """Coefficients of the thermal motor."""
         return self.thermal or Thermal(coupling_drift_per_k=0.0, capacitance_drift_per_k=0.0)
+
+    @property
+    def rise_k(self) -> float:
+        """Temperature rise in K that causes the drift."""
+        return self.drift / self.coefficients.frequency_drift_per_k
 
     @property
     def drifting(self) -> Thermal | None:
@@ -278,7 +287,7 @@ class TrackedSource(Source):
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add oscillator, tracker, driver and sensing between ground and the nodes of groups A and B."""
-        tracker, driver = self.tracker, self.driver
+        tracker, driver, disturbance = self.tracker, self.driver, self.disturbance or Disturbance("start")
         parts = ["tracker_sense", "tracker_oscillator", "tracker_phases"]
         parts += {"none": [], "pll": ["tracker_detector", "tracker_filter"]}.get(tracker.kind, ["tracker_observer"])
         circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
@@ -300,11 +309,14 @@ class TrackedSource(Source):
             add_driver(circuit, driver, dict(zip(GROUPS, lines, strict=True)), source=False)
         instantiate(
             circuit, "sense", "tracker_sense",
-            (lines[0], pins[0], lines[1], pins[1], circuit.gnd, "motional", "force", "ahead", "power"),
-            frequency=tracker.frequency, **sensing(motor, tracker, self.mode),
+            (
+                lines[0], pins[0], lines[1], pins[1], circuit.gnd, "motional", "force", "ahead", "power",
+                "temperature" if disturbance.kind == "temperature" else circuit.gnd,
+            ),
+            frequency=tracker.frequency, drift=tracker.copies_drift_per_k, **sensing(motor, tracker, self.mode),
         )  # fmt: skip
         circuit.V("inject", "tuning", "control", self.inject or "DC 0")
-        _add_tracker(circuit, motor, tracker, self.mode, self.loop_filter, self.disturbance or Disturbance("start"))
+        _add_tracker(circuit, motor, tracker, self.mode, self.loop_filter, disturbance)
 
     def initial_voltages(self) -> tuple[float, float]:
         """Return the voltages of the pins at t = 0: the oscillator starts with cosine 1."""
@@ -433,7 +445,6 @@ def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) ->
         circuit.V("approach", "approach", circuit.gnd, ramp(1e6 * moved))
         return ("approach",)
     if disturbance.kind == "temperature":
-        temperature = disturbance.drift / disturbance.coefficients.frequency_drift_per_k
-        circuit.V("temperature", "temperature", circuit.gnd, ramp(temperature))
+        circuit.V("temperature", "temperature", circuit.gnd, ramp(disturbance.rise_k))
         return ("temperature", "heat")
     return ()

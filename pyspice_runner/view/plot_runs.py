@@ -3,26 +3,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from numpy.typing import NDArray
 
 from pyspice_runner.analysis.averaged import AveragedRun
 from pyspice_runner.analysis.burst import BurstReport
 from pyspice_runner.analysis.control_loop import ControlLoop
 from pyspice_runner.analysis.controlled import ControlledRun
 from pyspice_runner.analysis.drive import DriveReport
+from pyspice_runner.analysis.loop import LoopDesign
 from pyspice_runner.analysis.steady import SteadyState
 from pyspice_runner.analysis.tracking import Tracking
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.view.draw import DASHES, LAST_PERIODS, Panel, Sheet, draw_lines, dress, last_periods
-from pyspice_runner.view.style import BLUE, GREEN, GREY, GROUPS, LABELS, STATES, VERMILION, Label, label_of
+from pyspice_runner.view.style import BLUE, GREEN, GREY, GROUPS, LABELS, STATES, VERMILION, Label, label_of, time_label
 
-_SECONDS, _HERTZ = Label("time", "s"), Label("frequency", "Hz")
+_HERTZ = Label("frequency", "Hz")
 LOWEST_SHOWN = 0.01  # of the crossover, of a loop gain
 
 
@@ -52,7 +55,7 @@ def steady_state(state: SteadyState) -> Sheet:
 def _speed(run: Waveforms, ax: Axes) -> None:
     lines = [(run.rotor_speed_rad_s, {"color": BLUE})]
     label = label_of("rotor_speed_rad_s", run.linear)
-    draw_lines(ax, (LABELS["time_ms"], run.time_s), label, lines, "Slider" if run.linear else "Rotor")
+    draw_lines(ax, (time_label(float(run.time_s[-1])), run.time_s), label, lines, "Slider" if run.linear else "Rotor")
 
 
 def _tip_path(run: Waveforms, ax: Axes) -> None:
@@ -106,7 +109,7 @@ def averaged_run(run: AveragedRun) -> Sheet:
         "check": (run.check, Label("check (accurate below 2 %)", "%", 100.0)),
     }
     title = f"{run.provenance['motor']['name']}, averaged: {run.provenance['drive']['label']}"
-    return _over_seconds(run.time_s, curves, title)
+    return _over_time(run.time_s, curves, title)
 
 
 def controlled_run(run: ControlledRun) -> Sheet:
@@ -122,7 +125,7 @@ def controlled_run(run: ControlledRun) -> Sheet:
     settings = run.provenance["run"]
     kind = "averaged motor" if settings["averaged"] else "full motor"
     title = f"{run.provenance['motor']['name']}, {kind}, a sample every {1e3 * settings['sample_time_s']:g} ms"
-    return _over_seconds(run.time_s, curves, title, marker=".")
+    return _over_time(run.time_s, curves, title, marker=".")
 
 
 def control_loop(loop: ControlLoop) -> Sheet:
@@ -134,24 +137,39 @@ def control_loop(loop: ControlLoop) -> Sheet:
 
 
 def _loop_magnitude(loop: ControlLoop, ax: Axes) -> None:
-    lowest = np.argmin(np.abs(loop.frequency_hz - LOWEST_SHOWN * loop.crossover_hz))
-    shown = slice(int(lowest), None)
-    plant = np.abs(loop.plant[shown])
-    lines = [
-        (np.abs(loop.loop_gain[shown]), {"color": BLUE, "label": "loop gain"}),
-        (plant / plant[0], {"color": GREY, "label": "plant over its first value"}),
-    ]
-    draw_lines(ax, (_HERTZ, loop.frequency_hz[shown]), Label("magnitude", ""), lines, "Magnitude")
-    ax.loglog()
-    ax.axhline(1.0, color=GREY, linewidth=0.7)
+    plant = np.abs(loop.plant)
+    shown = _bode_magnitude(ax, loop, loop.loop_gain, {"plant over its first value": plant})
     if loop.gain_margin_db is not None:
         ax.axhline(10.0 ** (-loop.gain_margin_db / 20.0), color=VERMILION, linestyle=":", linewidth=1.0)
         ax.set_title(f"Magnitude; gain margin {loop.gain_margin_db:.3g} dB")
+    ax.set_xlim(shown[0], shown[-1])
+
+
+def _bode_magnitude(
+    ax: Axes, loop: ControlLoop | LoopDesign, gain: NDArray[np.complex128], others: Mapping[str, Array]
+) -> Array:
+    """Draw magnitudes of a loop gain and of others; return the frequencies in Hz that are shown."""
+    lowest = int(np.argmin(np.abs(loop.frequency_hz - LOWEST_SHOWN * loop.crossover_hz)))
+    shown = slice(lowest, None)
+    lines = [(np.abs(gain[shown]), {"color": BLUE, "label": "loop gain"})] if others else [
+        (np.abs(gain[shown]), {"color": BLUE})
+    ]  # fmt: skip
+    lines += [(values[shown] / values[lowest], {"color": GREY, "label": name}) for name, values in others.items()]
+    frequency = loop.frequency_hz[shown]
+    draw_lines(ax, (_HERTZ, frequency), Label("magnitude", ""), lines, "Magnitude")
+    ax.loglog()
+    ax.axhline(1.0, color=GREY, linewidth=0.7)
+    return frequency
 
 
 def _loop_phase(loop: ControlLoop, ax: Axes) -> None:
+    _bode_phase(ax, loop, loop.loop_gain)
+
+
+def _bode_phase(ax: Axes, loop: ControlLoop | LoopDesign, gain: NDArray[np.complex128]) -> None:
+    """Draw the phase of a loop gain with its margin."""
     shown = loop.frequency_hz > LOWEST_SHOWN * loop.crossover_hz
-    phase = np.unwrap(np.angle(loop.loop_gain[shown]))
+    phase = np.unwrap(np.angle(gain[shown]))
     at = np.interp(loop.crossover_hz, loop.frequency_hz[shown], phase)
     phase = np.degrees(phase - 2.0 * np.pi * np.round((at - np.radians(loop.phase_margin_deg - 180.0)) / (2.0 * np.pi)))
     title = f"Phase margin {loop.phase_margin_deg:.3g}° at {loop.crossover_hz:.4g} Hz"
@@ -169,28 +187,33 @@ def _loop_step(loop: ControlLoop, ax: Axes) -> None:
         (loop.step_simulated, {"color": BLUE, "marker": ".", "linestyle": "", "label": "averaged motor"}),
     ]
     title = f"Step; overshoot {100.0 * loop.overshoot_simulated:.3g} %"
-    draw_lines(ax, (LABELS["time_ms"], loop.time_s), Label("deviation over the step", ""), lines, title)
+    draw_lines(
+        ax, (time_label(float(loop.time_s[-1])), loop.time_s), Label("deviation over the step", ""), lines, title
+    )
     ax.axhline(1.0, color=GREY, linewidth=0.7)
 
 
-def _over_seconds(time_s: Array, curves: dict[str, tuple[Array, Label]], title: str, **look: Any) -> Sheet:
-    """Return a panel for each curve, over seconds."""
+def _over_time(time_s: Array, curves: dict[str, tuple[Array, Label]], title: str, **look: Any) -> Sheet:
+    """Return a panel for each curve, over time."""
+    time = time_label(float(time_s[-1]))
 
     def draw_curve(values: Array, label: Label, ax: Axes) -> None:
-        draw_lines(ax, (_SECONDS, time_s), label, [(values, {"color": BLUE, **look})])
+        draw_lines(ax, (time, time_s), label, [(values, {"color": BLUE, **look})])
         ax.ticklabel_format(axis="y", useOffset=False)
 
     return Sheet({name: partial(draw_curve, *curve) for name, curve in curves.items()}, 2, (5.0, 2.5), title)
 
 
 def tracking(result: Tracking) -> Sheet:
-    """Return frequency, phase and speed over time, with the beginning of the disturbance."""
-    time, begin = LABELS["time_ms"], result.settings["disturbance"]["begin_s"]
+    """Return frequency, phase and speed over time with the beginning of the disturbance, and the loop gain."""
+    time, begin = time_label(float(result.time_s[-1])), result.settings["disturbance"]["begin_s"]
     curves = {
         "frequency": (result.frequency_hz, LABELS["frequency_hz"]),
         "phase": (result.phase_deg, Label("phase of the mode", "degrees")),
         "speed": (result.rotor_speed_rad_s, label_of("rotor_speed_rad_s", result.linear)),
     }
+    if result.temperature_k is not None and result.temperature_k.any():
+        curves["temperature"] = (result.temperature_k, Label("temperature rise", "K"))
 
     def draw_curve(values: Array, label: Label, ax: Axes) -> None:
         draw_lines(ax, (time, result.time_s), label, [(values, {"linewidth": 1.0})])
@@ -200,7 +223,17 @@ def tracking(result: Tracking) -> Sheet:
             ax.set_ylim(-95.0, 95.0)
 
     title = f"{result.settings['motor']['name']}: {result.settings['disturbance']['kind']}"
-    return Sheet({name: partial(draw_curve, *curve) for name, curve in curves.items()}, 1, (8.0, 2.7), title)
+    panels: dict[str, Panel] = {name: partial(draw_curve, *curve) for name, curve in curves.items()}
+    loop = result.loop
+    if loop is None:
+        return Sheet(panels, 1, (8.0, 2.7), title)
+    bode: dict[str, Panel] = {
+        "loop magnitude": lambda ax: _bode_magnitude(ax, loop, loop.gain, {}),
+        "loop phase": lambda ax: _bode_phase(ax, loop, loop.gain),
+    }
+    order = ("frequency", "loop magnitude", "phase", "loop phase", "speed", "temperature")
+    panels |= bode
+    return Sheet({name: panels[name] for name in order if name in panels}, 2, (6.0, 2.7), title)
 
 
 def drive_report(report: DriveReport) -> Sheet:

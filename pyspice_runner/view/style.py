@@ -76,6 +76,13 @@ _OF_SLIDER = {
 }
 
 
+def time_label(longest_s: float) -> Label:
+    """Return the label of a time axis that ends at a time in s: in ms, s or min."""
+    if longest_s < 1.0:
+        return LABELS["time_ms"]
+    return Label("time", "s") if longest_s < 120.0 else Label("time", "min", 1.0 / 60.0)
+
+
 def label_of(name: str, linear: bool) -> Label:
     """Return the label of a quantity; with ``linear`` that of a motor with a slider."""
     return _OF_SLIDER.get(name, LABELS[name]) if linear else LABELS[name]

@@ -16,15 +16,18 @@ import pytest
 from numpy.typing import NDArray
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.loop import loop_design
 from pyspice_runner.analysis.period_map import PeriodMap
+from pyspice_runner.analysis.running_loop import LockedPoint, running_loop
 from pyspice_runner.analysis.small_signals import ACCURATE, INPUTS, OUTPUTS, SmallSignals, _outputs, small_signals
 from pyspice_runner.cli import run
 from pyspice_runner.model.drive import Tone
 from pyspice_runner.model.tracking import propose_filter, stator_lag
+from pyspice_runner.netlist.contact import law_of
 from pyspice_runner.netlist.copies import Copy, Probe, copies_bench
 from pyspice_runner.netlist.motor import dielectric_admittance
+from pyspice_runner.netlist.trackers import TrackedSource
 from pyspice_runner.run.kernel import transient
+from pyspice_runner.run.operating_point import OperatingPoint
 
 pytestmark = pytest.mark.xdist_group("small signals")  # they are shared
 
@@ -280,10 +283,11 @@ def test_the_loop_gain_of_a_motor_that_sticks_is_that_of_its_resonance() -> None
     paper = pr.load_motor("andersen2002").updated({"mount": None})
     lag = stator_lag(paper, 1, 0.2 * 2.0 * paper.modes[1].coupling_a_n_per_v)
     weak = pr.TwoPhaseDrive(voltage=0.2, frequency=lag.resonance_hz, phase_deg=180.0)  # moves the second mode alone
-    found = small_signals(paper, weak, frequencies=np.geomspace(300.0, 900.0, 3), speed=0.0)
     tracker = pr.Tracker(kind="pll", voltage=0.2, frequency=lag.resonance_hz, bandwidth_hz=500.0)
     chosen = propose_filter(lag, 500.0, gain_hz_per_v=tracker.gain_hz_per_v, current_a=tracker.pump_current_a)
-    running = loop_design(tracker, lag, chosen, found)
+    source = TrackedSource(tracker, 1, chosen)
+    setup = OperatingPoint(paper, source, law=law_of("spring-slider"))
+    running = running_loop(setup, source, LockedPoint(paper, weak, 0.0))
     # harmonic balance of the slider, which the closed form of the lag has, gives the loaded Q to some per cent
     assert running.crossover_hz == pytest.approx(500.0, rel=0.05)
     assert running.phase_margin_deg == pytest.approx(90.0 - degrees(atan(1.0 / 6.0)), abs=2.0)

@@ -10,6 +10,7 @@ import json
 from functools import cache
 from math import atan, degrees, radians
 from pathlib import Path
+from runpy import run_path
 from typing import Any
 
 import numpy as np
@@ -17,15 +18,19 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.loop import LoopDesign, loop_design
+from pyspice_runner.analysis.running_loop import LockedPoint, running_loop
 from pyspice_runner.analysis.track import measured_loop_gain, running_resonance
 from pyspice_runner.cli import run
 from pyspice_runner.model.tracking import LoopFilter, StatorLag, propose_filter
 from pyspice_runner.netlist.benches import TRANSIENT_OPTIONS
 from pyspice_runner.netlist.sources import Bench
-from pyspice_runner.netlist.trackers import averaged_bench
+from pyspice_runner.netlist.trackers import TrackedSource, averaged_bench
 from pyspice_runner.run.kernel import transient
+from pyspice_runner.run.operating_point import OperatingPoint
 
 pytestmark = pytest.mark.xdist_group("trackers")
+
+MARGINS = run_path(str(Path(__file__).resolve().parents[2] / "docs" / "tracker_margins.py"))
 
 COARSE = 1.0 / (100.0 * 55.4e3)  # s, a hundredth of the shortest period: edges are seen 3.6° late at worst
 FINE = COARSE / 8.0  # s; edges 0.45° late: at 3.6° the overshoot of a step by 20° scatters by a tenth of itself
@@ -270,6 +275,69 @@ def test_the_averaged_loop_steps_like_the_full_transient(bandwidth: float) -> No
     rise, overshoot = features(found.time_s[part], (found.phase_deg[part] - before) / (after - before))
     assert rise == pytest.approx(expected[0], rel=0.1)
     assert overshoot == pytest.approx(expected[1], rel=0.1)
+
+
+# --- the loop gain of the running motor -----------------------------------------------------------------------
+
+
+def locked(chosen: pr.Tracker, driver: pr.Driver | None = None) -> LoopDesign:
+    """The loop gain of a free stator in front of which a tracker is locked."""
+    lag = running_resonance(motor(), chosen, contact=False)
+    source = TrackedSource(chosen, 1, proposed(chosen), driver)
+    volts = pr.TwoPhaseDrive(voltage=chosen.voltage, frequency=lag.resonance_hz, phase_deg=90.0)
+    return running_loop(OperatingPoint(motor(), source, law=None), source, LockedPoint(motor(), volts, None))
+
+
+def test_without_a_network_a_free_stator_has_the_loop_of_its_resonance() -> None:
+    chosen = free(1000.0, 2.0)
+    found, designed = locked(chosen), design(chosen)
+    # the other mode, 38 kHz away, moves the sensed phase a little; its current is weighted out but for its loss
+    assert found.crossover_hz == pytest.approx(designed.crossover_hz, rel=1e-3)
+    assert found.phase_margin_deg == pytest.approx(designed.phase_margin_deg, abs=0.1)
+    assert found.sensed_phase_deg == pytest.approx(0.0, abs=1.0)
+
+
+def test_a_network_changes_the_loop_of_a_tracker() -> None:
+    """1.5 mH at 1.4 kHz: 0.856 and 44.3° by a sine in front of the oscillator, in a transient with edges 0.5° late."""
+    coil = {"inductor.inductance": 1.5e-3, "inductor.resistance": 15.0}
+    chosen = free(500.0, 6.0).model_copy(update={"ratio_b": 2.0})
+    driver = pr.Driver(kind="ideal", network="inductor", voltage=50.0, frequency=51.7e3, settings=coil)
+    lag = running_resonance(motor(), chosen, contact=False)
+    source = TrackedSource(chosen, 1, proposed(chosen), driver)
+    # the pins in lock, by the transient
+    volts = pr.TwoPhaseDrive(voltage=53.494, ratio_b=2.25022, phase_deg=-9.1287, frequency=lag.resonance_hz)
+    found = running_loop(OperatingPoint(motor(), source, law=None), source, LockedPoint(motor(), volts, None))
+    gain = np.exp(np.interp(np.log(1438.0), np.log(found.frequency_hz), np.log(np.abs(found.gain))))
+    margin = 180.0 + np.interp(1438.0, found.frequency_hz, np.degrees(np.unwrap(np.angle(found.gain))))
+    assert gain == pytest.approx(0.856, rel=0.02)
+    assert (margin + 180.0) % 360.0 - 180.0 == pytest.approx(44.3, abs=1.0)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", list(MARGINS["CASES"]))
+def test_the_margin_that_is_printed_is_the_one_that_is_measured(name: str) -> None:
+    """±3° and 5 % of the crossover; a finite sine and the detector's edges take some of both."""
+    found = MARGINS["measured"](MARGINS["CASES"][name])
+    (printed_hz, printed_deg), (measured_hz, measured_deg) = found.printed, found.measured
+    assert printed_hz == pytest.approx(measured_hz, rel=0.05)
+    assert printed_deg == pytest.approx(measured_deg, abs=3.0)
+
+
+@pytest.mark.soak
+def test_copies_that_follow_the_temperature_keep_the_phase() -> None:
+    """125 K; the difference of both runs is the drift per kelvin that the result states, for small angles."""
+    chosen, warm = tracker(contact=False), pr.Thermal()
+    settings: dict[str, Any] = {"disturb": "temperature", "drift": -0.02, "drift_time": 10e-3, "begin": 2e-3}
+    errors = []
+    for drift in (0.0, warm.capacitance_drift_per_k):
+        following = chosen.model_copy(update={"copies_drift_per_k": drift})
+        found = pr.track(motor(), following, contact=None, thermal=warm, step=COARSE, **settings)
+        errors.append(found.static_phase_error_deg)
+        if not drift:
+            assert found.sensing is not None
+            expected = 125.0 * found.sensing.phase_drift_deg_per_k
+    # a coarse step is 3.6° of a period, of which the mean over a run of periods sees a tenth
+    assert errors[0] - errors[1] == pytest.approx(expected, abs=0.5)
 
 
 # --- refusals, files, the command ----------------------------------------------------------------------------

@@ -31,7 +31,9 @@ def motor() -> pr.Motor:
 def test_the_first_milliseconds_are_those_of_the_full_motor(motor: pr.Motor) -> None:
     """3 % RMS of the speed reached; the frequency within 0.1 %, a few of the steps by which an edge is seen late."""
     chosen = tracker(motor, offset=0.03)
-    full, averaged = (pr.track(motor, chosen, duration=3.2e-3, averaged=averaged) for averaged in (False, True))
+    full, averaged = (
+        pr.track(motor, chosen, duration=3.2e-3, averaged=averaged, margin=False) for averaged in (False, True)
+    )
     assert averaged.locked
     assert full.locked
     assert full.lock_time_s is not None

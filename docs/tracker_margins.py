@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measure the margins of five trackers and write a table of ``docs/tracking.md``: ``python -m docs.tracker_margins``.
+
+The printed margin is that of ``track``. The measured one is the ratio of returned to injected voltage of a small sine
+in front of the oscillator, in a run of its own. It takes some minutes of one core.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import pyspice_runner as pr
+from pyspice_runner.analysis.track import running_resonance
+
+PAGE = Path(__file__).with_name("tracking.md")
+BEGIN, END = "<!-- margins by python -m docs.tracker_margins -->", "<!-- end of the margins -->"
+HEAD = """\
+| loop | printed | measured | resonator alone |
+|---|---|---|---|"""
+SWING_HZ = 0.15  # amplitude of the injected sine, over the half bandwidth of the mode
+FINER = 2.0  # the usual step over that of the measurement, whose edges are seen at the end of a step
+CYCLES = 6
+
+
+@dataclass(frozen=True)
+class Case:
+    """One loop."""
+
+    motor: str
+    tracker: dict[str, Any]
+    duration: float  # s, after which the speed has settled
+    driver: dict[str, Any] = field(default_factory=dict)
+
+    def parts(self) -> tuple[pr.Motor, pr.Tracker, pr.Driver | None]:
+        """Return motor, tracker in the middle of its range, and driver."""
+        light = {"andersen2002": 1e-7, "beam40": 1e-6, "bimodal40": 1e-6}[self.motor]  # kg m²
+        motor = pr.load_motor(self.motor).updated({"rotor.inertia_kg_m2": light})
+        start = {"frequency": motor.modes[-1].frequency_hz, **self.tracker}
+        tracker = pr.Tracker(kind="pll", **start)
+        tracker = tracker.model_copy(update={"frequency": running_resonance(motor, tracker).resonance_hz})
+        same = {name: getattr(tracker, name) for name in ("voltage", "ratio_b", "phase_deg", "frequency")}
+        return motor, tracker, pr.Driver(**{**same, **self.driver}) if self.driver else None
+
+
+COIL = {"kind": "half-bridge", "network": "inductor"}
+CASES = {
+    "`bimodal40`, 70 V, −30°": Case("bimodal40", {"voltage": 70.0, "phase_deg": 62.0, "target_deg": -30.0}, 20e-3),
+    "`andersen2002`, 50 V and 100 V, 1 kHz": Case(
+        "andersen2002", {"voltage": 50.0, "ratio_b": 2.0, "bandwidth_hz": 1000.0, "ripple_ratio": 2.0}, 8e-3
+    ),
+    "`beam40`, 40 V, −20°": Case("beam40", {"voltage": 40.0, "target_deg": -20.0}, 12e-3),
+    "`andersen2002`, half bridge with 1.5 mH": Case(
+        "andersen2002", {"voltage": 25.0, "ratio_b": 2.0}, 8e-3,
+        {**COIL, "settings": {"inductor.inductance": 1.5e-3, "inductor.resistance": 15.0}},
+    ),
+    "`andersen2002`, amplifier with 1.5 mH": Case(
+        "andersen2002", {"voltage": 25.0, "ratio_b": 2.0}, 8e-3,
+        {**COIL, "kind": "linear", "settings": {"inductor.inductance": 1.5e-3, "inductor.resistance": 15.0}},
+    ),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Crossover in Hz and phase margin in degrees of one loop."""
+
+    designed: tuple[float, float]
+    printed: tuple[float, float]
+    measured: tuple[float, float]
+
+
+def measured(case: Case) -> Margins:
+    """Print and measure a loop."""
+    motor, tracker, driver = case.parts()
+    found = pr.track(motor, tracker, case.duration, driver=driver)
+    loop = found.loop
+    if loop is None:
+        raise pr.SimulationError(found.no_loop or "The tracker is not locked.")
+    half_width = 0.5 * found.lag.resonance_hz / found.lag.quality
+    step = found.settings["run"]["step_s"] / FINER
+    gain = pr.measured_loop_gain(
+        motor, tracker, loop.crossover_hz, amplitude_hz=SWING_HZ * half_width, cycles=CYCLES, step=step, driver=driver,
+        begin=case.duration,
+    )  # fmt: skip
+    levels, places = np.log(np.abs(loop.gain)), np.log(loop.frequency_hz)
+    near = np.abs(places - np.log(loop.crossover_hz)) < 0.2
+    slope = np.polyfit(places[near], levels[near], 1)[0]
+    turning = np.polyfit(places[near], np.degrees(np.unwrap(np.angle(loop.gain[near]))), 1)[0]
+    shift = -np.log(abs(gain)) / slope
+    crossover = loop.crossover_hz * float(np.exp(shift))
+    margin = 180.0 + float(np.degrees(np.angle(gain)) + turning * shift)
+    alone = pr.loop_design(tracker, found.lag, found.loop_filter)
+    return Margins(
+        (alone.crossover_hz, alone.phase_margin_deg), (loop.crossover_hz, loop.phase_margin_deg), (crossover, margin)
+    )
+
+
+def row(name: str, found: Margins) -> str:
+    """Return a line of the table."""
+    shown = [
+        f"{margin:.1f}° at {crossover:.0f} Hz" for crossover, margin in (found.printed, found.measured, found.designed)
+    ]
+    return f"| {name} | {' | '.join(shown)} |"
+
+
+def main() -> None:
+    """Write the table, and print it as it grows."""
+    lines = [HEAD]
+    for name, case in CASES.items():
+        lines.append(row(name, measured(case)))
+        sys.stdout.write(lines[-1] + "\n")
+        sys.stdout.flush()
+    page = PAGE.read_text(encoding="utf-8")
+    new = f"{BEGIN}\n" + "\n".join(lines) + f"\n{END}"
+    PAGE.write_text(re.sub(f"{BEGIN}.*?{END}", lambda _: new, page, flags=re.S), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
