@@ -17,6 +17,7 @@ from .analysis.simulate import simulate as simulate
 from .analysis.small_signals import small_signals as small_signals
 from .analysis.speed_torque import operating_point as operating_point
 from .analysis.speed_torque import speed_torque as speed_torque
+from .analysis.state_space import state_space as state_space
 from .analysis.steady import steady_state as steady_state
 from .analysis.track import (
     measured_loop_gain as measured_loop_gain,

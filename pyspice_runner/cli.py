@@ -34,6 +34,7 @@ from pyspice_runner.commands.motor_from import motor_from
 from pyspice_runner.commands.motors import export, motors, show
 from pyspice_runner.commands.pages import live, report
 from pyspice_runner.commands.simulate import simulate
+from pyspice_runner.commands.state_space import state_space
 from pyspice_runner.commands.steady_states import map_points, small_signals, speed_torque, steady
 from pyspice_runner.commands.sweep import sweep
 from pyspice_runner.commands.track import track
@@ -47,8 +48,8 @@ app = typer.Typer(
 )
 
 COMMANDS = (
-    motors, show, simulate, admittance, speed_torque, steady, small_signals, loop, sweep, drive, burst, track, impact,
-    fit, compare, motor_from, calibrate, export, report, live,
+    motors, show, simulate, admittance, speed_torque, steady, small_signals, loop, state_space, sweep, drive, burst, track,
+    impact, fit, compare, motor_from, calibrate, export, report, live,
 )  # fmt: skip
 NAMES = {command.__name__.replace("_", "-"): command for command in COMMANDS} | {"map": map_points}
 for name, command in NAMES.items():

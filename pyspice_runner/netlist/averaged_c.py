@@ -12,6 +12,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from textwrap import wrap
 
 from pyspice_runner.model import contact as contact_law
@@ -200,6 +201,32 @@ def start_header(motor: Motor, known: list[Variable]) -> str:
         "}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def state_names(modes: int, states: int, harmonics: int) -> list[str]:
+    """Return the names of the states of an averaged motor, in the order of the header's enumeration."""
+    text = re.sub(r"/\*.*?\*/", "", (data_path("behavioral") / HEADER).read_text(encoding="utf-8"), flags=re.S)
+    block = re.search(r"enum \{\s*(SPEED,.*?)\s*\}", text, re.S)
+    assert block is not None
+    place, found = 0, dict[str, int]()
+    for entry in block[1].split(","):
+        name, _, value = (part.strip() for part in entry.partition("="))
+        before, _, count = (part.strip() for part in value.partition("+"))
+        if value:
+            place = found[before] + {"MODES": modes}.get(count, 0 if not count.isdigit() else int(count))
+        found[name] = place
+        place += 1
+    starts = [*found.items()]
+    names = []
+    for (name, begin), (_, end) in pairwise(starts[: [*found].index("AMPLITUDE") + 1]):
+        lower = name.lower()
+        names += [lower] if end - begin == 1 else [f"{lower}_{number}" for number in range(1, end - begin + 1)]
+    for number in range(states - found["AMPLITUDE"]):
+        mode, rest = divmod(number, 2 * harmonics)
+        order, part = divmod(rest, 2)
+        moving = f"mode{mode + 1}" if mode < modes else ("carrier", "carrier_x")[mode - modes]
+        names.append(f"{moving}_harmonic{order + 1}_{('re', 'im')[part]}")
+    return names
 
 
 def _size(modes: int, moving: int) -> list[str]:
