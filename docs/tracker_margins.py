@@ -55,11 +55,11 @@ CASES = {
         "andersen2002", {"voltage": 50.0, "ratio_b": 2.0, "bandwidth_hz": 1000.0, "ripple_ratio": 2.0}, 8e-3
     ),
     "`beam40`, 40 V, −20°": Case("beam40", {"voltage": 40.0, "target_deg": -20.0}, 12e-3),
-    "`andersen2002`, half bridge with 1.5 mH": Case(
+    "`andersen2002`, 25 V and 50 V, half bridge with 1.5 mH": Case(
         "andersen2002", {"voltage": 25.0, "ratio_b": 2.0}, 8e-3,
         {**COIL, "settings": {"inductor.inductance": 1.5e-3, "inductor.resistance": 15.0}},
     ),
-    "`andersen2002`, amplifier with 1.5 mH": Case(
+    "`andersen2002`, 25 V and 50 V, amplifier with 1.5 mH": Case(
         "andersen2002", {"voltage": 25.0, "ratio_b": 2.0}, 8e-3,
         {**COIL, "kind": "linear", "settings": {"inductor.inductance": 1.5e-3, "inductor.resistance": 15.0}},
     ),

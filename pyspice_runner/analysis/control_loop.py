@@ -18,15 +18,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.averaged import INPUT_OF
 from pyspice_runner.analysis.controlled import Sample, simulate_controlled
+from pyspice_runner.analysis.state_space import settled
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Load, TwoPhaseDrive, check_together
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.averaged import constant_settings
 from pyspice_runner.result import Result
-from pyspice_runner.run.averaged_motor import INPUTS, AveragedMotor
+from pyspice_runner.run.averaged_motor import INPUTS
 from pyspice_runner.units import linear_unit
 
 Array = NDArray[np.float64]
@@ -243,10 +242,7 @@ def control_loop(
 
 
 def _plant(motor: Motor, drive: TwoPhaseDrive, load: Load, quantity: Quantity, sample_time: float) -> _Plant:
-    running = AveragedMotor(motor)
-    settings = constant_settings(drive, load)
-    running.begin(**{of_c: settings[name][0][1] for name, of_c in INPUT_OF.items() if name in settings})
-    running.settle()
+    running = settled(motor, drive, load)
     shown = ("speed", "torque", "current_amplitude_a", "current_phase_a", "check", "separated")
     point = {name: running.get(name) for name in shown}
     if quantity != "phase" and abs(point["speed"]) < STANDS:

@@ -144,6 +144,26 @@ class StateSpace(Result):
                 **self._entries("cautions")}  # fmt: skip
 
 
+def settled(motor: Motor, drive: TwoPhaseDrive, load: Load) -> AveragedMotor:
+    """Return an averaged motor in its steady state at a drive."""
+    running = AveragedMotor(motor)
+    settings = constant_settings(drive, load)
+    running.begin(**{of_c: settings[name][0][1] for name, of_c in INPUT_OF.items() if name in settings})
+    running.settle()
+    return running
+
+
+def _moving(by_state: Array, by_input: Array, outputs: Array) -> list[int]:
+    """Return the states that something moves and that move something: what a motor does not have is left out."""
+    kept, count = list(range(len(by_state))), 0
+    while count != len(kept):
+        count = len(kept)
+        kept = [place for place in kept if by_state[place, kept].any() or by_input[place].any()]
+        others = {place: [other for other in kept if other != place] for place in kept}
+        kept = [place for place in kept if by_state[others[place], place].any() or outputs[:, place].any()]
+    return kept
+
+
 @checked
 def state_space(motor: Motor, drive: TwoPhaseDrive, *, load_torque: float = 0.0) -> StateSpace:
     """Return the averaged motor about its steady state as a linear system.
@@ -160,10 +180,7 @@ def state_space(motor: Motor, drive: TwoPhaseDrive, *, load_torque: float = 0.0)
     check_together(motor, drive)
     load = Load(None, load_torque)
     load.check(motor)
-    running = AveragedMotor(motor)
-    settings = constant_settings(drive, load)
-    running.begin(**{of_c: settings[name][0][1] for name, of_c in INPUT_OF.items()})
-    running.settle()
+    running = settled(motor, drive, load)
     shown = ("speed", "torque", "current_amplitude_a", "current_phase_a", "check", "separated")
     point = {name: running.get(name) for name in shown}
     if not point["current_amplitude_a"]:
@@ -186,12 +203,7 @@ def state_space(motor: Motor, drive: TwoPhaseDrive, *, load_torque: float = 0.0)
             degree * current_by_state.imag]  # fmt: skip
     through = [np.zeros(len(OF_INPUTS)), np.zeros(len(OF_INPUTS)), current_by_input.real,
                degree * current_by_input.imag]  # fmt: skip
-    # without integrals of the current, which move nothing, and what the motor does not have
-    kept = [place for place, name in enumerate(names) if not name.startswith("charge")]
-    count = 0
-    while count != len(kept):
-        count = len(kept)
-        kept = [place for place in kept if small.by_state[place, kept].any() or by_input[place].any()]
+    kept = _moving(small.by_state, by_input, np.array(rows))
     units = {names[place]: OF_STATES.get(names[place], LENGTH) for place in kept}
     described: list[dict[str, str]] = [units, OF_INPUTS, OF_OUTPUTS]
     if motor.slider:
