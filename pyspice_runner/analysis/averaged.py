@@ -146,14 +146,11 @@ class AveragedRun(Result):
 
     @property
     def _model_cautions(self) -> tuple[str, ...]:
-        damping = contact_law.normal_damping(Contact(**self.provenance["motor"]["contact"]))
-        approach = 2.0 * np.pi * self.curves["frequency_hz"] * self.curves["tip_y_amplitude_m"]  # m/s
-        greatest = {name: float(self.curves[name].max()) for name in ("check", "separated")}
+        check, opened = (float(self.curves[name].max()) for name in ("check", "separated"))
+        factor = damping_factor(self.provenance["motor"], self.curves["frequency_hz"], self.curves["tip_y_amplitude_m"])
         amplitude = np.maximum(self.curves["amplitude_a_v"], self.curves["amplitude_b_v"])
-        return (
-            *model_cautions(greatest["check"], greatest["separated"], 1.0 + damping * float(approach.max())),
-            *short_bursts(self.curves["time_s"], amplitude, float(self.curves["frequency_hz"].min())),
-        )
+        bursts = short_bursts(self.curves["time_s"], amplitude, float(self.curves["frequency_hz"].min()))
+        return (*model_cautions(check, opened, factor), *bursts)
 
     @property
     def cautions(self) -> tuple[str, ...]:
@@ -196,6 +193,12 @@ class AveragedRun(Result):
             **self.provenance,
             **self._entries("cautions"),  # in place of those of the operating point alone
         })  # fmt: skip
+
+
+def damping_factor(motor: Mapping[str, Any], frequency_hz: Array, tip_y_amplitude_m: Array) -> float:
+    """Return the greatest factor by which damping multiplies the normal force of a motor, as of ``to_dict``."""
+    damping = contact_law.normal_damping(Contact(**motor["contact"]))
+    return 1.0 + damping * float(np.max(2.0 * np.pi * frequency_hz * tip_y_amplitude_m))
 
 
 def model_cautions(check: float, opened: float, factor: float = 1.0) -> tuple[str, ...]:

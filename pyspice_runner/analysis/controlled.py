@@ -25,6 +25,7 @@ from pyspice_runner.analysis.averaged import (
     averaged_engine,
     coupled_to,
     course_of,
+    damping_factor,
     deck_of,
     model_cautions,
     settings_of,
@@ -75,7 +76,9 @@ SAMPLES: dict[str, tuple[str, str]] = {
     "load_position_rad": ("rad", "angle of what is coupled to the shaft"),
     "check": ("1", "motion that the averaged motor leaves out, relative to static penetration and limit of stick"),
     "separated": ("1", "share of the period in which the contact of the averaged motor is open"),
+    "tip_y_amplitude_m": ("m", "amplitude of the tip's fundamental in the averaged motor, towards the rotor"),
 }
+OF_AVERAGED = ("check", "separated", "tip_y_amplitude_m")
 
 
 RECORDS = (
@@ -109,8 +112,8 @@ class ControlledRun(Result):
     """Samples and commands of a controller.
 
     Attributes:
-        samples: arrays by the names of :data:`SAMPLES`, one value a sample; of the full motor without ``check`` and
-            ``separated``. They are what the sensors measure and the actuators set.
+        samples: arrays by the names of :data:`SAMPLES`, one value a sample; of the full motor without
+            :data:`OF_AVERAGED`. They are what the sensors measure and the actuators set.
         records: arrays by the names of :data:`RECORDS`, between the samples, by ideal sensors.
         logs: what firmware logs at each sample, by its own names.
         provenance: motor, drive and run settings, JSON-ready.
@@ -159,14 +162,12 @@ class ControlledRun(Result):
     def _model_cautions(self) -> tuple[str, ...]:
         if "check" not in self.samples:
             return ()
-        amplitude = np.maximum(np.abs(self.samples["voltage_a_v"]), np.abs(self.samples["voltage_b_v"]))
-        started = self.provenance["run"]["start"] == "steady"
-        return (
-            *model_cautions(float(self.samples["check"].max()), float(self.samples["separated"].max())),
-            *short_bursts(
-                self.samples["time_s"], amplitude, float(self.samples["frequency_hz"].min()), running=started
-            ),
-        )
+        seen, running = self.samples, self.provenance["run"]["start"] == "steady"
+        check, opened = (float(seen[name].max()) for name in ("check", "separated"))
+        factor = damping_factor(self.provenance["motor"], seen["frequency_hz"], seen["tip_y_amplitude_m"])
+        amplitude = np.maximum(np.abs(seen["voltage_a_v"]), np.abs(seen["voltage_b_v"]))
+        bursts = short_bursts(seen["time_s"], amplitude, float(seen["frequency_hz"].min()), running=running)
+        return (*model_cautions(check, opened, factor), *bursts)
 
     @property
     def _too_fast(self) -> tuple[str, ...]:
@@ -191,7 +192,7 @@ class ControlledRun(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the last sample and the settings, JSON-ready."""
         end = {name: float(values[-1]) for name, values in self.samples.items()}
-        checked = [name for name in ("check", "separated") if name in self.samples]
+        checked = [name for name in OF_AVERAGED if name in self.samples]
         greatest = {f"greatest_{name}": float(self.samples[name].max()) for name in checked}
         return self._keyed(
             {"end": end, **self._entries("trusted"), **greatest, **self.provenance, **self._entries("cautions")}
@@ -297,7 +298,7 @@ def simulate_controlled(
         samples, between = running.run(count, sample_time, records)
     samples["load_torque_n_m"] = np.interp(samples["time_s"], *np.transpose(settings["load_torque"]))
     return ControlledRun(
-        samples={name: samples[name] for name in SAMPLES if averaged or name not in ("check", "separated")},
+        samples={name: samples[name] for name in SAMPLES if averaged or name not in OF_AVERAGED},
         records=between,
         logs=dict(zip(decide.names, np.transpose(decide.logs), strict=False)) if isinstance(decide, Firmware) else {},
         provenance={
@@ -383,7 +384,16 @@ class Loop:
             set_now = self.rounding.commands(wanted)
             if not delay:
                 self._set(set_now, present)
-            rows.append([*vars(sample).values(), *set_now.values(), now.load_position, now.check, now.separated])
+            rows.append(
+                [
+                    *vars(sample).values(),
+                    *set_now.values(),
+                    now.load_position,
+                    now.check,
+                    now.separated,
+                    now.tip_y_amplitude,
+                ]
+            )
         names = [name for name in SAMPLES if name != "load_torque_n_m"]
         table, beside = np.array(rows), np.array(between).reshape(-1, len(RECORDS))
         samples = {name: table[:, place] for place, name in enumerate(names)}

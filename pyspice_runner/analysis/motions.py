@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import hypot
 from typing import Protocol
 
 import numpy as np
@@ -33,6 +34,7 @@ class State:
     temperature: float = 0.0  # K
     check: float = 0.0
     separated: float = 0.0
+    tip_y_amplitude: float = 0.0  # m, fundamental of the tip towards the rotor
 
 
 class Motion(Protocol):
@@ -63,10 +65,11 @@ class Spice:
         def phasor(name: str, unit: float) -> complex:
             return unit * complex(now[f"v({name}_re)"], now[f"v({name}_im)"])
 
+        check, separated, *tip = (now.get(name, 0.0) for name in CHECKED)
         return State(
             now["time"], now["v(position)"], phasor("sum_a", 1e-6), phasor("sum_b", 1e-6), phasor("flux_a", 1e-3),
             phasor("flux_b", 1e-3), now.get("v(load_position)", now["v(position)"]), now.get("v(temperature)", 0.0),
-            *(now.get(name, 0.0) for name in CHECKED),
+            check, separated, 1e-6 * hypot(*tip),
         )  # fmt: skip
 
     def alter(self, name: str, value: float) -> None:
@@ -91,7 +94,7 @@ class Compiled:
         """Run to a time in s."""
         self._motor.advance(self._time, until, self._courses)
         self._time = until
-        names = ("load_position", "temperature", "check", "separated")
+        names = ("load_position", "temperature", "check", "separated", "tip_y_amplitude")
         numbers = (self._motor.get(name) for name in names)
         charge_a, charge_b, flux_a, flux_b = self._motor.sums
         return State(until, self._motor.get("position"), charge_a, charge_b, flux_a, flux_b, *numbers)

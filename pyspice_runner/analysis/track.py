@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.averaged import averaged_ceramic, mode_amplitudes, model_cautions
+from pyspice_runner.analysis.averaged import averaged_ceramic, damping_factor, mode_amplitudes, model_cautions
 from pyspice_runner.analysis.loop import LoopDesign, averaged_loop
 from pyspice_runner.analysis.running_loop import LockedPoint, running_loop
 from pyspice_runner.analysis.tracking import SMOOTHED_PERIODS, Periods, Sensing, TrackedRun, Tracking, judged
@@ -311,7 +311,15 @@ def _track_averaged(run: TrackedRun) -> Tracking:
         found,
         loop=_loop_at_end(run, outcome) if run.margin and found.locked else None,
         temperature_k=vectors["v(temperature)"] if disturbance.drifting else np.zeros(len(time)),
-        model_cautions=model_cautions(float(vectors["v(xmotor.check)"].max()), float(vectors["v(xmotor.open)"].max())),
+        model_cautions=model_cautions(
+            float(vectors["v(xmotor.check)"].max()),
+            float(vectors["v(xmotor.open)"].max()),
+            damping_factor(
+                motor.to_dict(),
+                vectors["v(tuned)"],
+                1e-6 * np.hypot(*(vectors[f"v(xmotor.y_{part}1)"] for part in ("re", "im"))),
+            ),
+        ),
         ceramic=averaged_ceramic(
             motor,
             mode_amplitudes(motor, vectors, HARMONICS),

@@ -28,7 +28,8 @@ _PARTS = ("re", "im")
 SAMPLED = (  # angle in rad; integrals of the amplitudes of currents, 1 V = 1 uA.s, and of voltages, 1 V = 1 mV.s
     "v(position)", *(f"v({sum_of}_{group}_{part})" for sum_of in ("sum", "flux") for group in "ab" for part in _PARTS)
 )  # fmt: skip
-CHECKED = ("v(xmotor.check)", "v(xmotor.open)")  # of the averaged motor: its own check
+# of the averaged motor: its own check, and the fundamental of the tip towards the rotor in um
+CHECKED = ("v(xmotor.check)", "v(xmotor.open)", "v(xmotor.y_re1)", "v(xmotor.y_im1)")
 _TURNS = f"{2.0 * pi!r}*V(turns)"
 
 

@@ -366,3 +366,8 @@ def test_an_averaged_motor_whose_damping_exceeds_its_limit_is_not_trusted(
     run = pr.simulate_averaged(motor, drive, 20e-3, speed=4.0)
     assert run.trusted == trusted
     assert any("multiplies the normal force" in caution for caution in run.cautions) != trusted
+    controlled = pr.simulate_controlled(motor, drive, lambda _: {}, 1e-3, sample_time=0.25e-3)
+    constant = pr.Tracker(kind="none", voltage=300.0, frequency=52.5e3, phase_deg=90.0)
+    tracked = pr.track(motor, constant, 1e-3, averaged=True)
+    for found in (controlled, tracked):
+        assert any("multiplies the normal force" in caution for caution in found.cautions) != trusted
