@@ -10,8 +10,9 @@ Source: K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., 199
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from itertools import product
 from math import atan2, cos, degrees, isfinite, log, pi, radians, sin, tan
 from typing import Any, Literal
 
@@ -19,11 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.analysis.controlled import Sample, simulate_controlled
-from pyspice_runner.analysis.state_space import settled
+from pyspice_runner.analysis.state_space import linear_about, settled
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Load, TwoPhaseDrive, check_together
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
+from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.result import Result
 from pyspice_runner.run.averaged_motor import INPUTS
 from pyspice_runner.units import linear_unit
@@ -41,12 +43,34 @@ STEPPED = 5  # samples before the step
 CYCLES, FEWEST = 12.0, 60  # of the crossover frequency that a step response lasts, and its least number of samples
 SMALL = 0.02  # of the speed: a step of the set point; that of the position passes in a radian of the crossover
 SMALL_DEG = 0.2  # step of the phase
+_OF_LOAD = ("load.", "temperature")  # of the paths of a spread, those that are not of the motor
 # quantity → names and units of the gains, unit of the quantity
 GAINS: dict[str, tuple[tuple[str, str], tuple[str, str], str]] = {
     "speed": (("proportional", "V·s/rad"), ("integral", "V/rad"), "rad/s"),
     "position": (("proportional", "V/rad"), ("derivative", "V·s/rad"), "rad"),
     "phase": (("proportional", "Hz/deg"), ("integral", "Hz/(deg·s)"), "deg"),
 }
+
+
+@dataclass(frozen=True)
+class SpreadPoint:
+    """The loop at another operating point: with the gains of the design, and what gains the point itself needs.
+
+    Attributes:
+        at: path → value that differs from the design.
+        speed: of the steady state there, rad/s; ``None`` where there is none.
+        crossover_hz: with the gains of the design; ``None`` where the loop is not stable or does not cross over.
+        phase_margin_deg: the same.
+        gains: that give the wanted crossover and margin there; ``None`` where none do.
+        reason: why something is ``None``.
+    """
+
+    at: Mapping[str, float]
+    speed: float | None = None
+    crossover_hz: float | None = None
+    phase_margin_deg: float | None = None
+    gains: Mapping[str, float] | None = None
+    reason: str = ""
 
 
 @dataclass(frozen=True, repr=False)
@@ -71,6 +95,7 @@ class ControlLoop(Result):
         trusted: whether the averaged motor's own check passes throughout the step.
         model_cautions: the cautions of the simulated step.
         provenance: motor, drive, operating point and settings, JSON-ready.
+        spread: the loop at other operating points, which is a schedule of the gains as well.
     """
 
     quantity: Quantity
@@ -89,6 +114,7 @@ class ControlLoop(Result):
     trusted: bool
     model_cautions: tuple[str, ...] = field(repr=False)
     provenance: dict[str, Any] = field(repr=False)
+    spread: tuple[SpreadPoint, ...] = ()
 
     @property
     def linear(self) -> bool:
@@ -103,8 +129,14 @@ class ControlLoop(Result):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """The cautions of the simulated step."""
-        return self.model_cautions
+        """The cautions of the simulated step, and operating points at which the loop is not stable."""
+        lost = [one for one in self.spread if one.phase_margin_deg is None]
+        told = (
+            f"At {len(lost)} of {len(self.spread)} operating points the loop has no margin: {lost[0].reason}"
+            if lost
+            else ""
+        )
+        return (*self.model_cautions, *([told] if told else []))
 
     def columns(self) -> Mapping[str, Array]:
         """Return plant and loop gain over frequency."""
@@ -117,12 +149,23 @@ class ControlLoop(Result):
         """Return gains, margins and overshoot."""
         shown = {f"{name} gain": f"{value:.4g} {self.gain_units[name]}" for name, value in self.gains.items()}
         bound = "none" if self.gain_margin_db is None else f"{self.gain_margin_db:.3g} dB"
-        return shown | {
-            "crossover": f"{self.crossover_hz:.4g} Hz",
-            "phase margin": f"{self.phase_margin_deg:.3g}°",
-            "gain margin": bound,
-            "overshoot": f"{100.0 * self.overshoot:.3g} %, averaged motor {100.0 * self.overshoot_simulated:.3g} %",
-        }
+        rows = {}
+        if margins := [one.phase_margin_deg for one in self.spread if one.phase_margin_deg is not None]:
+            places = [one.crossover_hz for one in self.spread if one.crossover_hz is not None]
+            rows["over the spread"] = (
+                f"{min(margins):.3g} to {max(margins):.3g}° at {min(places):.4g} to {max(places):.4g} Hz, "
+                f"{len(margins)} of {len(self.spread)} points"
+            )
+        return (
+            shown
+            | rows
+            | {
+                "crossover": f"{self.crossover_hz:.4g} Hz",
+                "phase margin": f"{self.phase_margin_deg:.3g}°",
+                "gain margin": bound,
+                "overshoot": f"{100.0 * self.overshoot:.3g} %, averaged motor {100.0 * self.overshoot_simulated:.3g} %",
+            }
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return gains, margins, overshoot, step responses and settings, JSON-ready."""
@@ -131,8 +174,9 @@ class ControlLoop(Result):
             "overshoot_simulated", "trusted",
         )  # fmt: skip
         step = self._entries("time_s", "step_predicted", "step_simulated")
+        spread = {"spread": [asdict(one) for one in self.spread]} if self.spread else {}
         return {
-            "quantity": self.quantity, **self._entries(*names), "step": step, **self.provenance,
+            "quantity": self.quantity, **spread, **self._entries(*names), "step": step, **self.provenance,
             **self._entries("cautions"),
         }  # fmt: skip
 
@@ -171,6 +215,7 @@ def control_loop(
     margin: float = 60.0,
     sample_time: float,
     load_torque: float = 0.0,
+    over: Mapping[str, Sequence[float]] | None = None,
 ) -> ControlLoop:
     """Design a sampled controller about the steady state at a drive.
 
@@ -188,6 +233,8 @@ def control_loop(
         margin: wanted phase margin, degrees.
         sample_time: time in s between two samples; at least one period of the drive.
         load_torque: torque in N·m that a load draws from the shaft.
+        over: axes of a grid of other operating points: ``drive.voltage``, ``load.torque``, ``temperature`` (K, of the
+            stator above that at which its parameters hold) or the path of a parameter of the motor → values.
 
     Raises:
         ParameterError: for a value out of range, or a crossover and margin that no controller of this kind gives.
@@ -219,11 +266,9 @@ def control_loop(
     found, phase_margin, gain_margin = _margins(frequency, loop)
     count = max(FEWEST, int(CYCLES / crossover / sample_time))
     predicted = _predicted(plant, gain, ratio, count)
-    first, second, _ = GAINS[quantity]
-    per_second = ratio / sample_time if quantity != "position" else ratio * sample_time
     designed = ControlLoop(
         quantity=quantity,
-        gains={first[0]: gain, second[0]: gain * per_second},
+        gains=_named(quantity, gain, ratio, sample_time),
         crossover_hz=found, phase_margin_deg=phase_margin, gain_margin_db=gain_margin,
         overshoot=max(0.0, float(predicted.max()) - 1.0), overshoot_simulated=0.0,
         frequency_hz=frequency, plant=responses, loop_gain=loop,
@@ -238,7 +283,55 @@ def control_loop(
             },
         },
     )  # fmt: skip
-    return _simulated(designed, motor, drive)
+    whole = replace(designed, spread=_spread(designed, motor, drive, (gain, ratio), over)) if over else designed
+    return _simulated(whole, motor, drive)
+
+
+def _spread(
+    loop: ControlLoop,
+    motor: Motor,
+    drive: TwoPhaseDrive,
+    fixed: tuple[float, float],
+    over: Mapping[str, Sequence[float]],
+) -> tuple[SpreadPoint, ...]:
+    """Return the loop with its gain and ratio at the points of a grid."""
+    run, found = loop.provenance["run"], []
+    frequency = np.geomspace(LOWEST * run["crossover_hz"], 0.5 / run["sample_time_s"], POINTS)
+    for values in product(*over.values()):
+        at = dict(zip(over, map(float, values), strict=True))
+        of_motor = {path: value for path, value in at.items() if not path.startswith(("drive.", *_OF_LOAD))}
+        of_drive = {path.removeprefix("drive."): value for path, value in at.items() if path.startswith("drive.")}
+        changed = motor.updated(of_motor)
+        if "temperature" in at:
+            changed = Thermal.of(motor).warmed(changed, at["temperature"])
+        load = Load(None, at.get("load.torque", run["load_torque_n_m"]))
+        load.check(changed)
+        point = SpreadPoint(at)
+        try:
+            plant = _plant(changed, drive.updated(of_drive), load, loop.quantity, run["sample_time_s"])
+            point = replace(point, speed=plant.point["speed"])
+            _predicted(plant, *fixed, 1)  # which raises for a loop that is not stable
+            crossover, margin, _ = _margins(
+                frequency, _controller(plant, *fixed, frequency) * plant.response(frequency)
+            )
+            point = replace(point, crossover_hz=crossover, phase_margin_deg=margin)
+        except SimulationError as error:
+            point = replace(point, reason=str(error))
+        if point.speed is not None:
+            try:
+                gains = _gains(plant, run["crossover_hz"], run["margin_deg"])
+                _predicted(plant, *gains, 1)
+                point = replace(point, gains=_named(loop.quantity, *gains, run["sample_time_s"]))
+            except (ParameterError, SimulationError) as error:
+                point = replace(point, reason=point.reason or str(error))
+        found.append(point)
+    return tuple(found)
+
+
+def _named(quantity: Quantity, gain: float, ratio: float, sample_time: float) -> dict[str, float]:
+    """Return the gains of a controller in its units."""
+    (first, _), (second, _), _ = GAINS[quantity]
+    return {first: gain, second: gain * (ratio * sample_time if quantity == "position" else ratio / sample_time)}
 
 
 def _plant(motor: Motor, drive: TwoPhaseDrive, load: Load, quantity: Quantity, sample_time: float) -> _Plant:
@@ -249,7 +342,7 @@ def _plant(motor: Motor, drive: TwoPhaseDrive, load: Load, quantity: Quantity, s
         raise SimulationError(
             f"The motor stands still at {drive.label}: there the amplitude has no small effect. Raise the voltage."
         )
-    small = running.linearised()
+    small = linear_about(running, drive.frequency)
     inputs = {"frequency": 1.0} if quantity == "phase" else {"amplitude_a": 1.0, "amplitude_b": drive.ratio_b}
     by_input = sum(weight * small.by_input[:, INPUTS.index(name)] for name, weight in inputs.items())
     states = len(small.by_state)

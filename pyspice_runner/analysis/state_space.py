@@ -10,7 +10,7 @@ All signals are deviations from the steady state. The states are those of the av
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import degrees
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.averaged import HARMONICS, constant_settings
 from pyspice_runner.netlist.averaged_c import state_names
 from pyspice_runner.result import Result
-from pyspice_runner.run.averaged_motor import INPUTS, AveragedMotor
+from pyspice_runner.run.averaged_motor import INPUTS, AveragedMotor, LinearMotor
 from pyspice_runner.units import linear_unit
 
 Array = NDArray[np.float64]
@@ -38,6 +38,7 @@ OF_STATES = {
     "speed": "rad/s", "position": "rad", "load_speed": "rad/s", "load_position": "rad", "temperature": "K",
     "carrier_velocity": "m/s", "carrier_x_velocity": "m/s", "bearing": "1",
 }  # fmt: skip
+ROUNDING = 1e-15  # of the greatest entry of a row of A, below which an entry is none
 LENGTH = "m"  # unit of the other states
 
 
@@ -153,7 +154,27 @@ def settled(motor: Motor, drive: TwoPhaseDrive, load: Load) -> AveragedMotor:
     return running
 
 
-def _moving(by_state: Array, by_input: Array, outputs: Array) -> list[int]:
+def linear_about(running: AveragedMotor, frequency: float) -> LinearMotor:
+    """Return the small signals of an averaged motor about its present state, at a drive frequency in Hz.
+
+    Averages over a period do not describe a free vibration that is not slow against it, such as that of a mode far from
+    the drive. Its pole may lie on the wrong side; the integration damps it, and here it is put to the other side.
+    """
+    from scipy.linalg import eig, matrix_balance  # takes long to load
+
+    found = running.linearised()
+    balanced, (scale, _) = matrix_balance(found.by_state, permute=False, separate=True)
+    poles, left, right = eig(balanced, left=True)
+    wrong = np.flatnonzero((poles.real > 0.0) & (np.abs(poles.imag) > np.pi * frequency))
+    for place in wrong.tolist():
+        row, column = left[:, place].conj(), right[:, place]
+        # the sum over a pole and its conjugate is real
+        balanced = balanced - np.real(2.0 * poles[place].real * np.outer(column, row) / (row @ column))
+    by_state = balanced * scale[:, np.newaxis] / scale if wrong.size else found.by_state
+    return replace(found, by_state=by_state)
+
+
+def _moving(by_state: NDArray[np.bool_], by_input: Array, outputs: Array) -> list[int]:
     """Return the states that something moves and that move something: what a motor does not have is left out."""
     kept, count = list(range(len(by_state))), 0
     while count != len(kept):
@@ -185,7 +206,7 @@ def state_space(motor: Motor, drive: TwoPhaseDrive, *, load_torque: float = 0.0)
     point = {name: running.get(name) for name in shown}
     if not point["current_amplitude_a"]:
         raise SimulationError("No current flows into group A: its phase is not known. Give group A a voltage.")
-    small = running.linearised()
+    small = linear_about(running, drive.frequency)
     weights = {"amplitude": {"amplitude_a": 1.0, "amplitude_b": drive.ratio_b}}
     columns = [
         np.asarray(sum(weight * small.by_input[:, INPUTS.index(of_c)] for of_c, weight in parts.items()))
@@ -203,7 +224,8 @@ def state_space(motor: Motor, drive: TwoPhaseDrive, *, load_torque: float = 0.0)
             degree * current_by_state.imag]  # fmt: skip
     through = [np.zeros(len(OF_INPUTS)), np.zeros(len(OF_INPUTS)), current_by_input.real,
                degree * current_by_input.imag]  # fmt: skip
-    kept = _moving(small.by_state, by_input, np.array(rows))
+    moves = np.abs(small.by_state) > ROUNDING * np.abs(small.by_state).max(axis=1, keepdims=True)
+    kept = _moving(moves, by_input, np.array(rows))
     units = {names[place]: OF_STATES.get(names[place], LENGTH) for place in kept}
     described: list[dict[str, str]] = [units, OF_INPUTS, OF_OUTPUTS]
     if motor.slider:

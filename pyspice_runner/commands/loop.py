@@ -24,6 +24,14 @@ def loop(
     margin: Annotated[float, typer.Option(help="Phase margin, degrees.")] = 60.0,
     sample: Annotated[float, typer.Option(help="Time between two samples, s.")] = 0.5e-3,
     load: LoadOption = 0.0,
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH=VALUES",
+            help="Other operating points: drive.voltage=60,80, load.torque=0,1e-3, temperature=0,40, "
+            "contact.preload_n=5,6. Repeatable.",
+        ),
+    ] = None,
     changes: common.SetOption = None,
     targets: Targets,
 ) -> None:
@@ -38,7 +46,14 @@ def loop(
         raise pr.ParameterError("A loop is designed about a drive with one frequency. Add --drive two-phase.")
     with common.busy("The averaged motor settles and steps"):
         found = pr.control_loop(
-            loaded, stated, quantity=quantity, crossover=crossover, margin=margin, sample_time=sample, load_torque=load
+            loaded,
+            stated,
+            quantity=quantity,
+            crossover=crossover,
+            margin=margin,
+            sample_time=sample,
+            load_torque=load,
+            over=common.axes_of(over) if over else None,
         )
     common.caution(found)
     targets.deliver(found, f"{loaded.name}: loop of the {quantity}, {stated.label}")

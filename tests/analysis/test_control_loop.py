@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -151,6 +152,44 @@ def test_a_motor_in_its_dead_band_has_no_loop(motor: pr.Motor, drive: pr.TwoPhas
     weak = drive.model_copy(update={"voltage": 20.0})
     with pytest.raises(pr.SimulationError, match="The motor stands still"):
         pr.control_loop(motor, weak, **DESIGNS["slow speed"])
+
+
+def test_a_spread_has_the_margins_at_other_operating_points(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
+    """By a sine in the running loop with the gains of the design; 3 % and 1.5°, as it is not infinitely small."""
+    wanted = DESIGNS["slow speed"]
+    loop = pr.control_loop(motor, drive, **wanted, over={"drive.voltage": [20.0, 60.0, 80.0]})
+    assert "The motor stands still" in loop.spread[0].reason
+    assert any("At 1 of 3 operating points" in caution for caution in loop.cautions)
+    for point in loop.spread[1:]:
+        changed = drive.model_copy(update={"voltage": point.at["drive.voltage"]})
+        there = pr.control_loop(motor, changed, **wanted)
+        assert point.gains == pytest.approx(there.gains)  # the schedule is what a design there gives
+        assert point.crossover_hz is not None
+        assert point.phase_margin_deg is not None
+        run_there = there.provenance["run"] | {"crossover_hz": point.crossover_hz}
+        moved = replace(
+            there, gains=loop.gains, provenance=there.provenance | {"run": run_there},
+            loop_gain=there.plant * loop.loop_gain / loop.plant,
+        )  # fmt: skip
+        gain = injected(moved, motor, changed, settles=0.2, start="steady")
+        cycle = round(1.0 / point.crossover_hz / wanted["sample_time"]) * wanted["sample_time"]
+        place = np.log(moved.frequency_hz)
+        level = np.exp(np.interp(-np.log(cycle), place, np.log(np.abs(moved.loop_gain))))
+        phase = np.interp(-np.log(cycle), place, np.degrees(np.unwrap(np.angle(moved.loop_gain))))
+        assert abs(gain) == pytest.approx(level, rel=0.03)
+        assert (np.degrees(np.angle(gain)) - phase + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1.5)
+        assert (180.0 + phase - point.phase_margin_deg + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=3.0)
+
+
+def test_a_vibration_that_averages_do_not_describe_makes_no_loop_unstable(
+    motor: pr.Motor, drive: pr.TwoPhaseDrive
+) -> None:
+    """At 60 V the averaged equations have a pole of +599 1/s at 79 kHz, which their integration damps."""
+    weak = drive.model_copy(update={"voltage": 60.0})
+    loop = pr.control_loop(motor, weak, **DESIGNS["slow speed"])
+    # as of the other designs
+    assert np.abs(loop.step_simulated - loop.step_predicted).max() < 0.025
+    assert np.linalg.eigvals(pr.state_space(motor, weak).a).real.max() < 1e-3
 
 
 def test_the_command_prints_the_gains_and_draws_the_loop(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
