@@ -137,29 +137,27 @@ def control_loop(loop: ControlLoop) -> Sheet:
 
 
 def _loop_magnitude(loop: ControlLoop, ax: Axes) -> None:
-    plant = np.abs(loop.plant)
-    shown = _bode_magnitude(ax, loop, loop.loop_gain, {"plant over its first value": plant})
+    _bode_magnitude(ax, loop, loop.loop_gain, {"plant over its first value": np.abs(loop.plant)})
     if loop.gain_margin_db is not None:
         ax.axhline(10.0 ** (-loop.gain_margin_db / 20.0), color=VERMILION, linestyle=":", linewidth=1.0)
         ax.set_title(f"Magnitude; gain margin {loop.gain_margin_db:.3g} dB")
-    ax.set_xlim(shown[0], shown[-1])
 
 
 def _bode_magnitude(
     ax: Axes, loop: ControlLoop | LoopDesign, gain: NDArray[np.complex128], others: Mapping[str, Array]
-) -> Array:
-    """Draw magnitudes of a loop gain and of others; return the frequencies in Hz that are shown."""
+) -> None:
+    """Draw the magnitudes of a loop gain and of others, each over its first value."""
     lowest = int(np.argmin(np.abs(loop.frequency_hz - LOWEST_SHOWN * loop.crossover_hz)))
     shown = slice(lowest, None)
-    lines = [(np.abs(gain[shown]), {"color": BLUE, "label": "loop gain"})] if others else [
-        (np.abs(gain[shown]), {"color": BLUE})
-    ]  # fmt: skip
+    lines: list[tuple[Any, dict[str, Any]]] = [
+        (np.abs(gain[shown]), {"color": BLUE} | ({"label": "loop gain"} if others else {}))
+    ]
     lines += [(values[shown] / values[lowest], {"color": GREY, "label": name}) for name, values in others.items()]
-    frequency = loop.frequency_hz[shown]
-    draw_lines(ax, (_HERTZ, frequency), Label("magnitude", ""), lines, "Magnitude")
+    draw_lines(
+        ax, (_HERTZ, loop.frequency_hz[shown]), Label("magnitude", ""), lines, "Magnitude" if others else "Loop gain"
+    )
     ax.loglog()
     ax.axhline(1.0, color=GREY, linewidth=0.7)
-    return frequency
 
 
 def _loop_phase(loop: ControlLoop, ax: Axes) -> None:
