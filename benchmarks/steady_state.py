@@ -3,6 +3,7 @@
 
 .venv/bin/python -m benchmarks.steady_state cost 1 10 100 1000
 .venv/bin/python -m benchmarks.steady_state scipy 5
+.venv/bin/python -m benchmarks.steady_state equal 1 3 9 21
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from scipy.optimize import root
 
 import pyspice_runner as pr
 
-PULL = 50e-9  # s, time constant by which the slider returns to its limit
-STEPS = 4000  # of the Runge-Kutta method in a period; 5 ns, a tenth of PULL
+STEPS = 4000  # of the Runge-Kutta method in a period, 5 ns
+PULL = 10.0  # steps in the time constant by which the slider returns to its limit
 SCALE = np.array([1e-6, 1e-6, 0.3, 0.3, 1e-7])  # of displacements, velocities and slider
 SETTLED = 1e-3  # change of the mean torque from block to block, relative to the friction torque
 
@@ -64,12 +65,12 @@ def rates(t: float, z: Any, p: Any, dz: Any) -> float:  # type: ignore[misc]
     distance = sqrt(x * x + h * h)
     delta = (2.0 * p[16] * sigma - sigma * sigma - x * x) / (p[16] + distance)
     fx = fy = friction = 0.0
-    dz[4] = -z[4] / PULL
+    dz[4] = -z[4] / p[25]
     if delta > 0.0:
         ex, ey = x / distance, h / distance
         normal, limit = p[18] * delta * sqrt(delta), p[19] * delta
         held = min(max(z[4], -limit), limit)
-        dz[4] = vx * ey + vy * ex - p[16] * p[20] - (z[4] - held) / PULL
+        dz[4] = vx * ey + vy * ex - p[16] * p[20] - (z[4] - held) / p[25]
         rest = 1.0 - abs(held) / limit
         friction = p[21] * normal * (1.0 - rest * sqrt(rest)) * (1.0 if held > 0.0 else -1.0)
         fx, fy = normal * ex - friction * ey, -normal * ey - friction * ex
@@ -84,20 +85,21 @@ def rates(t: float, z: Any, p: Any, dz: Any) -> float:  # type: ignore[misc]
 @njit
 def period(z: Any, p: Any) -> float:  # type: ignore[misc]
     """Advance a state over one period by the classical Runge-Kutta method; return the mean friction force."""
-    h = 2.0 * pi / p[23] / STEPS
+    h = p[25] / PULL
+    steps = round(2.0 * pi / p[23] / h)
     k1, k2, k3, k4 = np.empty(5), np.empty(5), np.empty(5), np.empty(5)
     total = 0.0
-    for n in range(STEPS):
+    for n in range(steps):
         t = n * h
         total += rates(t, z, p, k1)
         rates(t + 0.5 * h, z + 0.5 * h * k1, p, k2)
         rates(t + 0.5 * h, z + 0.5 * h * k2, p, k3)
         rates(t + h, z + h * k3, p, k4)
         z += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-    return total / STEPS
+    return total / steps
 
 
-def parameters(motor: pr.Motor, drive: pr.TwoPhaseDrive, speed: float) -> np.ndarray:
+def parameters(motor: pr.Motor, drive: pr.TwoPhaseDrive, speed: float, steps: int = STEPS) -> np.ndarray:
     """Return motor, drive and speed as the equations take them."""
     names = ("mass_kg", "stiffness_n_per_m", "damping_n_s_per_m", None, "tip_x", "tip_y", "coupling_a_n_per_v")
     pairs = [getattr(mode, name) if name else 0.0 for name in (*names, "coupling_b_n_per_v") for mode in motor.modes]
@@ -107,7 +109,8 @@ def parameters(motor: pr.Motor, drive: pr.TwoPhaseDrive, speed: float) -> np.nda
     compliance = law.tangential_compliance_tip_m_per_n23 + law.tangential_compliance_rotor_m_per_n23
     limit = law.friction * compliance * law.normal_stiffness_n_per_m15 ** (2.0 / 3.0)
     waves = [drive.voltage, 2.0 * pi * drive.frequency, radians(drive.phase_deg)]
-    return np.array([*pairs, radius, seat, law.normal_stiffness_n_per_m15, limit, speed, law.friction, *waves])
+    pull = PULL / (steps * drive.frequency)
+    return np.array([*pairs, radius, seat, law.normal_stiffness_n_per_m15, limit, speed, law.friction, *waves, pull])
 
 
 def settled(p: np.ndarray, start: np.ndarray, periods: int, friction: float) -> float:
@@ -138,6 +141,51 @@ def shot(p: np.ndarray, start: np.ndarray) -> tuple[float, bool]:
 
     found = root(gap, start / SCALE, method="hybr", options={"eps": 1e-6, "xtol": 1e-6})
     return float(period(found.x * SCALE, p)), bool(np.abs(gap(found.x)).max() < 1e-3)
+
+
+def at_equal_accuracy(counts: list[int]) -> None:
+    """Print CPU times of curves by this package and by shooting with scipy, at the coarsest step that is as accurate.
+
+    Errors are those of the torque against shooting at 8 times the finest of scipy's steps, in % of μF₀R.
+    """
+    motor = pr.load_motor("andersen2002").updated({"mount": None})
+    drive = pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3, phase_deg=90.0)
+    law, radius = motor.contact, motor.rotor.radius_m
+    scale = law.friction * law.preload_n
+    rest = [-law.preload_n * mode.tip_y / mode.stiffness_n_per_m for mode in motor.modes]
+    start = np.array([*rest, 0.0, 0.0, 0.0])
+    decay = max(2.0 * mode.mass_kg / mode.damping_n_s_per_m for mode in motor.modes)
+    periods = round(decay * drive.frequency)
+    pr.speed_torque(motor, drive, speeds=[0.0])  # loads
+    shot(parameters(motor, drive, 0.0), start)  # compiles
+
+    def forces(speeds: np.ndarray, steps: int) -> tuple[np.ndarray, float]:
+        used, found = cpu_seconds(), []
+        for speed in speeds:
+            p = parameters(motor, drive, speed, steps)
+            force, good = shot(p, _warm(p, start, periods))
+            found.append(force if good else np.nan)
+        return np.array(found), cpu_seconds() - used
+
+    print("| points | ours, CPU | wall | error | scipy, CPU | steps a period | error | ours over scipy, CPU |")
+    print("|---|---|---|---|---|---|---|---|")
+    for count in counts:
+        speeds = np.linspace(-5.0, 12.0, count)
+        exact, _ = forces(speeds, 8 * STEPS)
+        used, began = cpu_seconds(), time.perf_counter()
+        curve = pr.speed_torque(motor, drive, speeds=speeds)
+        wall, ours = time.perf_counter() - began, cpu_seconds() - used
+        error = float(np.abs(curve["torque_n_m"].values / radius - exact).max()) / scale
+        for steps in (250, 500, 1000, 2000, STEPS):
+            found, theirs = forces(speeds, steps)
+            away = float(np.abs(found - exact).max()) / scale
+            if away <= error:
+                break
+        print(
+            f"| {count} | {ours:.2f} s | {wall:.2f} s | {100.0 * error:.3f} % | {theirs:.2f} s | {steps} | "
+            f"{100.0 * away:.3f} % | {ours / theirs:.2f} |",
+            flush=True,
+        )
 
 
 def scipy_too(count: int) -> None:
@@ -193,5 +241,7 @@ def _warm(p: np.ndarray, start: np.ndarray, periods: int) -> np.ndarray:
 if __name__ == "__main__":
     if sys.argv[1] == "cost":
         cost([int(text) for text in sys.argv[2:]])
+    elif sys.argv[1] == "equal":
+        at_equal_accuracy([int(text) for text in sys.argv[2:]])
     else:
         scipy_too(int(sys.argv[2]))

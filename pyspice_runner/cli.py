@@ -12,8 +12,8 @@ import errno
 import os
 import sys
 import warnings
-from copy import copy
 from functools import cache
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
@@ -21,39 +21,18 @@ from rich.table import Table
 from rich.text import Text
 
 import pyspice_runner as pr
-from pyspice_runner.commands.admittance import admittance
-from pyspice_runner.commands.burst import burst
-from pyspice_runner.commands.calibrate import calibrate
 from pyspice_runner.commands.common import INTERRUPTED, OnceCommand, complain, say, say_versions, silence, written
-from pyspice_runner.commands.compare import compare
-from pyspice_runner.commands.drive import drive
-from pyspice_runner.commands.fit import fit
-from pyspice_runner.commands.impact import impact
-from pyspice_runner.commands.loop import loop
-from pyspice_runner.commands.motor_from import motor_from
-from pyspice_runner.commands.motors import export, motors, show
-from pyspice_runner.commands.pages import live, report
-from pyspice_runner.commands.simulate import simulate
-from pyspice_runner.commands.state_space import state_space
-from pyspice_runner.commands.steady_states import map_points, small_signals, speed_torque, steady
-from pyspice_runner.commands.sweep import sweep
-from pyspice_runner.commands.track import track
 from pyspice_runner.interrupts import raised
 
-app = typer.Typer(
-    name="piezomotor",
-    invoke_without_command=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-)
-
-COMMANDS = (
-    motors, show, simulate, admittance, speed_torque, steady, small_signals, loop, state_space, sweep, drive, burst, track,
-    impact, fit, compare, motor_from, calibrate, export, report, live,
-)  # fmt: skip
-NAMES = {command.__name__.replace("_", "-"): command for command in COMMANDS} | {"map": map_points}
-for name, command in NAMES.items():
-    app.command(name=name, cls=OnceCommand)(command)
+# name of each command → its module in :mod:`.commands`; a command loads no other one's
+MODULES = {
+    "motors": "motors", "show": "motors", "simulate": "simulate", "admittance": "admittance",
+    "speed-torque": "steady_states", "steady": "steady_states", "small-signals": "steady_states", "loop": "loop",
+    "state-space": "state_space", "sweep": "sweep", "drive": "drive", "burst": "burst", "track": "track",
+    "impact": "impact", "fit": "fit", "compare": "compare", "motor-from": "motor_from", "calibrate": "calibrate",
+    "export": "motors", "report": "pages", "live": "pages", "map": "steady_states",
+}  # fmt: skip
+FUNCTIONS = {"map": "map_points"}  # of commands whose function has another name
 
 FIRST_STEPS = {
     "Try first": {"report bimodal40": "a motor on one page"},
@@ -71,7 +50,6 @@ FIRST_STEPS = {
 }
 
 
-@app.callback()
 def first_steps(
     context: typer.Context,
     version: Annotated[  # noqa: ARG001
@@ -132,8 +110,8 @@ def _status_of(signals: list[int]) -> int:
 def _invoked(arguments: list[str]) -> Any:
     """Run the command and return its value; typer alone would hide an interrupt."""
     if "_PIEZOMOTOR_COMPLETE" in os.environ:  # the shell asks for completions
-        return app(arguments, prog_name="piezomotor", standalone_mode=False)
-    group = _group(arguments[0] if arguments and arguments[0] in NAMES else None)
+        return _app()(arguments, prog_name="piezomotor", standalone_mode=False)
+    group = typer.main.get_command(_app(arguments[0]) if arguments and arguments[0] in MODULES else _app())
     try:
         with warnings.catch_warnings(), group.make_context("piezomotor", list(arguments)) as context:
             warnings.showwarning = lambda message, *_: complain(f"piezomotor: {message}", style="yellow")
@@ -143,12 +121,27 @@ def _invoked(arguments: list[str]) -> Any:
 
 
 @cache
-def _group(name: str | None) -> Any:
-    """Return the command line with one command, or with all: typer takes 3 ms for each."""
-    line = copy(app)
-    if name is not None:
-        line.registered_commands = [one for one in app.registered_commands if one.name == name]
-    return typer.main.get_command(line)
+def _app(*names: str) -> typer.Typer:
+    """Return the command line with some commands, or with all: each takes time to load."""
+    line = typer.Typer(
+        name="piezomotor",
+        invoke_without_command=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="rich",
+    )
+    line.callback()(first_steps)
+    for name in names or MODULES:
+        module = import_module(f"pyspice_runner.commands.{MODULES[name]}")
+        command = getattr(module, FUNCTIONS.get(name, name.replace("-", "_")))
+        line.command(name=name, cls=OnceCommand)(command)
+    return line
+
+
+def __getattr__(name: str) -> Any:
+    """Return ``app``, the command line with all commands."""
+    if name == "app":
+        return _app()
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 OUT_OF_MEMORY = (

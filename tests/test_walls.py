@@ -140,7 +140,8 @@ def test_no_two_files_import_each_other_on_any_way_round() -> None:
 
 def test_only_the_package_itself_loads_modules_of_its_own_by_name() -> None:
     loading = {module for module, path in MODULES.items() if "import_module(" in path.read_text(encoding="utf-8")}
-    assert loading == {"pyspice_runner", "pyspice_runner.engine.openvaf"}  # which finds the compiler's wheel
+    # the compiler's wheel; the command that is asked for
+    assert loading == {"pyspice_runner", "pyspice_runner.engine.openvaf", "pyspice_runner.cli"}
 
 
 def test_only_public_names_are_taken_from_the_package() -> None:
@@ -160,6 +161,20 @@ def test_import_is_light() -> None:
 def test_the_command_starts_without_scipy() -> None:
     """It takes a third of the time of a command as short as ``show``."""
     assert run("import sys, pyspice_runner.cli; print('scipy' in sys.modules)").strip() == "False"
+
+
+@pytest.mark.parametrize(
+    ("words", "unused"),
+    [
+        (["show", "bimodal40"], ["scipy", "pyspice_runner.analysis.shooting", "pyspice_runner.commands.calibrate"]),
+        (["simulate", "bimodal40", "--duration", "1e-4"], ["scipy", "pyspice_runner.analysis.shooting"]),
+        (["steady", "bimodal40", "--speed", "20"], ["scipy", "pyspice_runner.commands.simulate"]),
+    ],
+)
+def test_a_command_loads_what_it_needs(words: list[str], unused: list[str]) -> None:
+    loaded = f"print(*[name for name in {unused!r} if name in sys.modules], 'checked')"
+    said = run(f"import sys\nfrom pyspice_runner.cli import run\nassert run({words!r}) == 0\n{loaded}")
+    assert said.splitlines()[-1] == "checked"
 
 
 def test_no_plotting_library_loads_before_a_plot_is_asked_for() -> None:

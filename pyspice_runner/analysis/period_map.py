@@ -12,7 +12,6 @@ import hashlib
 import os
 import shutil
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from math import ceil
 from threading import Lock
@@ -21,7 +20,9 @@ from typing import Any, Self
 
 import numpy as np
 
+from pyspice_runner.analysis.threads import in_threads
 from pyspice_runner.analysis.variation import Course, differentiable
+from pyspice_runner.engine.processes import KeptProcesses
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.model.drive import Tone
 from pyspice_runner.netlist.copies import Copy, Plant, copies_bench, copy_name, motor_texts
@@ -59,6 +60,13 @@ class Trace:
     # voltages and currents of the pins behind a driver, by vectors as v(a) and i(vpin_a).
     pins: Mapping[str, Array] = field(default_factory=dict)
     course: Course | None = field(default=None, repr=False)  # the whole run, if its derivative follows from it
+
+    def later(self, begun: float) -> Array:
+        """Return the states a period after a time in s, by linear interpolation."""
+        time, at = self.time, begun + self.time[-1] - self.time[0]
+        place = min(max(int(np.searchsorted(time, at)), 1), len(time) - 1)
+        share = min(max((at - time[place - 1]) / (time[place] - time[place - 1]), 0.0), 1.0)
+        return np.asarray((1.0 - share) * self.states[:, place - 1] + share * self.states[:, place])
 
     @property
     def forces(self) -> Array:
@@ -100,6 +108,7 @@ class PeriodMap:
     timeout: float | None = None  # wall time in s after which a run of ngspice is ended
     workers: int = field(default_factory=cores)  # number of decks that run at a time
     compiled: bool = False  # whether the motors are compiled modules
+    processes: KeptProcesses | None = None  # in which decks run
     effort: Effort = field(default_factory=Effort)
     _texts: dict[str, dict[str, str]] = field(default_factory=dict, repr=False)  # subcircuits of each motor, by name
 
@@ -115,7 +124,7 @@ class PeriodMap:
 
     def with_steps(self, steps: int) -> PeriodMap:
         """Return a map over the same period with another number of steps."""
-        return PeriodMap(self.period, steps, self.timeout, self.workers, self.compiled)
+        return PeriodMap(self.period, steps, self.timeout, self.workers, self.compiled, self.processes)
 
     def shared_by(self, threads: int) -> Self:
         """Return the same map for one of several threads, with its share of the workers and a common effort."""
@@ -167,10 +176,7 @@ class PeriodMap:
         def evaluated(part: list[int]) -> list[Trace | None]:
             return self._deck([copies[place] for place in part], duration, whole)
 
-        if decks == 1:
-            return evaluated(parts[0])
-        with ThreadPoolExecutor(workers) as pool:
-            return [trace for traces in pool.map(evaluated, parts) for trace in traces]
+        return [trace for traces in in_threads(evaluated, parts, workers) for trace in traces]
 
     def _write(self, copies: Sequence[Copy]) -> None:
         """Write the subcircuits of new motors, before the threads of the decks read them."""
@@ -197,7 +203,8 @@ class PeriodMap:
         bench = self._bench(copies)
         names = [self._vectors(number, copy.plant, whole=whole) for number, copy in enumerate(copies)]
         every = list(dict.fromkeys(name for own in names for name in own))
-        outcome = run_bench(bench, every, self.timeout, "transient", self._timing(duration, whole))
+        timing = self._timing(duration, whole)
+        outcome = run_bench(bench, every, self.timeout, "transient", timing, processes=self.processes)
         deck = str(bench.circuit.raw_spice)
         self.effort.add(len(copies), duration, deck, outcome.seconds, outcome.ngspice_version)
         return self._traces(copies, names, outcome.vectors(), whole=whole)

@@ -79,29 +79,33 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         x, vx = x + carried[2, 1:], vx + carried[3, 1:]
     normal, friction, state = trace.normal[1:], trace.friction[1:], trace.contact_state[1:]
     turning = speed(plant, trace)[1:]
-    slipping = state > 1.5
-    sticking = (state > 0.5) & ~slipping
-    ended = sticking & np.roll(slipping, 1)  # slip that ended within a step: on average half of it
+    points = len(state)
+    touching, slipping = state > 0.5, state > 1.5
+    # slip that ended within a step: on average half of it
+    ended = np.count_nonzero(touching[1:] & ~slipping[1:] & slipping[:-1])
+    ended += int(touching[0] and not slipping[0] and slipping[-1])
     displacement, velocity = modal(plant, trace)
     mount_loss = sum(
-        spring.damping_n_s_per_m * float((rise[1:] ** 2).mean())
+        spring.damping_n_s_per_m * float(rise[1:] @ rise[1:]) / points
         for spring, rise in zip(carriers(plant.mount), carried[1::2], strict=True)
     )
     dampings = np.array([mode.damping_n_s_per_m for mode in motor.modes])
-    growth = np.array([mode.damping_growth_per_m2 for mode in motor.modes])[:, np.newaxis]
-    heating = velocity[:, 1:] ** 2 * (1.0 + growth * displacement[:, 1:] ** 2)
+    heating = velocity[:, 1:] ** 2
+    growth = [mode.damping_growth_per_m2 for mode in motor.modes]
+    if any(growth):
+        heating *= 1.0 + np.array(growth)[:, np.newaxis] * displacement[:, 1:] ** 2
     found = {
         **strength.peak_of_motion(motor, displacement),
-        "friction": float(friction.mean()),
-        "friction_square": float((friction**2).mean()),
-        "normal": float(normal.mean()),
-        "touching": float((state > 0.5).mean()),
-        "slip": float(slipping.mean() - 0.5 * ended.mean()),
-        "work": float((friction * (vx + x * vy / radius)).mean()),
-        "press": float((normal * (vy - x * vx / radius)).mean()),
-        "given": radius * float((friction * turning).mean()),
-        "speed": float(turning.mean()),
-        "damping_loss": float((dampings @ heating).mean()) + mount_loss,
+        "friction": float(friction.sum()) / points,
+        "friction_square": float(friction @ friction) / points,
+        "normal": float(normal.sum()) / points,
+        "touching": np.count_nonzero(touching) / points,
+        "slip": (np.count_nonzero(slipping) - 0.5 * ended) / points,
+        "work": float(friction @ (vx + x * vy / radius)) / points,
+        "press": float(normal @ (vy - x * vx / radius)) / points,
+        "given": radius * float(friction @ turning) / points,
+        "speed": float(turning.sum()) / points,
+        "damping_loss": float(dampings @ heating.sum(axis=1)) / points + mount_loss,
         "dielectric_loss": _dielectric_loss(plant),
         "greatest": float(normal.max()),
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
@@ -111,9 +115,9 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         voltage = drive_voltage(getattr(plant.drive, f"tones_{group}"), trace.time)[1:]
         amperes = current(plant, group, trace)[1:]
         found |= {
-            f"power_{group}": float((voltage * amperes).mean()),
-            f"voltage_square_{group}": float((voltage**2).mean()),
-            f"current_square_{group}": float((amperes**2).mean()),
+            f"power_{group}": float(voltage @ amperes) / points,
+            f"voltage_square_{group}": float(voltage @ voltage) / points,
+            f"current_square_{group}": float(amperes @ amperes) / points,
             f"peak_{group}": float(np.abs(amperes).max()),
         }
     return found
@@ -132,7 +136,7 @@ def _rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w:
         plant.motor.contact, 1e-6 * trace.slider_um, 1e-6 * trace.penetration_um, trace.normal,
         discretisation.slider_time,
     )  # fmt: skip
-    return float((trace.normal * velocity)[1:].mean())
+    return float(trace.normal[1:] @ velocity[1:]) / len(velocity[1:])
 
 
 def _stored(plant: Plant, trace: Trace, at: int) -> float:

@@ -11,9 +11,8 @@ the damping. ``docs/steady_state.md`` has the derivation and what was measured.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import ceil, log, pi
 from typing import Any
 
@@ -22,12 +21,14 @@ from numpy.typing import NDArray
 
 from pyspice_runner.analysis.harmonic_balance import harmonic_starts
 from pyspice_runner.analysis.period_map import PeriodMap, Trace
+from pyspice_runner.analysis.threads import in_threads
 from pyspice_runner.analysis.variation import Derivative, derivatives, differentiable
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.recoil import carriers, mass_matrix
 from pyspice_runner.netlist.copies import Copy, Plant, phasor_at
 from pyspice_runner.netlist.state import stems
+from pyspice_runner.run.sequences import interpolated
 
 Array = NDArray[np.float64]
 
@@ -73,6 +74,7 @@ class Point:
     method: str = ""  # ``newton``, ``damped``, ``neighbour`` or ``settled``; empty while there is no solution
     iterations: int = 0  # Newton steps taken
     residual: float = float("inf")
+    seen: tuple[Trace | None, NDArray[np.bool_]] | None = field(default=None, repr=False)  # ``felt`` of that trace
 
     @property
     def gap(self) -> Array:
@@ -96,9 +98,7 @@ class Point:
         kept = sizes > np.where(slow, 1e-10 * sizes[0], self.lasting)
         kept &= np.arange(len(sizes)) < len(sizes) - self.sticks
         assert self.trace is not None
-        time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
-        later = np.array([np.interp(self.begun + period, time, values) for values in self.trace.states])
-        step = np.asarray((later - self.state) / self.scale)
+        step = np.asarray((self.trace.later(self.begun) - self.state) / self.scale)
         step[free] = right.T @ np.where(kept, -(left.T @ self.gap[free]) / np.where(kept, sizes, 1.0), 0.0)
         return step
 
@@ -110,21 +110,24 @@ class Point:
         period does not depend on where the slider starts if it slips there a period later. Of a brush all sliders slip
         then; one that slips beside others that stick is told by its derivative.
         """
+        if self.seen is not None and self.seen[0] is self.trace:
+            return self.seen[1]
         felt = np.ones(self.plant.order, dtype=bool)
         if self.trace is not None and self.plant.law is not None and self.plant.law.sliding:
             time = self.trace.time
-            later = time > self.begun + (time[-1] - time[0]) - 1.01 * (time[1] - time[0])
-            felt[self.plant.where("contact")] = np.any(np.abs(self.trace.contact_state[later] - 1.0) < GROSS)
+            later = int(np.searchsorted(time, self.begun + (time[-1] - time[0]) - 1.01 * (time[1] - time[0]), "right"))
+            felt[self.plant.where("contact")] = bool(np.any(np.abs(self.trace.contact_state[later:] - 1.0) < GROSS))
         felt[self.plant.where("stem")] = False  # its lags forget their start in two steps
+        self.seen = (self.trace, felt)
         return felt
 
     @property
     def free(self) -> NDArray[np.bool_]:
         """Whether each state is one of Newton's unknowns: all but sliders whose start has no influence."""
-        free = self.felt
+        free = self.felt.copy()
         if self.at_start is not None:
             sliders = self.plant.where("contact")
-            free[sliders] &= np.diag(self.at_start)[sliders] > FELT
+            free[sliders] &= self.at_start.diagonal()[sliders] > FELT
         return free
 
     @property
@@ -146,7 +149,7 @@ class Point:
     @property
     def lasting(self) -> float:
         """Part of a disturbance below whose loss in a period it stays, as that of a slider that sticks."""
-        return self.plant.drive.period / SLOWEST
+        return self.plant.period / SLOWEST
 
     def remaining(self, step: Array) -> float:
         """Return the size of a Newton step: of the state, the gap that it leaves, and its change of the mean forces."""
@@ -171,12 +174,10 @@ class Point:
             step: time step in s on the map to which the point moves, if it is another one. Where the contact slips, the
                 slider is beyond its limit by a distance that is proportional to the step.
         """
-        from scipy.interpolate import Akima1DInterpolator  # takes long to load
-
         assert self.trace is not None
         time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
         at = time[0] + (begun - time[0]) % period
-        state = Akima1DInterpolator(time, self.trace.states, axis=1)(at)
+        state = interpolated(time, self.trace.states, at)
         if step is not None and self.plant.slider is not None:
             depth = max(1e-6 * float(np.interp(at, time, self.trace.penetration_um)), 0.0)
             normal = float(np.interp(at, time, self.trace.normal))
@@ -199,8 +200,10 @@ class Point:
     def judge(self) -> None:
         """Mark the point as solved if the next step is small enough."""
         assert self.step is not None
-        self.residual = self.remaining(self.step)
-        self.done = self.residual <= TOLERANCE
+        self._judged(self.remaining(self.step))
+
+    def _judged(self, remaining: float) -> None:
+        self.residual, self.done = remaining, remaining <= TOLERANCE
 
     def accepts(self, trial: Array, trace: Trace | None) -> bool:
         """Accept the trial state if the next step by the old derivative is shorter than the last one."""
@@ -209,20 +212,22 @@ class Point:
             return False
         before, old, gap = float(np.linalg.norm(self.step[self.free])), self.trace, self.gap
         self.trace = trace
-        step = self.newton_step()
-        after = float(np.linalg.norm(step[self.free]))
-        moved = bool(np.any(np.abs(self.step[~self.free]) > NEAR))  # the slider, which Newton's step does not know
+        step, free = self.newton_step(), self.free
+        after = float(np.linalg.norm(step[free]))
+        moved = bool(np.any(np.abs(self.step[~free]) > NEAR))  # the slider, which Newton's step does not know
         allowed = GROWTH if self.iterations <= FREE_STEPS else 1.0
-        if self.remaining(step) > TOLERANCE and after > allowed * before and not moved:
+        remaining = self.remaining(step)
+        if remaining > TOLERANCE and after > allowed * before and not moved:
             self.trace = old
             return False
         self.stale = self.damping < 1.0 or after > CHORD * before
         if not (self.stale or self.exact):
             self._update(np.where(self.free, self.damping * self.step, 0.0), gap)
             step = self.newton_step()
+            remaining = self.remaining(step)
         self.state, self.step = trial, step
         self.damping = min(1.0, 2.0 * self.damping)
-        self.judge()
+        self._judged(remaining)
         if self.exact:
             self.stale = True
         elif not (self.stale or self.done):  # as many more steps would cost more than a new derivative
@@ -387,8 +392,7 @@ class Shooting:
         threads = max(min(self.map.workers, len(every)), 1)
         part = copy(self)
         part.map = self.map.shared_by(threads)
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(part._iterate, (every[first::threads] for first in range(threads))))
+        in_threads(part._iterate, [every[first::threads] for first in range(threads)], threads)
 
     def _iterate(self, active: list[Point]) -> None:
         self._evaluate(active)

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from math import ceil
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,8 @@ from pyspice_runner.analysis.dynamometer import STUCK, Quantities, delivering, s
 from pyspice_runner.analysis.period_map import PeriodMap, cores
 from pyspice_runner.analysis.period_means import current, extrapolated, means, quantities, speed, tip
 from pyspice_runner.analysis.shooting import Point, Shooting, start_point
+from pyspice_runner.analysis.threads import in_threads
+from pyspice_runner.engine.processes import KeptProcesses
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Drive, too_fast
 from pyspice_runner.model.motor import Motor
@@ -41,6 +42,8 @@ from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, Waveforms
 from pyspice_runner.units import engineering
+
+Place = TypeVar("Place")
 
 OFFSETS = 2  # copies of each point, whose steps lie between each other's
 MOST_REFINEMENTS = 2  # halvings of the step beyond the default
@@ -243,34 +246,25 @@ def steady_states(
         ParameterError: for a drive that has no steady state to be found.
         SimulationError: if ngspice fails.
     """
-    if accuracy is not None and not 1e-6 <= accuracy <= 0.1:
-        raise ParameterError(f"accuracy = {accuracy:g} is not valid: it must be a number from 1e-6 to 0.1.")
-    groups: dict[tuple[Any, ...], list[int]] = {}
+    check_accuracy(accuracy)
     behind: dict[tuple[Any, ...], list[int]] = {}
     for place, setup in enumerate(setups):
         if not isinstance(setup.source, DriveSource):
             check_driven(setup)
             behind.setdefault((setup.source.period, setup.source.uniform, setup.step), []).append(place)
-            continue
-        drive = _drive(setup)
-        law = setup.law.to_dict().values() if setup.law else ()
-        groups.setdefault((drive.period, setup.solver.compiled, *law), []).append(place)
     starts = starts or [None] * len(setups)
-    parts: list[tuple[list[int], tuple[int, int]]] = []
-    for places in groups.values():
-        steps = _steps([setups[place] for place in places])
-        parts += [(part, steps) for part in _parts(setups, places, ceil(cores() / len(groups)))]
-    workers = max(1, cores() // max(len(parts), 1))  # of each part, since the parts run side by side
-
-    def solved(part: tuple[list[int], tuple[int, int]]) -> list[SteadyState]:
-        places, steps = part
-        some = [setups[place] for place in places]
-        return _solve(some, steps, accuracy, waveforms, [starts[place] for place in places], workers)
+    driven = {place for places in behind.values() for place in places}
+    parts = divided({place: setup for place, setup in enumerate(setups) if place not in driven})
 
     found: dict[int, SteadyState] = {}
-    with ThreadPoolExecutor(cores()) as pool:
-        for (places, _), states in zip(parts, pool.map(solved, parts), strict=True):
-            found |= zip(places, states, strict=True)
+    with KeptProcesses() as processes:
+
+        def solved(part: Part[int]) -> list[SteadyState]:
+            own = [starts[place] for place in part.setups]
+            return solve_part(part, accuracy, own, processes, waveforms=waveforms)
+
+        for part, states in zip(parts, in_threads(solved, parts, cores()), strict=True):
+            found |= zip(part.setups, states, strict=True)
     for places in behind.values():
         answers, maps = driven_answers(
             [setups[place] for place in places], [starts[place] for place in places], accuracy or ACCURACY
@@ -283,13 +277,41 @@ def steady_states(
     return [found[place] for place in range(len(setups))]
 
 
-def _parts(setups: Sequence[OperatingPoint], places: Sequence[int], most: int) -> list[list[int]]:
-    """Divide operating points into up to ``most`` parts of similar size. The points of a curve stay together."""
-    curves: dict[str, list[int]] = {}
-    for place in places:
-        curves.setdefault(_plant(setups[place]).curve, []).append(place)
-    each = list(curves.values())
-    return [[place for curve in part for place in curve] for first in range(most) if (part := each[first::most])]
+def check_accuracy(accuracy: float | None) -> None:
+    """Check an accuracy, relative to the friction torque. Raise ParameterError for one that is not valid."""
+    if accuracy is not None and not 1e-6 <= accuracy <= 0.1:
+        raise ParameterError(f"accuracy = {accuracy:g} is not valid: it must be a number from 1e-6 to 0.1.")
+
+
+@dataclass(frozen=True)
+class Part(Generic[Place]):
+    """Operating points that share runs of ngspice: their drives have the same period, their contacts the same law."""
+
+    setups: Mapping[Place, OperatingPoint]  # by their places in the whole
+    steps: tuple[int, int]  # numbers of fine and of coarse steps in the period
+    workers: int  # number of runs at a time, where the parts run side by side
+
+
+def divided(setups: Mapping[Place, OperatingPoint]) -> list[Part[Place]]:
+    """Divide operating points with ideal voltages into parts, the largest first. The points of a curve stay together.
+
+    Raises:
+        ParameterError: for a drive that has no steady state to be found.
+    """
+    groups: dict[tuple[Any, ...], dict[str, list[Place]]] = {}
+    for place, setup in setups.items():
+        law = setup.law.to_dict().values() if setup.law else ()
+        curves = groups.setdefault((_drive(setup).period, setup.solver.compiled, *law), {})
+        curves.setdefault(_plant(setup).curve, []).append(place)
+    parts: list[tuple[list[Place], tuple[int, int]]] = []
+    for curves in groups.values():
+        each, most = list(curves.values()), ceil(cores() / len(groups))
+        steps = _steps([setups[place] for curve in each for place in curve])
+        several = [[place for curve in each[first::most] for place in curve] for first in range(most)]
+        parts += [(places, steps) for places in several if places]
+    parts.sort(key=lambda part: len(part[0]), reverse=True)  # so that none of the long ones is left alone at the end
+    workers = max(1, cores() // max(len(parts), 1))
+    return [Part({place: setups[place] for place in places}, steps, workers) for places, steps in parts]
 
 
 def _plant(setup: OperatingPoint) -> Plant:
@@ -334,17 +356,18 @@ def _steps(setups: Sequence[OperatingPoint]) -> tuple[int, int]:
     return steps, max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
 
 
-def _solve(
-    setups: Sequence[OperatingPoint],
-    grids: tuple[int, int],
+def solve_part(
+    part: Part[Any],
     accuracy: float | None,
-    waveforms: bool,
     starts: Sequence[Point | None],
-    workers: int,
+    processes: KeptProcesses,
+    *,
+    waveforms: bool = False,
 ) -> list[SteadyState]:
-    """Solve points whose drives have the same period, under the same law, at the steps of :func:`_steps`."""
-    (steps, coarse), period, timeout = grids, _drive(setups[0]).period, setups[0].solver.timeout
-    maps = [PeriodMap(period, coarse, timeout, workers, setups[0].solver.compiled)]
+    """Find the steady states of a part, in its order; the arguments are those of :func:`steady_states`."""
+    setups, (steps, coarse) = list(part.setups.values()), part.steps
+    solver, period = setups[0].solver, _drive(setups[0]).period
+    maps = [PeriodMap(period, coarse, solver.timeout, part.workers, solver.compiled, processes)]
     points = [start_point(_plant(setup)) for setup in setups]
     for point, start in zip(points, starts, strict=True):
         if start is not None:
@@ -373,28 +396,27 @@ def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accurac
     """
     answers: dict[int, Answer] = {}
     pending = [place for place, point in enumerate(points) if point.done]
-    level = _between(points, maps[0], own=True)
+    level = dict(enumerate(_between(points, maps[0], own=True)))
+    averages = {place: _averaged(level[place], maps[0]) for place in pending if _complete(level[place])}
     if accuracy >= ROUGH:
-        enough = {place: _rough(level[place], maps[0], accuracy) for place in pending}
+        enough = {
+            place: _rough(level[place][0], maps[0], averages[place], accuracy) for place in pending if place in averages
+        }
         answers = {place: answer for place, answer in enough.items() if answer is not None}
         pending = [place for place in pending if place not in answers]
     for refinement in range(MOST_REFINEMENTS + 1):
         if not pending:
             break
-        before = level
+        before = averages
         maps.append(maps[0].with_steps(steps * 2**refinement))
-        level = [[] for _ in points]
-        for place, several in zip(
-            pending, _between([points[place] for place in pending], maps[-1], own=False), strict=True
-        ):
-            level[place] = several
+        level = dict(zip(pending, _between([points[place] for place in pending], maps[-1], own=False), strict=True))
+        averages = {place: _averaged(level[place], maps[-1]) for place in pending if _complete(level[place])}
         still = []
         for place in pending:
-            if not (_complete(level[place]) and _complete(before[place])):
+            if not (place in averages and place in before):
                 points[place].done = False
                 continue
-            fine, spread = _averaged(level[place], maps[-1])
-            rough, _ = _averaged(before[place], maps[-2])
+            (fine, spread), (rough, _) = averages[place], before[place]
             ratio = maps[-1].steps / maps[-2].steps
             limit = extrapolated(fine, rough, ratio) if ratio > 1.0 else fine
             error = abs(limit["friction"] - fine["friction"]) + 0.5 * spread
@@ -426,15 +448,15 @@ def _answer(point: Point, period_map: PeriodMap, found: Mapping[str, float], err
     return Answer(point, period_map, quantities(point.plant, found), torque_error, found["speed"])
 
 
-def _rough(points: Sequence[Point], period_map: PeriodMap, accuracy: float) -> Answer | None:
+def _rough(
+    point: Point, period_map: PeriodMap, averaged: tuple[Mapping[str, float], float], accuracy: float
+) -> Answer | None:
     """Return the answer of the coarse step alone, if the contact stays closed and the error is allowed."""
-    if not _complete(points):
-        return None
-    found, spread = _averaged(points, period_map)
+    found, spread = averaged
     error = FROM_SPREAD * spread
-    if found["touching"] < 1.0 or error > accuracy * _friction(points[0]):
+    if found["touching"] < 1.0 or error > accuracy * _friction(point):
         return None
-    return _answer(points[0], period_map, found, error)
+    return _answer(point, period_map, found, error)
 
 
 def _between(points: Sequence[Point], period_map: PeriodMap, *, own: bool) -> list[list[Point]]:

@@ -95,24 +95,28 @@ class _Group:
         self.inner = np.array(inner, dtype=int)  # states of contact and stem
         self.units = np.array([self.plant.states[place].unit for place in inner])
         self.states = np.array([course.states.T for course in courses])
+        # runs of the same motor share what depends on it alone
+        self.plants = list({course.plant.motor_name: course.plant for course in courses}.values())
+        names = [plant.motor_name for plant in self.plants]
+        self.which = np.array([names.index(course.plant.motor_name) for course in courses])  # motor of each run
 
     @cached_property
     def tip(self) -> Array:
         """What each state moves the contact's x, y (µm), vx, vy (m/s) and the shaft (rad/s), shape (runs, 5, order)."""
-        found = np.zeros((len(self.courses), 5, self.plant.order))
+        found = np.zeros((len(self.plants), 5, self.plant.order))
         modes, carrier = self.plant.modes, self.plant.carrier.start
-        for run, course in enumerate(self.courses):
-            along = [mode.tip_x for mode in course.plant.motor.modes]
-            towards = [mode.tip_y for mode in course.plant.motor.modes]
+        for one, plant in enumerate(self.plants):
+            along = [mode.tip_x for mode in plant.motor.modes]
+            towards = [mode.tip_y for mode in plant.motor.modes]
             for shift, scale, place in ((0, 1.0 / MICRO, 0), (2, 1.0, modes)):
-                found[run, shift, place : place + modes] = scale * np.array(along)
-                found[run, shift + 1, place : place + modes] = scale * np.array(towards)
+                found[one, shift, place : place + modes] = scale * np.array(along)
+                found[one, shift + 1, place : place + modes] = scale * np.array(towards)
         for number in range(len(carriers(self.plant.mount))):  # along y, then along x
             found[:, 1 - number, carrier + 2 * number] = 1.0 / MICRO
             found[:, 3 - number, carrier + 2 * number + 1] = 1.0
         if self.plant.turns:
             found[:, 4, -1] = 1.0
-        return found
+        return np.asarray(found[self.which])
 
     def _contact(self) -> Array:
         """Return the derivatives of the contact's outputs: forces on the tip and rates of its states.
@@ -122,9 +126,9 @@ class _Group:
         """
         plant = self.plant
         held = np.zeros((len(self.courses), 1, 5))
-        for run, course in enumerate(self.courses):
-            held[run, 0, 0] = -static_sway(course.plant.motor, plant.law, self.discretisation) / MICRO
-            held[run, 0, 4] = 0.0 if plant.turns else course.plant.load.speed or 0.0
+        sways = np.array([static_sway(one.motor, plant.law, self.discretisation) for one in self.plants])
+        held[:, 0, 0] = -sways[self.which] / MICRO
+        held[:, 0, 4] = 0.0 if plant.turns else [course.plant.load.speed or 0.0 for course in self.courses]
         pins = np.einsum("rix,rnx->rni", self.tip, self.states) + held
         forces = np.array([(course.friction, course.normal) for course in self.courses]).swapaxes(1, 2)
         inputs = np.concatenate([pins, self.states[..., self.inner] / self.units, forces], axis=2)
@@ -142,11 +146,11 @@ class _Group:
 
     def _outputs(self, inputs: Array) -> Array:
         """Return the outputs of :meth:`_contact` for x, y, vx, vy, shaft, states, friction, normal in the last axis."""
-        motors = [course.plant.motor for course in self.courses]
+        motors = [plant.motor for plant in self.plants]
         law, step = self.law, self.discretisation
 
         def column(values: Sequence[float] | Array) -> Array:
-            return np.asarray(values)[:, np.newaxis, np.newaxis]
+            return np.asarray(values)[self.which, np.newaxis, np.newaxis]
 
         bent = [
             motor.contact.preload_n
@@ -187,7 +191,7 @@ class _Group:
 
         The shapes are (runs, order, order) and (runs, order, outputs).
         """
-        plant, modes, runs = self.plant, self.plant.modes, len(self.courses)
+        plant, modes, runs = self.plant, self.plant.modes, len(self.plants)
         carrier = plant.carrier.start
         moving = len(carriers(plant.mount))
         rates = np.zeros((runs, plant.order, plant.order))
@@ -195,8 +199,8 @@ class _Group:
         places = np.array([*range(modes), *range(carrier, carrier + 2 * moving, 2)])
         speeds = np.array([*range(modes, 2 * modes), *range(carrier + 1, carrier + 1 + 2 * moving, 2)])
         rates[:, places, speeds] = 1.0
-        for run, course in enumerate(self.courses):
-            motor, mount = course.plant.motor, course.plant.mount
+        for run, one in enumerate(self.plants):
+            motor, mount = one.motor, one.mount
             springs: list[Mode | Mount] = [*motor.modes, *carriers(mount)]
             values = np.array([written(spring, self.discretisation) for spring in springs])
             mass = np.diag(values[:, 0])
@@ -217,7 +221,7 @@ class _Group:
                 rates[run, -1, -1] = -rotor.bearing_damping_n_m_s / rotor.inertia_kg_m2
                 inputs[run, -1, 2] = rotor.radius_m / rotor.inertia_kg_m2
         inputs[:, self.inner, 4:] = np.eye(len(self.inner))
-        return rates, inputs
+        return rates[self.which], inputs[self.which]
 
     def derivatives(self) -> list[Derivative]:
         """Return the derivatives of the runs."""

@@ -7,7 +7,7 @@ points between them, from the mean of their solved neighbours.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import product
 from math import prod
 from typing import TYPE_CHECKING, Any, Literal
@@ -17,9 +17,12 @@ from pydantic import SkipValidation
 
 from pyspice_runner.analysis.branch import dataset_of
 from pyspice_runner.analysis.dynamometer import STUCK, UNITS, delivering
+from pyspice_runner.analysis.period_map import cores
 from pyspice_runner.analysis.shooting import Point, between
 from pyspice_runner.analysis.speed_torque import axis, check_distinct, coordinates
-from pyspice_runner.analysis.steady import SteadyState, steady_states
+from pyspice_runner.analysis.steady import Part, SteadyState, check_accuracy, divided, solve_part, steady_states
+from pyspice_runner.analysis.threads import as_ready
+from pyspice_runner.engine.processes import KeptProcesses
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive, too_fast
 from pyspice_runner.model.motor import Motor
@@ -197,25 +200,44 @@ Index = tuple[int, ...]
 
 
 def _solved(setups: Mapping[Index, OperatingPoint], accuracy: float, progress: Progress) -> dict[Index, SteadyState]:
-    """Solve the points of a coarse grid, then repeatedly those halfway between solved ones."""
-    found: dict[Index, SteadyState] = {}
+    """Solve the points of a coarse grid, then those halfway between solved ones as soon as these are solved."""
+    check_accuracy(accuracy)
+    beside: dict[Index, list[Index]] = {}  # the neighbours of each point from which it starts
+    owner: dict[Index, int] = {}  # the part of each point
+    parts: list[Part[Index]] = []
     stride = _COARSEST
-    progress(0, len(setups))
     while stride:
-        new = [index for index in setups if index not in found and not any(at % stride for at in index)]
-        starts = [_start(index, stride, found) for index in new]
-        states = steady_states([setups[index] for index in new], accuracy=accuracy, starts=starts)
-        found |= zip(new, states, strict=True)
-        progress(len(found), len(setups))
+        new = [index for index in setups if index not in beside and not any(at % stride for at in index)]
+        beside |= {index: [other for other in _neighbours(index, stride) if other in owner] for index in new}
+        level = divided({index: setups[index] for index in new})
+        owner |= {index: number for number, part in enumerate(level, start=len(parts)) for index in part.setups}
+        parts += level
         stride //= 2
+    found: dict[Index, SteadyState] = {}
+    needs = [{owner[other] for index in part.setups for other in beside[index]} for part in parts]
+    progress(0, len(setups))
+    with KeptProcesses() as processes:
+
+        def solved(number: int) -> list[SteadyState]:
+            part = parts[number]
+            starts = [_start([found[other] for other in beside[index]]) for index in part.setups]
+            return solve_part(part, accuracy, starts, processes)
+
+        for number, states in as_ready(solved, needs, cores()):
+            found |= zip(parts[number].setups, states, strict=True)
+            progress(len(found), len(setups))
     return found
 
 
-def _start(index: Index, stride: int, found: Mapping[Index, SteadyState]) -> Point | None:
-    """Return the mean of the neighbours that are stable, if there are any."""
+def _neighbours(index: Index, stride: int) -> Iterator[Index]:
+    """Yield the points of the grid of twice the stride that are nearest to a point; itself if it is one of them."""
     steps = [(-stride, stride) if at % (2 * stride) else (0,) for at in index]
-    near = [found.get(tuple(at + step for at, step in zip(index, each, strict=True))) for each in product(*steps)]
-    points = [other.solution for other in near if other is not None and other.stable and other.solution]
+    return (tuple(at + step for at, step in zip(index, each, strict=True)) for each in product(*steps))
+
+
+def _start(near: Sequence[SteadyState]) -> Point | None:
+    """Return the mean of the neighbours that are stable, if there are any."""
+    points = [other.solution for other in near if other.stable and other.solution]
     return between(points) if points else None
 
 

@@ -140,9 +140,8 @@ def run_deck(
                 if not keep_partial:
                     raise
                 raise _interrupted(folder / "out.raw", vectors, time.perf_counter() - started, version) from interrupt
-            raw = _verified(folder / "out.raw", status, log, vectors)
-            _check_end(raw, "time", stop_time, "s", log)
-            _check_end(raw, "frequency", stop_frequency, "Hz", log)
+            _check_status(status, log)
+            raw = verified_run(folder / "out.raw", log, vectors, stop_time, stop_frequency)
         except SimulationError as error:
             keep = True
             full = "" if shutil.disk_usage(folder).free > _FULL else f" The disk of {folder} is full. {FREE_SPACE}"
@@ -245,13 +244,23 @@ def _read(log_file: IO[bytes]) -> str:
     return text.decode("utf-8", errors="replace")
 
 
-def _verified(path: Path, status: int, log: str, vectors: Sequence[str]) -> RawFile:
+def _check_status(status: int, log: str) -> None:
     if status != 0:
         how = f"ended with status {status}"
         if status < 0:
             how = f"was killed by signal {-status} ({signal.strsignal(-status)})"
             how += ", as the system does when memory runs out" if -status == signal.SIGKILL else ""
         raise SimulationError(f"ngspice {how}{_quoted(_spoken(log))}.", log=log)
+
+
+def verified_run(
+    path: Path, log: str, vectors: Sequence[str], stop_time: float | None = None, stop_frequency: float | None = None
+) -> RawFile:
+    """Return the vectors of a raw file; the arguments are those of :func:`run_deck`.
+
+    Raises:
+        SimulationError: if the log has a complaint, a vector is missing or not finite, or the end was not reached.
+    """
     complaint = _complaint(log)
     if complaint:
         raise SimulationError(f"ngspice finished but complained{_quoted(complaint)}.", log=log)
@@ -265,6 +274,8 @@ def _verified(path: Path, status: int, log: str, vectors: Sequence[str]) -> RawF
     spoiled = raw.beyond(LARGEST, vectors)
     if spoiled:
         raise SimulationError(f"ngspice gave values of {spoiled} that are not finite or exceed {LARGEST:g}.", log=log)
+    _check_end(raw, "time", stop_time, "s", log)
+    _check_end(raw, "frequency", stop_frequency, "Hz", log)
     return raw
 
 

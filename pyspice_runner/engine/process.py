@@ -48,11 +48,13 @@ def new_folder() -> Path:
         raise SimulationError(f"Cannot write the netlist: {error.strerror}. {FREE_SPACE}") from error
 
 
-def start(command: Sequence[str], folder: Path, **streams: Any) -> subprocess.Popen[bytes]:
+def start(
+    command: Sequence[str], folder: Path, *, ends_with_thread: bool = True, **streams: Any
+) -> subprocess.Popen[bytes]:
     """Start ngspice in a folder, as the leader of a process group of its own.
 
     Only the main thread receives signals (:func:`.held`); a run of another thread ends with that thread, where
-    ``setpriv`` of util-linux is installed.
+    ``setpriv`` of util-linux is installed, unless it may outlive the thread.
 
     Without a HOME ngspice 39 crashes; the user's own start-up file must not be read.
     """
@@ -61,7 +63,7 @@ def start(command: Sequence[str], folder: Path, **streams: Any) -> subprocess.Po
     environment |= {"LC_ALL": "C", "HOME": str(folder)}
     if (folder / "spinit").exists():
         environment["SPICE_SCRIPTS"] = str(folder)
-    if threading.current_thread() is not threading.main_thread():
+    if ends_with_thread and threading.current_thread() is not threading.main_thread():
         command = [*_ending_with_thread(), *command]
     return subprocess.Popen(command, cwd=folder, env=environment, start_new_session=True, **streams)
 

@@ -13,9 +13,10 @@ from typing import Any
 
 from PySpice.Probe.WaveForm import AcAnalysis, DcAnalysis, OperatingPoint, TransientAnalysis, WaveForm
 from PySpice.Spice.Netlist import Circuit
-from PySpice.Spice.Simulation import CircuitSimulator
+from PySpice.Spice.Simulation import CircuitSimulation, CircuitSimulator
 
 from pyspice_runner.engine.ngspice import Result, run_deck
+from pyspice_runner.engine.processes import KeptProcesses
 from pyspice_runner.errors import ParameterError
 
 # method → PySpice's analysis, and the name of its axis
@@ -56,6 +57,7 @@ class BatchSimulator(CircuitSimulator):
         self._executable, self._modules = executable, tuple(modules)
         self._saved_nodes: list[str] = []  # PySpice's own is a set, which Python orders anew in every process
         self.result: Result | None = None
+        self.deck = ""  # the netlist that was run last
 
     def save(self, *names: Any) -> None:
         """Add vectors to the ``.save`` line, in the order given."""
@@ -69,29 +71,37 @@ class BatchSimulator(CircuitSimulator):
         finally:
             self._saved_nodes = saved  # PySpice takes "all" out of it while it writes
 
-    def prepare(self, analysis: str, **arguments: Any) -> BatchSimulator:
+    def prepare(self, analysis: str, *values: Any, **arguments: Any) -> BatchSimulator:
         """Add an analysis (``"transient"``, ``"ac"``, ``"operating_point"``) for ``str(simulator)``; nothing runs."""
-        super()._run(analysis, **arguments)
+        self.reset_analysis()
+        self.save(*arguments.pop("probes", ()))
+        arguments.pop("log_desk", None)
+        # PySpice's own _run also writes the deck, to log it
+        getattr(CircuitSimulation, analysis)(self, *values, **arguments)
         return self
 
     def verified(
         self, analysis_method: str, *args: Any, progress: Callable[[float], object] | None = None,
-        keep_partial: bool = False, **kwargs: Any,
+        keep_partial: bool = False, processes: KeptProcesses | None = None, **kwargs: Any,
     ) -> Result:  # fmt: skip
         """Run an analysis and return the vectors of the raw file, without a copy in PySpice's waveforms.
 
-        ``progress`` and ``keep_partial`` are those of :func:`~pyspice_runner.engine.ngspice.run_deck`.
+        ``progress`` and ``keep_partial`` are those of :func:`~pyspice_runner.engine.ngspice.run_deck`. A transient
+        without a timeout runs in one of the ``processes``, if they are given.
         """
         self.result = None
         if analysis_method not in _ANALYSES:
             raise ParameterError(f"BatchSimulator does not run {analysis_method}; it runs {', '.join(_ANALYSES)}.")
-        super()._run(analysis_method, *args, **kwargs)
-        deck = str(self)
+        self.deck = str(self.prepare(analysis_method, *args, **kwargs))
         parameters = next(iter(self.analysis_iter()))
         self.reset_analysis()
+        vectors = [name for name in self._saved_nodes if name != "all"]
+        if processes is not None and self._timeout is None and not self._modules:
+            self.result = processes.run(self.deck, vectors, float(parameters.end_time))
+            return self.result
         self.result = run_deck(
-            deck,
-            vectors=[name for name in self._saved_nodes if name != "all"],
+            self.deck,
+            vectors=vectors,
             stop_time=float(parameters.end_time) if analysis_method == "transient" else None,
             stop_frequency=_last_frequency(parameters) if analysis_method == "ac" else None,
             timeout=self._timeout,

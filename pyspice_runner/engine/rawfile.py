@@ -23,6 +23,7 @@ class RawFile:
     plot: str  # ngspice's name of the analysis, such as "Transient Analysis"
     # lower-case vector name → values (real, or complex for AC), in the file's order; views of the file.
     vectors: dict[str, NDArray[np.generic]]
+    _table: NDArray[np.generic] | None = field(default=None, repr=False, compare=False)  # of the vectors, (points, n)
     _pages: mmap.mmap | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -32,6 +33,8 @@ class RawFile:
 
     def find(self, name: str) -> NDArray[np.generic] | None:
         """Return the vector of ``.save NAME`` (``out`` is ``v(out)``, ``v1#branch`` is ``i(v1)``)."""
+        if name in self.vectors:
+            return self.vectors[name]
         name = name.lower().replace(" ", "")
         for candidate in (name, f"v({name})", f"i({name})", f"i({name.removesuffix('#branch')})"):
             if candidate in self.vectors:
@@ -40,10 +43,12 @@ class RawFile:
 
     def beyond(self, largest: float, names: Sequence[str]) -> str | None:
         """Return the first of these vectors with a value that is not finite or larger in magnitude than a limit."""
-        columns = {name: self.find(name) for name in names}
         with np.errstate(over="ignore", invalid="ignore"):  # in the magnitude of a complex value
             for chunk in self._chunks():
-                for name, values in columns.items():
+                if self._table is not None and (np.abs(self._table[chunk]) <= largest).all():
+                    continue
+                for name in names:
+                    values = self.find(name)
                     if values is not None and not (np.abs(values[chunk]) <= largest).all():
                         return name
         return None
@@ -112,7 +117,7 @@ def read_rawfile(path: Path, *, partial: bool = False) -> RawFile:
     with path.open("rb") as file:
         pages = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     table = np.frombuffer(pages, dtype=kind, count=count * points, offset=start).reshape(points, count)
-    return RawFile(plot, {name: table[:, index] for index, name in enumerate(names)}, pages)
+    return RawFile(plot, {name: table[:, index] for index, name in enumerate(names)}, table, pages)
 
 
 def _field(header: str, key: str) -> str:

@@ -30,6 +30,8 @@ _OPTIONS = frozenset(
 
 _COMMENT = re.compile(r";|\s\$\s|//")
 _EQUALS = re.compile(r"\s*=\s*")
+_SPACED = re.compile(r"\s=|=\s")
+_INNERMOST = re.compile(r"\{[^{}]*\}")
 
 
 def silent_fault(deck: str) -> str | None:
@@ -44,8 +46,11 @@ def _statements(deck: str) -> list[str]:
     They are in lower case; expressions in braces or quotes are replaced by 0.
     """
     joined: list[str] = []
-    for raw in deck.split("\n")[1:]:
-        line = _COMMENT.split(raw.lower(), maxsplit=1)[0].strip()
+    for raw in deck.lower().split("\n")[1:]:
+        line = raw
+        if ";" in raw or "$" in raw or "//" in raw:
+            line = _COMMENT.split(raw, maxsplit=1)[0]
+        line = line.strip()
         if line.startswith("+") and joined:
             joined[-1] += " " + line[1:]
         elif line and not line.startswith("*"):
@@ -57,13 +62,16 @@ def _statements(deck: str) -> list[str]:
         elif line.startswith(".endc"):
             control = False
         elif not control and line[0] in ".xvi":
-            statements.append(_EQUALS.sub("=", _without_expressions(line)).strip())
+            line = _without_expressions(line)
+            statements.append(_EQUALS.sub("=", line).strip() if _SPACED.search(line) else line)
     return statements
 
 
 def _without_expressions(line: str) -> str:
-    if not any(mark in line for mark in "{}'\""):
-        return line
+    if "'" not in line and '"' not in line:
+        line = _INNERMOST.sub("0", line)
+        if "{" not in line and "}" not in line:
+            return line
     kept, depth = [], 0
     for piece in re.split(r"([{}])", re.sub(r"'[^']*'|\"[^\"]*\"", "0", line)):
         if piece == "{":
@@ -102,15 +110,15 @@ def _unknown_parameter(lines: list[str]) -> str | None:
     for line in lines:
         if line.startswith(".subckt"):
             words = line.split()
-            known.setdefault(words[1] if len(words) > 1 else "", set()).update(_names(words))
+            known.setdefault(words[1] if len(words) > 1 else "", {"m"}).update(_names(words))  # m multiplies any one
     for line in lines:
         if not line.startswith("x"):
             continue
         words = line.split()
         subcircuit = next((word for word in reversed(words) if "=" not in word and word != "params:"), "")
-        for name in _names(words):
-            if subcircuit in known and name not in known[subcircuit] | {"m"}:  # m multiplies any instance
-                has = ", ".join(sorted(known[subcircuit])) or "none"
+        for name in _names(words) if subcircuit in known else ():
+            if name not in known[subcircuit]:
+                has = ", ".join(sorted(known[subcircuit] - {"m"})) or "none"
                 return (
                     f"Subcircuit {subcircuit} has no parameter {name}, and ngspice would ignore it without a message "
                     f"on the line of {words[0]}; it has {has}."

@@ -25,6 +25,8 @@ Mechanics*, Springer 2019, §2.5 and §4.3.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import lru_cache
 from math import asinh, cbrt, log1p, nan, pi, sinh, sqrt
 
 import numpy as np
@@ -87,6 +89,7 @@ def normal_damping(contact: Contact) -> float:
     return hunt_crossley_damping(contact.restitution, contact.restitution_velocity_m_s)
 
 
+@lru_cache(maxsize=1024)
 def hunt_crossley_damping(restitution: float, velocity_m_s: float) -> float:
     r"""Constant a, in s/m, that gives a coefficient of restitution e at an approach velocity v.
 
@@ -179,13 +182,15 @@ def approach(contact: Contact, modes: tuple[Mode, ...], mount: Mount | None, pre
     return deeper + static_deflection(contact, modes) * (preload_n / contact.preload_n - 1.0)
 
 
-def static_sway(contact: Contact, modes: tuple[Mode, ...]) -> float:
+def static_sway(contact: Contact, modes: Sequence[Mode], stiffnesses: Sequence[float] = ()) -> float:
     """Sideways displacement x = −F₀ Σ X_n Y_n/k_n of the tip under the preload, in m; 0 for a symmetric stator.
 
-    The crown of the rotor is above the tip at rest. Values that differ from 0 only by rounding are 0.
+    The stiffnesses in N/m are by default those of the modes; a time step has others. The crown of the rotor is above
+    the tip at rest. Values that differ from 0 only by rounding are 0.
     """
-    shares = [mode.tip_x * mode.tip_y / mode.stiffness_n_per_m for mode in modes]
-    sizes = [(mode.tip_x**2 + mode.tip_y**2) / mode.stiffness_n_per_m for mode in modes]
+    stiffnesses = stiffnesses or [mode.stiffness_n_per_m for mode in modes]
+    shares = [mode.tip_x * mode.tip_y / one for mode, one in zip(modes, stiffnesses, strict=True)]
+    sizes = [(mode.tip_x**2 + mode.tip_y**2) / one for mode, one in zip(modes, stiffnesses, strict=True)]
     return -contact.preload_n * sum(shares) if abs(sum(shares)) > 1e-12 * sum(sizes) else 0.0
 
 

@@ -76,10 +76,22 @@ class Plant:
         turning: tuple[Kind, ...] = ("rotor",) if self.turns else ()
         return motor_states(self.motor, self.law, ("mode", "contact", "stem", "mount", *turning))
 
+    @cached_property
+    def period(self) -> float:
+        """Period of the drive in s."""
+        return self.drive.period
+
+    @cached_property
+    def _places(self) -> dict[Kind, slice]:
+        """The places of the states of each part of the motor, which follow each other."""
+        found: dict[Kind, slice] = {}
+        for place, state in enumerate(self.states):
+            found[state.kind] = slice(found[state.kind].start if state.kind in found else place, place + 1)
+        return found
+
     def where(self, kind: Kind) -> slice:
         """Return the place of the states of a part of the motor."""
-        places = [place for place, state in enumerate(self.states) if state.kind == kind]
-        return slice(places[0], places[-1] + 1) if places else slice(0, 0)
+        return self._places.get(kind, slice(0, 0))
 
     @property
     def modes(self) -> int:

@@ -96,8 +96,8 @@ def static_sway(motor: Motor, law: Law | None, discretisation: Discretisation | 
     """Return the sideways displacement in m of the tip under the preload, above which the rotor's crown stands."""
     if law is None:
         return 0.0
-    modes = [mode.model_copy(update={"stiffness_n_per_m": written(mode, discretisation)[1]}) for mode in motor.modes]
-    return contact_law.static_sway(motor.contact, tuple(modes))
+    stiffnesses = [written(mode, discretisation)[1] for mode in motor.modes]
+    return contact_law.static_sway(motor.contact, motor.modes, stiffnesses)
 
 
 @dataclass(frozen=True)

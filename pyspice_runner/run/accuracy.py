@@ -17,6 +17,7 @@ import numpy as np
 
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.sequences import interpolated
 from pyspice_runner.run.window import Array, Window
 
 TIP = ("tip_x_m", "tip_y_m")
@@ -98,15 +99,13 @@ def _distance(fine: Mapping[str, Array], coarse: Mapping[str, Array], rested: bo
     The place of rest under the preload depends a little on the step. Where the runs began at ``rested``, motions are
     counted from there; they are otherwise a multiple of themselves apart where the drive is weak.
     """
-    from scipy.interpolate import CubicSpline
-
     time = fine["time_s"]
     time = time[(time >= coarse["time_s"][0]) & (time <= coarse["time_s"][-1])]
     first = int(np.searchsorted(fine["time_s"], time[0])) if len(time) else 0
     away, motion = 0.0, 0.0
     for name in TIP:
         ours = fine[name][first : first + len(time)]
-        difference = ours - CubicSpline(coarse["time_s"], coarse[name])(time)
+        difference = ours - interpolated(coarse["time_s"], coarse[name], time)
         away += float(np.mean((difference - (difference[0] if rested else 0.0)) ** 2))
         motion += float(np.var(ours)) if np.std(ours) > _ROUNDING * abs(np.mean(ours)) else 0.0
     return sqrt(away / motion) if motion > 0.0 else 0.0

@@ -183,9 +183,8 @@ def run_bench(
     ready = simulator(bench, vectors, timeout)
     ready.node_set(**(guess or {}))
     signals = {name: bench.signals[name] for name in vectors if name in bench.signals}
-    deck = str(ready.prepare(analysis, **arguments))
-    ready.reset_analysis()
     try:
-        return Outcome(ready.verified(analysis, **how, **arguments), deck, signals)
+        result = ready.verified(analysis, **how, **arguments)
     except Interrupted as interrupt:
-        raise Interrupted(str(interrupt), Outcome(interrupt.partial, deck, signals)) from None
+        raise Interrupted(str(interrupt), Outcome(interrupt.partial, ready.deck, signals)) from None
+    return Outcome(result, ready.deck, signals)

@@ -19,6 +19,7 @@ from pyspice_runner.netlist.motor import dielectric_branches
 from pyspice_runner.netlist.source import Source
 from pyspice_runner.netlist.state import Discretisation, Kind, motor_states, static_sway
 from pyspice_runner.run.audit import NEWTON, pressed_j
+from pyspice_runner.run.sequences import recursion
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, EnergyBalance
 
 VECTORS: dict[str, tuple[str, ...]] = {  # of the columns, but for the currents, which the source knows
@@ -148,16 +149,11 @@ def plate_voltage(time_s: Array, voltage_v: Array, lag_s: float) -> Array:
     """
     if not lag_s > 0.0:
         return voltage_v
-    from scipy.linalg import solve_banded  # takes long to load
-
     h = np.diff(time_s)
     kept = np.exp(-h / lag_s)
     lag = (1.0 - kept) * lag_s / np.where(h > 0.0, h, 1.0)
     driven = (1.0 - kept) * voltage_v[:-1] + (1.0 - lag) * np.diff(voltage_v)
-    bands = np.ones((2, len(time_s)))
-    bands[1, :-1], bands[1, -1] = -kept, 0.0
-    found: Array = solve_banded((1, 0), bands, np.concatenate((voltage_v[:1], driven)))
-    return found
+    return recursion(kept, driven, float(voltage_v[0]))
 
 
 class _Terms:
