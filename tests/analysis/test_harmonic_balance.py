@@ -49,7 +49,7 @@ def test_a_motor_starts_near_its_steady_state_however_it_lifts_off(name: str, la
     "changes",
     [
         {"contact.worn_flat_radius_m": 5e-5},
-        {"contact.sliding_ratio": 0.7},
+        {"contact.sliding_ratio": 0.7, "contact.tangential_series_compliance_m_per_n": 0.0},
         {"contact.tangential_series_compliance_m_per_n": 2e-8},
     ],
 )

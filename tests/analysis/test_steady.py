@@ -349,7 +349,7 @@ def test_a_half_bridge_with_a_filter_has_a_curve_of_steady_states() -> None:
 
 def test_drivers_without_a_steady_state_by_shooting_are_refused_with_what_to_do() -> None:
     bridge = pr.Driver(kind="full-bridge", voltage=100.0, frequency=46e3)
-    with pytest.raises(pr.ParameterError, match=r"full bridge with its transformer has no steady state.*'settle'"):
+    with pytest.raises(pr.ParameterError, match=r"full-bridge with its transformer has no steady state.*'settle'"):
         pr.steady_state(HELD, bridge, speed=6.0)
     half = pr.Driver(kind="half-bridge", voltage=100.0, frequency=46e3)
     with pytest.raises(pr.ParameterError, match="contact = None is not valid behind a driver"):
