@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Curves, maps, transients and small times of the motors that people use: the tables of ``docs/speed.md``.
 
-.venv/bin/python -m benchmarks.motors                  # all, on an idle machine: some ten minutes
+.venv/bin/python -m benchmarks.motors                  # all but the cluster, on an idle machine: some ten minutes
 .venv/bin/python -m benchmarks.motors curves settled   # some of its parts
+.venv/bin/python -m benchmarks.motors cluster          # 10,000 points on four local workers, one of which is ended
 """
 
 from __future__ import annotations
@@ -24,7 +25,10 @@ import numpy as np
 import xarray
 
 import pyspice_runner as pr
+from benchmarks.cluster import after_a_death
+from benchmarks.steady_state import at_equal_accuracy
 from pyspice_runner.run.operating_point import OperatingPoint
+from tests import random_lift_off
 
 ROOT = Path(__file__).resolve().parent.parent
 REPEATS = 5
@@ -95,16 +99,20 @@ def curves() -> None:
     pr.steady_state(pr.load_motor("andersen2002"), pr.default_drive(pr.load_motor("andersen2002")), speed=0.0)  # loads
     print("| motor | open | spring-slider, s | CPU, s | brush of 8, s | CPU, s | brush over slider, CPU | found by |")
     print("|---|---|---|---|---|---|---|---|")
+    taken: dict[str, tuple[float, float]] = {}
     for one in subjects():
         found = [curve(one, law) for law in ("spring-slider", BRUSH)]
         methods = Counter(method for each in found for method in json.loads(each.attrs["method"]))
         (wall, spent), (brush_wall, brush_spent) = (timed(partial(curve, one, law)) for law in ("spring-slider", BRUSH))
+        taken[one.name] = wall, spent
         print(
             f"| {one.name} | {100.0 * float(found[0].separated.max()):.0f} % | {wall:.2f} | {spent:.2f} | "
             f"{brush_wall:.2f} | {brush_spent:.2f} | {brush_spent / spent:.2f} | "
             f"{', '.join(f'{count} {method}' for method, count in methods.items())} |",
             flush=True,
         )
+    ours, other = taken["bimodal40"], taken["andersen2002-unintended-mode, mount"]
+    print(f"bimodal40 over the unintended mode on its mount: {ours[0] / other[0]:.2f}, CPU {ours[1] / other[1]:.2f}")
 
 
 def settled() -> None:
@@ -145,14 +153,28 @@ def maps() -> None:
     for over in ("drive.phase_deg", "contact.preload_n"):
         wall, spent = timed(partial(flagship_map, 20, over), 1)
         print(f"map of bimodal40 over frequency and {over}, 400 points: {wall:.1f} s, {spent:.1f} s of CPU", flush=True)
-    two, _ = timed(lambda: flagship_map(10, "drive.phase_deg"), 1)
-    every = os.sched_getaffinity(0)
-    try:
-        os.sched_setaffinity(0, set(sorted(every)[:1]))
-        one, _ = timed(lambda: flagship_map(10, "drive.phase_deg"), 1)
-    finally:
-        os.sched_setaffinity(0, every)
-    print(f"map of 100 points: {one:.1f} s on one core, {two:.1f} s on {len(every)}: {one / two:.2f} times as fast")
+    for what, task in (("map", lambda: flagship_map(10, "drive.phase_deg")), ("sweep", flagship_sweep)):
+        two, _ = timed(task, 3)
+        every = os.sched_getaffinity(0)
+        try:
+            os.sched_setaffinity(0, set(sorted(every)[:1]))
+            one, _ = timed(task, 3)
+        finally:
+            os.sched_setaffinity(0, every)
+        print(
+            f"{what} of 100 points: {one:.1f} s on 1 core, {two:.1f} s on {len(every)}: {one / two:.2f} times as fast",
+            flush=True,
+        )
+
+
+def flagship_sweep() -> object:
+    """Return a sweep of runs of 1 ms over the flagship's frequency, with a worker for each core."""
+    motor = pr.load_motor("bimodal40")
+    with tempfile.TemporaryDirectory() as store:
+        return pr.sweep(
+            motor, pr.default_drive(motor), over={"drive.frequency": np.linspace(40.4e3, 41.4e3, 100)}, duration=1e-3,
+            step=1.8e-7, store=store, workers=len(os.sched_getaffinity(0)),
+        )  # fmt: skip
 
 
 def transients() -> None:
@@ -172,9 +194,55 @@ def transients() -> None:
         )
 
 
+def laws() -> None:
+    """Print work over precision of a curve of 5 speeds of the flagship under each law.
+
+    The error is the greatest difference from the torque at a quarter of the usual step, in % of μF₀R.
+    """
+    motor = pr.load_motor("bimodal40")
+    drive, speeds = pr.default_drive(motor), np.linspace(-20.0, 50.0, 5)
+    scale = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    usual = OperatingPoint.of(motor, drive, contact="spring-slider").step
+
+    def found(law: pr.Law, step: float) -> xarray.Dataset:
+        return pr.speed_torque(motor, drive, speeds=speeds, contact=law, step=step)
+
+    print("| law | step, µs | CPU, s | error, % of μF₀R | its estimate, % |")
+    print("|---|---|---|---|---|")
+    for law in (pr.Law("spring-slider"), BRUSH, pr.Law("brush", 32), pr.Law("coulomb")):
+        exact = found(law, usual / 4.0).torque_n_m
+        for step in (usual, usual / 2.0):
+            before = used()
+            curve_at = found(law, step)
+            spent = used() - before
+            away, told = abs(curve_at.torque_n_m - exact).max(), curve_at.torque_error_n_m.max()
+            print(
+                f"| {law} | {1e6 * step:.3f} | {spent:.2f} | {100.0 * float(away) / scale:.3f} | "
+                f"{100.0 * float(told) / scale:.3f} |",
+                flush=True,
+            )
+
+
+def scipy() -> None:
+    """Print curves by this package and by shooting with scipy and compiled equations, at equal accuracy."""
+    at_equal_accuracy([1, 3, 9, 21])
+
+
+def lift_off() -> None:
+    """Print the counts of the record of random motors that lift off (``python -m tests.random_lift_off``)."""
+    print(random_lift_off.told(random_lift_off.read()))
+
+
+def cluster() -> None:
+    """Print what a map of 10,000 points on a Dask cluster of four workers loses when one of them is killed."""
+    after_a_death(10_000)
+
+
 def small() -> None:
-    """Print the wall times of commands, each in a process of its own."""
+    """Print the wall times of commands, each in a process of its own; the package has its bytecode, as installed."""
     python, page = [sys.executable, "-m", "pyspice_runner"], str(Path(tempfile.gettempdir()) / "report.html")
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    environment |= {"PYTHONPYCACHEPREFIX": str(Path(tempfile.gettempdir()) / "piezomotor-bytecode")}
     for what, command in (
         ("import pyspice_runner", [sys.executable, "-c", "import pyspice_runner"]),
         ("piezomotor --version", [*python, "--version"]),
@@ -183,7 +251,9 @@ def small() -> None:
         ("piezomotor steady bimodal40", [*python, "steady", "bimodal40", "--speed", "20"]),
         ("piezomotor report bimodal40", [*python, "report", "bimodal40", "--output", page]),
     ):
-        wall, spent = timed(partial(subprocess.run, command, capture_output=True, check=True), 3)
+        go = partial(subprocess.run, command, capture_output=True, check=True, env=environment)
+        go()  # writes the bytecode
+        wall, spent = timed(go, 3)
         print(f"{what}: {wall:.2f} s, {spent:.2f} s of CPU", flush=True)
     motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)
@@ -193,10 +263,11 @@ def small() -> None:
     print(f"simulate of 2 ms in such a process: {wall:.2f} s, {spent:.2f} s of CPU")
 
 
-PARTS = {part.__name__: part for part in (curves, settled, maps, transients, small)}
+USUAL = (curves, settled, maps, transients, small, scipy, laws, lift_off)
+PARTS = {part.__name__: part for part in (*USUAL, cluster)}
 
 
-def main(names: Sequence[str] = tuple(PARTS)) -> None:
+def main(names: Sequence[str] = tuple(part.__name__ for part in USUAL)) -> None:
     """Measure, and print tables and lines."""
     for name in names:
         print(f"- {name}: {(PARTS[name].__doc__ or '').partition('.')[0]}", flush=True)
@@ -204,4 +275,4 @@ def main(names: Sequence[str] = tuple(PARTS)) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:] or tuple(PARTS))
+    main(*([sys.argv[1:]] if sys.argv[1:] else []))

@@ -618,6 +618,12 @@ def test_a_dask_cluster_gives_the_same_file_and_may_lose_a_worker(
     assert (tmp_path / "there.nc").read_bytes() == (tmp_path / "here.nc").read_bytes()
 
 
+@pytest.mark.soak
+def test_four_dask_workers_lose_no_point_when_one_is_killed() -> None:
+    script = "from benchmarks.cluster import after_a_death; assert after_a_death(400) == 0"
+    subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=True, capture_output=True, timeout=300.0)
+
+
 # --- the command ---
 
 
