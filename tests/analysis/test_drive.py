@@ -160,7 +160,7 @@ def test_a_push_pull_stage_gives_the_fundamental_of_its_supply_and_its_transisto
     1 %: 1.8 Ω at 90 mA, 200 ns of dead time, and the body diodes. The balance is that of the other bridges.
     """
     stage = {"bridge.ratio": 2.0, "inductor.inductance": 8.2e-3}
-    found = report(driver("push-pull", supply_v=24.0, network="inductor", settings=stage), duration=4e-4, speed=0.0)
+    found = report(driver("push-pull", supply_v=24.0, network="inductor", settings=stage), duration=2.5e-4, speed=0.0)
     leakage = 2j * pi * FREQUENCY * 5e-3 * 2.0**2 * (1.0 - 0.998**2)
     for group in "ab":
         port = found.outputs[group]
