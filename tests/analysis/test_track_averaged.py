@@ -93,6 +93,24 @@ def test_an_observer_has_no_averaged_model(motor: pr.Motor) -> None:
         pr.track(motor, tracker(motor, kind="observe-power"), averaged=True)
 
 
+@pytest.mark.soak
+def test_fixed_copies_of_the_capacitances_move_the_phase_as_stated_and_warm_ones_do_not() -> None:
+    motor = pr.load_motor("beam40")
+    drive = pr.default_drive(motor)
+    cold = pr.Tracker(kind="pll", voltage=drive.voltage, phase_deg=drive.phase_deg, frequency=40.5e3, target_deg=-20.0)
+    warm = cold.model_copy(update={"copies_drift_per_k": pr.Thermal.of(motor).capacitance_drift_per_k})
+    settings: dict[str, Any] = {"disturb": "warm-up", "duration": 600.0, "averaged": True, "margin": False}
+    fixed, following = (pr.track(motor, one, **settings) for one in (cold, warm))
+    assert fixed.sensing is not None
+    assert fixed.temperature_k is not None
+    # the drift per kelvin is that at the end; the ratio of both currents changes by some per cent on the way
+    stated = fixed.sensing.phase_drift_deg_per_k * float(fixed.temperature_k[-1])
+    assert fixed.static_phase_error_deg == pytest.approx(stated, rel=0.05)
+    assert abs(stated) > 3.0
+    # what the copy of a loss that is constant over frequency leaves: a hundredth of the drift
+    assert abs(following.static_phase_error_deg) < 0.1
+
+
 def test_the_command_states_temperature_and_check(capsys: pytest.CaptureFixture[str]) -> None:
     command = "track beam40 --averaged --disturb warm-up --target -20 --duration 60 --json"
     assert run(command.split()) == 0
