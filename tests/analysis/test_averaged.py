@@ -19,6 +19,7 @@ from pyspice_runner.cli import run
 from pyspice_runner.netlist.averaged import OPTIONS
 from tests.netlist.batch import measured
 from tests.runs import simulated
+from tests.selection import mostly
 
 FAST = pr.TwoPhaseDrive(voltage=300.0, frequency=54e3, phase_deg=90.0)
 
@@ -247,7 +248,7 @@ def test_parameters_of_the_x_line_are_those_of_the_motor(motor: pr.Motor, tmp_pa
     assert torque == pytest.approx(run.torque_n_m[-1], abs=1e-4 * 0.25 * 7.0 * motor.rotor.radius_m)
 
 
-@pytest.mark.parametrize(("cycles", "trusted"), [(20, False), (80, True)])
+@pytest.mark.parametrize(("cycles", "trusted"), mostly(pytest.mark.soak, [(20, False), (80, True)], [(20, False)]))
 def test_a_burst_of_few_periods_is_not_trusted(cycles: int, trusted: bool) -> None:
     """At 70 V the averaged motor turns by 36 % too far in 20 periods, by 0.8 % in 80."""
     motor = pr.load_motor("beam40")
@@ -277,7 +278,7 @@ LOW_SPEED: dict[str, dict[str, float]] = {
 }
 
 
-@pytest.mark.parametrize("name", LOW_SPEED)
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, LOW_SPEED, ["falling friction"]))
 def test_friction_of_the_bearing_and_friction_that_falls_are_those_of_the_full_motor(name: str) -> None:
     """At 69 V the contact stays closed; both change the speed by far more than the error of the averaged motor."""
     plain = pr.load_motor("beam40")
