@@ -198,7 +198,10 @@ COLUMNS = {
 def test_all_outputs_under_load_warmth_and_detuning_are_those_of_simulate_averaged(name: str, tmp_path: Path) -> None:
     held = name == "andersen2002"
     thermal = pr.Thermal(heat_capacity_j_per_k=1e-3, ambient_k=10.0)  # so small that 20 ms warm it by some kelvin
-    soft = {"contact.series_compliance_m_per_n": 1e-8, "contact.restitution": 0.8}
+    soft = {
+        "contact.series_compliance_m_per_n": 1e-8, "contact.restitution": 0.8,
+        "contact.tangential_series_compliance_m_per_n": 2e-8,
+    }  # fmt: skip
     motor = pr.load_motor(name).updated({"mount": None} if held else soft)
     drive = pr.default_drive(motor)
     unit = Unit(pr.export_motor(motor, tmp_path / "motor.fmu", thermal=thermal))
