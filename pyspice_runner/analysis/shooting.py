@@ -445,9 +445,12 @@ class Shooting:
     def _renew(self, points: Sequence[Point]) -> None:
         """Take new derivatives of points that have a trace: along it where the equations are known, else by copies."""
         courses = [(point, point.trace.course) for point in points if point.trace and point.trace.course]
-        exact = derivatives([course for _, course in courses], self.map.discretisation)
+        with np.errstate(over="ignore", invalid="ignore"):
+            exact = derivatives([course for _, course in courses], self.map.discretisation)
         for (point, _), derivative in zip(courses, exact, strict=True):
-            point.linearise(derivative)
+            point.failed = not np.isfinite(derivative.at_end).all()  # a step far from the contact
+            if not point.failed:
+                point.linearise(derivative)
         others = [point for point in points if not point.exact]
         found = iter(self.map.traces([copy for point in others for copy in _perturbed(point)]))
         for point in others:

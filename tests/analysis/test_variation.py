@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.analysis import shooting
 from pyspice_runner.analysis.period_map import PeriodMap
-from pyspice_runner.analysis.shooting import Point, balance, start_point
+from pyspice_runner.analysis.shooting import Point, Shooting, balance, start_point
 from pyspice_runner.analysis.variation import Derivative, derivatives, differentiable
 from pyspice_runner.model.drive import Load
 from pyspice_runner.netlist.contact import Law
@@ -73,6 +77,19 @@ def test_the_derivative_along_a_trace_is_that_of_perturbed_copies(name: str) -> 
     slopes = copies.forces * point.scale
     assert np.abs(along.forces * point.scale - slopes).max() < TOLERANCE * np.abs(slopes).max()
     assert np.abs((along.monodromy @ along.at_start - along.at_end) * across).max() < 1e-9  # rounding
+
+
+def test_a_motion_so_far_from_the_contact_that_its_derivative_overflows_is_not_a_steady_state(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def overflowing(*arguments: Any) -> list[Derivative]:
+        return [replace(found, at_end=np.full_like(found.at_end, np.nan)) for found in derivatives(*arguments)]
+
+    monkeypatch.setattr(shooting, "derivatives", overflowing)
+    point = start_point(Plant(PAPER, PAPERS_DRIVE, Load(2.0), Law()))
+    Shooting([point], PeriodMap(PAPERS_DRIVE.period, STEPS)).solve()
+    assert point.failed
+    assert not point.done
 
 
 def test_a_mode_that_softens_and_a_law_of_the_users_own_are_differentiated_by_copies() -> None:
