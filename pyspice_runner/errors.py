@@ -11,9 +11,11 @@ import difflib
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 _LONGEST, _TAIL = 1000, 300  # characters of a message; its end says what to do
+_LONGEST_LIST = 300  # characters of a list of names
 
 
 class ParameterError(ValueError):
@@ -72,7 +74,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 def did_you_mean(name: str, known: Iterable[str], otherwise: str = "Known are") -> str:
-    """Return a sentence with the known name nearest to an unknown one; without a near one, with all that are known.
+    """Return a sentence with the known name nearest to an unknown one; without a near one, with those that are known.
 
     A name that contains the unknown one as a word is near: ``rotor_speed_rad_s`` to ``speed``.
     """
@@ -80,4 +82,5 @@ def did_you_mean(name: str, known: Iterable[str], otherwise: str = "Known are") 
     words = sorted((other for other in known if name in other.split("_")), key=len)
     very, fairly = (difflib.get_close_matches(name, known, n=1, cutoff=cutoff) for cutoff in (0.8, 0.6))
     close = very or words or fairly
-    return f"Did you mean {close[0]!r}?" if close else f"{otherwise} {', '.join(known)}."
+    listed = shorten(", ".join(known), _LONGEST_LIST, placeholder=" and others")
+    return f"Did you mean {close[0]!r}?" if close else f"{otherwise} {listed}."
