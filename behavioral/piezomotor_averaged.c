@@ -208,12 +208,12 @@ static void turn(const struct values *p, const double state[STATES], double torq
 {
     int rigid = p->coupling_stiffness == 0.0;
     double angle = state[rigid ? POSITION : LOAD_POSITION], speed = state[rigid ? SPEED : LOAD_SPEED];
-    double held = p->load_damping * speed + p->load_spring * angle
+    double resisted = p->load_damping * speed + p->load_spring * angle
         + p->load_gravity * sin(angle + p->load_angle * PI / 180.0);
 
     rate[POSITION] = rate[LOAD_POSITION] = state[SPEED];
     if (p->load_inertia == 0.0 || rigid) {
-        rate[SPEED] = rate[LOAD_SPEED] = (torque - (p->load_inertia > 0.0 ? held : 0.0)) / (p->inertia + p->load_inertia);
+        rate[SPEED] = rate[LOAD_SPEED] = (torque - (p->load_inertia > 0.0 ? resisted : 0.0)) / (p->inertia + p->load_inertia);
         return;
     }
     double twist = state[POSITION] - state[LOAD_POSITION], play = 0.5 * p->backlash;
@@ -222,7 +222,7 @@ static void turn(const struct values *p, const double state[STATES], double torq
     if (passed * wound <= 0.0) /* a coupling with play does not pull its sides together */
         passed = p->backlash > 0.0 ? 0.0 : passed;
     rate[LOAD_POSITION] = state[LOAD_SPEED];
-    rate[LOAD_SPEED] = (passed - held) / p->load_inertia;
+    rate[LOAD_SPEED] = (passed - resisted) / p->load_inertia;
     rate[SPEED] = (torque - passed) / p->inertia;
 }
 

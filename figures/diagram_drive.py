@@ -74,8 +74,10 @@ def motor(sheet: Sheet) -> None:
         "tracker_sense", 15.7, 17.8, 0.5, UPPER, MOUNT,
         west={"line_a": LINE_A, "line_b": LINE_B, "motional": LOOP + 0.6, "force": LOOP, "ahead": LOOP - 0.6,
               "power": 0.8},
-        east={"a": LINE_A, "b": LINE_B, "com": 5.7},
+        east={"a": LINE_A, "b": LINE_B, "com": 5.7, "temperature": 3.2},
     )  # fmt: skip
+    sheet.wire((17.8, 3.2), (18.25, 3.2))
+    sheet.ground((18.25, 3.2))
     sheet.note("sensing", (16.75, UPPER + 0.35), fontweight="bold")
     sheet.box("piezomotor_mode", 18.7, 20.6, LOWER, UPPER, CONTACT, west={"a": LINE_A, "com": 5.7, "b": LINE_B})
     sheet.note("motor", (19.65, UPPER + 0.35), fontweight="bold")

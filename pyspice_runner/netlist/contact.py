@@ -148,7 +148,7 @@ def contact_library(law: Law, contact: Contact | None = None) -> Library:
 @cache
 def _constant_friction(library: Library) -> Library:
     """Return the spring-slider without Stribeck's curve, whose exponential takes a sixth of the run time."""
-    text = re.sub(r"(?m)^(Bfriction .*,1n\)\))\*.*$", r"\1", library.subcircuit)
+    text = re.sub(r"(?m)^(Bfriction .*,1m\)\))\*.*$", r"\1", library.subcircuit)
     for name in _STRIBECK:
         text = re.sub(rf"(?m)^(\.subckt .*) {name}=\S+", r"\1", text)
     parameters = tuple(item for item in library.parameters if item.name not in _STRIBECK)
@@ -182,7 +182,7 @@ def _spring_of_worn(text: str) -> str:
         f"Bgrip grip 0 V={{mu*normal_stiffness*1.414213562373095e-9}}*({ahead}-{behind})"
     )
     text = re.sub(r"(?m)^Bgrip .*limit_ratio.*$", lambda _: grip, text)
-    return text.replace("V(grip)/sqrt(max(V(factor),1n))", "V(grip)*V(factor)")
+    return text.replace("V(grip)/sqrt(max(V(factor),1m))", "V(grip)*V(factor)")
 
 
 def _row_of_worn(text: str) -> str:

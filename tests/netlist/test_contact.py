@@ -63,7 +63,7 @@ def test_only_friction_that_falls_with_the_velocity_has_the_exponential() -> Non
     contact = load_motor("andersen2002").contact
     plain = contact_library(Law(), contact)
     falling = contact_library(Law(), contact.model_copy(update={"sliding_ratio": 0.7}))
-    assert "Bfriction friction 0 V=V(grip)/sqrt(max(V(factor),1n))\n" in plain.subcircuit
+    assert "Bfriction friction 0 V=V(grip)/sqrt(max(V(factor),1m))\n" in plain.subcircuit
     assert "exp(" in falling.subcircuit
     assert {item.name for item in falling.parameters} - {item.name for item in plain.parameters} == {
         "sliding", "stribeck"
