@@ -85,14 +85,10 @@ def check_averaged(contact: ContactLaw | None) -> None:
 def require_averaged(motor: Motor) -> None:
     """Raise ParameterError for a mode that is not linear, a loss without an averaged model, or a deep penetration."""
     require_linear(motor, "The averaged motor")
-    left_out = {
-        "contact.worn_flat_radius_m": (motor.contact.worn_flat_radius_m, 0.0),
-    }
-    for name, (value, neutral) in left_out.items():
-        if value != neutral:
-            raise ParameterError(
-                f"{name} = {value:g} has no averaged model: it must be {neutral:g}. Set it, or use the full motor."
-            )
+    if flat := motor.contact.worn_flat_radius_m:
+        raise ParameterError(
+            f"contact.worn_flat_radius_m = {flat:g} has no averaged model: it must be 0. Set it, or use the full motor."
+        )
     _check_penetration(motor)
 
 
