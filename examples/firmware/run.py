@@ -38,7 +38,7 @@ def run(
 
 
 def recorded(found: ControlledRun) -> bytes:
-    """Return what the firmware of a run got, for replay.c: sample time, first commands and samples, as floats."""
+    """Return the inputs of the firmware in a run, for replay.c: sample time, first commands and samples, as floats."""
     first = [SAMPLE_TIME, DRIVE.voltage, DRIVE.voltage_b, DRIVE.phase_deg, DRIVE.frequency]
     samples = np.transpose([found.samples[name] for name in OF_A_SAMPLE])
     return np.concatenate([first, samples.ravel()]).astype("<f4").tobytes()

@@ -345,7 +345,7 @@ class Loop:
     rounding: Rounding
 
     def run(self, count: int, sample_time: float, records: int) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Run for a number of samples; return what the controller saw and set at each, and the records between.
+        """Run for a number of samples; return the controller's inputs and commands at each, and the records between.
 
         Raise ParameterError for a command that is not valid, SimulationError if the engine fails.
         """

@@ -4,7 +4,8 @@ r"""Loop gain of a tracker in front of the running motor, with its driver and ne
 A small modulation of the oscillator's frequency gives the stage's voltages side bands above and below the drive's
 frequency. Network and motor answer to these. The motor is the full one about its steady state: a voltage at one side
 band draws a current at both, by the hot admittance and its image (:mod:`.small_signals`). The tracker subtracts the
-current of its copies of the clamped capacitances at both side bands; what is left, against the force, turns by
+current of its copies of the clamped capacitances at both side bands. The phase of the difference against the force
+changes by
 
 .. math::
     \delta\varphi = \frac{m_+}{M} + \frac{m_-}{M^*} - \frac{f_+}{F} - \frac{f_-}{F^*}
@@ -13,8 +14,8 @@ with the phasors M and F of both, and the coefficients m, f of :math:`e^{j(\omeg
 :math:`e^{j\omega t}` adds to the current and to the force.
 
 The detector compares rising edges. Behind a bridge the force has harmonics, which move its edge and change its slope
-there. They follow the oscillator: where it turns by ψ, the harmonic k turns by kψ, whatever the network does to the
-fundamental.
+there. They follow the oscillator: a phase shift ψ of the oscillator shifts the harmonic k by kψ. The
+response of the network to the fundamental has no effect on that.
 """
 
 from __future__ import annotations
@@ -144,7 +145,7 @@ def _running(setup: OperatingPoint, point: LockedPoint, modulation: Array, timeo
 
 
 def _turns(known: Motor, source: TrackedSource, point: LockedPoint, answer: _Answer) -> tuple[Complex, Array, float]:
-    """Return what the sensed phase turns by a modulation of the frequency, in rad/Hz, with its error; and that phase.
+    """Return the change of the sensed phase with the frequency in rad/Hz, its error, and the phase.
 
     The sensed phase in degrees is that of the motional current ahead of the edges of the force.
     """

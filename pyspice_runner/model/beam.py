@@ -311,7 +311,7 @@ def resonator_modes(
 
 
 def residual_compliances(beam: Beam, patches: Sequence[Patch], tip: Tip) -> Array:
-    """Return what the modes that are left out add to the contact of a tip on a stem, normal and tangent, in m/N.
+    """Return the compliances of the omitted modes at a tip on a stem, normal and tangential, in m/N.
 
     A force on the head bends and stretches the stem, and the two modes contain little of that. It is 0 without a stem,
     as in the paper.

@@ -53,7 +53,7 @@ class Ratings:
         return self._moved(lambda volts: np.ones_like(volts), swing, swing)
 
     def swing_loss(self, left: float, swing: float) -> float:
-        """Return the heat in J in the channel that discharges what is left in V of a swing in V."""
+        """Return the heat in J of a channel that discharges a remaining voltage of a swing, both in V."""
         return self._moved(lambda volts: volts, min(max(left, 0.0), swing), swing)
 
     def _moved(self, weight: Callable[[Array], Array], upper: float, swing: float) -> float:

@@ -142,7 +142,7 @@ def test_what_a_stem_adds_to_the_contact_is_a_cantilever_on_a_stiff_beam() -> No
     tip = head(0.5 * BASE.thickness_m + LENGTH, 0.0)
     tip = tip.model_copy(update={"length_m": 0.5 * BASE.thickness_m + LENGTH})
     found = solve_resonator(BASE, (), tip, count=3)
-    # mode 3 and above of the stiff beam and the rotation of the massless head are what is left out
+    # omitted: mode 3 and above of the stiff beam, and the rotation of the massless head
     kept = np.array([found.tip_y, found.tip_x]) ** 2 / found.stiffnesses_n_per_m
     assert found.residual_m_per_n + kept.sum(axis=1) == pytest.approx([stretch, bend], rel=1e-3)
 
