@@ -163,7 +163,7 @@ def plant(monkeypatch: pytest.MonkeyPatch, old: str, new: str) -> None:
     """Change the module, as a compiler would that makes something else of it."""
     text = compiled.module_source
     assert old in text(2, Law())
-    monkeypatch.setattr(compiled, "module_source", lambda *of: text(*of).replace(old, new, 1))
+    monkeypatch.setattr(compiled, "module_source", lambda *of, **how: text(*of, **how).replace(old, new, 1))
 
 
 WRONG = {
@@ -172,10 +172,10 @@ WRONG = {
     "capacitance": ("ddt((capacitance) * V(plate, com))", "ddt(0.999 * (capacitance) * V(plate, com))"),
     "inertia": ("ddt(inertia * V(shaft))", "ddt(1.01 * inertia * V(shaft))"),
     "softening": ("1e-12 * softening_1", "0.9e-12 * softening_1"),
-    "friction": ("tangential = contact_grip *", "tangential = 1.01 * contact_grip *"),
+    "friction": ("tangential = contact_grip /", "tangential = 1.01 * contact_grip /"),
     "mount": ("ddt(mount_mass * V(carrier_velocity)", "ddt(1.05 * mount_mass * V(carrier_velocity)"),
     "recoil on the carrier": ("recoil = recoil + recoil_1 *", "recoil = recoil + 1.3 * recoil_1 *"),
-    "recoil on the mode": ("+ recoil_2 * rise)", "+ 1.3 * recoil_2 * rise)"),
+    "recoil on the mode": ("+ recoil_2 * rise +", "+ 1.3 * recoil_2 * rise +"),
     "dry bearing": ("ddt(bearing_angle * V(share))", "ddt(1.3 * bearing_angle * V(share))"),
 }
 

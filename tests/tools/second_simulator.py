@@ -141,8 +141,8 @@ def _waveforms(
     arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED)}
     return Waveforms(
         **arrays, energy=recording.energy(waves, samples), drive_period_s=setup.source.period,
-        rotor_radius_m=setup.motor.rotor.radius_m, solver_seconds=seconds, ngspice_version="VACASK", provenance={},
-        deck="",
+        rotor_radius_m=setup.motor.rotor.radius_m, decay_s=setup.motor.decay_s, solver_seconds=seconds,
+        ngspice_version="VACASK", provenance={}, deck="",
     )  # fmt: skip
 
 
