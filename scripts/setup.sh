@@ -186,7 +186,7 @@ need_package() { # EXTRA…
     wanted=$(fingerprint)
     if new_enough $python; then
         full=$venv/.stamp-test,dev # serves every purpose but those of the heavy extras
-        case " $* " in *" bench "* | *" compiled "*) full=$stamp ;; esac
+        case " $* " in *" bench "* | *" compiled "* | *" docs "*) full=$stamp ;; esac
         for done in "$stamp" "$full"; do
             if [ -f "$done" ] && [ "$(cat "$done")" = "$wanted" ]; then
                 return
