@@ -18,6 +18,7 @@ from math import ceil, sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pyspice_runner.analysis.dynamometer import UNITS
 from pyspice_runner.analysis.period_map import PeriodMap, Trace, cores
@@ -159,13 +160,23 @@ class _Node:
     tangent: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
-    def matrix(self) -> Array:
-        """Derivative of the scaled gap with respect to the scaled state and parameter."""
+    def free(self) -> NDArray[np.bool_]:
+        """Whether each component of the scaled state, and the parameter, is an unknown."""
+        return np.append(self.point.free, True)
+
+    def solved(self, tangent: Array, right: Array) -> Array:
+        """Return the change of the scaled state and parameter for a change of the gap and of the arc along a tangent.
+
+        A state whose start has no influence on the period, as that of a slider that slips there, does not change.
+        """
         assert self.point.at_end is not None
         assert self.point.at_start is not None
-        matrix, stem = self.point.at_end - self.point.at_start, self.point.plant.where("stem")
-        matrix[stem] = np.eye(len(matrix))[stem]  # the period does not depend on where its lags start
-        return np.column_stack([matrix, self.slope])
+        matrix = np.column_stack([self.point.at_end - self.point.at_start, self.slope])
+        free = self.free
+        bordered = np.vstack([matrix, tangent])[np.ix_(free, free)]
+        change = np.zeros(len(free))
+        change[free] = _solved(bordered, right[free], int(self.point.sticks))
+        return change
 
 
 def _first(family: _Family) -> Point:
@@ -243,8 +254,7 @@ def _solved(matrix: Array, right: Array, drop: int) -> Array:
 
 def _tangent(node: _Node, before: Array, weights: Array) -> Array:
     """Return the direction of the branch, of length 1, with the sense of the one before."""
-    bordered = np.vstack([node.matrix, weights**2 * before])
-    found = _solved(bordered, np.append(np.zeros(len(before) - 1), 1.0), int(node.point.sticks))
+    found = node.solved(weights**2 * before, np.append(np.zeros(len(before) - 1), 1.0))
     return np.asarray(found / np.linalg.norm(weights * found))
 
 
@@ -255,7 +265,7 @@ def _next(
     scales = np.append(node.point.scale, family.scale)
     here = np.append(node.point.state, node.value)
     unknown = here + length * node.tangent * scales
-    matrix, renewed = node.matrix, 0
+    near, renewed = node, 0
     before = np.inf
     for _ in range(MOST_CORRECTIONS):
         try:
@@ -267,8 +277,7 @@ def _next(
             return None
         gap = (trace.states[:, -1] - trace.states[:, 0]) / node.point.scale
         while True:
-            bordered = np.vstack([matrix, weights**2 * node.tangent])
-            change = _solved(bordered, np.append(-gap, 0.0), int(node.point.sticks))
+            change = near.solved(weights**2 * node.tangent, np.append(-gap, 0.0))
             size = float(np.linalg.norm(weights * change))
             if size < SLOW * min(before, length) or renewed == MOST_RENEWALS:
                 break
@@ -276,10 +285,11 @@ def _next(
             here_now = measured(unknown[:-1], float(unknown[-1]))
             if here_now is None:
                 return None
-            matrix = here_now.matrix
+            near = here_now
         if size > max(before, length):
             return None
-        unknown = unknown + change * scales
+        later = np.append(trace.later(0.0), unknown[-1])
+        unknown = np.where(near.free, unknown + change * scales, later)
         before = size
         if size < TOLERANCE:
             return measured(unknown[:-1], float(unknown[-1]))
