@@ -113,13 +113,14 @@ def staying(state: SteadyState, periods: int = STAYING) -> str:
     plant, period = point.plant, point.plant.drive.period
     finer = PeriodMap(period, 2 * round(period / state.step_s), LONGEST_CHECK)
     try:
-        (end,) = finer.settled([Copy(plant, point.state)], periods)
-        (trace,) = finer.traces([Copy(plant, end)]) if end is not None else (None,)
+        (trace,) = finer.traces([Copy(plant, point.state)], periods)
+        # ngspice shortens steps at an impact, so that means over them are not those of the map
+        (end,) = (None,) if trace else finer.settled([Copy(plant, point.state)], periods)
     except pr.SimulationError:
         return "the long run takes too long"
-    if end is None:
-        return "the long run fails"
-    if trace is None:  # ngspice shortens steps at an impact, so that means over them are not those of the map
+    if trace is None:
+        if end is None:
+            return "the long run fails"
         modes = slice(2 * plant.modes)  # displacements and velocities
         return "stays" if (np.abs(end - point.state)[modes] <= AGREES * point.scale[modes]).all() else "leaves"
     force, friction = trace.forces.tolist()

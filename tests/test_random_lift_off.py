@@ -7,7 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.random_lift_off import outcome, read
+import pyspice_runner as pr
+from tests.random_lift_off import case, outcome, read
+from tests.random_runs import tones
+from tests.random_steady import AGREES
+from tests.reference.damped import integrate_damped
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -24,14 +28,34 @@ def test_newtons_method_finds_the_steady_states_of_random_motors_that_lift_off()
     assert not [found["index"] for found in counted if found["verdict"] == "leaves"]
 
 
-def test_the_record_shows_newtons_method_in_nine_of_ten_and_the_page_names_each_that_leaves() -> None:
+@pytest.mark.soak
+def test_case_423_stays_where_the_reference_settles() -> None:
+    """A run begun anew at the end of another one seemed to leave: disturbances decay by 0.7 % in a period only."""
+    motor, drive, speed = case(423)
+    state = pr.steady_state(motor, drive, speed=speed, audit=False)
+    assert state.stable
+    periods = 2000  # 5 decay times of the mount
+    run = integrate_damped(
+        motor.to_dict(),
+        *([(tone.amplitude_v, tone.frequency_hz, tone.phase_rad) for tone in group] for group in tones(drive)),
+        duration=periods * drive.period, output_step=drive.period, step=drive.period / 3200, speed=speed,
+    )  # fmt: skip
+    contact, begin = motor.contact, (periods - 20) * drive.period
+    friction = contact.friction * contact.preload_n
+    # its own error is 1.3e-4 of the friction force, by half of its step
+    assert run.mean("friction_force", begin) == pytest.approx(
+        state.torque_n_m / motor.rotor.radius_m, abs=AGREES * friction
+    )
+    assert run.mean("normal_force", begin) == pytest.approx(state.normal_force_n, rel=1e-4)
+
+
+def test_the_record_shows_newtons_method_in_nine_of_ten_and_none_that_leaves() -> None:
     counted = [one for one in read() if one["counts"]]
     newton = [one for one in counted if one["method"] in ("newton", "damped") and one["stable"]]
     others = [one for one in counted if one not in newton and (one["stable"] or one.get("periodic"))]
     assert len(newton) >= 9 * len(others)
     page = (ROOT / "docs" / "steady_state.md").read_text(encoding="utf-8")
     assert f"Of {len(counted)} so far:" in page
-    for left in (one["index"] for one in counted if one["verdict"].startswith("leaves")):
-        assert f"case {left} leaves: its cause is open" in page
+    assert not [one["index"] for one in counted if one["verdict"].startswith("leaves")]
     assert f"| found by Newton's method from harmonic balance, stable | {len(newton)} |" in page
     assert f"though a long run is periodic | {len(others)} |" in page

@@ -130,13 +130,18 @@ class PeriodMap:
         """Return the same map for one of several threads, with its share of the workers and a common effort."""
         return replace(self, workers=max(1, self.workers // threads))
 
-    def traces(self, copies: Sequence[Copy]) -> list[Trace | None]:
-        """Return the traces of the copies over a period; ``None`` where ngspice does not find one.
+    def traces(self, copies: Sequence[Copy], after: int = 0) -> list[Trace | None]:
+        """Return the traces of the copies over a period, after a number of others; ``None`` if ngspice finds none.
+
+        A run that begins anew at the last state of another one does not continue it: its first steps are of first order
+        and are no part of its period. Where disturbances decay slowly, the means of that period then differ.
 
         Raises:
             SimulationError: if ngspice is missing or cannot be run.
         """
-        return self._evaluated(copies, self.duration, whole=True)
+        found = self._evaluated(copies, after * self.period + self.duration, whole=True)
+        # the derivative is that of a run from its start
+        return [trace and replace(trace, course=None) for trace in found] if after else found
 
     def settled(self, copies: Sequence[Copy], periods: int) -> list[Array | None]:
         """Return the states after a number of periods from the start of the run."""
@@ -160,7 +165,7 @@ class PeriodMap:
     def _timing(self, duration: float, whole: bool) -> dict[str, Any]:
         return {
             "step_time": duration, "end_time": duration, "max_time": self.step, "use_initial_condition": True,
-            "start_time": 0.0 if whole else duration - self.step,
+            "start_time": duration - (self.duration if whole else self.step),
         }  # fmt: skip
 
     def _evaluated(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:

@@ -66,3 +66,23 @@ def test_a_deck_has_each_subcircuit_once() -> None:
     names = [line.split()[1] for line in text.splitlines() if line.startswith(".subckt")]
     assert len(names) == len(set(names))
     assert len([name for name in names if name.startswith("motor_")]) == 2
+
+
+def test_a_period_after_others_continues_their_run() -> None:
+    """The free stator decays: r'' + 2ar' + w²r = 0, a period after another by exp(-aT), whatever the run began with."""
+    motor = pr.load_motor("andersen2002")
+    drive = pr.TwoPhaseDrive(voltage=0.0, frequency=51.7e3)
+    plant, after = Plant(motor, drive, Load(0.0), None), 40
+    start = np.zeros(plant.order)
+    start[: plant.modes] = 1e-6
+    early, late = (PeriodMap(drive.period, 128).traces([Copy(plant, start)], count)[0] for count in (0, after))
+    assert early is not None
+    assert late is not None
+    for place, mode in enumerate(motor.modes):
+        rate, omega = mode.damping_n_s_per_m / (2.0 * mode.mass_kg), 2.0 * np.pi * mode.frequency_hz
+        at = late.time - early.time[0]
+        angle = np.sqrt(omega**2 - rate**2)
+        r, v = early.states[[place, plant.modes + place], 0]
+        free = np.exp(-rate * at) * (r * np.cos(angle * at) + (v + rate * r) / angle * np.sin(angle * at))
+        # ngspice's relative tolerance is 1e-4; the steps of the two runs lie differently
+        assert np.abs(late.states[place] - free).max() < 1e-3 * np.abs(free).max()
