@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from pyspice_runner.analysis.dynamometer import Block, Dynamometer, ammeter, quantities
 from pyspice_runner.analysis.period_map import CONTACT, PeriodMap, Trace, cores
 from pyspice_runner.analysis.period_means import current
-from pyspice_runner.analysis.shooting import PERTURBATION, Point, Shooting, start_point
+from pyspice_runner.analysis.shooting import PERTURBATION, TOLERANCE, Point, Shooting, start_point
+from pyspice_runner.engine.processes import KeptProcesses
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Tone, TwoPhaseDrive, two_phases
 from pyspice_runner.netlist.copies import Copy, Plant, copy_name
@@ -37,13 +38,14 @@ from pyspice_runner.netlist.motor import require_linear
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.state import Discretisation
-from pyspice_runner.run.kernel import transient
+from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.operating_point import OperatingPoint
 
 Array = NDArray[np.float64]
 HARMONICS = (1, 2, 3, 5, 7, 9)  # of a stage's output for the derivative
 FADED = 1e-6  # part of the largest singular value below which a state at the start has no influence but by rounding
 ROUGH = 5e-3  # accuracy from which on steps twice as long may do
+SOLVED = 0.1  # of the accuracy, how near to the solution Newton's method ends, but not nearer than elsewhere
 NEUTRAL = 1e-5  # distance of a multiplier from 1 within the error of a derivative by finite differences
 FEWEST_PERIODS = 10  # of the transient from which a curve starts
 SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs if Newton's method fails
@@ -136,7 +138,8 @@ class DrivenShooting(Shooting):
     def __init__(self, points: Sequence[Point], period_map: DrivenMap) -> None:
         super().__init__(points, period_map)
         self.even = period_map if period_map.uniform else DrivenMap(
-            period_map.period, _EVEN * ceil(period_map.steps / 2 / _EVEN), period_map.timeout, uniform=True
+            period_map.period, _EVEN * ceil(period_map.steps / 2 / _EVEN), period_map.timeout, uniform=True,
+            processes=period_map.processes,
         )  # fmt: skip
 
     def _evaluate(self, points: Sequence[Point]) -> None:
@@ -250,7 +253,7 @@ def check_driven(setup: OperatingPoint) -> None:
 
 
 def driven_answers(
-    setups: Sequence[OperatingPoint], starts: Sequence[Point | None], accuracy: float
+    setups: Sequence[OperatingPoint], starts: Sequence[Point | None], accuracy: float, processes: KeptProcesses
 ) -> tuple[list[Answer], tuple[DrivenMap, ...]]:
     """Solve operating points of motors behind drivers of the same frequency; return the answers and the maps.
 
@@ -269,14 +272,15 @@ def driven_answers(
         stage = TwoPhaseDrive(**two_phases(driver))
         plant = DrivenPlant(setup.motor, stage, setup.load, setup.law, driver)
         state = np.zeros(plant.order) if start is None else _behind_network(plant, start)
-        points.append(DrivenPoint(plant, state, _scale(plant), guessed=start is not None))
+        tolerance = max(TOLERANCE, SOLVED * accuracy)
+        points.append(DrivenPoint(plant, state, _scale(plant), guessed=start is not None, tolerance=tolerance))
     first = setups[0]
     rough = accuracy >= ROUGH and first.source.uniform
     steps = (0.5, 1.0, 2.0) if rough else (1.0, 2.0)
     maps = [
         DrivenMap(
             first.source.period, _EVEN * ceil(finer * first.source.period / first.step / _EVEN), first.solver.timeout,
-            uniform=first.source.uniform,
+            uniform=first.source.uniform, processes=processes,
         )
         for finer in steps
     ]  # fmt: skip
@@ -413,9 +417,10 @@ def _quantities(setup: OperatingPoint, point: Point, period_map: DrivenMap) -> d
     bench = _Period(setup.with_step(period_map.step))
     vectors = [*bench.integrals(meters=True), *bench.setup.state_vectors(), *(ammeter(group) for group in "ab")]
     inside = {name: re.sub(r"^(v|i)\((v\.)?", rf"\1(\2{copy_name(0)}.", name) for name in vectors}
-    found = transient(
+    found = run_bench(
         driven_bench([Copy(point.plant, point.state)], period_map.discretisation, meters=True), list(inside.values()),
-        step=period_map.step, duration=period_map.duration, timeout=period_map.timeout,
+        period_map.timeout, "transient", transient_timing(period_map.step, period_map.duration),
+        processes=period_map.processes,
     ).vectors()  # fmt: skip
     first, last = period_map.ends(found["time"])
     start, end = ({name: float(found[own][at]) for name, own in inside.items()} for at in (first, last))

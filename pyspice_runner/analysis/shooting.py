@@ -55,6 +55,7 @@ class Point:
     state: Array  # at the start of a run
     scale: Array  # size of each state
     begun: float = 0.0  # time in s at which a run begins, since the drive's phase was that of t = 0
+    tolerance: float = TOLERANCE  # of what remains to the solution
     trace: Trace | None = None  # the last period
     # derivative of the state at the beginning of the period with respect to that at the start of the run.
     at_start: Array | None = None
@@ -203,7 +204,7 @@ class Point:
         self._judged(self.remaining(self.step))
 
     def _judged(self, remaining: float) -> None:
-        self.residual, self.done = remaining, remaining <= TOLERANCE
+        self.residual, self.done = remaining, remaining <= self.tolerance
 
     def accepts(self, trial: Array, trace: Trace | None) -> bool:
         """Accept the trial state if the next step by the old derivative is shorter than the last one."""
@@ -217,7 +218,7 @@ class Point:
         moved = bool(np.any(np.abs(self.step[~free]) > NEAR))  # the slider, which Newton's step does not know
         allowed = GROWTH if self.iterations <= FREE_STEPS else 1.0
         remaining = self.remaining(step)
-        if remaining > TOLERANCE and after > allowed * before and not moved:
+        if remaining > self.tolerance and after > allowed * before and not moved:
             self.trace = old
             return False
         self.stale = self.damping < 1.0 or after > CHORD * before
@@ -231,7 +232,7 @@ class Point:
         if self.exact:
             self.stale = True
         elif not (self.stale or self.done):  # as many more steps would cost more than a new derivative
-            self.stale = log(self.residual / TOLERANCE) > self.plant.order * log(before / after)
+            self.stale = log(self.residual / self.tolerance) > self.plant.order * log(before / after)
         return True
 
     @property

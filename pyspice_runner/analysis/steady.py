@@ -265,15 +265,14 @@ def steady_states(
 
         for part, states in zip(parts, in_threads(solved, parts, cores()), strict=True):
             found |= zip(part.setups, states, strict=True)
-    for places in behind.values():
-        answers, maps = driven_answers(
-            [setups[place] for place in places], [starts[place] for place in places], accuracy or ACCURACY
-        )
-        for place, answer in zip(places, answers, strict=True):
-            state = _result(setups[place], answer.point, answer, maps)
-            if state.converged and waveforms:
-                state = replace(state, waveforms=_waveforms(setups[place], answer, state.provenance))
-            found[place] = state
+        for places in behind.values():
+            some, begun = [setups[place] for place in places], [starts[place] for place in places]
+            answers, maps = driven_answers(some, begun, accuracy or ACCURACY, processes)
+            for place, answer in zip(places, answers, strict=True):
+                state = _result(setups[place], answer.point, answer, maps)
+                if state.converged and waveforms:
+                    state = replace(state, waveforms=_waveforms(setups[place], answer, state.provenance))
+                found[place] = state
     return [found[place] for place in range(len(setups))]
 
 
