@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later
  *
- * FMI 2.0 for co-simulation and model exchange around the averaged motor; piezomotor_unit.h does the work.
+ * FMI 2.0 for co-simulation and model exchange around the averaged motor; piezomotor_unit.h does the work, and
+ * piezomotor_fmi.h has the functions that are those of FMI 3.0, too.
  *
  * SOURCE Functional Mock-up Interface for Model Exchange and Co-Simulation, version 2.0.2, Modelica Association
  */
-#include "piezomotor_unit.h"
+#include <stddef.h>
 
 /* --- what fmi2Functions.h declares --- */
 
@@ -31,28 +32,25 @@ typedef struct {
     fmi2Real nextEventTime;
 } fmi2EventInfo;
 
+#define FMI(name) fmi2##name
+#define GET_RATES fmi2GetDerivatives
+#define GET_STATE fmi2GetFMUstate
+#define SET_STATE fmi2SetFMUstate
+#define FREE_STATE fmi2FreeFMUstate
+#define STATE_SIZE fmi2SerializedFMUstateSize
+#define STATE_TO_BYTES fmi2SerializeFMUstate
+#define STATE_FROM_BYTES fmi2DeSerializeFMUstate
+#include "piezomotor_fmi.h"
+
 static void report(struct instance *c, const char *message)
 {
     ((fmi2Logger)c->log)(c->environment, c->name, fmi2Error, "logStatusError", "%s", message);
-}
-
-static fmi2Status told(enum unit_status status) { return status == UNIT_OK ? fmi2OK : fmi2Error; }
-
-static fmi2Status unsupported(fmi2Component component, const char *call, const char *reason)
-{
-    return component ? told(fail(component, "%s is not valid: %s.", call, reason)) : fmi2Error;
 }
 
 /* --- creation --- */
 
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
-
-EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component component, fmi2Boolean on, size_t count, const fmi2String categories[])
-{
-    (void)on, (void)count, (void)categories; /* errors are always logged, and there is nothing else to log */
-    return component ? fmi2OK : fmi2Error;
-}
 
 EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
     const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging)
@@ -66,22 +64,7 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     c->log = (void (*)(void))callbacks->logger;
     c->environment = callbacks->componentEnvironment;
     c->exchange = type == fmi2ModelExchange;
-    if (unit_begin(c, "fmi2Instantiate", name, guid) != UNIT_OK) {
-        free(c);
-        return NULL;
-    }
-    unit_reset(c);
-    return c;
-}
-
-EXPORT void fmi2FreeInstance(fmi2Component component) { free(component); }
-
-EXPORT fmi2Status fmi2Reset(fmi2Component component)
-{
-    if (!component)
-        return fmi2Error;
-    unit_reset(component);
-    return fmi2OK;
+    return begun(c, "fmi2Instantiate", name, guid);
 }
 
 EXPORT fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_defined, fmi2Real tolerance,
@@ -94,16 +77,6 @@ EXPORT fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean toler
 EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component component)
 {
     return told(unit_enter(component, "fmi2EnterInitializationMode", INSTANTIATED, INITIALIZING));
-}
-
-EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component component)
-{
-    return told(unit_enter(component, "fmi2ExitInitializationMode", INITIALIZING, RUNNING));
-}
-
-EXPORT fmi2Status fmi2Terminate(fmi2Component component)
-{
-    return told(unit_enter(component, "fmi2Terminate", RUNNING, TERMINATED));
 }
 
 /* --- variables --- */
@@ -201,122 +174,10 @@ EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fm
 
 /* --- model exchange --- */
 
-EXPORT fmi2Status fmi2EnterEventMode(fmi2Component component)
-{
-    return told(unit_exchange(component, "fmi2EnterEventMode", 1));
-}
-
-EXPORT fmi2Status fmi2EnterContinuousTimeMode(fmi2Component component)
-{
-    return told(unit_exchange(component, "fmi2EnterContinuousTimeMode", 1));
-}
-
 EXPORT fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info)
 {
     if (unit_exchange(component, "fmi2NewDiscreteStates", 1) != UNIT_OK || !info)
         return fmi2Error;
     memset(info, 0, sizeof *info); /* there are no events */
     return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2CompletedIntegratorStep(fmi2Component component, fmi2Boolean no_set_prior, fmi2Boolean *enter,
-    fmi2Boolean *terminate)
-{
-    (void)no_set_prior;
-    if (unit_exchange(component, "fmi2CompletedIntegratorStep", 1) != UNIT_OK || !enter || !terminate)
-        return fmi2Error;
-    *enter = *terminate = 0;
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2SetTime(fmi2Component component, fmi2Real time)
-{
-    struct instance *c = component;
-
-    if (unit_exchange(c, "fmi2SetTime", 1) != UNIT_OK)
-        return fmi2Error;
-    c->kept.time = time; /* the equations do not contain it */
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2SetContinuousStates(fmi2Component component, const fmi2Real states[], size_t count)
-{
-    return told(unit_set_states(component, "fmi2SetContinuousStates", states, count));
-}
-
-EXPORT fmi2Status fmi2GetContinuousStates(fmi2Component component, fmi2Real states[], size_t count)
-{
-    return told(unit_get_states(component, "fmi2GetContinuousStates", states, count));
-}
-
-EXPORT fmi2Status fmi2GetDerivatives(fmi2Component component, fmi2Real rates[], size_t count)
-{
-    return told(unit_get_rates(component, "fmi2GetDerivatives", rates, count));
-}
-
-EXPORT fmi2Status fmi2GetEventIndicators(fmi2Component component, fmi2Real indicators[], size_t count)
-{
-    (void)indicators;
-    return count ? unsupported(component, "fmi2GetEventIndicators", "there are none") : fmi2OK;
-}
-
-EXPORT fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component component, fmi2Real nominals[], size_t count)
-{
-    return told(unit_nominals(component, "fmi2GetNominalsOfContinuousStates", nominals, count));
-}
-
-/* --- state of the FMU --- */
-
-EXPORT fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
-{
-    struct instance *c = component;
-
-    return c && state ? told(unit_copy_of(c, "fmi2GetFMUstate", &c->kept, state)) : fmi2Error;
-}
-
-EXPORT fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state)
-{
-    struct instance *c = component;
-
-    if (!c || !state)
-        return fmi2Error;
-    memcpy(&c->kept, state, sizeof c->kept);
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component component, fmi2FMUstate *state)
-{
-    if (!component)
-        return fmi2Error;
-    if (state) {
-        free(*state);
-        *state = NULL;
-    }
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component component, fmi2FMUstate state, size_t *size)
-{
-    if (!component || !state || !size)
-        return fmi2Error;
-    *size = sizeof(struct kept);
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
-{
-    if (!component || !state || !bytes)
-        return fmi2Error;
-    if (size < sizeof(struct kept))
-        return told(fail(component, "fmi2SerializeFMUstate: %zu bytes are too few: it must be %zu.", size,
-            sizeof(struct kept)));
-    memcpy(bytes, state, sizeof(struct kept));
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
-{
-    if (!component || !bytes || !state)
-        return fmi2Error;
-    return told(unit_from_bytes(component, "fmi2DeSerializeFMUstate", bytes, size, state));
 }

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later
  *
- * FMI 3.0 for co-simulation and model exchange around the averaged motor; piezomotor_unit.h does the work.
+ * FMI 3.0 for co-simulation and model exchange around the averaged motor; piezomotor_unit.h does the work, and
+ * piezomotor_fmi.h has the functions that are those of FMI 2.0, too.
  *
  * In co-simulation the importing program is called after each internal step, may read all variables there, and may end the
  * step early.
  *
  * SOURCE Functional Mock-up Interface Specification, version 3.0.2, Modelica Association
  */
-#include "piezomotor_unit.h"
-
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 /* --- what fmi3Functions.h declares --- */
@@ -30,28 +30,25 @@ typedef void (*fmi3IntermediateUpdateCallback)(fmi3InstanceEnvironment, fmi3Floa
     fmi3Boolean, fmi3Boolean *, fmi3Float64 *);
 typedef void (*fmi3Any)(void);
 
+#define FMI(name) fmi3##name
+#define GET_RATES fmi3GetContinuousStateDerivatives
+#define GET_STATE fmi3GetFMUState
+#define SET_STATE fmi3SetFMUState
+#define FREE_STATE fmi3FreeFMUState
+#define STATE_SIZE fmi3SerializedFMUStateSize
+#define STATE_TO_BYTES fmi3SerializeFMUState
+#define STATE_FROM_BYTES fmi3DeserializeFMUState
+#include "piezomotor_fmi.h"
+
 static void report(struct instance *c, const char *message)
 {
     if (c->log)
         ((fmi3LogMessageCallback)c->log)(c->environment, fmi3Error, "logStatusError", message);
 }
 
-static fmi3Status told(enum unit_status status) { return status == UNIT_OK ? fmi3OK : fmi3Error; }
-
-static fmi3Status unsupported(fmi3Instance instance, const char *call, const char *reason)
-{
-    return instance ? told(fail(instance, "%s is not valid: %s.", call, reason)) : fmi3Error;
-}
-
 /* --- creation --- */
 
 EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
-
-EXPORT fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean on, size_t count, const fmi3String categories[])
-{
-    (void)on, (void)count, (void)categories; /* errors are always logged, and there is nothing else to log */
-    return instance ? fmi3OK : fmi3Error;
-}
 
 static fmi3Instance created(const char *call, const char *name, const char *token, void *environment,
     fmi3LogMessageCallback log, int exchange, fmi3IntermediateUpdateCallback between)
@@ -64,12 +61,7 @@ static fmi3Instance created(const char *call, const char *name, const char *toke
     c->log = (fmi3Any)log;
     c->between = (fmi3Any)between;
     c->exchange = exchange;
-    if (unit_begin(c, call, name, token) != UNIT_OK) {
-        free(c);
-        return NULL;
-    }
-    unit_reset(c);
-    return c;
+    return begun(c, call, name, token);
 }
 
 EXPORT fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
@@ -101,16 +93,6 @@ EXPORT fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3Strin
     return NULL;
 }
 
-EXPORT void fmi3FreeInstance(fmi3Instance instance) { free(instance); }
-
-EXPORT fmi3Status fmi3Reset(fmi3Instance instance)
-{
-    if (!instance)
-        return fmi3Error;
-    unit_reset(instance);
-    return fmi3OK;
-}
-
 EXPORT fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
     fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop)
 {
@@ -120,16 +102,6 @@ EXPORT fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean
     if (!instance || unit_times(instance, call, start, stop_defined, stop) != UNIT_OK)
         return fmi3Error;
     return told(unit_enter(instance, call, INSTANTIATED, INITIALIZING));
-}
-
-EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
-{
-    return told(unit_enter(instance, "fmi3ExitInitializationMode", INITIALIZING, RUNNING));
-}
-
-EXPORT fmi3Status fmi3Terminate(fmi3Instance instance)
-{
-    return told(unit_enter(instance, "fmi3Terminate", RUNNING, TERMINATED));
 }
 
 /* --- variables --- */
@@ -262,13 +234,6 @@ EXPORT fmi3Status fmi3EnterStepMode(fmi3Instance instance)
 
 /* --- model exchange --- */
 
-EXPORT fmi3Status fmi3EnterEventMode(fmi3Instance instance) { return told(unit_exchange(instance, "fmi3EnterEventMode", 1)); }
-
-EXPORT fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance)
-{
-    return told(unit_exchange(instance, "fmi3EnterContinuousTimeMode", 1));
-}
-
 EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *needed, fmi3Boolean *terminate,
     fmi3Boolean *nominals, fmi3Boolean *values, fmi3Boolean *next_defined, fmi3Float64 *next)
 {
@@ -279,52 +244,6 @@ EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *n
     *needed = *terminate = *nominals = *values = *next_defined = false; /* there are no events */
     *next = 0.0;
     return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean no_set_prior, fmi3Boolean *enter,
-    fmi3Boolean *terminate)
-{
-    (void)no_set_prior;
-    if (unit_exchange(instance, "fmi3CompletedIntegratorStep", 1) != UNIT_OK || !enter || !terminate)
-        return fmi3Error;
-    *enter = *terminate = false;
-    return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time)
-{
-    struct instance *c = instance;
-
-    if (unit_exchange(c, "fmi3SetTime", 1) != UNIT_OK)
-        return fmi3Error;
-    c->kept.time = time; /* the equations do not contain it */
-    return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 states[], size_t count)
-{
-    return told(unit_set_states(instance, "fmi3SetContinuousStates", states, count));
-}
-
-EXPORT fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 states[], size_t count)
-{
-    return told(unit_get_states(instance, "fmi3GetContinuousStates", states, count));
-}
-
-EXPORT fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 rates[], size_t count)
-{
-    return told(unit_get_rates(instance, "fmi3GetContinuousStateDerivatives", rates, count));
-}
-
-EXPORT fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t count)
-{
-    return told(unit_nominals(instance, "fmi3GetNominalsOfContinuousStates", nominals, count));
-}
-
-EXPORT fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 indicators[], size_t count)
-{
-    (void)indicators;
-    return count ? unsupported(instance, "fmi3GetEventIndicators", "there are none") : fmi3OK;
 }
 
 EXPORT fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *count)
@@ -341,59 +260,4 @@ EXPORT fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t 
         return fmi3Error;
     *count = STATES;
     return fmi3OK;
-}
-
-/* --- state of the FMU --- */
-
-EXPORT fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state)
-{
-    struct instance *c = instance;
-
-    return c && state ? told(unit_copy_of(c, "fmi3GetFMUState", &c->kept, state)) : fmi3Error;
-}
-
-EXPORT fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state)
-{
-    struct instance *c = instance;
-
-    if (!c || !state)
-        return fmi3Error;
-    memcpy(&c->kept, state, sizeof c->kept);
-    return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *state)
-{
-    if (!instance)
-        return fmi3Error;
-    if (state) {
-        free(*state);
-        *state = NULL;
-    }
-    return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState state, size_t *size)
-{
-    if (!instance || !state || !size)
-        return fmi3Error;
-    *size = sizeof(struct kept);
-    return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState state, fmi3Byte bytes[], size_t size)
-{
-    if (!instance || !state || !bytes)
-        return fmi3Error;
-    if (size < sizeof(struct kept))
-        return unsupported(instance, "fmi3SerializeFMUState", "there are too few bytes");
-    memcpy(bytes, state, sizeof(struct kept));
-    return fmi3OK;
-}
-
-EXPORT fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
-{
-    if (!instance || !bytes || !state)
-        return fmi3Error;
-    return told(unit_from_bytes(instance, "fmi3DeserializeFMUState", bytes, size, state));
 }

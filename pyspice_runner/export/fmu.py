@@ -24,7 +24,7 @@ from pyspice_runner.netlist.averaged import SUBCIRCUIT, require_averaged
 from pyspice_runner.netlist.averaged_c import CORE, HEADER, PHASE, START, phase_source, start_header, variables
 from pyspice_runner.netlist.library import check_name, data_path
 
-UNIT = "piezomotor_unit.h"
+SHARED = ("piezomotor_unit.h", "piezomotor_fmi.h")  # by both versions
 PLATFORMS = {2: ("linux64", "win64"), 3: ("x86_64-linux", "x86_64-windows")}  # folders of the binaries
 
 
@@ -45,7 +45,7 @@ def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None, v
     known = variables(motor, thermal)
     behavioral = data_path("behavioral")
     compiled = c_files(version)
-    sources = {file: (behavioral / file).read_text(encoding="utf-8") for file in (*compiled, HEADER, UNIT)}
+    sources = {file: (behavioral / file).read_text(encoding="utf-8") for file in (*compiled, HEADER, *SHARED)}
     sources[PHASE] = phase_source()
     start = start_header(motor, known)
     token = str(uuid.uuid5(uuid.NAMESPACE_URL, "\n".join((identifier, *sources.values(), start))))

@@ -23,9 +23,9 @@ import pyspice_runner as pr
 from pyspice_runner.analysis.averaged import simulate_averaged
 from pyspice_runner.cli import run
 from pyspice_runner.engine.compiler import compile_library
-from pyspice_runner.export.fmu import c_files, fmu_texts
-from pyspice_runner.export.fmu_description import state_count
-from pyspice_runner.netlist.averaged_c import variables
+from pyspice_runner.export.fmu import fmu_texts
+from pyspice_runner.export.fmu_description import Version, state_count
+from pyspice_runner.netlist.averaged_c import CORE, variables
 from tests.selection import mostly
 
 pytestmark = pytest.mark.xdist_group("fmu")
@@ -124,7 +124,7 @@ def test_the_checker_of_fmpy_finds_nothing_in_what_the_command_writes(
         assert {
             "binaries/linux64/stage.so", "sources/piezomotor_averaged.c", "sources/piezomotor_fmi2.c",
             "sources/piezomotor_averaged.h", "sources/piezomotor_phase.h", "sources/piezomotor_start.h",
-            "sources/piezomotor_unit.h", "modelDescription.xml",
+            "sources/piezomotor_unit.h", "sources/piezomotor_fmi.h", "modelDescription.xml",
         } == set(archive.namelist()) - {"binaries/win64/stage.dll"}  # fmt: skip
 
 
@@ -323,7 +323,7 @@ def test_a_hundredth_of_the_tolerance_changes_the_speed_little(motor: pr.Motor, 
         (tmp_path / Path(path).name).write_text(text, encoding="utf-8")
     speeds = []
     for tolerance in ("1e-4", "1e-6"):
-        core = (tmp_path / c_files(2)[0]).read_text(encoding="utf-8")
+        core = (tmp_path / CORE).read_text(encoding="utf-8")
         assert "TOLERANCE 1e-4 " in core
         (tmp_path / "core.c").write_text(f"#define TOLERANCE {tolerance}\n{core}", encoding="utf-8")
         (tmp_path / "run.c").write_text(RUN, encoding="utf-8")
@@ -420,14 +420,18 @@ def test_another_guid_is_an_error(unit: Unit, capsys: pytest.CaptureFixture[str]
 
 
 @pytest.mark.fuzz
-@pytest.mark.parametrize("seed", range(5))
-def test_no_order_of_calls_and_no_argument_ends_in_a_fault(seed: int, motor: pr.Motor, tmp_path: Path) -> None:
+@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize("version", [2, 3])
+def test_no_order_of_calls_and_no_argument_ends_in_a_fault(
+    version: Version, seed: int, motor: pr.Motor, tmp_path: Path
+) -> None:
     """100,000 random calls, with the sanitizers of the compiler for addresses and undefined behaviour."""
-    for path, text in fmu_texts(motor).items():
+    for path, text in fmu_texts(motor, version=version).items():
         (tmp_path / Path(path).name).write_text(text, encoding="utf-8")
     calls = Path(__file__).with_name("fmu_random_calls.c")
     flags = ["-std=c11", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", f"-I{tmp_path}"]
-    subprocess.run(["gcc", *flags, calls, c_files(2)[0], "-lm", "-o", "calls"], cwd=tmp_path, check=True)
+    flags.append(f"-DVERSION={version}")
+    subprocess.run(["gcc", *flags, calls, CORE, "-lm", "-o", "calls"], cwd=tmp_path, check=True)
     done = subprocess.run([tmp_path / "calls", str(seed), "100000"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) > 10_000
