@@ -623,7 +623,8 @@ double motor_step(struct motor *m, double left)
 {
     struct solver *solver = &m->solver;
     double shortest = motor_shortest_step(m), inputs[INPUT_COUNT], state[STATES], rate[STATES], factor;
-    double step = left / ceil(left / fmin(m->step, m->longest) * (1.0 - 1e-9)); /* equal parts need one matrix */
+    double most = fmax(fmin(m->step, m->longest), shortest);
+    double step = left / ceil(left / most * (1.0 - 1e-9)); /* equal parts need one matrix */
     int shortened = 0;
 
     memcpy(inputs, &m->value, sizeof inputs);
