@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-r"""A motor from spectra of its groups and numbers of its data sheet.
+r"""A motor from spectra of its groups and numbers of its data sheet, or from a data sheet alone.
 
 The spectra give frequencies, quality factors, capacitances and, for every coupling, θ/√m (:mod:`..spectra.twoport`).
 The remaining values are fitted to the mechanical measurements by least squares, in the logarithms of both:
@@ -16,13 +16,18 @@ resonances under preload            ``contact.normal_stiffness_n_per_m15``, and 
 With the Jacobian J of the measured logarithms, each over its relative deviation, the fitted ones have the covariance
 :math:`(J^T J)^{-1}`. A preloaded resonance gives the ratio of stiffness and mass; speed and torque separate the two
 poorly. Therefore the contact stiffnesses of the base motor, which follow from its materials, count as measurements
-with a deviation of 20 %. All other values of contact and rotor are those of the base motor.
+with a deviation of 20 %. All other values of contact and rotor are those of the base motor. Current and power at a
+rated point are further measurements of the same values.
+
+Without spectra the motor is a member of the class of the base motor (:mod:`.motor_class`): stall and no-load speed
+give the factors of force and speed, and current and power at a rated point decide on quality factors, capacitances and
+friction, which count as measurements with the width of the class.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 from pathlib import Path
 from typing import Any
@@ -31,24 +36,31 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, linear_sum_assignment
 
-from pyspice_runner.analysis.steady import steady_state
+from pyspice_runner.analysis import motor_class, origins
+from pyspice_runner.analysis.data_sheet import DataSheet
+from pyspice_runner.analysis.harmonic_balance import Balance
+from pyspice_runner.analysis.origins import Origin
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.contact import linearised_resonances
 from pyspice_runner.model.drive import TwoPhaseDrive
 from pyspice_runner.model.load import load_motor
 from pyspice_runner.model.motor import Motor, Provenance
 from pyspice_runner.model.refusal import checked
+from pyspice_runner.model.similar import as_stage
 from pyspice_runner.result import Result
 from pyspice_runner.spectra.fit import fit_spectrum
 from pyspice_runner.spectra.spectrum import Connection, Spectrum
 from pyspice_runner.spectra.twoport import TwoPortFit, fit_two_port
 
-_STEPS = 10  # of Gauss and Newton's method
-_CLOSE = 0.1  # of a standard deviation: the iteration ends when a step gains less
+_STEPS = 10  # searches, each followed by steady states of ngspice
+_CLOSE = 0.1  # of a standard deviation: the difference between ngspice and harmonic balance no longer changes
 _STIFFNESS_ERROR = 0.2  # relative, of the contact of the base motor
-_DIFFERENCE = 0.05  # of a logarithm, for the derivatives: above the accuracy of a steady state
-_REACH = 0.5  # greatest step, of a logarithm
+_DIFFERENCE = 0.002  # of a logarithm, for the derivatives: harmonic balance is smooth
+_REACH = 0.5  # scale of a step, of a logarithm
+_CAPACITANCES = (1.0, 0.25, 0.5, 2.0, 4.0)  # factors to start from
+_END, _MOST = 1e-4, 60  # relative gain of a step at the end of a search, and most steps
 _LINEAR = 2e-4  # relative shift of a resonance by losses, which the linear contact does not have
+_FAR = 3.0  # standard deviations of a measured number from that of the motor: one in 400 is beyond by chance
 
 Pairs = Sequence[tuple[float, float]]
 Vector = NDArray[np.float64]
@@ -65,7 +77,8 @@ class MotorFrom(Result):
         standard_errors: path of a value → its standard error, in the value's unit.
         measured: name of each mechanical measurement → value.
         computed: the same quantities of the motor.
-        fit: the two-port fit of the spectra.
+        origins: path of each value → its origin.
+        fit: the two-port fit of the spectra; ``None`` without spectra.
         cautions: limits of the validity of the motor, one sentence each.
     """
 
@@ -73,7 +86,8 @@ class MotorFrom(Result):
     standard_errors: dict[str, float]
     measured: dict[str, float]
     computed: dict[str, float]
-    fit: TwoPortFit
+    origins: dict[str, Origin]
+    fit: TwoPortFit | None
     cautions: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -81,117 +95,239 @@ class MotorFrom(Result):
         return {
             **self._entries("motor", "standard_errors", "measured", "computed"),
             "provenance": {path: [origin.kind, origin.note] for path, origin in self.motor.provenance.items()},
+            "origins": {path: {"origin": one.kind, "width": one.width} for path, one in self.origins.items()},
             **self._entries("fit", "cautions"),
         }
 
     def writers(self) -> dict[str, Callable[[Path], object]]:
         """Return the writers by ending: ``.toml`` (the motor) and ``.json``."""
-        heading = f"A motor from the spectra {self.fit.source} and its data sheet."
-        text = self.motor.to_toml(heading=heading)
+        source = f"the spectra {self.fit.source} and " if self.fit else ""
+        text = self.motor.to_toml(heading=f"A motor from {source}its data sheet.")
         return {**super().writers(), ".toml": lambda file: file.write_text(text, encoding="utf-8")}
 
     def summary(self) -> dict[str, str]:
-        """Return measurements with the motor's values, and the fitted values with their errors."""
+        """Return measurements with the motor's values, and every value with its origin."""
         found = {
             name: f"{value:.5g} measured, {self.computed[name]:.5g} computed" for name, value in self.measured.items()
         }
-        document = self.motor.to_dict()
-        for path, error in self.standard_errors.items():
+        document = self.motor.to_dict() | {"drive": self.motor.drive}
+        for path, origin in self.origins.items():
             value: Any = document
             for key in path.split("."):
-                value = value[int(key)] if isinstance(value, list) else value[key]
-            found[path] = f"{value:.5g} ± {error:.2g}"
+                value = value[int(key)] if isinstance(value, list) else value.get(key)
+            if value is not None:
+                found[path] = f"{value:.5g} ({origin})"
         return found
 
 
 @checked
 def motor_from(
-    spectra: Spectrum | Mapping[Connection, Spectrum],
+    spectra: Spectrum | Mapping[Connection, Spectrum] | None = None,
     *,
     preloaded: Spectrum | None = None,
     no_load_speed: float | None = None,
     stall_torque: float | None = None,
+    stall_force: float | None = None,
+    rated_speed: float | None = None,
+    rated_load: float | None = None,
+    rated_current: float | None = None,
+    rated_power: float | None = None,
     voltage: float | None = None,
     frequency: float | None = None,
-    phase_deg: float = 90.0,
+    phase_deg: float | None = None,
     mass_kg: float | Sequence[float] | None = None,
     speed_error: float = 0.02,
     torque_error: float = 0.02,
+    current_error: float = 0.05,
     modes: int | None = None,
     connection: Connection = "A",
     tips: Pairs | None = None,
-    base: Motor | str | Path = "andersen2002",
+    base: Motor | str | Path | None = None,
     name: str = "measured",
     progress: Callable[[int, int], object] | None = None,
 ) -> MotorFrom:
-    """Make a motor from spectra and numbers of its data sheet.
+    """Make a motor from spectra and numbers of its data sheet, or from a data sheet alone.
+
+    A motor with a ``stall_force``, or one whose ``base`` has a slider, is a linear stage: speeds are then in m/s and
+    loads in N. The rotor of another ``base`` becomes a slider that moves as its rim.
 
     Args:
-        spectra: of the free stator: a two-port, or one-ports by connection, see :func:`fit_two_port`.
+        spectra: of the free stator: a two-port, or one-ports by connection, see :func:`fit_two_port`; ``None`` for a
+            motor of the class of ``base``, which takes a stall load and a no-load speed.
         preloaded: spectrum of the stator pressed on its rotor, of a two-port that through ``connection``.
-        no_load_speed: rad/s at ``voltage`` and ``frequency``.
+        no_load_speed: rad/s, or m/s, at ``voltage`` and ``frequency``.
         stall_torque: N·m at the same.
+        stall_force: N, in place of the torque.
+        rated_speed: rad/s, or m/s, of a point at the same voltage and frequency.
+        rated_load: N·m, or N, at that speed.
+        rated_current: RMS current of a group at the rated point, A; where the groups differ, the root mean square.
+        rated_power: electrical power of both groups at the rated point, W.
         voltage: amplitude on each group, V.
         frequency: drive frequency, Hz.
-        phase_deg: phase of group B, degrees.
+        phase_deg: phase of group B, degrees; by default 90, without spectra that of ``base``.
         mass_kg: modal mass, one or one for each mode; by default it follows from the no-load speed.
-        speed_error: relative standard deviation of the no-load speed.
-        torque_error: relative standard deviation of the stall torque.
+        speed_error: relative standard deviation of the speeds.
+        torque_error: relative standard deviation of the loads.
+        current_error: relative standard deviation of current and power.
         modes: number of modes; by default determined by the fit.
         connection: of the groups in a preloaded two-port.
         tips: (tip_x, tip_y) of every mode, see :meth:`TwoPortFit.to_motor`. By default, if the mass is not known, those
             of the other motor for one modal mass, where its groups drive the same modes alike or opposed.
-        base: motor whose contact and rotor are the start; what is not fitted keeps its value.
+        base: motor whose contact and rotor are the start, ``andersen2002`` by default; what is not fitted keeps its
+            value. Without spectra the motor that represents the class, by default ``bimodal40``.
         name: name of the new motor.
         progress: called with the number of the step and the greatest.
 
     Raises:
-        ParameterError: for invalid values, or if nothing determines the modal mass.
+        ParameterError: for invalid values, numbers that contradict each other, or if nothing determines the modal mass.
         SpectrumError: if the spectra cannot be fitted.
         SimulationError: if no motor of this kind has the data sheet's numbers.
     """
-    stated = {"no_load_speed_rad_s": no_load_speed, "stall_torque_n_m": stall_torque}
-    measured = {key: float(value) for key, value in stated.items() if value is not None}
-    errors = {"no_load_speed_rad_s": speed_error, "stall_torque_n_m": torque_error}
-    drive = _drive(measured, errors, voltage, frequency, phase_deg)
-    if mass_kg is None and no_load_speed is None:
-        raise ParameterError("Spectra do not determine the modal mass. Give the no-load speed, or mass_kg.")
+    if base is None:
+        base = "bimodal40" if spectra is None else "andersen2002"
     foundation = base if isinstance(base, Motor) else load_motor(base)
+    if stall_torque is not None and (stall_force is not None or foundation.slider is not None):
+        reason = "stall_force is given too" if stall_force is not None else f"{foundation.name} has a slider"
+        raise ParameterError(
+            f"stall_torque is that of a rotary motor, but {reason}. Give one of the two, and its base."
+        )
+    if stall_force is not None:
+        foundation = as_stage(foundation)
+    sheet = DataSheet(
+        foundation.slider is not None, no_load_speed, stall_torque if stall_force is None else stall_force, rated_speed,
+        rated_load, rated_current, rated_power, speed_error, torque_error, current_error,
+    )  # fmt: skip
+    at = {"voltage": voltage, "frequency": frequency, "phase_deg": phase_deg}
+    if spectra is None:
+        for word, value in {"preloaded": preloaded, "mass_kg": mass_kg, "modes": modes, "tips": tips}.items():
+            if value is not None:
+                raise ParameterError(f"{word} goes with spectra of the free stator; give these too, or leave it out.")
+        task = _of_class(sheet, foundation, at, name)
+    else:
+        task = _of_spectra(spectra, sheet, foundation, at, preloaded, connection, mass_kg, modes, tips, name)
+    values, relative = _fitted(task, progress)
+    motor, standard_errors, found = task.annotated(values, relative)
+    if task.drive is not None:
+        table = {"kind": "two-phase", "voltage": voltage, "frequency": frequency, "phase_deg": task.drive.phase_deg}
+        motor = motor.model_copy(update={"drive": {**(foundation.drive or {}), **table}})
+        given = Origin("data sheet")
+        found |= {"drive.voltage": given, "drive.frequency": given}
+    computed = task.computed(values, list(task.measured))
+    return MotorFrom(
+        motor, standard_errors, task.measured, computed, found, task.fit,
+        ((*task.fit.cautions,) if task.fit else ()) + _missed(task, computed),
+    )  # fmt: skip
+
+
+def _drive(sheet: DataSheet, at: Mapping[str, float | None], phase_deg: float) -> TwoPhaseDrive | None:
+    """Return the drive of the data sheet, checked against its numbers."""
+    if not sheet.measured:
+        return None
+    if at["voltage"] is None or at["frequency"] is None:
+        raise ParameterError("A speed or a torque is measured at one drive; give its voltage and its frequency too.")
+    phase = phase_deg if at["phase_deg"] is None else at["phase_deg"]
+    drive = TwoPhaseDrive(voltage=at["voltage"], frequency=at["frequency"], phase_deg=phase)
+    sheet.check_power(drive)
+    return drive
+
+
+def _missed(task: _Task, computed: Mapping[str, float]) -> tuple[str, ...]:
+    """Return a sentence for each number that the motor does not have."""
+    return tuple(
+        f"The motor does not have the measured {key} = {value:.4g}: it has {computed[key]:.4g}, "
+        f"{abs(np.log(computed[key] / value)) / task.errors[key]:.2g} standard deviations away. The numbers do not go "
+        "together with a motor of this kind."
+        for key, value in task.measured.items()
+        if key in task.targets and abs(np.log(computed[key] / value)) > _FAR * task.errors[key]
+    )
+
+
+def _of_class(sheet: DataSheet, base: Motor, at: Mapping[str, float | None], name: str) -> _Task:
+    """Return the motor of the class of another one as a function of what a data sheet decides."""
+    if sheet.no_load_speed is None or sheet.stall is None:
+        raise ParameterError(
+            "A motor from a data sheet alone takes its no-load speed and its stall torque or stall force. Give both, "
+            "or spectra of the stator."
+        )
+    own = motor_class.class_drive(base, at["phase_deg"])
+    drive = _drive(sheet, at, own.phase_deg)
+    assert drive is not None
+    speed, stall = (key for key in sheet.measured if not key.startswith("rated"))
+    there = sheet.computed(base, own, [speed, stall])
+    _check_forward(there)
+    start = {motor_class.FORCE: sheet.stall / there[stall], motor_class.SPEED: sheet.no_load_speed / there[speed]}
+    if len(sheet.measured) > len(start):
+        start |= dict.fromkeys(motor_class.PRIORS, 1.0) | {motor_class.FRICTION: base.contact.friction}
+    factors = drive.frequency / own.frequency, drive.voltage / own.voltage
+    priors = {key: (start[key], width) for key, width in motor_class.PRIORS.items() if key in start}
+
+    def motor(values: Mapping[str, float]) -> Motor:
+        return motor_class.member(base, values, *factors, name)
+
+    task = _Task(motor, sheet, drive.updated({"ratio_b": own.ratio_b}), start, priors, base)
+    if (measured := sheet.rated_current) is None:
+        return task
+
+    # Where the motion is inductive, the current falls and rises with the capacitance: start on the right side.
+    def missed(capacitance: float) -> float:
+        (current,) = task.balanced(start | {motor_class.CAPACITANCE: capacitance}, ["rated_current_rms_a"], {})
+        distance = abs(float(current) - np.log(measured)) / sheet.current_error
+        return distance if np.isfinite(distance) else np.inf
+
+    best = min(_CAPACITANCES, key=missed)
+    return replace(task, start=start | {motor_class.CAPACITANCE: best})
+
+
+def _of_spectra(
+    spectra: Spectrum | Mapping[Connection, Spectrum],
+    sheet: DataSheet,
+    base: Motor,
+    at: Mapping[str, float | None],
+    preloaded: Spectrum | None,
+    connection: Connection,
+    mass_kg: float | Sequence[float] | None,
+    modes: int | None,
+    tips: Pairs | None,
+    name: str,
+) -> _Task:
+    """Return the motor with the stator of the spectra as a function of what a data sheet decides."""
+    drive = _drive(sheet, at, 90.0)
+    if mass_kg is None and sheet.no_load_speed is None:
+        raise ParameterError("Spectra do not determine the modal mass. Give the no-load speed, or mass_kg.")
     fit = fit_two_port(spectra, modes)
     shift = None
     if preloaded is not None:
         shift = _Shift(preloaded.driven(connection) if preloaded.ports == 2 else preloaded)
-        measured, errors = measured | shift.measured, errors | shift.errors
-    borrowed = _tips(fit, foundation) if tips is None and mass_kg is None else None
-    calibration = {"mass_kg": mass_kg, "tips": tips or borrowed, "name": name}
-    task = _Task(fit, foundation, drive, measured, errors, shift, calibration)
-    values, relative = _fitted(task, progress)
-    motor, standard_errors = _annotated(task.motor(values), fit, relative, task.targets)
-    origin = Provenance("assumed", f"those of {foundation.name}; state your own by tips")
-    places = {f"modes.{index}.{key}": origin for index in range(len(borrowed or ())) for key in ("tip_x", "tip_y")}
-    motor = motor.model_copy(update={"provenance": {**motor.provenance, **places}})
-    if drive is not None:
-        table = {"kind": "two-phase", "voltage": voltage, "frequency": frequency, "phase_deg": phase_deg}
-        motor = motor.model_copy(update={"drive": {**(foundation.drive or {}), **table}})
-    return MotorFrom(motor, standard_errors, measured, task.computed(values, list(measured)), fit, fit.cautions)
+    borrowed = _tips(fit, base) if tips is None and mass_kg is None else None
+    contact, start = base.contact, dict[str, float]()
+    if sheet.stall is not None:
+        start["contact.friction"] = contact.friction
+    if mass_kg is None:
+        start["mass_kg"] = base.modes[0].mass_kg
+    if start or shift is not None:  # the contact decides on both
+        start[_STIFFNESS] = contact.normal_stiffness_n_per_m15
+        start[_COMPLIANCES[0]] = contact.tangential_compliance_tip_m_per_n23
+    ratio = contact.tangential_compliance_rotor_m_per_n23 / contact.tangential_compliance_tip_m_per_n23
+
+    def motor(values: Mapping[str, float]) -> Motor:
+        changes = {path: value for path, value in values.items() if path != "mass_kg"}
+        if _COMPLIANCES[0] in changes:  # the compliances of tip and rotor keep their ratio
+            changes[_COMPLIANCES[1]] = ratio * changes[_COMPLIANCES[0]]
+        mass = values.get("mass_kg", mass_kg)
+        return fit.to_motor(mass_kg=mass, tips=tips or borrowed, base=base.updated(changes), name=name)
+
+    priors = {key: (start[key], _STIFFNESS_ERROR) for key in (_STIFFNESS, _COMPLIANCES[0]) if key in start}
+    checks = () if mass_kg is None else tuple(key for key in sheet.measured if key.startswith("no_load"))
+    return _Task(motor, sheet, drive, start, priors, base, fit, shift, checks, len(borrowed or ()))
 
 
-def _drive(
-    measured: Mapping[str, float],
-    errors: Mapping[str, float],
-    voltage: float | None,
-    frequency: float | None,
-    phase_deg: float,
-) -> TwoPhaseDrive | None:
-    """Check the numbers of the data sheet, and return their drive."""
-    for key, value in {**measured, **{f"error of {key}": error for key, error in errors.items()}}.items():
-        if not 0.0 < value < 1e9:
-            raise ParameterError(f"{key} = {value:g} is not valid: it must be a number > 0.")
-    if not measured:
-        return None
-    if voltage is None or frequency is None:
-        raise ParameterError("A speed or a torque is measured at one drive; give its voltage and its frequency too.")
-    return TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase_deg)
+def _check_forward(found: Mapping[str, float]) -> None:
+    if not all(value > 0.0 for value in found.values()):
+        said = ", ".join(f"{key} = {value:.3g}" for key, value in found.items())
+        raise SimulationError(
+            f"The motor does not run in the positive direction at this drive: {said}. "
+            "Check frequency, phase_deg and the tips of the modes, or start from a base that is closer."
+        )
 
 
 def _tips(fit: TwoPortFit, base: Motor) -> list[tuple[float, float]] | None:
@@ -208,72 +344,65 @@ def _tips(fit: TwoPortFit, base: Motor) -> list[tuple[float, float]] | None:
 class _Task:
     """A motor as a function of the fitted values, and the measurements that it must reproduce."""
 
-    fit: TwoPortFit
-    foundation: Motor
+    motor: Callable[[Mapping[str, float]], Motor]
+    sheet: DataSheet
     drive: TwoPhaseDrive | None
-    measured: dict[str, float]
-    errors: dict[str, float]
-    shift: _Shift | None
-    calibration: dict[str, Any]
+    start: dict[str, float]  # of the fitted values
+    priors: dict[str, tuple[float, float]]  # value and relative deviation of those that are known beforehand
+    base: Motor
+    fit: TwoPortFit | None = None
+    shift: _Shift | None = None
+    checks: tuple[str, ...] = ()  # measurements that only check the motor
+    borrowed: int = 0  # number of modes whose tips are those of the base
+
+    @property
+    def measured(self) -> dict[str, float]:
+        """All measurements."""
+        return self.sheet.measured | (self.shift.measured if self.shift else {})
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Their relative standard deviations."""
+        return self.sheet.errors | (self.shift.errors if self.shift else {})
 
     @property
     def targets(self) -> list[str]:
-        """Measurements to fit: with the mass stated, the speed only checks the motor."""
-        stated = self.calibration["mass_kg"] is not None
-        return [key for key in self.measured if not (stated and key == "no_load_speed_rad_s")]
-
-    @property
-    def start(self) -> dict[str, float]:
-        """Values to fit, at the start."""
-        contact, found = self.foundation.contact, {}
-        if "stall_torque_n_m" in self.measured:
-            found["contact.friction"] = contact.friction
-        if self.calibration["mass_kg"] is None:
-            found["mass_kg"] = self.foundation.modes[0].mass_kg
-        if found or self.shift is not None:  # the contact decides on both
-            found[_STIFFNESS] = contact.normal_stiffness_n_per_m15
-            found[_COMPLIANCES[0]] = contact.tangential_compliance_tip_m_per_n23
-        return found
-
-    def deviations(self, values: Mapping[str, float], keys: Sequence[str]) -> Vector:
-        """Return the deviations from the measurements, over their errors."""
-        found = self.computed(values, keys)
-        return np.array([np.log(found[key] / self.measured[key]) / self.errors[key] for key in keys])
-
-    def motor(self, values: Mapping[str, float]) -> Motor:
-        """Return the motor with these values."""
-        changed = self.foundation.updated(self.contact(values))
-        calibration = {**self.calibration, "mass_kg": values.get("mass_kg", self.calibration["mass_kg"])}
-        return self.fit.to_motor(**calibration, base=changed)
-
-    def contact(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the values of the contact; the compliances of tip and rotor keep their ratio."""
-        found = {path: value for path, value in values.items() if path != "mass_kg"}
-        if _COMPLIANCES[0] in found:
-            contact = self.foundation.contact
-            ratio = contact.tangential_compliance_rotor_m_per_n23 / contact.tangential_compliance_tip_m_per_n23
-            found[_COMPLIANCES[1]] = ratio * found[_COMPLIANCES[0]]
-        return found
+        """Measurements to fit."""
+        return [key for key in self.measured if key not in self.checks]
 
     def computed(self, values: Mapping[str, float], keys: Sequence[str]) -> dict[str, float]:
         """Compute the measured quantities for these values; all are above zero."""
-        motor, drive = self.motor(values), self.drive
-        found = {}
-        resonances = {} if self.shift is None else self.shift.computed(motor)
-        for key in keys:
-            if key in resonances:
-                found[key] = resonances[key]
-            elif key == "stall_torque_n_m" and drive is not None:
-                found[key] = steady_state(motor, drive, speed=0.0).torque_n_m
-            elif drive is not None:
-                found[key] = steady_state(motor, drive, load_torque=0.0).speed_rad_s
-        if not all(value > 0.0 for value in found.values()):
-            said = ", ".join(f"{key} = {value:.3g}" for key, value in found.items())
-            raise SimulationError(
-                f"The motor does not run in the positive direction at this drive: {said}. "
-                "Check frequency, phase_deg and the tips of the modes, or start from a base that is closer."
-            )
+        motor = self.motor(values)
+        found = {} if self.shift is None else self.shift.computed(motor)
+        if self.drive is not None:
+            found |= self.sheet.computed(motor, self.drive, [key for key in keys if key not in found])
+        found = {key: found[key] for key in keys}
+        _check_forward(found)
         return found
+
+    def balanced(self, values: Mapping[str, float], keys: Sequence[str], near: dict[str, Balance]) -> Vector:
+        """Compute their logarithms by harmonic balance, NaN where there is no motion (:meth:`.DataSheet.balanced`)."""
+        try:
+            motor = self.motor(values)
+        except ParameterError:  # there is no such motor
+            return np.full(len(keys), np.nan)
+        found = {} if self.shift is None else self.shift.computed(motor)
+        if self.drive is not None:
+            found |= self.sheet.balanced(motor, self.drive, [key for key in keys if key not in found], near)
+        every = np.array([found[key] for key in keys])
+        return np.asarray(np.log(np.where(every > 0.0, every, np.nan)), dtype=float)
+
+    def annotated(
+        self, values: Mapping[str, float], relative: Mapping[str, float]
+    ) -> tuple[Motor, dict[str, float], dict[str, Origin]]:
+        """Return the motor with provenance, the standard error of each value, and the origins."""
+        motor = self.motor(values)
+        if self.fit is None:
+            return origins.of_class(motor, self.base, relative, list(self.measured))
+        origin = Provenance("assumed", f"those of {self.base.name}; state your own by tips")
+        places = {f"modes.{index}.{key}": origin for index in range(self.borrowed) for key in ("tip_x", "tip_y")}
+        motor = motor.model_copy(update={"provenance": {**motor.provenance, **places}})
+        return origins.of_spectra(motor, self.fit, relative, self.targets, _STIFFNESS_ERROR)
 
 
 class _Shift:
@@ -300,103 +429,48 @@ class _Shift:
 
 
 def _fitted(task: _Task, progress: Callable[[int, int], object] | None) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the fitted values, and their relative standard errors."""
-    start = task.start
+    """Return the fitted values, and their relative standard errors.
+
+    The search runs with harmonic balance, whose values contain the difference to ngspice where the last search ended.
+    It is repeated until this difference stays the same, so that the result is that of ngspice.
+    """
+    start, keys = task.start, task.targets
     if not start:
         return {}, {}
-    names, point = list(start), np.log(list(start.values()))
-    known = np.array([key in (_STIFFNESS, *_COMPLIANCES) for key in names], dtype=bool)
-    resonances = list(task.shift.measured) if task.shift else []
+    names, near = list(start), dict[str, Balance]()
+    prior = np.array([task.priors.get(name, (1.0, np.inf)) for name in names])
+    measured = np.log([task.measured[key] for key in keys])
+    errors = np.array([task.errors[key] for key in keys])
 
     def plain(logarithms: Vector) -> dict[str, float]:
         return dict(zip(names, np.exp(logarithms).tolist(), strict=True))
 
-    def slow(logarithms: Vector) -> Vector:
-        return task.deviations(plain(logarithms), [key for key in task.targets if key not in resonances])
+    def residuals(logarithms: Vector) -> Vector:
+        missed = (task.balanced(plain(logarithms), keys, near) + shift - measured) / errors
+        return np.append(missed, (logarithms - np.log(prior[:, 0])) / prior[:, 1])
 
-    def quick(logarithms: Vector) -> Vector:
-        prior = (logarithms - point)[known] / _STIFFNESS_ERROR
-        return np.append(task.deviations(plain(logarithms), resonances), prior)
+    def slope(logarithms: Vector) -> Vector:
+        here = residuals(logarithms)
+        columns = [residuals(logarithms + step) - here for step in _DIFFERENCE * np.eye(len(names))]
+        return np.asarray(np.nan_to_num(np.array(columns).T / _DIFFERENCE), dtype=float)
 
-    solution, covariance = _least_squares(slow, quick, point, progress)
-    relative = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    relative[_COMPLIANCES[1]] = relative[_COMPLIANCES[0]]
-    return plain(solution), relative
-
-
-def _least_squares(
-    slow: Callable[[Vector], Vector],
-    quick: Callable[[Vector], Vector],
-    point: Vector,
-    progress: Callable[[int, int], object] | None,
-) -> tuple[Vector, Vector]:
-    """Return the solution and its covariance.
-
-    Every step solves the problem with linearised slow residuals, whose Jacobian Broyden's rule updates, and with exact
-    quick ones: on the curve of constant resonances, mass and stiffness change together.
-    """
-    here = slow(point)
-    differences = [slow(point + step) - here for step in _DIFFERENCE * np.eye(len(point))]
-    jacobian = np.array(differences).T / _DIFFERENCE
+    point, shift = np.log(list(start.values())), np.full(len(keys), np.inf)
     for number in range(1, _STEPS + 1):
         if progress is not None:
             progress(number, _STEPS)
-        start, before, slope = point, here, jacobian
-
-        def local(step: Vector, start: Vector = start, before: Vector = before, slope: Vector = slope) -> Vector:
-            return np.concatenate([before + slope @ step, quick(start + step)])
-
-        found = least_squares(local, np.zeros(len(point)), bounds=(-_REACH, _REACH))
-        step = found.x
-        if np.linalg.norm(local(step) - local(np.zeros(len(point)))) < _CLOSE:
-            return point, np.asarray(np.linalg.inv(found.jac.T @ found.jac), dtype=float)
-        for last in (False, False, True):
-            try:
-                there = slow(point + step)
-                break
-            except SimulationError:  # the motor does not run there
-                if last:
-                    raise
-                step = step / 4.0
-        jacobian = jacobian + np.outer(there - here - jacobian @ step, step) / float(step @ step)
-        point, here = point + step, there
-    worst = float(np.abs(np.append(here, quick(point))).max())
+        there = np.log(list(task.computed(plain(point), keys).values()))
+        before, shift = shift, there - task.balanced(plain(point), keys, near)
+        if not np.all(np.isfinite(shift)):
+            raise SimulationError(
+                "Harmonic balance does not find the motion of this motor. Check the drive, or start from another base."
+            )
+        if np.all(np.abs(shift - before) < _CLOSE * errors):
+            jacobian = slope(point)
+            relative = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+            return plain(point), dict(zip(names, relative.tolist(), strict=True))
+        point = least_squares(residuals, point, slope, x_scale=_REACH, xtol=_END, ftol=_END, max_nfev=_MOST).x
+    worst = float(np.abs(residuals(point)).max())
     raise SimulationError(
         f"No motor was found with the measured numbers in {_STEPS} steps; they are off by {worst:.3g} standard "
         "deviations. Check the drive, or start from another base."
     )
-
-
-def _annotated(
-    motor: Motor, fit: TwoPortFit, relative: Mapping[str, float], targets: Sequence[str]
-) -> tuple[Motor, dict[str, float]]:
-    """Return the motor with provenance, and the standard error of each value."""
-    errors: dict[str, float] = {}
-    mass_error = relative.get("mass_kg", 0.0)
-    for index, (mode, found) in enumerate(zip(motor.modes, fit.modes, strict=True)):
-        quality = found.standard_errors["quality_factor"] / found.quality_factor
-        place = found.standard_errors["series_resonance_hz"] / found.series_resonance_hz
-        shares = {
-            "mass_kg": mass_error,
-            "stiffness_n_per_m": sqrt(mass_error**2 + (2.0 * place) ** 2),
-            "damping_n_s_per_m": sqrt(mass_error**2 + quality**2 + place**2),
-        }
-        errors |= {f"modes.{index}.{key}": share * getattr(mode, key) for key, share in shares.items() if share}
-        for group in "ab":
-            own = found.standard_errors[f"coupling_{group}_n_per_v_kg05"] * sqrt(mode.mass_kg)
-            coupling = getattr(mode, f"coupling_{group}_n_per_v")
-            errors[f"modes.{index}.coupling_{group}_n_per_v"] = sqrt(own**2 + (0.5 * mass_error * coupling) ** 2)
-    errors |= {f"piezo.{key}": error for key, error in fit.standard_errors.items()}
-    contact = {path: share for path, share in relative.items() if path != "mass_kg"}
-    errors |= {path: share * getattr(motor.contact, path.partition(".")[2]) for path, share in contact.items()}
-    provenance = dict(motor.provenance)
-    source = "the " + ", ".join(key.rpartition("_")[0].replace("_", " ") for key in targets)
-    for path, share in contact.items():
-        if share < 0.9 * _STIFFNESS_ERROR:  # the measurements improve on the base motor
-            provenance[path] = Provenance("derived", f"fitted to {source} by steady_state")
-    for path, error in errors.items():
-        if path.endswith("mass_kg"):
-            provenance[path] = Provenance("derived", f"fitted to {source} by steady_state, one for all modes")
-        origin = provenance.get(path, Provenance("derived", f"fitted to {fit.source}"))
-        provenance[path] = Provenance(origin.kind, f"{origin.note}; standard error {error:.2g}")
-    return motor.model_copy(update={"provenance": provenance}), errors
