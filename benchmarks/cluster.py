@@ -33,8 +33,8 @@ def after_a_death(points: int) -> int:
 
         def end_one(done: int, _: int) -> None:
             if not killed and done > points // 4:
-                killed.append(next(iter(client.run(os.getpid).values())))
-                os.kill(killed[0], signal.SIGKILL)
+                os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
+                killed.append(done)
 
         found = pr.sweep(
             pr.load_motor("andersen2002"), pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3),
@@ -44,5 +44,6 @@ def after_a_death(points: int) -> int:
         )  # fmt: skip
     lost = int(np.isnan(found.normal_force_n.values).sum())
     seconds = time.perf_counter() - began
-    print(f"{side**2} points on {WORKERS} workers, of which {len(killed)} was killed: {lost} lost, {seconds:.0f} s")
+    when = f"one of which was killed after {killed[0]} points" if killed else "none of which was killed"
+    print(f"{side**2} points on {WORKERS} workers, {when}: {lost} lost, {seconds:.0f} s")
     return lost

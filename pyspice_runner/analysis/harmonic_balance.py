@@ -65,6 +65,7 @@ QUICK, MOST_STEPS = 5, 12  # Newton steps below which the voltage may rise faste
 FIRST_STEP, SHORTEST_STEP = 4.0, 0.1  # of the slow equations, in periods of the drive
 LONGEST_STEP = 10.0  # of them, in decay times; beyond, the steady state is sought
 GROWTH, MOST_TIMES = 2.0, 60  # by which a step may grow, and number of steps
+ABOVE = 2.0  # of the free stator's motion, from which a point runs down
 LEAST_DAMPING = 1.0 / 64.0
 
 
@@ -74,6 +75,19 @@ def harmonic_starts(plants: Sequence[Plant]) -> list[Array | None]:
     The drives have the same period. A free tip and laws without sliders have no such start.
     """
     return [None if found is None else found.state for found in balanced(plants)]
+
+
+def start_from_above(plant: Plant) -> Array | None:
+    """Return a state at t = 0 as :func:`harmonic_starts`, of a motion that decays from twice that of the free stator.
+
+    Where two motions are stable, this is as a rule the one whose contact is open for longer.
+    """
+    if not (plant.law and plant.law.sliding and tones(plant)):
+        return None
+    points = _Points([plant], Grid(plant.drive.period, tones(plant), contact_library(PAPER_LAW, plant.motor.contact)))
+    points.unknowns, points.found = _run_up(points.stators, points.grid, ABOVE)
+    (found,) = points.balances()
+    return found.state if found else None
 
 
 def balanced(plants: Sequence[Plant], near: Sequence[Balance | None] = ()) -> list[Balance | None]:
@@ -166,10 +180,11 @@ def _coordinates(stators: Stators, grid: Grid, response: Response, unknowns: Arr
     return np.asarray(response.coordinates + np.einsum("phnm,phm->phn", response.gains, pushed))
 
 
-def _run_up(stators: Stators, grid: Grid) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the unknowns of points that run from rest to their steady state, and whether they reached it.
+def _run_up(stators: Stators, grid: Grid, begin: float = 0.0) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the unknowns of points that run to their steady state, and whether they reached it.
 
-    The amplitudes follow their slow equations by the implicit Euler rule, with steps that grow.
+    They begin at rest, or at a multiple of the free stator's motion. The amplitudes follow their slow equations by the
+    implicit Euler rule, with steps that grow.
     """
     count = len(stators.depth)
     unknowns = np.zeros((count, 2 * grid.shape.shape[1] + 1))
@@ -179,6 +194,10 @@ def _run_up(stators: Stators, grid: Grid) -> tuple[Array, NDArray[np.bool_]]:
     pressed = stators.forces[:, 0] - stators.preload * stators.tip[:, 1]
     coordinates[:, 0] = np.linalg.solve(stators.impedance[:, 0], pressed[..., np.newaxis])[..., 0]
     unknowns[:, grid.shape.shape[1]] = np.einsum("pn,pn->p", stators.tip[:, 1], coordinates[:, 0].real)
+    if begin:
+        free = response_of(stators, np.zeros(count), np.zeros_like(coordinates)).coordinates
+        coordinates[:, 1:] = begin * free[:, 1:]
+        unknowns[:, :-1] = real_parts(np.einsum("pxn,phn->phx", stators.tip, coordinates))
     step = np.full(count, FIRST_STEP * 2.0 * pi / grid.omega)
     reached, lost = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
     for _ in range(MOST_TIMES):

@@ -490,6 +490,10 @@ class Shooting:
             lost = [point for point in self.points if point.failed]
             self._settle(lost, decays)
             self._retry(lost, "settled")
+        self.measure_anew()
+
+    def measure_anew(self) -> None:
+        """Measure the derivatives of solved points anew if they were measured too far away to tell the multipliers."""
         far = [point for point in self.points if point.done and point.far]
         self._renew(far)
         doubtful = [point for point in far if not point.done]  # by the new derivative
