@@ -31,9 +31,10 @@ def calibrate(
     spectrum: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="[STATE=]FILE",
+            metavar="[STATE=]FILE[@…]",
             help="Spectrum: free=FILE, or preloaded=FILE of the stator pressed on its rotor. Without a state the name "
-            "of the file tells it: preloaded if it has that word. Repeatable.",
+            "of the file tells it: preloaded if it has that word. After @ its temperature in °C and the amplitude at "
+            "the stator in V: free=a.csv@temperature=40,level=20. Repeatable.",
         ),
     ] = None,
     connection: Annotated[Connection, typer.Option(help="Connection of the groups in the spectra.")] = "A",
@@ -59,10 +60,10 @@ def calibrate(
     Example: piezomotor calibrate bimodal40 --points points.csv --free contact.friction --output calibrated.toml
     """
     files = [_stated(text) for text in spectrum or ()]
-    targets.check(".toml", ".json", ".csv", inputs=[motor, points, *(file for file, _ in files)])
+    targets.check(".toml", ".json", ".csv", inputs=[motor, points, *(file for file, *_ in files)])
     loaded = common.load_changed(motor, changes)
     read = measured.reader(columns, None)
-    spectra = [(read(file), state) for file, state in files]
+    spectra = [(read(file), state, conditions) for file, state, conditions in files]
     told = "is not PATH=PERCENT; write it as contact.friction=20%."
     priors = {path: common.percentage("--prior", path, text) for path, text in common.pairs_of("--prior", prior, told)}
     with common.counting("steady states") as progress:
@@ -75,9 +76,23 @@ def calibrate(
     targets.deliver(result, f"{loaded.name}, calibrated with {result.sources}")
 
 
-def _stated(text: str) -> tuple[Path, State]:
-    """Return the file of a spectrum, and the state of the tip."""
+def _stated(text: str) -> tuple[Path, State, dict[str, float]]:
+    """Return the file of a spectrum, the state of the tip, and its conditions."""
+    own, at, conditions = text.rpartition("@")
+    if not at or "=" not in conditions:  # a file with the sign in its name
+        own, conditions = text, ""
+    found = {}
+    for part in conditions.split(",") if conditions else ():
+        key, _, value = part.partition("=")
+        if key.strip() in found:
+            raise pr.ParameterError(f"--spectrum {text!r} gives {key.strip()} twice. Give it once.")
+        try:
+            found[key.strip()] = float(value)
+        except ValueError:
+            raise pr.ParameterError(
+                f"--spectrum {text!r} is not valid: write the conditions as FILE@temperature=40,level=20."
+            ) from None
     for state in get_args(State):
-        if text.startswith(f"{state}="):
-            return Path(text.removeprefix(f"{state}=")), state
-    return Path(text), "preloaded" if "preload" in Path(text).stem.lower() else "free"
+        if own.startswith(f"{state}="):
+            return Path(own.removeprefix(f"{state}=")), state, found
+    return Path(own), "preloaded" if "preload" in Path(own).stem.lower() else "free", found

@@ -185,7 +185,7 @@ class _Problem:
             unit = self.level[number] / (reactance * natural) / charge
             detuning, damping = 1.0 - ratio**2, ratio / quality
             softer, growing = 0.75 * softening * unit**2, 0.25 * growth * unit**2
-            square = _amplitude_squared(detuning, damping, softer, growing)
+            square = amplitude_squared(detuning, damping, softer, growing)
             impedance = damping * (1.0 + growing * square) - 1j * (detuning - softer * square)
             y = y + ratio / (reactance * impedance)
         return np.asarray(np.log(y / spectrum.admittance_s))
@@ -252,8 +252,11 @@ class _Problem:
         return TogetherFit(tuple(arms), capacitance, drifts, errors, each, (*kept, *said))
 
 
-def _amplitude_squared(detuning: Vector, damping: Vector, softer: float, growing: float) -> Vector:
-    """Return the smallest positive A of A [(detuning − softer A)² + damping² (1 + growing A)²] = 1."""
+def amplitude_squared(detuning: Vector, damping: Vector, softer: float, growing: float) -> Vector:
+    """Return the share A of the square of the static amplitude in a mode that softens and loses more with amplitude.
+
+    It is the smallest positive A of A [(detuning − softer A)² + damping² (1 + growing A)²] = 1.
+    """
     square = damping**2
     linear = 1.0 / (detuning**2 + square)
     if softer == growing == 0.0:

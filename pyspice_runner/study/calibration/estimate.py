@@ -36,12 +36,13 @@ from pyspice_runner.model.refusal import checked
 from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.spectra.spectrum import Connection, Spectrum, State
+from pyspice_runner.spectra.spectrum import Connection
+from pyspice_runner.study.calibration.conditions import conditions_of, scales
 from pyspice_runner.study.calibration.decisive import advice, informations
 from pyspice_runner.study.calibration.points import DEFAULT_ERROR, read_points
 from pyspice_runner.study.calibration.prediction import SPECTRUM_ERROR, STEP, Band, Prediction, Predictor
 from pyspice_runner.study.calibration.result import Calibration, Estimate
-from pyspice_runner.study.calibration.unknowns import unknowns_of
+from pyspice_runner.study.calibration.unknowns import THERMAL, unknowns_of
 
 OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals stay those of the normal
 RISE = 3.8415  # of the sum of squares at the end of a 95 % interval: chi-squared with one degree of freedom
@@ -52,6 +53,7 @@ LIKELY = 1e-3  # probability of a sum of squares below which the model does not 
 _TOLD, _MOST_TOLD = 4.0, 10  # standard errors: one normal residual in 16,000 is beyond; and how many are told
 START_REACH = log(2.0)  # of further starts about the first
 _MOST_STEPS = 40
+_INSIDE = 0.05  # of a start at its bound: scipy's first step is as long as the start is from 0, which is in the middle
 _LONG, _SHORT = 0.1, 0.025  # steps of the search: beyond, a new Jacobian; below, no correction, which would be noise
 _GAIN = 0.1  # of the sum of squares by a further step: 0.3 standard errors of all parameters together
 _CLOSE = 1e-4  # relative gain of the sum of squares, and step of a coordinate, that are noise
@@ -67,7 +69,7 @@ def calibrate(
     data: SkipValidation[str | Path | Mapping[str, Any] | Any] = None,
     *,
     free: Sequence[str],
-    spectra: SkipValidation[Sequence[tuple[Spectrum, State]]] = (),
+    spectra: SkipValidation[Sequence[tuple[Any, ...]]] = (),
     connection: Connection = "A",
     spectrum_error: float = SPECTRUM_ERROR,
     priors: Mapping[str, float] | None = None,
@@ -84,7 +86,8 @@ def calibrate(
         data: the measured points: path of a CSV file, a dictionary of columns or a pandas table (:mod:`.points`);
             ``None`` without points.
         free: dotted paths of the parameters to calibrate; ``modes.*.quality_factor`` stands for each mode's.
-        spectra: measured spectra with the state of the tip, ``"free"`` or ``"preloaded"``.
+        spectra: measured spectra with the state of the tip, ``"free"`` or ``"preloaded"``, and with
+            ``{"temperature": °C, "level": V}``, or one of these, where it is known (:mod:`.conditions`).
         connection: of the groups in the spectra.
         spectrum_error: standard error of a measured admittance, relative to its magnitude.
         priors: path of a free parameter → relative standard deviation of its value in ``motor``, as a soft limit.
@@ -114,9 +117,14 @@ def calibrate(
     base = base.with_step(STEP * base.step)
     for conditions in points.conditions if points else ():
         base.updated(conditions)  # a wrong path or value is an error now, not a point that is left out
+    stated = conditions_of(spectra)
+    sizes = scales(motor, connection, [condition for *_, condition in stated])
+    unknowns = unknowns_of(motor, excitation, free, priors, sizes)
+    if any(one.path.startswith(THERMAL) for one in unknowns) and not any(one.rise_k for *_, one in stated):
+        raise ParameterError("A drift takes spectra at temperatures that differ; state that of each spectrum.")
     predictor = Predictor(
-        base, unknowns_of(motor, excitation, free, priors), points,
-        tuple(Band.of(spectrum, state, connection, spectrum_error) for spectrum, state in spectra),
+        base, unknowns, points,
+        tuple(Band.of(spectrum, state, connection, spectrum_error, one) for spectrum, state, one in stated),
         progress or (lambda _: None),
     )  # fmt: skip
     search = _Search(predictor)
@@ -155,7 +163,7 @@ class _Search:
             SimulationError: if there is no steady state at the start.
         """
         bounds = np.array([unknown.bounds for unknown in self.predictor.unknowns]).T
-        x = np.clip(np.zeros(len(self.prior)), bounds[0] + 1e-9, bounds[1] - 1e-9)
+        x = np.clip(np.zeros(len(self.prior)), bounds[0] + _INSIDE, bounds[1] - _INSIDE)
         if starts > 1:
             x = self._best(x, bounds, starts)
         for _ in range(_REFINEMENTS):

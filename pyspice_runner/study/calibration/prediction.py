@@ -23,13 +23,16 @@ from pyspice_runner.analysis.harmonic_balance import Balance
 from pyspice_runner.analysis.shooting import Point
 from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.model.motor import Motor
+from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.two_port import sweep_two_port, two_port, two_port_bench
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spectra.spectrum import Connection, Spectrum, State, connect
+from pyspice_runner.study.calibration.conditions import Condition, added
 from pyspice_runner.study.calibration.points import POWER, Points, measured_of
-from pyspice_runner.study.calibration.unknowns import Unknown
+from pyspice_runner.study.calibration.unknowns import THERMAL, Unknown
 
 # of a coordinate, for the derivative: by ngspice the torque changes by more than it varies from event to event of a
 # step (2e-3 of mu F0 R), and its curvature stays small; harmonic balance is smooth
@@ -41,6 +44,9 @@ SPECTRUM_ERROR = 0.01  # relative error of a measured admittance: that of an imp
 SPECTRUM_POINTS = 200  # of a measured spectrum that are compared; its resonances are narrow, so they are chosen there
 
 
+COLD = Condition()
+
+
 @dataclass(frozen=True)
 class Band:
     """A measured spectrum: what is compared of it."""
@@ -49,15 +55,18 @@ class Band:
     state: State
     connection: Connection
     error: float  # standard error, relative to |Y|
-    measured: Array  # real and imaginary parts over the error
+    measured: Array  # real and imaginary parts
+    condition: Condition = COLD
 
     @classmethod
-    def of(cls, spectrum: Spectrum, state: State, connection: Connection, error: float) -> Band:
+    def of(
+        cls, spectrum: Spectrum, state: State, connection: Connection, error: float, condition: Condition = COLD
+    ) -> Band:
         """Return the comparison of a spectrum with at most :data:`SPECTRUM_POINTS` points."""
         places = np.unique(np.linspace(0, len(spectrum.frequency_hz) - 1, SPECTRUM_POINTS).round().astype(int))
         few = Spectrum(spectrum.frequency_hz[places], spectrum.matrix_s[places], spectrum.source, spectrum.format)
         own = few.driven(connection).matrix_s[:, 0, 0] if few.ports == 2 else few.matrix_s[:, 0, 0]
-        return cls(few, state, connection, error, np.concatenate([own.real, own.imag]))
+        return cls(few, state, connection, error, np.concatenate([own.real, own.imag]), condition)
 
     @property
     def errors(self) -> Array:
@@ -66,8 +75,8 @@ class Band:
         magnitude = np.hypot(self.measured[:half], self.measured[half:])
         return self.error * np.concatenate([magnitude, magnitude])
 
-    def predicted(self, bench: Bench) -> Array:
-        """Return the real and imaginary parts of a motor's admittance at the measured frequencies."""
+    def predicted(self, motor: Motor, bench: Bench) -> Array:
+        """Return the real and imaginary parts of a motor's admittance at the measured frequencies, by its bench."""
         frequency = self.spectrum.frequency_hz
         steps = np.diff(frequency)
         even = np.ptp(steps) < 1e-6 * steps.mean()
@@ -78,6 +87,8 @@ class Band:
             from scipy.interpolate import CubicSpline  # takes long to load
 
             own = CubicSpline(found, own)(frequency)
+        if self.condition.level_v:
+            own = own + added(motor, frequency, self.connection, self.condition.level_v)
         return np.concatenate([own.real, own.imag])
 
 
@@ -126,7 +137,15 @@ class Predictor:
         return np.concatenate([self.points.errors, *parts] if self.points else parts)
 
     def changes(self, x: Array) -> dict[str, float]:
-        """Return path → value for the coordinates of the free parameters."""
+        """Return path → value of the motor for the coordinates of the free parameters."""
+        return {path: value for path, value in self._values(x).items() if not path.startswith(THERMAL)}
+
+    def thermal(self, x: Array) -> Thermal:
+        """Return the drift for the coordinates of the free parameters."""
+        own = {path.removeprefix(THERMAL): value for path, value in self._values(x).items() if path.startswith(THERMAL)}
+        return Thermal.of(self.base.motor).model_copy(update=own)
+
+    def _values(self, x: Array) -> dict[str, float]:
         return {unknown.path: unknown.value(float(one)) for unknown, one in zip(self.unknowns, x, strict=True)}
 
     @property
@@ -173,7 +192,10 @@ class Predictor:
         self.solved += len(states)
         self.progress(self.solved)
         by_owner = dict(zip(owners, states, strict=True))
-        found = [self._prediction(number, motor, by_owner) for number, motor in enumerate(motors)]
+        found = [
+            self._prediction(number, motor, self.thermal(x), by_owner)
+            for number, (motor, x) in enumerate(zip(motors, vectors, strict=True))
+        ]
         if self.shift is None or fine:
             return found
         return [replace(one, values=one.values + self.shift) for one in found]
@@ -205,6 +227,7 @@ class Predictor:
         self,
         number: int,
         motor: OperatingPoint | None,
+        thermal: Thermal,
         states: Mapping[tuple[int, int], SteadyState | BalancedState | None],
     ) -> Prediction:
         if motor is None:
@@ -217,19 +240,20 @@ class Predictor:
                 measured_of(_values(own[row]), quantity) if _sound(own[row]) else np.nan
                 for row, quantity in zip(self.points.rows, self.points.quantities, strict=True)
             ]))  # fmt: skip
-        parts += [self._admittance(place, motor) for place in range(len(self.bands))]
+        parts += [self._admittance(place, motor.motor, thermal) for place in range(len(self.bands))]
         solutions = tuple(state.solution if state and _sound(state) else None for state in own)
         kept = tuple(replace(state, solution=None) for state in own if isinstance(state, SteadyState))
         return Prediction(np.concatenate(parts), solutions, kept)
 
-    def _admittance(self, place: int, motor: OperatingPoint) -> Array:
+    def _admittance(self, place: int, motor: Motor, thermal: Thermal) -> Array:
         """Return a spectrum; one on which a parameter has no influence is computed once."""
         band = self.bands[place]
-        bench = two_port_bench(motor.motor, preloaded=band.state == "preloaded")
+        own = thermal.warmed(motor, band.condition.rise_k) if band.condition.rise_k else motor
+        bench = two_port_bench(own, preloaded=band.state == "preloaded")
         key = place, str(bench.circuit)
         if key not in self._admittances:
             try:
-                self._admittances[key] = band.predicted(bench)
+                self._admittances[key] = band.predicted(own, bench)
             except SimulationError:
                 self._admittances[key] = np.full(len(band.measured), np.nan)
         return self._admittances[key]

@@ -14,10 +14,12 @@ import numpy as np
 from pyspice_runner.analysis.steady import SteadyState
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.model.motor import ALIASES, Motor, Provenance
+from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.result import Result, json_ready
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.study.calibration.points import Points, read_points
 from pyspice_runner.study.calibration.prediction import Band, Predictor
+from pyspice_runner.study.calibration.unknowns import THERMAL
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,8 @@ class Calibration(Result):
         """The calibrated motor; its provenance has error, interval and data of each value."""
         provenance = dict(self.calibrated.provenance)
         for one in self.estimates:
+            if one.path.startswith(THERMAL):
+                continue
             section, _, key = one.path.rpartition(".")
             share = one.standard_error / abs(one.value) if one.value else float("nan")
             low, high = one.interval_95
@@ -115,6 +119,11 @@ class Calibration(Result):
             note += "" if one.identifiable else "; the data do not decide it"
             provenance[f"{section}.{ALIASES.get(key, key)}"] = Provenance("derived", note)
         return self.calibrated.model_copy(update={"provenance": provenance})
+
+    @property
+    def thermal(self) -> Thermal:
+        """The drift of the motor: calibrated values, defaults for the others."""
+        return self.predictor.thermal(self.coordinates)
 
     @property
     def sources(self) -> str:
@@ -215,5 +224,7 @@ class Calibration(Result):
 
     def writers(self) -> dict[str, Callable[[Path], object]]:
         """Return the writers by ending: ``.toml`` (the calibrated motor), ``.json`` and ``.csv`` (the residuals)."""
-        text = self.motor.to_toml(heading=f"{self.start.name}, calibrated with {self.sources}.")
+        drifts = [f"{one.path} = {one.value:.5g} {one.unit} ± {one.standard_error:.2g}, an argument of Thermal"
+                  for one in self.estimates if one.path.startswith(THERMAL)]  # fmt: skip
+        text = self.motor.to_toml(heading="\n".join([f"{self.start.name}, calibrated with {self.sources}.", *drifts]))
         return {**super().writers(), ".toml": lambda file: file.write_text(text, encoding="utf-8")}

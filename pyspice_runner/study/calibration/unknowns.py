@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, inf, log
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.model.motor import (
     HIGHEST_FREQUENCY,
     HIGHEST_QUALITY,
@@ -17,13 +17,16 @@ from pyspice_runner.model.motor import (
 )
 from pyspice_runner.model.parameters import Parameters
 from pyspice_runner.model.refusal import quoted, schema_of
+from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.sources import Excitation
 from pyspice_runner.run.paths import parameter
 
 MOST = 40  # free parameters
+DRIFTS = ("frequency_drift_per_k", "coupling_drift_per_k", "capacitance_drift_per_k")
 _DERIVED = {
     "frequency_hz": (LOWEST_FREQUENCY, HIGHEST_FREQUENCY), "quality_factor": (LOWEST_QUALITY, HIGHEST_QUALITY),
 }  # fmt: skip
+THERMAL = "thermal."  # drift of the motor, of spectra at several temperatures
 _SECTIONS = ("modes", "piezo", "contact", "rotor", "slider", "mount")
 
 
@@ -41,6 +44,7 @@ class Unknown:
     high: float  # greatest value allowed
     unit: str
     prior: float | None = None  # standard deviation of x about 0 that was known before; ``None``: nothing
+    size: float = 1.0  # scale of a linear coordinate whose start is 0
 
     @property
     def logarithmic(self) -> bool:
@@ -68,13 +72,19 @@ class Unknown:
 
     @property
     def _scale(self) -> float:
-        return abs(self.start) or 1.0
+        return abs(self.start) or self.size
 
 
 def unknowns_of(
-    motor: Motor, drive: Excitation, free: Sequence[str], priors: Mapping[str, float] | None = None
+    motor: Motor,
+    drive: Excitation,
+    free: Sequence[str],
+    priors: Mapping[str, float] | None = None,
+    sizes: Mapping[str, float] | None = None,
 ) -> tuple[Unknown, ...]:
     """Return the free parameters; ``modes.*.NAME`` stands for that of all modes, each of its own.
+
+    ``sizes`` are scales of parameters that start from 0: path → value.
 
     Raises:
         ParameterError: for an unknown path, one that is given twice or is not a number of the motor, too many, or a
@@ -86,7 +96,7 @@ def unknowns_of(
     for path in paths:
         if paths.count(path) > 1:
             raise ParameterError(f"free: {path} is given twice. Give it once.")
-        if path.partition(".")[0] not in _SECTIONS:
+        if path.partition(".")[0] not in (*_SECTIONS, THERMAL[:-1]):
             raise ParameterError(
                 f"free: {quoted(path)} is not a parameter of the motor. Give paths of {', '.join(_SECTIONS)}."
             )
@@ -96,7 +106,7 @@ def unknowns_of(
             raise ParameterError(f"priors: {path} is not free. Name it in free, or leave its prior out.")
         if not 0.0 < width < inf:
             raise ParameterError(f"priors: {path} = {quoted(width)} is not valid: it must be a relative width > 0.")
-    return tuple(_unknown(motor, drive, path, widths.get(path)) for path in paths)
+    return tuple(_unknown(motor, drive, path, widths.get(path), (sizes or {}).get(path, 1.0)) for path in paths)
 
 
 def _expanded(motor: Motor, path: str) -> list[str]:
@@ -106,7 +116,9 @@ def _expanded(motor: Motor, path: str) -> list[str]:
     return [f"modes.{number}.{end}" for number in range(len(motor.modes))]
 
 
-def _unknown(motor: Motor, drive: Excitation, path: str, width: float | None) -> Unknown:
+def _unknown(motor: Motor, drive: Excitation, path: str, width: float | None, size: float) -> Unknown:
+    if path.startswith(THERMAL):
+        return _drift(motor, path, width)
     found = parameter(path, motor, drive, {})
     if found.nominal is None:
         raise ParameterError(f"free: {path} has no value in {motor.name}. Set it to one to start from.")
@@ -117,7 +129,18 @@ def _unknown(motor: Motor, drive: Excitation, path: str, width: float | None) ->
         low, high = (smallest, high) if start > 0.0 else (low, -smallest)
     elif low == 0.0 and start > 0.0:
         low = 1e-6 * start
-    return Unknown(path, start, low, high, found.unit, width)
+    return Unknown(path, start, low, high, found.unit, width, size)
+
+
+def _drift(motor: Motor, path: str, width: float | None) -> Unknown:
+    """Return a drift: a linear coordinate, since its sign is not known."""
+    thermal, key = Thermal.of(motor), path.removeprefix(THERMAL)
+    if key not in DRIFTS:
+        raise ParameterError(
+            f"free: {quoted(path)} is not a drift. {did_you_mean(path, [THERMAL + one for one in DRIFTS])}"
+        )
+    schema = schema_of(Thermal, key)
+    return Unknown(path, getattr(thermal, key), float(schema["minimum"]), float(schema["maximum"]), "1/K", width)
 
 
 def _range(motor: Motor, path: str) -> tuple[float, float]:
