@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from pyspice_runner.analysis.design import GroupPoint, RangePoint
-from pyspice_runner.analysis.maxima import NO_CAPACITOR
 from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.model.drive import TwoPhaseDrive, two_phases
@@ -19,6 +18,7 @@ from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.drivers import Driver
+from pyspice_runner.netlist.networks import CABLE, Passed, passed
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.run.operating_point import OperatingPoint
 
@@ -52,25 +52,47 @@ def range_point(name: str, state: SteadyState, driver: Driver | None) -> RangePo
 def network_of(driver: Driver, group: str, frequency: float | None = None) -> tuple[complex, complex]:
     """Return the series impedance, stage and transformer included, and the admittance across the pin.
 
+    They are those of the source at the pin: an admittance in front of a cable's inductance counts at its end.
     ``frequency`` in Hz is by default that of the driver; below 0 the values are those of a conjugate phasor.
     """
-    omega, series, across = 2.0 * pi * (driver.frequency if frequency is None else frequency), 0j, 0j
-    for part in driver.equivalent().parts(group):
-        values, prefix = part.values, "series_" if part.label == "llcc" else ""
-        series += values[f"{prefix}resistance"] + 1j * omega * values[f"{prefix}inductance"]
-        if values[f"{prefix}capacitance"] != NO_CAPACITOR:
-            series += 1.0 / (1j * omega * values[f"{prefix}capacitance"] + 1.0 / values["bleeder"])
-        if part.label == "llcc":
-            coil = values["parallel_resistance"] + 1j * omega * values["parallel_inductance"]
-            across += 1.0 / coil + 1j * omega * values["parallel_capacitance"]
-    return series, across
+    open_v, _ = _before(driver, group, 1.0, 0.0, frequency)
+    series, _ = _before(driver, group, 0.0, 1.0, frequency)
+    return complex(series), complex((open_v - 1.0) / series)
+
+
+def _before(
+    driver: Driver, group: str, volts: complex, amperes: complex, frequency: float | None = None
+) -> tuple[complex, complex]:
+    """Return voltage and current of the lossless stage behind its transformer, for those of the pin."""
+    omega = 2.0 * pi * (driver.frequency if frequency is None else frequency)
+    for found in _passed(driver.equivalent(), group, volts, amperes, omega):
+        volts, amperes = found.volts, found.amperes
+    return volts, amperes
+
+
+def _passed(driver: Driver, group: str, volts: Any, amperes: Any, omega: float) -> list[Passed]:
+    """Return the network of a group from the pin to the stage for phasors of the pin: a cable first."""
+    found = []
+    for part in reversed(driver.parts(group)):
+        before = passed(part.label, part.values, volts, amperes, omega)
+        if before is None:
+            break
+        found.append(before)
+        volts, amperes = before.volts, before.amperes
+    return found
+
+
+def load_of(driver: Driver, group: str, load: complex) -> complex:
+    """Return the impedance in front of the cable, if there is one, for that of the group at its pin."""
+    for part in driver.parts(group):
+        if part.label == CABLE and (found := passed(CABLE, part.values, load, 1.0, 2.0 * pi * driver.frequency)):
+            return complex(found.volts / found.amperes)
+    return load
 
 
 def at_stage(driver: Driver | None, group: str, volts: complex, amperes: complex) -> tuple[complex, complex]:
     """Return voltage and current of the lossless stage behind its transformer, for those of the pin."""
-    series, across = network_of(driver, group) if driver else (0j, 0j)
-    through = amperes + across * volts
-    return volts + series * through, through
+    return _before(driver, group, volts, amperes) if driver else (volts, amperes)
 
 
 def impedance(point: RangePoint, group: str) -> complex:
@@ -84,22 +106,24 @@ def part_phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, An
     for group in GROUPS:
         pin = np.array([complex(point.group(group).voltage_v) for point in points])
         amperes = pin / np.array([impedance(point, group) for point in points])
-        omega, line, through = 2.0 * pi * driver.frequency, pin, amperes
-        for part in driver.parts(group):
-            if part.label not in ("inductor", "llcc"):
-                continue
-            values, prefix = part.values, "series_" if part.label == "llcc" else ""
-            if part.label == "llcc":
-                across = pin / (values["parallel_resistance"] + 1j * omega * values["parallel_inductance"])
-                through = amperes + across + 1j * omega * values["parallel_capacitance"] * pin
-                found |= {f"i(v.xnetwork_{group}.vcurrent)": through, f"i(v.xnetwork_{group}.vparallel)": across}
-            inner = pin + through / (1j * omega * values[f"{prefix}capacitance"] + 1.0 / values["bleeder"])
-            coil = values[f"{prefix}resistance"] + 1j * omega * values[f"{prefix}inductance"]
-            line = inner + coil * through
-            found[f"v(xnetwork_{group}.inner)"] = inner
+        line, through = pin, amperes
+        for before in _passed(driver, group, pin, amperes, 2.0 * pi * driver.frequency):
+            stores, instance = before.stores, f"xnetwork_{group}"
+            if "lline" in stores:
+                found |= {
+                    f"i(v.xcable_{group}.vcurrent)": stores["lline"],
+                    f"v({driver.network}_{group})": before.volts,
+                }
+            else:
+                found |= {
+                    f"v({instance}.inner)": before.inner, f"i(v.{instance}.vcurrent)": before.amperes,
+                    f"i(v.{instance}.vcoil)": stores["lseries"], f"i(v.{instance}.vparallel)": stores["lparallel"],
+                }  # fmt: skip
+            line, through = before.volts, before.amperes
         found |= {
             f"v({group})": pin, f"i(vpin_{group})": amperes, f"v(line_{group})": line,
-            f"v(transformer_{group})": line, f"i(vout_{group})": driver.ratio(group) * through,
+            f"v(transformer_{group})": line,
+            f"i(vout_{group})": through * (1.0 if driver.kind == "push-pull" else driver.ratio(group)),
         }  # fmt: skip
     return found
 

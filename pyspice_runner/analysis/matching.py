@@ -31,12 +31,12 @@ from pyspice_runner.analysis.driver_state import (
     ACCURACY,
     at_stage,
     impedance,
-    network_of,
+    load_of,
     part_phasors,
     range_point,
     warmed,
 )
-from pyspice_runner.analysis.maxima import NO_BLEEDER, NO_CAPACITOR, NO_COIL, NO_PARALLEL, exceeded, part_loads
+from pyspice_runner.analysis.maxima import NO_BLEEDER, NO_COIL, NO_PARALLEL, exceeded, part_loads, winding_of
 from pyspice_runner.analysis.shooting import Point
 from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.errors import ParameterError
@@ -47,12 +47,14 @@ from pyspice_runner.model.strength import depolarised
 from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.drivers import BRIDGES, HEADROOM, Driver, NetworkKind
 from pyspice_runner.netlist.mosfets import MOSFETS, suited
+from pyspice_runner.netlist.networks import NO_CAPACITOR
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.stock import (
     E12,
     E24,
     SMALLEST_CAPACITANCE,
     SMALLEST_INDUCTANCE,
+    WINDING_CAPACITANCE,
     WINDING_QUALITY,
     largest_inductance,
     nearest,
@@ -244,13 +246,11 @@ class _Search:
             for point in self.points:
                 real = apparent = 0.0
                 for group in GROUPS:
-                    series, _ = network_of(driver, group)
-                    load = impedance(point, group)
-                    source = driver.fundamental(group)
-                    changes.append(source * abs(load / (load + series)) / abs(self.pins[group]) - 1.0)
-                    amperes = source / abs(load + series)
-                    real += amperes**2 * (load + series).real
-                    apparent += source * amperes
+                    load, source = impedance(point, group), driver.fundamental(group)
+                    volts, amperes = at_stage(driver, group, load, 1.0)
+                    changes.append(source * abs(load / volts) / abs(self.pins[group]) - 1.0)
+                    real += source**2 * (amperes / volts).real
+                    apparent += source**2 * abs(amperes / volts)
                 factors.append(real / apparent)
             found.append((share, max(map(abs, changes)), min(factors)))
         kept = [(factor, share) for share, change, factor in found if change <= 0.5 * PIN_BAND]
@@ -282,12 +282,12 @@ class _Search:
         if driver.network == "none":
             return {}
         prefix, omega, values = "series_" if driver.network == "llcc" else "", self.omega, {}
-        most = largest_inductance(driver.frequency)
         for group in GROUPS:
+            most = largest_inductance(driver.frequency, winding_of(driver, group) or WINDING_CAPACITANCE)
             label, leakage = f"{driver.network}_{group}", driver.leakage(group)
-            wanted = -share * impedance(self.middle, group).imag
+            wanted = -share * load_of(driver, group, impedance(self.middle, group)).imag
             filtering = driver.switched or driver.network == "llcc"
-            clamped = getattr(self.ideal.motor.piezo, f"capacitance_{group}_f")
+            clamped = getattr(self.ideal.motor.piezo, f"capacitance_{group}_f") + driver.cable_f(group)
             total = max(wanted, _FILTER / (omega * clamped) if filtering else 0.0) / omega
             coil = least = _SMALLEST[driver.network]
             if total - leakage > least:
@@ -307,7 +307,7 @@ class _Search:
 
     def _across(self, group: str, most: float) -> dict[str, float]:
         """Return the settings of the pair across a group, which cancels the middle of its susceptances."""
-        susceptances = [(1.0 / impedance(point, group)).imag for point in self.points]
+        susceptances = [(1.0 / load_of(self.driver, group, impedance(point, group))).imag for point in self.points]
         middle, omega = 0.5 * (min(susceptances) + max(susceptances)), self.omega
         coil, capacitor = NO_COIL, -middle / omega
         if middle > 0.0:

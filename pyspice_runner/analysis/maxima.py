@@ -13,12 +13,12 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.strength import electrode_distance
 from pyspice_runner.netlist.drivers import BRIDGES, RAILS, Driver, Part
 from pyspice_runner.netlist.mosfets import MOSFETS, ratings
+from pyspice_runner.netlist.networks import CABLE, NO_CAPACITOR
 from pyspice_runner.netlist.source import GROUPS
-from pyspice_runner.netlist.stock import beyond
+from pyspice_runner.netlist.stock import WINDING_CAPACITANCE, beyond
 from pyspice_runner.run.window import Array
 
 TRANSISTOR = "MOSFET"  # first word of the names of transistors
-NO_CAPACITOR = 1.0  # F in series, which stands for none
 LEAST_COIL = 1e-6  # H in series, which stands for none
 NO_BLEEDER = 1e12  # Ω across it, which stands for none
 NO_COIL = 1.0  # H across a group, which stands for none
@@ -44,10 +44,12 @@ def load_vectors(driver: Driver) -> list[str]:
         names += [f"v({node})" for node in before.values()]
         if driver.kind == "push-pull":
             names += [vector for pair in _drains(group) for vector in pair]
+        if CABLE in before:
+            names.append(f"i(v.xcable_{group}.vcurrent)")
         if driver.network != "none":
             names.append(f"v(xnetwork_{group}.inner)")
-        if driver.network == "llcc":
-            names += [f"i(v.xnetwork_{group}.v{place})" for place in ("current", "parallel")]
+            places = ("current", "coil", *(["parallel"] if driver.network == "llcc" else []))
+            names += [f"i(v.xnetwork_{group}.v{place})" for place in places]
     return names
 
 
@@ -87,14 +89,20 @@ def _greatest(values: Array) -> float:
 def _of_group(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[PartLoad]:
     """Return the parts of a group, from the supply to the pin."""
     found = _of_stage(driver, group, samples)
-    for part, node in zip(_behind(driver, group), _nodes(driver, group), strict=True):
+    nodes = [*_nodes(driver, group), group]
+    for part, node, behind in zip(_behind(driver, group), nodes, nodes[1:], strict=False):
+        before, after = samples[f"v({node})"], samples[f"v({behind})"]
         if part.label == "transformer":
-            after = samples[f"v({part.label}_{group})"] if driver.network != "none" else samples[f"v({group})"]
             name = f"transformer, group {group.upper()}, turns secondary to primary"
             current = _greatest(samples[f"i(vout_{group})"])
             found.append(PartLoad(name, part.values["ratio"], "1", _greatest(after), current))
+        elif part.label == CABLE:
+            told, through = f"group {group.upper()}", _greatest(samples[f"i(v.xcable_{group}.vcurrent)"])
+            coil, capacitor = part.values["inductance"], part.values["capacitance"]
+            found.append(PartLoad(f"cable inductance, {told}", coil, "H", _greatest(before - after), through))
+            found.append(PartLoad(f"cable capacitance, {told}", capacitor, "F", _greatest(after), None))
         else:
-            found += _of_network(part, group, samples[f"v({node})"], samples)
+            found += _of_network(part, group, before, after, samples)
     return found
 
 
@@ -125,24 +133,27 @@ def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[
     return found
 
 
-def _of_network(part: Part, group: str, before: Array, samples: Mapping[str, Array]) -> list[PartLoad]:
-    """Return coils and capacitors of a network behind a voltage."""
+def _of_network(part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array]) -> list[PartLoad]:
+    """Return coils and capacitors of a network between two voltages."""
     values, llcc, told = part.values, part.label == "llcc", f"group {group.upper()}"
     prefix, instance = "series_" if llcc else "", f"xnetwork_{group}"
-    pin, drawn, inner = samples[f"v({group})"], samples[f"i(vpin_{group})"], samples[f"v({instance}.inner)"]
-    through = samples[f"i(v.{instance}.vcurrent)"] if llcc else drawn
+    inner, through = samples[f"v({instance}.inner)"], samples[f"i(v.{instance}.vcurrent)"]
     coil, capacitor = values[f"{prefix}inductance"], values[f"{prefix}capacitance"]
     found: list[PartLoad] = []
     if coil > LEAST_COIL:
-        found.append(PartLoad(f"series coil, {told}", coil, "H", _greatest(before - inner), _greatest(through)))
+        wound = _greatest(samples[f"i(v.{instance}.vcoil)"])
+        found.append(PartLoad(f"series coil, {told}", coil, "H", _greatest(before - inner), wound))
     if capacitor != NO_CAPACITOR:
-        found.append(PartLoad(f"series capacitor, {told}", capacitor, "F", _greatest(inner - pin), _greatest(through)))
+        found.append(
+            PartLoad(f"series capacitor, {told}", capacitor, "F", _greatest(inner - after), _greatest(through))
+        )
     if (bleeder := values["bleeder"]) != NO_BLEEDER:
-        volts = _greatest(inner - pin)
+        volts = _greatest(inner - after)
         found.append(PartLoad(f"bleeder, {told}", bleeder, "Ω", volts, volts / bleeder))
     if not llcc:
         return found
-    across, volts = samples[f"i(v.{instance}.vparallel)"], _greatest(pin)
+    across, volts = samples[f"i(v.{instance}.vparallel)"], _greatest(after)
+    drawn = samples.get(f"i(v.xcable_{group}.vcurrent)", samples[f"i(vpin_{group})"])
     coil, capacitor = values["parallel_inductance"], values["parallel_capacitance"]
     if coil != NO_COIL:
         found.append(PartLoad(f"parallel coil, {told}", coil, "H", volts, _greatest(across)))
@@ -176,6 +187,11 @@ def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[s
     return found
 
 
+def winding_of(driver: Driver, group: str) -> float:
+    """Return the capacitance in F of the winding of the coil in series; 0 if it is not stated."""
+    return driver.setting(f"{driver.network}_{group}.winding_capacitance") if driver.network != "none" else 0.0
+
+
 def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
     """Return one sentence for each limit of a coil, a capacitor or a built-in MOSFET that is exceeded."""
     told: list[str] = []
@@ -188,7 +204,8 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
                     f"The {part.name} bears {borne:.4g} V; it breaks down at {most:g} V. Take another one or lower the "
                     "rail."
                 )
-        if part.unit in ("H", "F"):
+        if part.unit in ("H", "F") and not part.name.startswith(CABLE):
             volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
-            told += beyond(part.name, part.value, part.unit, volts, amperes, frequency)
+            winding = winding_of(driver, part.name[-1].lower()) if part.name.startswith("series") else 0.0
+            told += beyond(part.name, part.value, part.unit, volts, amperes, frequency, winding or WINDING_CAPACITANCE)
     return told

@@ -31,6 +31,7 @@ from pyspice_runner.netlist.benches import (
 from pyspice_runner.netlist.copies import Copy, Plant, content_name, copy_name
 from pyspice_runner.netlist.drivers import Driver, add_channels, control_amplitude
 from pyspice_runner.netlist.library import definition_texts
+from pyspice_runner.netlist.networks import passed
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.state import Discretisation, State, motor_states
@@ -124,6 +125,8 @@ class DrivenPlant(Plant):
                     # a capacitance of 1 F stands for a short circuit
                     if start == _DELAY or (value == "{capacitance}" and part.values.get("capacitance") == 1.0):
                         continue
+                    if part.values.get(value.strip("{}")) == 0.0:  # no capacitance of a winding
+                        continue
                     ends = [str(pins.get(node, f"x{instance}.{node}")) for node in (first, second)]
                     found.append(Store(instance, device.lower(), start, (ends[0], ends[1])))
         return found
@@ -135,22 +138,16 @@ class DrivenPlant(Plant):
             pins: group → phasor of the voltage at its pin, V.
             currents: group → phasor of the current into its pin, A.
         """
-        parts = {part.instance.lower(): part for group in GROUPS for part in self.driver.parts(group)}
-        found = []
-        for store in self.stores:
-            part = parts[store.instance]
-            values, omega = part.values, 2.0 * pi * self.driver.frequency
-            through, across = currents[part.group], 0j
-            if part.label == "llcc":
-                across = pins[part.group] / (values["parallel_resistance"] + 1j * omega * values["parallel_inductance"])
-                through += across + 1j * omega * values["parallel_capacitance"] * pins[part.group]
-            series = values.get("series_capacitance", values.get("capacitance", 1.0))
-            of_device = {
-                "lseries": through, "cseries": through / (1j * omega * series), "lparallel": across,
-                "cparallel": pins[part.group],
-            }  # fmt: skip
-            found.append(of_device.get(store.device, 0j))
-        return found
+        omega, of_devices = 2.0 * pi * self.driver.frequency, dict[tuple[str, str], complex]()
+        for group in GROUPS:
+            volts, amperes = pins[group], currents[group]
+            for part in reversed(self.driver.parts(group)):
+                before = passed(part.label, part.values, volts, amperes, omega)
+                if before is None:
+                    break
+                of_devices |= {(part.instance.lower(), device): value for device, value in before.stores.items()}
+                volts, amperes = before.volts, before.amperes
+        return [of_devices.get((store.instance, store.device), 0j) for store in self.stores]
 
     @cached_property
     def begins(self) -> float:

@@ -28,6 +28,7 @@ from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.library import Library, check_parameters, definitions, read_library
 from pyspice_runner.netlist.mosfets import MOSFETS, ratings
 from pyspice_runner.netlist.motor import instantiate
+from pyspice_runner.netlist.networks import CABLE
 from pyspice_runner.netlist.own_device import DRIVEN, MOSFET, is_reference, read_driver, read_mosfet
 from pyspice_runner.netlist.source import GROUPS, Pins, Source
 
@@ -58,6 +59,7 @@ _STAGES = {
     "push-pull": _Slot("bridge", "driver_push_pull", "stage"),
 }
 _TRANSFORMER = _Slot("transformer", "driver_transformer", "transformer")
+_CABLE = _Slot(CABLE, "driver_cable", "cable")
 _NETWORKS = {
     "inductor": _Slot("inductor", "driver_inductor", "network"),
     "llcc": _Slot("llcc", "driver_llcc", "network"),
@@ -66,7 +68,9 @@ _NETWORKS = {
 # At switching edges ngspice chooses the steps. With the default abstol of 1 pA they fall to a picosecond, at which
 # round-off alone is larger, and the run ends with "Timestep too small". docs/convergence.md has measurements.
 SWITCHED_POINTS = 250  # steps in a period of the fastest motion, at least; ngspice takes more at the edges
-SWITCHED_OPTIONS = {"reltol": "1e-4", "vntol": "1e-5", "abstol": "1e-6", "method": "trap"}
+# Round-off grows with the voltage: at hard edges of 157 V runs end so with an abstol of 1 uA, and not of 16 uA.
+SWITCHED_OPTIONS = {"reltol": "1e-4", "vntol": "1e-5", "method": "trap"}
+ROUND_OFF = 1e-7  # A/V, abstol over the greatest voltage of the stage, but at least that of 10 V
 
 
 _SERIES = {"inductor": ("inductance", "resistance"), "llcc": ("series_inductance", "series_resistance")}  # of networks
@@ -313,6 +317,9 @@ class Driver(Stated, Source):
             changes |= {f"{label}.{name}": values[name] for name in values}
             changes[f"{label}.{coil}"] = max(values.get(coil, 0.0) + inductance, 1e-6)
             changes[f"{label}.{ohms}"] = max(values.get(ohms, 0.0) + resistance, 1e-3)
+            for part in self.parts(group):
+                if part.label == CABLE:
+                    changes |= {f"{CABLE}_{group}.{name}": value for name, value in part.values.items()}
         amplitudes = {group: self.fundamental(group) for group in GROUPS}
         return Driver(
             kind="ideal", network=network, voltage=amplitudes["a"], ratio_b=amplitudes["b"] / amplitudes["a"],
@@ -342,6 +349,10 @@ class Driver(Stated, Source):
             inductance = values["magnetizing"] * ratio**2 * (1.0 - values["coupling"] ** 2)
             resistance = (resistance + values["primary_resistance"]) * ratio**2 + values["secondary_resistance"]
         return inductance, resistance
+
+    def cable_f(self, group: str) -> float:
+        """Return the capacitance in F of the cable of a group; 0 without one."""
+        return next((part.values["capacitance"] for part in self.parts(group) if part.label == CABLE), 0.0)
 
     def leakage(self, group: str) -> float:
         """Return the leakage inductance in H of a transformer, in series with the network; 0 without one."""
@@ -376,11 +387,12 @@ class Driver(Stated, Source):
         return next(parameter.unit for parameter in part.library.parameters if parameter.name == name)
 
     def parts(self, group: str) -> tuple[Part, ...]:
-        """Return the chain of one group, from the stage to the pin."""
+        """Return the chain of one group, from the stage to the pin; a cable if one of its parameters is set."""
         own = [self._part(_OWN, self._stage, f"stage_{group}", group)] if self._stage else []
         between = self.transformer or self.kind == "full-bridge"
         slots = (_STAGES.get(self.kind), _TRANSFORMER if between else None)
-        chain = [slot for slot in (*slots, _NETWORKS.get(self.network)) if slot]
+        cable = _CABLE if {CABLE, f"{CABLE}_{group}"} & {path.partition(".")[0] for path in self.settings} else None
+        chain = [slot for slot in (*slots, _NETWORKS.get(self.network), cable) if slot]
         return (
             *own,
             *(self._part(slot.label, read_library(slot.library), f"{slot.instance}_{group}", group) for slot in chain),
@@ -388,7 +400,10 @@ class Driver(Stated, Source):
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
         """Return ngspice's options for a run with the driver."""
-        return SWITCHED_OPTIONS if self.switched else transient_options(motor, law)
+        if not self.switched:
+            return transient_options(motor, law)
+        volts = max(10.0, *(self.swing(group) for group in GROUPS))
+        return SWITCHED_OPTIONS | {"abstol": f"{ROUND_OFF * volts:.3g}"}
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add both channels and their control source between ground and the nodes of groups A and B.

@@ -38,12 +38,23 @@ def nearest(value: float, series: Sequence[float]) -> float:
     return float(f"{chosen * decade:.6g}")
 
 
-def largest_inductance(frequency_hz: float) -> float:
-    """Return the largest inductance in H of a coil whose self-resonance is high enough above a frequency."""
-    return min(LARGEST_INDUCTANCE, 1.0 / ((2.0 * pi * FEWEST_TIMES * frequency_hz) ** 2 * WINDING_CAPACITANCE))
+def largest_inductance(frequency_hz: float, winding_f: float = WINDING_CAPACITANCE) -> float:
+    """Return the largest inductance in H of a coil whose self-resonance is high enough above a frequency.
+
+    ``winding_f`` is the capacitance of its winding.
+    """
+    return min(LARGEST_INDUCTANCE, 1.0 / ((2.0 * pi * FEWEST_TIMES * frequency_hz) ** 2 * winding_f))
 
 
-def beyond(name: str, value: float, unit: str, volts: float, amperes: float, frequency_hz: float) -> tuple[str, ...]:
+def beyond(
+    name: str,
+    value: float,
+    unit: str,
+    volts: float,
+    amperes: float,
+    frequency_hz: float,
+    winding_f: float = WINDING_CAPACITANCE,
+) -> tuple[str, ...]:
     """Return one sentence for each limit that a coil (unit H) or capacitor (unit F) exceeds.
 
     Args:
@@ -53,10 +64,11 @@ def beyond(name: str, value: float, unit: str, volts: float, amperes: float, fre
         volts: greatest voltage across it, V.
         amperes: greatest current through it, A.
         frequency_hz: frequency of the drive, Hz.
+        winding_f: capacitance of the winding of a coil, F.
     """
     found: list[tuple[str, float, float, str]] = []
     if unit == "H":
-        found.append(("inductance", value, largest_inductance(frequency_hz), "H"))
+        found.append(("inductance", value, largest_inductance(frequency_hz, winding_f), "H"))
         found.append(("flux linkage", value * amperes, LARGEST_FLUX, "V·s"))
         found.append(("voltage", volts, HIGHEST_COIL_VOLTAGE, "V"))
     else:

@@ -249,7 +249,10 @@ def test_errors_name_the_value_and_what_is_allowed(kind: str, changes: dict[str,
     assert sentence in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["amplifier", "half_bridge", "full_bridge", "inductor", "llcc", "transformer"])
+PARTS = ("amplifier", "half_bridge", "full_bridge", "inductor", "llcc", "transformer", "cable")
+
+
+@pytest.mark.parametrize("name", PARTS)
 def test_losses_feeds_and_stores_are_nodes(name: str) -> None:
     library = read_library(f"driver_{name}")
     assert library.losses

@@ -298,6 +298,7 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
     "driver_full_bridge": {"out_end_v": (38.587634, 1e-5)},
     # twice 0.998 of 40 V less the drop of 40 V/5 mH * 9.5 us, in the mean, across 0.3 and 1.35 ohm of the transistor
     "driver_push_pull": {"out_v": (2.0 * 0.998 * (40.0 - 40.0 / 5e-3 * 9.5e-6 * 1.65), 1e-4)},
+    "driver_cable": {"out_v": (1.0 / 0.9, 1e-6)},
     "driver_inductor": {"current_a": (0.01, 1e-6)},
     # 1 kohm behind 10 mohm, with 10 mohm of the parallel inductor at a reactance of 3.16 kohm: 1e-5 below 1
     "driver_llcc": {"through_v": (1.0 - 1e-5, 1e-6)},
