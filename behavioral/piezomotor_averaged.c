@@ -82,6 +82,7 @@ static void analyse(const struct motor *m, const double at[PHASES], phasor part[
 struct path {
     phasor x[HARMONICS + 1], y[HARMONICS + 1]; /* m, mean and harmonics of the tip; x is measured from the crown */
     double slider, speed;                      /* m at the begin of the period; rad/s against the carrier */
+    double frequency;                          /* Hz */
 };
 
 /* The preload for which the distance of stator and rotor is set. A mount keeps that of the rest, and its springs press with
@@ -102,8 +103,8 @@ static struct contact touch(const struct motor *m, const struct path *path)
         .normal_stiffness = p->normal_stiffness, .compliance = p->compliance, .mu = p->friction, .radius = p->radius,
         .sliding = p->sliding_ratio, .stribeck = p->stribeck_velocity, .preload = laid, .deflection = 1e6 * deflection, .damping = p->normal_damping, .series = p->series_compliance,
         .series_x = p->series_compliance_x,
-        .slider_before = 1e6 * path->slider, .turn = 1e6 * p->radius * path->speed / (PHASES * p->frequency),
-        .rate = 0.5 * PHASES * p->frequency,
+        .slider_before = 1e6 * path->slider, .turn = 1e6 * p->radius * path->speed / (PHASES * path->frequency),
+        .rate = 0.5 * PHASES * path->frequency,
     };
     phase_parameters(&at);
 
@@ -154,6 +155,7 @@ struct flow {
     phasor current_a, current_b; /* A */
     double heat, contact_power;  /* W */
     double stored;               /* J, in the modes and the clamped capacitances */
+    phasor push, velocity;       /* of the mode that a loop follows: force of the groups, N; velocity, m/s */
     struct contact contact;
 };
 
@@ -177,13 +179,31 @@ static struct mode moving(const struct values *p, int number)
 /* The place of an amplitude among the states. */
 static int place(int mode, int harmonic) { return AMPLITUDE + 2 * (HARMONICS * mode + harmonic - 1); }
 
+/* The frequency of the drive, Hz: the input, or that of the oscillator of a loop. */
+static double drive_frequency(const struct motor *m, const double state[STATES])
+{
+#if TRACKED
+    struct tracker at = m->tracker;
+
+    at.tuning = state[LOOP];
+    tracker_flows(&at);
+    return at.frequency;
+#else
+    (void)state;
+    return m->value.frequency;
+#endif
+}
+
 /* The path of the tip: the sum of the modes; x from the crown of the rotor, which is above the tip at rest; y with the
    carrier. */
 static struct path find_path(const struct motor *m, const double state[STATES])
 {
     const struct values *p = &m->value;
     double laid = laid_preload(m);
-    struct path found = {.slider = state[SLIDER], .speed = state[SPEED] - state[CARRIER_X_VELOCITY] / p->radius};
+    struct path found = {
+        .slider = state[SLIDER], .speed = state[SPEED] - state[CARRIER_X_VELOCITY] / p->radius,
+        .frequency = drive_frequency(m, state),
+    };
 
     for (int i = 0; i < MODES; i++) {
         const struct mode *mode = &p->mode[i];
@@ -226,28 +246,81 @@ static void turn(const struct values *p, const double state[STATES], double torq
     rate[SPEED] = (torque - passed) / p->inertia;
 }
 
+/* The amplitude of the voltage of the stage of a group, V. */
+static phasor stage(const struct values *p, int group)
+{
+    return group == 0 ? (phasor){p->amplitude_a, 0.0} : scaled(p->amplitude_b, turned_by(p->phase));
+}
+
+/* The amplitude of the voltage of a group, V: that of the stage, or behind a network a state. */
+static phasor voltage(const struct motor *m, const double state[STATES], int group)
+{
+#if DRIVEN
+    const double *own = state + NETWORK + 8 * group + 6;
+
+    return (phasor){own[0], own[1]};
+#else
+    (void)state;
+    return stage(&m->value, group);
+#endif
+}
+
+/* Add the currents that change the charges of the clamped capacitances; behind networks also find the rates of these. */
+static void charge(const struct motor *m, const double state[STATES], double frequency, struct flow *f)
+{
+    const struct values *p = &m->value;
+    phasor rise_a, rise_b; /* V/s */
+#if DRIVEN
+    phasor left[2] = {scaled(-1.0, f->current_a), scaled(-1.0, f->current_b)}; /* A, for the capacitances */
+    double whole[2] = {p->capacitance_a, p->capacitance_b};
+
+    for (int g = 0; g < 2; g++) {
+        const double *own = state + NETWORK + 8 * g;
+        double *rate = f->rate + NETWORK + 8 * g;
+        struct network at = m->network[g];
+        phasor u = stage(p, g);
+        at.frequency = frequency, at.in_re = u.re, at.in_im = u.im;
+        at.i_re = own[0], at.i_im = own[1], at.p_re = own[2], at.p_im = own[3];
+        at.c_re = own[4], at.c_im = own[5], at.out_re = own[6], at.out_im = own[7];
+        network_flows(&at);
+        rate[0] = at.flow_i_re / at.store_i_re, rate[1] = at.flow_i_im / at.store_i_im;
+        rate[2] = at.flow_p_re / at.store_p_re, rate[3] = at.flow_p_im / at.store_p_im;
+        rate[4] = at.flow_c_re / at.store_c_re, rate[5] = at.flow_c_im / at.store_c_im;
+        left[g] = sum(left[g], (phasor){at.flow_out_re, at.flow_out_im});
+        whole[g] += at.store_out_re;
+    }
+    double between = p->capacitance_ab, square = whole[0] * whole[1] - between * between;
+    rise_a = scaled(1.0 / square, sum(scaled(whole[1], left[0]), scaled(between, left[1])));
+    rise_b = scaled(1.0 / square, sum(scaled(whole[0], left[1]), scaled(between, left[0])));
+    f->rate[NETWORK + 6] = rise_a.re, f->rate[NETWORK + 7] = rise_a.im;
+    f->rate[NETWORK + 14] = rise_b.re, f->rate[NETWORK + 15] = rise_b.im;
+#else
+    double turning = m->slope[phase_place] * PI / 180.0;
+
+    (void)state, (void)frequency;
+    rise_a = (phasor){m->slope[amplitude_a_place], 0.0};
+    rise_b = product((phasor){m->slope[amplitude_b_place], p->amplitude_b * turning}, turned_by(p->phase));
+#endif
+    f->current_a = sum(f->current_a, sum(scaled(p->capacitance_a, rise_a), scaled(-p->capacitance_ab, rise_b)));
+    f->current_b = sum(f->current_b, sum(scaled(p->capacitance_b, rise_b), scaled(-p->capacitance_ab, rise_a)));
+}
+
 /* Find the rates of the states, and what the outputs need, for the contact in f. */
 static void respond(const struct motor *m, const double state[STATES], struct flow *f)
 {
     const struct values *p = &m->value;
-    double turning = m->slope[phase_place] * PI / 180.0;
-    phasor wave = turned_by(p->phase);
-    phasor u_a = {p->amplitude_a, 0.0}, u_b = scaled(p->amplitude_b, wave);
-    phasor rise_a = {m->slope[amplitude_a_place], 0.0}; /* V/s */
-    phasor rise_b = product((phasor){m->slope[amplitude_b_place], p->amplitude_b * turning}, wave);
-    double warm = stator_temperature(p, state);
+    phasor u_a = voltage(m, state, 0), u_b = voltage(m, state, 1);
+    double warm = stator_temperature(p, state), frequency = drive_frequency(m, state);
     double gain = 1.0 + p->coupling_drift * warm, drift = 1.0 + p->frequency_drift * warm;
 
     /* groups: clamped capacitances with a constant loss tangent */
-    double susceptance = 2.0 * PI * p->frequency * (1.0 + p->capacitance_drift * warm)
-        * pow(REFERENCE / p->frequency, 2.0 / PI * atan(p->loss));
+    double susceptance = 2.0 * PI * frequency * (1.0 + p->capacitance_drift * warm)
+        * pow(REFERENCE / frequency, 2.0 / PI * atan(p->loss));
     phasor admittance = {susceptance * p->loss, susceptance};
     phasor q_a = sum(scaled(p->capacitance_a, u_a), scaled(-p->capacitance_ab, u_b));
     phasor q_b = sum(scaled(p->capacitance_b, u_b), scaled(-p->capacitance_ab, u_a));
     f->current_a = product(admittance, q_a);
     f->current_b = product(admittance, q_b);
-    f->current_a = sum(f->current_a, sum(scaled(p->capacitance_a, rise_a), scaled(-p->capacitance_ab, rise_b)));
-    f->current_b = sum(f->current_b, sum(scaled(p->capacitance_b, rise_b), scaled(-p->capacitance_ab, rise_a)));
     f->stored = 0.25 * (q_a.re * u_a.re + q_a.im * u_a.im + q_b.re * u_b.re + q_b.im * u_b.im);
     f->contact_power = 0.0;
     f->heat = 0.5 * admittance.re * (q_a.re * u_a.re + q_a.im * u_a.im + q_b.re * u_b.re + q_b.im * u_b.im);
@@ -263,7 +336,7 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
         double stiffness = i < MODES ? mode->stiffness * drift * drift : mode->stiffness;
         for (int h = 1; h <= HARMONICS; h++) {
             int s = place(i, h);
-            double omega = 2.0 * PI * h * p->frequency;
+            double omega = 2.0 * PI * h * frequency;
             phasor amplitude = {state[s], state[s + 1]};
             phasor spring = {stiffness - mode->mass * omega * omega, mode->damping * omega};
             phasor pushed = sum(scaled(mode->tip_x, f->contact.fx[h]), scaled(mode->tip_y, f->contact.fy[h]));
@@ -287,6 +360,8 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
         }
     }
 
+    charge(m, state, frequency, f);
+
     /* carrier, rotor, slider, temperature */
     double push = p->preload + f->contact.fy[0].re - p->mount_stiffness * state[CARRIER]
         - p->mount_damping * state[CARRIER_VELOCITY];
@@ -300,7 +375,7 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
     f->rate[CARRIER_X_VELOCITY] = MOUNTED_X ? push_x / p->mount_x_mass : 0.0;
     turn(p, state, drive, f->rate);
     f->rate[BEARING] = (state[SPEED] - state[BEARING] * fabs(state[SPEED])) / p->bearing_presliding; /* Dahl */
-    f->rate[SLIDER] = p->frequency * (f->contact.slider - state[SLIDER]);
+    f->rate[SLIDER] = frequency * (f->contact.slider - state[SLIDER]);
     f->rate[TEMPERATURE] = 0.0;
     if (p->heat_capacity > 0.0) {
         double cooling = (warm - p->ambient_temperature) / p->thermal_resistance;
@@ -310,6 +385,21 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
     f->rate[CHARGE + 1] = f->current_a.im;
     f->rate[CHARGE + 2] = f->current_b.re;
     f->rate[CHARGE + 3] = f->current_b.im;
+#if TRACKED
+    const struct mode *mode = &p->mode[m->followed];
+    const double *of = state + place(m->followed, 1), *rate = f->rate + place(m->followed, 1);
+    struct tracker at = m->tracker;
+    f->push = sum(scaled(mode->coupling_a, u_a), scaled(mode->coupling_b, u_b));
+    f->velocity = sum((phasor){rate[0], rate[1]}, scaled(2.0 * PI * frequency, turned((phasor){of[0], of[1]})));
+    at.tuning = at.out = state[LOOP], at.inner = state[LOOP + 1];
+    at.target = p->target, at.temperature = warm;
+    at.a_re = u_a.re, at.a_im = u_a.im, at.b_re = u_b.re, at.b_im = u_b.im;
+    at.vline_a_re = f->current_a.re, at.vline_a_im = f->current_a.im;
+    at.vline_b_re = f->current_b.re, at.vline_b_im = f->current_b.im;
+    tracker_flows(&at);
+    f->rate[LOOP] = at.flow_out / at.store_out;
+    f->rate[LOOP + 1] = at.flow_inner / at.store_inner;
+#endif
 }
 
 /* Evaluate the motor in some state. */
@@ -372,6 +462,9 @@ void motor_rest(struct motor *motor)
     for (int i = 0; i < MODES; i++)
         motor->state[DEFLECTION + i] = -p->mode[i].tip_y * p->preload / p->mode[i].stiffness;
     motor->state[TEMPERATURE] = p->ambient_temperature;
+#if TRACKED
+    motor->state[LOOP] = motor->state[LOOP + 1] = motor->tracker.start;
+#endif
     motor_measure(motor);
 }
 
@@ -383,6 +476,7 @@ void motor_measure(struct motor *motor)
 
     evaluate(motor, motor->state, &flow);
     phasor current_b = product(flow.current_b, back);
+    p->frequency = drive_frequency(motor, motor->state);
     p->speed = motor->state[SPEED];
     p->position = motor->state[POSITION];
     p->load_speed = motor->state[LOAD_SPEED];
@@ -397,13 +491,24 @@ void motor_measure(struct motor *motor)
     p->slip = flow.contact.slip;
     p->torque = p->radius * flow.contact.friction;
     p->normal_force = flow.contact.normal;
-    p->electrical_power = 0.5 * (p->amplitude_a * flow.current_a.re + p->amplitude_b * current_b.re);
+    phasor u_a = voltage(motor, motor->state, 0), u_b = voltage(motor, motor->state, 1);
+    p->electrical_power = 0.5 * (u_a.re * flow.current_a.re + u_a.im * flow.current_a.im)
+        + 0.5 * (u_b.re * flow.current_b.re + u_b.im * flow.current_b.im);
     p->heat = flow.heat;
     p->contact_power = flow.contact_power;
     p->stored_energy = flow.stored;
     struct path path = find_path(motor, motor->state);
     p->tip_x_amplitude = size(path.x[1]);
     p->tip_y_amplitude = size(path.y[1]);
+#if DRIVEN
+    p->pin_amplitude_a = size(u_a);
+    p->pin_amplitude_b = size(u_b);
+#endif
+#if TRACKED
+    phasor ahead = quotient(flow.velocity, flow.push);
+    p->control = motor->state[LOOP];
+    p->mode_phase = 180.0 / PI * atan2(ahead.im, ahead.re);
+#endif
 }
 
 /* --- integration --- */
@@ -425,6 +530,10 @@ static void find_scales(const struct values *p, double scale[STATES])
     scale[TEMPERATURE] = 1.0;
     for (int s = CHARGE; s < CHARGE + 4; s++)
         scale[s] = INFINITY; /* an integral that moves nothing */
+    for (int s = LOOP; s < NETWORK; s++)
+        scale[s] = 1.0;
+    for (int s = NETWORK; s < STATES; s++) /* 1 V, and the current at the capacitance that it causes */
+        scale[s] = (s - NETWORK) % 8 < 4 ? 2.0 * PI * p->frequency * p->capacitance_a : 1.0;
 }
 
 void motor_scales(const struct motor *motor, double scale[STATES])
@@ -448,7 +557,13 @@ static void find_jacobian(struct motor *m, const double state[STATES])
     respond(m, state, &here);
     for (int n = 0; n < NUMBERS; n++) {
         struct path other = path;
-        double change = 1e-6 * (&((double *)&path)[n] == &path.speed ? depth * m->value.frequency / m->value.radius : depth);
+        const double *number = &((double *)&path)[n];
+        double change = 1e-6 * (number == &path.speed ? depth * path.frequency / m->value.radius : depth);
+        if (number == &path.frequency) {
+            change = 1e-6 * path.frequency;
+            if (!TRACKED) /* no state changes it */
+                continue;
+        }
         ((double *)&other)[n] += change;
         struct contact touched = touch(m, &other);
         for (int k = 0; k < FOUND; k++)
@@ -611,12 +726,10 @@ void motor_begin(struct motor *motor)
 }
 
 /* Add the voltages of the groups over a time, s. */
-static void add_flux(struct motor *m, double time)
+static void add_flux(struct motor *m, const double state[STATES], double time)
 {
-    const struct values *p = &m->value;
-
-    m->flux[0].re += time * p->amplitude_a;
-    m->flux[1] = sum(m->flux[1], scaled(time * p->amplitude_b, turned_by(p->phase)));
+    for (int group = 0; group < 2; group++)
+        m->flux[group] = sum(m->flux[group], scaled(time, voltage(m, state, group)));
 }
 
 double motor_step(struct motor *m, double left)
@@ -645,9 +758,9 @@ double motor_step(struct motor *m, double left)
         else
             shortened = 1, step = isfinite(error) ? fmax(factor * step, fmin(step, shortest)) : 0.25 * step;
     }
-    add_flux(m, 0.5 * step);
+    add_flux(m, state, 0.5 * step);
     move_inputs(m, inputs, 0.0);
-    add_flux(m, 0.5 * step);
+    add_flux(m, m->state, 0.5 * step);
     move_inputs(m, inputs, step);
     for (int s = 0; s < STATES; s++) {
         m->change[s] = state[s] - m->state[s];

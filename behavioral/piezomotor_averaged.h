@@ -11,7 +11,9 @@
  * A motor is one struct motor without pointers: a copy of it is a complete copy of its state. There are no other
  * variables, so that several threads may each run a motor.
  *
- * piezomotor_start.h is written by the export: MODES, MOUNTED, MOUNTED_X, START and NAME.
+ * piezomotor_start.h is written by the export: MODES, MOUNTED, MOUNTED_X, START and NAME. With TRACKED a phase-locked loop
+ * sets the frequency; with DRIVEN a network is between the inputs' amplitudes and each group. The package uses both in its
+ * own process only.
  *
  * SOURCE generalised averaging of the motor of Andersen, Helbo, Blanke, 2002; docs/averaged.md
  * OMITS  motion of the contact between two phases, partial slip before gross slip, roughness, wear, adhesion; the current
@@ -23,7 +25,19 @@
 #include <stddef.h>
 
 #include "piezomotor_start.h"
+#if defined DRIVEN && DRIVEN
+#include "piezomotor_network.h" /* likewise, from driver_averaged.lib */
+#endif
+#if defined TRACKED && TRACKED
+#include "piezomotor_tracker.h" /* written by the package from tracker_averaged.lib and tracker_filter.lib */
+#endif
 
+#ifndef TRACKED
+#define TRACKED 0
+#endif
+#ifndef DRIVEN
+#define DRIVEN 0
+#endif
 #ifndef PHASES
 #define PHASES 64   /* of a period, at which the contact is evaluated */
 #define HARMONICS 3 /* that move the tip */
@@ -65,6 +79,27 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
     ENTRY(stored_energy, "J", "energy in the modes and the clamped capacitances, mean over a period") \
     ENTRY(tip_x_amplitude, "m", "amplitude of the tip's fundamental, tangential") \
     ENTRY(tip_y_amplitude, "m", "amplitude of the tip's fundamental, towards the rotor")
+
+/* of a phase-locked loop, which sets the frequency */
+#if TRACKED
+#define LOOP_INPUTS(ENTRY) \
+    ENTRY(target, "deg", -360, 360, "phase wanted of the motional current, ahead of the force")
+#define LOOP_OUTPUTS(ENTRY) \
+    ENTRY(control, "V", "control voltage of the oscillator") \
+    ENTRY(mode_phase, "deg", "phase of the velocity of the mode that is followed, ahead of the force of the groups")
+#else
+#define LOOP_INPUTS(ENTRY)
+#define LOOP_OUTPUTS(ENTRY)
+#endif
+
+/* of a network between the stages, whose amplitudes are the inputs, and the groups */
+#if DRIVEN
+#define NETWORK_OUTPUTS(ENTRY) \
+    ENTRY(pin_amplitude_a, "V", "amplitude of the voltage of group A") \
+    ENTRY(pin_amplitude_b, "V", "amplitude of the voltage of group B")
+#else
+#define NETWORK_OUTPUTS(ENTRY)
+#endif
 
 #define PARAMETERS(ENTRY) \
     ENTRY(sliding_ratio, "1", 0.01, 1, "friction of fast sliding over the coefficient of friction") \
@@ -123,7 +158,10 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
 struct values {
     INPUTS(FIELD)
     TUNABLE(FIELD)
+    LOOP_INPUTS(FIELD)
     OUTPUTS(FIELD)
+    LOOP_OUTPUTS(FIELD)
+    NETWORK_OUTPUTS(FIELD)
     PARAMETERS(FIELD)
     MOUNT_PARAMETERS(FIELD)
     MOUNT_X_PARAMETERS(FIELD)
@@ -146,11 +184,14 @@ enum {
     CHARGE,                     /* integrals of the amplitudes of the currents into the groups, A.s: real and imaginary parts */
     DEFLECTION = CHARGE + 4,
     AMPLITUDE = DEFLECTION + MODES,
-    STATES = AMPLITUDE + 2 * MOVING * HARMONICS
+    LOOP = AMPLITUDE + 2 * MOVING * HARMONICS, /* voltages of the loop filter, V: at the oscillator, across its capacitance */
+    NETWORK = LOOP + 2 * TRACKED, /* of group A, then of B, real and imaginary parts: currents in series and parallel, A;
+                                     voltages of the capacitance in series and of the group, V */
+    STATES = NETWORK + 16 * DRIVEN
 };
 
 #define PLACE(name, ...) name##_place,
-enum { INPUTS(PLACE) TUNABLE(PLACE) INPUT_COUNT }; /* what may change is the first values */
+enum { INPUTS(PLACE) TUNABLE(PLACE) LOOP_INPUTS(PLACE) INPUT_COUNT }; /* what may change is the first values */
 #undef PLACE
 
 /* What the implicit integration keeps from step to step. */
@@ -175,6 +216,13 @@ struct motor {
     double taken, step;           /* last internal step, s; next one, unless the time that is left is shorter */
     struct solver solver;
     phasor wheel[PHASES][ORDERS]; /* exp(2 pi j h n / PHASES) */
+#if TRACKED
+    struct tracker tracker;       /* its parameters */
+    int followed;                 /* number of the mode, from 0, whose phase is an output */
+#endif
+#if DRIVEN
+    struct network network[2];    /* parameters of the networks of both groups */
+#endif
 };
 
 void motor_default(struct motor *motor);

@@ -16,12 +16,30 @@
 #endif
 
 #define ONE(...) +1
-enum { SHOWN = INPUT_COUNT OUTPUTS(ONE) }; /* what may change and outputs are the first values */
+enum { SHOWN = INPUT_COUNT OUTPUTS(ONE) LOOP_OUTPUTS(ONE) NETWORK_OUTPUTS(ONE) }; /* what may change and outputs are the first values */
 
 EXPORT int session_bytes(void) { return (int)sizeof(struct motor); }
 EXPORT int session_columns(void) { return 1 + SHOWN; } /* of a row: time in s, inputs, outputs */
 EXPORT int session_slopes(void) { return (int)offsetof(struct motor, slope); }
 EXPORT void session_default(struct motor *m) { motor_default(m); }
+
+#if TRACKED
+/* Set the parameters of the loop, which are the first fields of the tracker, and the mode that it follows, from 0. */
+EXPORT void session_track(struct motor *m, const double *parameters, int count, int followed)
+{
+    memcpy(&m->tracker, parameters, (size_t)count * sizeof(double));
+    m->followed = followed;
+}
+#endif
+
+#if DRIVEN
+/* Set the parameters of the networks of groups A and B, which are the first fields of a network; count of each. */
+EXPORT void session_drive(struct motor *m, const double *parameters, int count)
+{
+    for (int g = 0; g < 2; g++)
+        memcpy(&m->network[g], parameters + g * count, (size_t)count * sizeof(double));
+}
+#endif
 
 /* Begin a run at rest; longest is the longest internal step in s, speed that of a shaft which no torque accelerates. */
 EXPORT void session_begin(struct motor *m, double longest, double speed)
@@ -98,9 +116,12 @@ EXPORT void session_linearise(struct motor *m, double *by_state, double *by_inpu
     memcpy(by_input, found, sizeof found);
 }
 
-/* The places among the states of speed, angle, and real and imaginary part of the charge. */
-EXPORT void session_places(const struct motor *m, int place[4])
+/* The places among the states of speed, angle, real and imaginary part of the charge, speed and angle of the load,
+   temperature, and behind them the two voltages of a loop filter, which are places of the loop only where there is one. */
+EXPORT void session_places(const struct motor *m, int place[9])
 {
+    static const int places[9] = {SPEED, POSITION, CHARGE, CHARGE + 1, LOAD_SPEED, LOAD_POSITION, TEMPERATURE, LOOP, LOOP + 1};
+
     (void)m;
-    place[0] = SPEED, place[1] = POSITION, place[2] = CHARGE, place[3] = CHARGE + 1;
+    memcpy(place, places, sizeof places);
 }

@@ -12,6 +12,7 @@ import time
 
 import pyspice_runner as pr
 from benchmarks.steady_state import cpu_seconds
+from pyspice_runner.run.engines import Engine
 
 SHORT, WHOLE, WARM_UP = 20e-3, 1.0, 600.0  # s
 
@@ -38,13 +39,16 @@ def main() -> None:
     tracker = pr.Tracker(
         kind="pll", voltage=drive.voltage, phase_deg=drive.phase_deg, frequency=40.5e3, target_deg=-20.0
     )
-    began, used = time.perf_counter(), cpu_seconds()
-    found = pr.track(motor, tracker, disturb="warm-up", duration=WARM_UP, averaged=True)
-    assert found.locked
-    print(
-        f"{WARM_UP:g} s of warm-up with a tracker: {time.perf_counter() - began:.2f} s wall, "
-        f"{cpu_seconds() - used:.2f} s CPU"
-    )
+    engines: tuple[Engine, ...] = ("compiled", "spice")
+    for engine in engines:
+        pr.track(motor, tracker, duration=2e-3, averaged=True, engine=engine)  # compiles
+        began, used = time.perf_counter(), cpu_seconds()
+        found = pr.track(motor, tracker, disturb="warm-up", duration=WARM_UP, averaged=True, engine=engine)
+        assert found.locked
+        print(
+            f"{WARM_UP:g} s of warm-up with a tracker, {engine}: {time.perf_counter() - began:.2f} s wall, "
+            f"{cpu_seconds() - used:.2f} s CPU, {len(found.time_s)} points"
+        )
 
 
 if __name__ == "__main__":

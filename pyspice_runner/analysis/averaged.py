@@ -37,8 +37,10 @@ from pyspice_runner.netlist.averaged import (
     check_resolution,
     constant_settings,
 )
+from pyspice_runner.netlist.averaged_driver import AveragedDrive
 from pyspice_runner.netlist.contact import PAPER_LAW, ContactLaw
-from pyspice_runner.netlist.sources import Bench, DriveSource
+from pyspice_runner.netlist.drivers import Driver
+from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.averaged_motor import AveragedMotor
 from pyspice_runner.run.ceramic import stated
@@ -225,7 +227,7 @@ def model_cautions(check: float, opened: float, factor: float = 1.0) -> tuple[st
 @checked
 def simulate_averaged(
     motor: Motor,
-    drive: Drive,
+    drive: Drive | Driver,
     duration: float,
     *,
     contact: ContactLaw | None = "spring-slider",
@@ -247,7 +249,9 @@ def simulate_averaged(
 
     Args:
         motor: the motor.
-        drive: a two-phase drive; a soft start is a course of both voltages.
+        drive: a two-phase drive, whose soft start is a course of both voltages; or a driver, whose network (inductor
+            or LLCC) is averaged too, behind the fundamental of its stages. The commanded amplitudes and phase are
+            those of the stages, the amplitudes in the result those of the groups.
         duration: simulated time in s.
         contact: law of the contact; only ``"spring-slider"`` has an average.
         speed: if given, the shaft is held at this speed, rad/s.
@@ -269,10 +273,8 @@ def simulate_averaged(
         ParameterError: for a value out of range, another kind of drive or law.
         SimulationError: if the engine fails or its result cannot be trusted.
     """
-    if not isinstance(drive, TwoPhaseDrive):
-        raise ParameterError(
-            f"The averaged motor takes a drive with one frequency, a TwoPhaseDrive, not {drive.label}: use simulate."
-        )
+    front = AveragedDrive.of(drive)
+    drive = front.stage
     check_averaged(contact)
     check_resolution(phases, harmonics)
     check_together(motor, drive)
@@ -292,16 +294,18 @@ def simulate_averaged(
 
     def bench() -> Bench:
         return averaged_bench(
-            motor, settings, load=load, phases=phases, harmonics=harmonics, thermal=thermal, shaft=coupled
-        )
+            motor, settings, load=load, phases=phases, harmonics=harmonics, thermal=thermal, shaft=coupled,
+            add_networks=front.add if front.networks else None,
+        )  # fmt: skip
 
     report = progress and progress_callback(progress, duration)
     course = None if speed is not None else settings["load_torque"]
     version, deck_sha256 = None, {}
     if used == "compiled":
         running = AveragedMotor(
-            motor, thermal=thermal, shaft=coupled, speed=speed, phases=phases, harmonics=harmonics, longest=longest
-        )
+            motor, thermal=thermal, shaft=coupled, speed=speed, phases=phases, harmonics=harmonics, longest=longest,
+            networks=front.networks,
+        )  # fmt: skip
         begun = monotonic()
         inputs = {of_c: settings[name] for name, of_c in INPUT_OF.items() if name in settings}
         columns = compiled_columns(motor, running.record(inputs, duration, timeout=timeout, progress=report), course)
@@ -328,7 +332,7 @@ def simulate_averaged(
         ngspice_version=version,
         provenance={
             "motor": motor.to_dict(),
-            "drive": DriveSource(drive).to_dict(),
+            "drive": front.to_dict(),
             "run": {
                 "engine": used,
                 "duration_s": duration, **PAPER_LAW.to_dict(), "speed_rad_s": speed, "load_torque_n_m": load_torque,
@@ -544,7 +548,8 @@ def compiled_columns(motor: Motor, rows: Mapping[str, Array], load_torque: Cours
         "temperature_k": "temperature", "check": "check",
     }  # fmt: skip
     columns = {name: rows[of_c] for name, of_c in names.items()}
-    columns |= {f"amplitude_{group}_v": np.abs(rows[f"amplitude_{group}"]) for group in "ab"}
+    pins = "pin_" if "pin_amplitude_a" in rows else ""
+    columns |= {f"amplitude_{group}_v": np.abs(rows[f"{pins}amplitude_{group}"]) for group in "ab"}
     drawn = _drawn(motor, rows["time"], rows["torque"], rows["speed"], load_torque)
     columns["load_torque_n_m"] = drawn
     return {name: columns[name] for name in COLUMNS} | {"stored_energy": rows["stored_energy"]}

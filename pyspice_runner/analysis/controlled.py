@@ -42,9 +42,11 @@ from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.shaft import ShaftLoad
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import Course
+from pyspice_runner.netlist.averaged_driver import AveragedDrive
 from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.controlled import CHECKED, COMMANDS, SAMPLED, CommandedSource, controlled_bench
-from pyspice_runner.netlist.sources import Bench, DriveSource
+from pyspice_runner.netlist.drivers import Driver
+from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.result import Result, contact_row
 from pyspice_runner.run.engines import Engine
 from pyspice_runner.run.kernel import transient_timing
@@ -202,7 +204,7 @@ class ControlledRun(Result):
 @checked
 def simulate_controlled(
     motor: Motor,
-    drive: TwoPhaseDrive,
+    drive: TwoPhaseDrive | Driver,
     controller: Controller | str | Path,
     duration: float,
     *,
@@ -223,7 +225,8 @@ def simulate_controlled(
 
     Args:
         motor: the motor.
-        drive: the commands until the first sample.
+        drive: the commands until the first sample; or a driver, behind whose network the motor is, as in
+            :func:`simulate_averaged`. The commands are then those of its stages.
         controller: called at every sample time with a :class:`Sample`; it returns what changes: ``voltage`` (V, of both
             groups), ``voltage_a``, ``voltage_b``, ``phase_deg``, ``frequency`` (Hz). A negative amplitude turns the
             phase by 180°. A path is that of a shared library of C code: firmware with
@@ -253,6 +256,8 @@ def simulate_controlled(
         ParameterError: for a value out of range, also one that the controller returns.
         SimulationError: if the engine fails, or there is no steady state to start from.
     """
+    front = AveragedDrive.of(drive)
+    drive = front.stage
     count = _count(drive, duration, sample_time)
     load = Load(None, load_torque)
     load.check(motor)
@@ -263,7 +268,8 @@ def simulate_controlled(
     parts.check(sample_time, drive.frequency)
     if not 1 <= records <= MOST_RECORDS:
         raise ParameterError(f"records = {records} is not valid: it must be a whole number from 1 to {MOST_RECORDS}.")
-    CommandedSource(settings, drive).check(motor)
+    source = CommandedSource(settings, drive, front.driver)
+    source.check(motor)
     used = averaged_engine(engine) if averaged else "spice"
     if start == "steady" and used == "spice":
         raise ParameterError(
@@ -272,14 +278,14 @@ def simulate_controlled(
         )
     uniform = None
     if not averaged:  # the largest step that divides the sample time and is not above the usual one
-        coarsest = OperatingPoint(motor, CommandedSource(settings, drive), solver=Solver(step)).step
+        coarsest = OperatingPoint(motor, source, solver=Solver(step)).step
         uniform = sample_time / ceil(sample_time / coarsest * (1.0 - 1e-12))
     elif step is not None:
         raise ParameterError("step has no effect on an averaged run, whose engine chooses its steps. Leave it out.")
 
     def bench() -> Bench:
         return controlled_bench(
-            motor, drive, settings, sample_time=sample_time, stops=(records, parts.delay_s), step=uniform,
+            motor, front, settings, sample_time=sample_time, stops=(records, parts.delay_s), step=uniform,
             thermal=thermal, shaft=coupled,
         )  # fmt: skip
 
@@ -290,7 +296,9 @@ def simulate_controlled(
     decide = Firmware(controller, drive, sample_time) if isinstance(controller, str | Path) else controller
     with ExitStack() as stack:
         if used == "compiled":
-            motion: Motion = Compiled(motor, settings, thermal, coupled, steady=start == "steady")
+            motion: Motion = Compiled(
+                motor, settings, thermal, coupled, steady=start == "steady", networks=front.networks
+            )
         else:
             write_deck = partial(str, write_deck())
             motion = Spice(stack.enter_context(Session(write_deck(), vectors, timeout=timeout)))
@@ -303,7 +311,7 @@ def simulate_controlled(
         logs=dict(zip(decide.names, np.transpose(decide.logs), strict=False)) if isinstance(decide, Firmware) else {},
         provenance={
             "motor": motor.to_dict(),
-            "drive": DriveSource(drive).to_dict(),
+            "drive": front.to_dict(),
             "run": {
                 "duration_s": duration, "sample_time_s": sample_time, "averaged": averaged, "engine": used,
                 "step_s": uniform, "start": start, "load_torque_n_m": load_torque,

@@ -24,7 +24,7 @@ from pyspice_runner.run.kernel import ac
 from pyspice_runner.run.waveforms import Array
 
 POINTS_PER_DECADE = 100
-_DECADES = 2  # swept to either side of the bandwidth
+SWEPT_DECADES = 2  # swept to either side of the bandwidth
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,8 @@ def _swept(
     """Return frequencies in Hz about the bandwidth, and the response of a bench there."""
     vectors = ac(
         bench, [vector], guess=guess, variation="dec", number_of_points=POINTS_PER_DECADE,
-        start_frequency=tracker.bandwidth_hz / 10**_DECADES, stop_frequency=tracker.bandwidth_hz * 10**_DECADES,
+        start_frequency=tracker.bandwidth_hz / 10**SWEPT_DECADES,
+        stop_frequency=tracker.bandwidth_hz * 10**SWEPT_DECADES,
     ).phasors()  # fmt: skip
     return vectors["frequency"].real, vectors[vector]
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot
 from typing import Protocol
@@ -81,9 +81,10 @@ class Compiled:
     """The compiled averaged motor."""
 
     def __init__(
-        self, motor: Motor, settings: Mapping[str, Course], thermal: Thermal | None, shaft: ShaftLoad, *, steady: bool
-    ) -> None:
-        self._motor, self._time = AveragedMotor(motor, thermal=thermal, shaft=shaft), 0.0
+        self, motor: Motor, settings: Mapping[str, Course], thermal: Thermal | None, shaft: ShaftLoad, *, steady: bool,
+        networks: Sequence[Mapping[str, float]] = (),
+    ) -> None:  # fmt: skip
+        self._motor, self._time = AveragedMotor(motor, thermal=thermal, shaft=shaft, networks=networks), 0.0
         inputs = {of_c: settings[name] for name, of_c in INPUT_OF.items() if name in settings}
         self._motor.begin(**{name: first(course) for name, course in inputs.items()})
         self._courses = {name: course for name, course in inputs.items() if len(course) > 1}

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.averaged import averaged_ceramic, damping_factor, mode_amplitudes, model_cautions
-from pyspice_runner.analysis.loop import LoopDesign, averaged_loop
 from pyspice_runner.analysis.running_loop import LockedPoint, running_loop
+from pyspice_runner.analysis.track_averaged import track_averaged
 from pyspice_runner.analysis.tracking import SMOOTHED_PERIODS, Periods, Sensing, TrackedRun, Tracking, judged
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Load, TwoPhaseDrive
@@ -22,8 +21,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.model.tracking import DisturbanceKind, StatorLag
-from pyspice_runner.netlist.averaged import HARMONICS, check_averaged
-from pyspice_runner.netlist.averaged_tracker import averaged_tracked_bench, check_averaged_tracker
+from pyspice_runner.netlist.averaged import check_averaged
 from pyspice_runner.netlist.contact import ContactLaw, law_of
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.source import GROUPS
@@ -31,15 +29,13 @@ from pyspice_runner.netlist.trackers import Disturbance, TrackedSource, Tracker,
 from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import audit_contact
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
-from pyspice_runner.run.kernel import Outcome, transient
+from pyspice_runner.run.engines import Engine
 from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint, Solver
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.run.window import Window
 
 STALL_TIME_S = 6e-3
 HARMONICS_OF_FORCE = 15  # behind a bridge; at 250 points a period and more
-LONGEST = 1e5  # s, of an averaged run
-LONGEST_STEPS = 50  # least number of steps of an averaged run
 
 
 @checked
@@ -63,12 +59,13 @@ def track(
     driver: Driver | None = None,
     averaged: bool = False,
     margin: bool = True,
+    engine: Engine = "auto",
     timeout: float | None = None,
     audit: bool = True,
 ) -> Tracking:
     """Track a mode of a motor from rest, under a disturbance.
 
-    The averaged motor takes seconds for minutes of motor time, with a ``"pll"`` or no tracker; ``docs/averaged.md``.
+    The averaged motor takes milliseconds for minutes of motor time, with a ``"pll"`` or no tracker; docs/averaged.md.
 
     Args:
         motor: the motor.
@@ -93,6 +90,7 @@ def track(
         averaged: whether to track the averaged motor.
         margin: whether to find the loop gain of a locked loop at the end of the run, from the small signals of the
             running motor with driver and network; of the full motor this takes some ten seconds.
+        engine: of the averaged motor, as in :func:`simulate_averaged`; ngspice runs the full motor.
         timeout: wall time in s after which a run is ended.
         audit: whether findings of the physical audit are an error; if not, ``audit`` of the result has them.
 
@@ -106,7 +104,9 @@ def track(
     if averaged:
         check_averaged(contact)
         if step is not None:
-            raise ParameterError("step has no effect on an averaged run, whose steps ngspice chooses. Leave it out.")
+            raise ParameterError("step has no effect on an averaged run, whose engine chooses its steps. Leave it out.")
+    elif engine == "compiled":
+        raise ParameterError("engine = 'compiled' has no tracker for the full motor: give averaged=True, or 'spice'.")
     elif disturb == "warm-up":
         raise ParameterError("disturb = 'warm-up' takes minutes of motor time: give averaged=True, or 'temperature'.")
     lag = tracked_lag(motor, tracker, mode, contact=law is not None)
@@ -127,7 +127,7 @@ def track(
     source = replace(source, disturbance=disturbance)
     setup = replace(setup, source=source, disturbance=disturbance)
     run = TrackedRun(setup, source, disturbance, duration, lag, stall, margin and tracker.kind == "pll")
-    return _track_averaged(run) if averaged else _track_full(run)
+    return _track_averaged(run, engine) if averaged else _track_full(run)
 
 
 def _check_together(
@@ -280,67 +280,12 @@ def _with_loop(
         return replace(found, no_loop=str(error))
 
 
-def _track_averaged(run: TrackedRun) -> Tracking:
+def _track_averaged(run: TrackedRun, engine: Engine) -> Tracking:
     """Track the averaged motor."""
-    setup, source, disturbance, duration = run.setup, run.source, run.disturbance, run.duration
-    motor, tracker = setup.motor, source.tracker
-    check_averaged_tracker(source, disturbance)
-    least = 2 * SMOOTHED_PERIODS / tracker.frequency
-    if not least <= duration <= LONGEST:
-        raise ParameterError(f"duration = {duration:g} s is not valid: it must be from {least:.3g} to {LONGEST:g} s.")
-    outcome = transient(
-        averaged_tracked_bench(motor, source, disturbance, setup.load), ["all"], step=source.period, duration=duration,
-        longest=duration / LONGEST_STEPS, timeout=setup.solver.timeout,
-    )  # fmt: skip
-    vectors = outcome.vectors()
-    own, volts, time = motor.modes[source.mode], tracker.phasors(), vectors["time"]
-    real, imaginary = (vectors[f"v(xmotor.xmode{source.mode + 1}_1.v_{part})"] for part in ("re", "im"))
-    force = own.coupling_a_n_per_v * volts["a"] + own.coupling_b_n_per_v * volts["b"]
-    phase = np.degrees(np.angle((real + 1j * imaginary) / force))
-    periods = Periods(time, vectors["v(tuned)"], phase, vectors["v(shaft)"], np.gradient(time))
-    found = judged(run, periods, outcome)
-    if tracker.kind == "pll":
-        last = outcome.last()
-        currents = {
-            group: complex(*(last[f"i(v.xtracker.vline_{group}_{part})"] for part in ("re", "im"))) for group in GROUPS
-        }
-        found = replace(found, sensing=_sensing(run, volts, currents, found))
-    kept = ("duration_s", "contact", "speed_rad_s", "mode", "deck_sha256")
-    found.settings["run"] = {name: found.settings["run"][name] for name in kept} | {"averaged": True}
-    return replace(
-        found,
-        loop=_loop_at_end(run, outcome) if run.margin and found.locked else None,
-        temperature_k=vectors["v(temperature)"] if disturbance.drifting else np.zeros(len(time)),
-        model_cautions=model_cautions(
-            float(vectors["v(xmotor.check)"].max()),
-            float(vectors["v(xmotor.open)"].max()),
-            damping_factor(
-                motor.to_dict(),
-                vectors["v(tuned)"],
-                1e-6 * np.hypot(*(vectors[f"v(xmotor.y_{part}1)"] for part in ("re", "im"))),
-            ),
-        ),
-        ceramic=averaged_ceramic(
-            motor,
-            mode_amplitudes(motor, vectors, HARMONICS),
-            float(vectors["v(xmotor.normal)"][-1]),
-            float(vectors["v(heat)"][-1]),
-            vectors["v(shaft)"],
-        ),
-    )
-
-
-def _loop_at_end(run: TrackedRun, outcome: Outcome) -> LoopDesign:
-    """Return the loop of the averaged motor at the end of a run, at the speed and the temperature there."""
-    last, source = outcome.last(), run.source
-    held = averaged_tracked_bench(
-        run.setup.motor,
-        replace(source, tracker=source.tracker.model_copy(update={"target_deg": last["v(target)"]})),
-        Disturbance("start"), Load(last["v(shaft)"]), frozen=(last["v(control)"], last.get("v(temperature)", 0.0)),
-        thermal=run.disturbance.drifting,
-    )  # fmt: skip
-    guess = {name[2:-1]: value for name, value in last.items() if name.startswith("v(xmotor.")}
-    return averaged_loop(source.tracker, source.loop_filter, held, guess)
+    found, currents = track_averaged(run, engine)
+    if run.source.tracker.kind == "pll":
+        found = replace(found, sensing=_sensing(run, run.source.tracker.phasors(), currents, found))
+    return found
 
 
 def _settled(tracker: Tracker, disturb: str) -> float:

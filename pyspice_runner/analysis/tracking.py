@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 from math import isfinite, sqrt
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.tracking import LoopFilter, StatorLag
 from pyspice_runner.netlist.trackers import Disturbance, TrackedSource
 from pyspice_runner.result import Audit, Result, contact_row
-from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, Array
 from pyspice_runner.run.window import change_to_come
@@ -97,8 +96,8 @@ class Tracking(Result):
         frequency_hz: frequency of each period.
         phase_deg: of the mode's velocity ahead of the force, each period.
         rotor_speed_rad_s: mean of each period.
-        solver_seconds: wall time that ngspice took.
-        ngspice_version: version of ngspice.
+        solver_seconds: wall time that the engine took.
+        ngspice_version: version of ngspice; ``None`` of a run with the compiled motor.
         deck: netlist of the run.
         audit: outcome of the physical audit; it has findings only with ``audit=False``.
         ceramic: strain, stress and temperature rise of the ceramic, and ``cautions``; empty where not measured.
@@ -131,7 +130,7 @@ class Tracking(Result):
     phase_deg: Array = field(repr=False)
     rotor_speed_rad_s: Array = field(repr=False)
     solver_seconds: float
-    ngspice_version: str
+    ngspice_version: str | None
     deck: str = field(repr=False)
     audit: Audit = field(default_factory=Audit)
     ceramic: dict[str, Any] = field(default_factory=dict)
@@ -303,7 +302,23 @@ class Periods:
         return change / scale if isfinite(change) else None
 
 
-def judged(run: TrackedRun, periods: Periods, outcome: Outcome) -> Tracking:
+class Ran(Protocol):
+    """What an engine tells about a run: netlist and its hash, wall time in s, version of ngspice."""
+
+    @property
+    def deck(self) -> str: ...  # noqa: D102
+
+    @property
+    def deck_sha256(self) -> str | None: ...  # noqa: D102
+
+    @property
+    def seconds(self) -> float: ...  # noqa: D102
+
+    @property
+    def ngspice_version(self) -> str | None: ...  # noqa: D102
+
+
+def judged(run: TrackedRun, periods: Periods, outcome: Ran) -> Tracking:
     """Return lock, phase errors and speeds of a run. Raise ParameterError for a disturbance that begins too early."""
     setup, disturbance, tracker, time = run.setup, run.disturbance, run.source.tracker, periods.time
     wanted = tracker.wanted_deg + disturbance.target_step_deg * (time > disturbance.begin_s)

@@ -62,6 +62,7 @@ def track(
     averaged: Annotated[
         bool, typer.Option("--averaged", help="Track the averaged motor: minutes of motor time in seconds.")
     ] = False,
+    engine: common.EngineOption = "auto",
     timeout: common.TimeoutOption = None,
     audit: common.AuditOption = True,
     changes: common.SetOption = None,
@@ -90,7 +91,7 @@ def track(
 
         resonance = running_resonance(loaded, chosen, contact=contact != options.NONE)
         chosen = pr.Tracker(**(values | {"frequency": resonance.resonance_hz}))
-    with common.busy(f"ngspice runs the tracker {tracker}"):
+    with common.busy(f"The motor runs with the tracker {tracker}"):
         through = driver and drive.channel(
             loaded, driver, tone | {"frequency": chosen.frequency}, of_parts, mosfet, contact, match=match
         )
@@ -98,7 +99,7 @@ def track(
             loaded, chosen, driver=through or None, disturb=disturb, contact=options.law_named(contact), begin=begin,
             duration=duration, load_torque=load_torque, preload_change=preload_change, drift=drift,
             drift_time=drift_time, target_step=target_step, thermal=pr.Thermal.of(loaded) if all_drift else None,
-            averaged=averaged, timeout=timeout, audit=audit,
+            averaged=averaged, engine=engine, timeout=timeout, audit=audit,
         )  # fmt: skip
     common.caution(found)
     targets.deliver(found, loaded.name)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from cmath import rect
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from math import cos, pi, radians, sin
@@ -536,12 +536,14 @@ def averaged_bench(
     harmonics: int = HARMONICS,
     thermal: Thermal | None = None,
     shaft: ShaftLoad = UNCOUPLED,
+    add_networks: Callable[[Circuit], object] | None = None,
 ) -> Bench:
     """Return a bench with ideal sources and an averaged motor ``Xmotor`` whose shaft is free, loaded or held.
 
     ``settings`` has :data:`SETTINGS` over time; the phase is that of group B ahead of group A. ``v(position)`` is the
     angle of the shaft in rad; ``Va_re``, ``Va_im``, ``Vb_re``, ``Vb_im`` carry the currents into the pins. With
     ``thermal`` the losses heat the motor through ``Xcooling``. ``shaft`` is the load that is coupled to it.
+    ``add_networks`` adds networks between the nodes ``stage_GROUP_PART`` of the sources and ``drive_GROUP_PART``.
 
     Raises:
         ParameterError: for a course of the preload, which is a number in the subcircuit.
@@ -559,8 +561,10 @@ def averaged_bench(
     angle = f"{pi / 180.0!r}*V(set_phase)"
     values = {"a_re": "V(set_a)", "a_im": "0", "b_re": f"V(set_b)*cos({angle})", "b_im": f"V(set_b)*sin({angle})"}
     for node, value in values.items():
-        circuit.raw_spice += f"Bdrive_{node} drive_{node} 0 V={value}\n"
+        circuit.raw_spice += f"Bdrive_{node} {'stage' if add_networks else 'drive'}_{node} 0 V={value}\n"
         circuit.V(node, f"drive_{node}", node, "DC 0")
+    if add_networks:
+        add_networks(circuit)
     if load.speed is not None:
         circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
     else:
@@ -573,7 +577,7 @@ def averaged_bench(
     add_averaged_motor(circuit, motor, pins, phases=phases, harmonics=harmonics, thermal=thermal)
     # of the clamped capacitances: a voltage step would draw an infinite current
     a, b, phase = (settings[name][0][1] for name in ("voltage_a", "voltage_b", "phase_deg"))
-    start = {"a_re": a, "b_re": b * cos(radians(phase)), "b_im": b * cos(radians(phase - 90.0))}
+    start = {} if add_networks else {"a_re": a, "b_re": b * cos(radians(phase)), "b_im": b * cos(radians(phase - 90.0))}
     return Bench(circuit, OPTIONS, start)
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from textwrap import wrap
+from typing import NamedTuple
 
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
@@ -21,6 +22,7 @@ from pyspice_runner.model.recoil import carriers, modes_on_carrier
 from pyspice_runner.model.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import ALL_TERMS, HARMONICS, PHASES, Terms, averaged_phase, default_two_phase
+from pyspice_runner.netlist.circuit_c import NETWORK, TRACKER, circuit_source
 from pyspice_runner.netlist.expressions import HELPERS, equations, translated
 from pyspice_runner.netlist.library import data_path, slider_words
 from pyspice_runner.netlist.motor import mode_values, rounded, spring_values
@@ -31,9 +33,26 @@ CORE, HEADER, START, PHASE = (
 )  # fmt: skip
 SESSION = "piezomotor_session.c"
 # in the order of struct values
-_GROUPS = ("INPUTS", "TUNABLE", "OUTPUTS", "PARAMETERS", "MOUNT_PARAMETERS", "MOUNT_X_PARAMETERS", "MODE_PARAMETERS")
+_GROUPS = (
+    "INPUTS", "TUNABLE", "LOOP_INPUTS", "OUTPUTS", "LOOP_OUTPUTS", "NETWORK_OUTPUTS", "PARAMETERS", "MOUNT_PARAMETERS",
+    "MOUNT_X_PARAMETERS", "MODE_PARAMETERS",
+)  # fmt: skip
 MOUNTS = ("mount_", "mount_x_")  # prefixes of the springs of the carrier, along y and x
 OF_SPRINGS = ("mass", "damping", "stiffness")
+
+
+class Front(NamedTuple):
+    """What is in front of a motor."""
+
+    tracked: bool = False  # a phase-locked loop, which sets the frequency
+    driven: bool = False  # a network between stage and group
+
+    def has(self, group: str) -> bool:
+        """Return whether a group of variables is there."""
+        return {"LOOP": self.tracked, "NETWORK": self.driven}.get(group.partition("_")[0], True)
+
+
+BARE = Front()
 
 
 @dataclass(frozen=True)
@@ -62,7 +81,9 @@ def _declared() -> Mapping[str, tuple[tuple[str, str, str, str, str], ...]]:
     return found
 
 
-def variables(motor: Motor, thermal: Thermal | None = None, load: ShaftLoad = UNCOUPLED) -> list[Variable]:
+def variables(
+    motor: Motor, thermal: Thermal | None = None, load: ShaftLoad = UNCOUPLED, front: Front = BARE
+) -> list[Variable]:
     """Return the variables of a motor and the load on its shaft, in the order of the C structure.
 
     Without ``thermal`` nothing drifts, and the motor's own heat capacity holds.
@@ -70,10 +91,13 @@ def variables(motor: Motor, thermal: Thermal | None = None, load: ShaftLoad = UN
     values = _values(motor, thermal, load)
     found: list[Variable] = []
     for group in _GROUPS:
+        if not front.has(group):
+            continue
         for number in range(1, len(motor.modes) + 1) if group == "MODE_PARAMETERS" else (0,):
             for name, unit, least, greatest, meaning in _declared()[group]:
                 full = f"mode[{number}].{name}" if number else name
-                causality = {"INPUTS": "input", "TUNABLE": "tunable", "OUTPUTS": "output"}.get(group, "parameter")
+                causality = {"INPUTS": "input", "TUNABLE": "tunable"}.get(group.removeprefix("LOOP_"), "parameter")
+                causality = "output" if group.endswith("OUTPUTS") else causality
                 start = None if causality == "output" else values[full]
                 text = f"{meaning}, mode {motor.modes[number - 1].name}" if number else meaning
                 if motor.slider:
@@ -90,7 +114,7 @@ def _values(motor: Motor, thermal: Thermal | None, load: ShaftLoad) -> dict[str,
     values = {
         "amplitude_a": drive.voltage, "amplitude_b": drive.voltage_b, "phase": drive.phase_deg,
         "frequency": drive.frequency, "load_torque": 0.0, "ambient_temperature": body.ambient_k,
-        "preload": contact.preload_n, "friction": contact.friction,
+        "target": 0.0, "preload": contact.preload_n, "friction": contact.friction,
         "normal_stiffness": contact.normal_stiffness_n_per_m15, "compliance": contact_law.total_compliance(contact),
         "normal_damping": contact_law.normal_damping(contact),
         "series_compliance": contact.series_compliance_m_per_n,
@@ -234,16 +258,20 @@ def _size(modes: int, moving: int) -> list[str]:
 
 
 def session_texts(
-    modes: int, moving: int, terms: Terms, *, phases: int = PHASES, harmonics: int = HARMONICS
+    modes: int, moving: int, terms: Terms, front: Front = BARE, *, phases: int = PHASES, harmonics: int = HARMONICS
 ) -> dict[str, str]:
     """Return the C texts of a library that runs averaged motors of one size: file → text.
 
-    The size is the number of modes, the number of directions in which the carrier moves, and the terms of the contact.
-    Similar motors share one compilation.
+    The size is the number of modes, the number of directions in which the carrier moves, the terms of the contact, and
+    what is in front of the motor. Similar motors share one compilation.
     """
     behavioral = data_path("behavioral")
     size = [*_size(modes, moving), f"#define PHASES {phases}", f"#define HARMONICS {harmonics}", "#define START {0.0}"]
+    size += [f"#define TRACKED {int(front.tracked)}", f"#define DRIVEN {int(front.driven)}"]
+    circuits = {"tracker": TRACKER} if front.tracked else {}
+    circuits |= {"network": NETWORK} if front.driven else {}
     return {
+        **{f"piezomotor_{name}.h": circuit_source(name, parts) for name, parts in circuits.items()},
         **{file: (behavioral / file).read_text(encoding="utf-8") for file in (CORE, SESSION, HEADER)},
         PHASE: phase_source(terms),
         START: "\n".join(size) + "\n",

@@ -44,6 +44,27 @@ def check_averaged_tracker(source: TrackedSource, disturbance: Disturbance) -> N
         )
 
 
+def tracker_values(motor: Motor, source: TrackedSource) -> dict[str, float]:
+    """Return the parameters of ``tracker_averaged`` and ``tracker_filter`` by their names, for the compiled motor.
+
+    Without a tracker the pump has no current, and the filter keeps its voltage.
+    """
+    own, tracker = source.loop_filter, source.tracker
+    values = _loop_values(motor, source) | {
+        "resistance": own.resistance_ohm, "capacitance": own.capacitance_f, "ripple": own.ripple_f,
+        "start": tracker.start_v,
+    }  # fmt: skip
+    return values if tracker.kind == "pll" else values | {"current": 0.0}
+
+
+def _loop_values(motor: Motor, source: TrackedSource) -> dict[str, float]:
+    tracker = source.tracker
+    return {
+        "drift": tracker.copies_drift_per_k, **sensing(motor, tracker, source.mode), **tracker.tuned_hz,
+        "current": tracker.pump_current_a, "polarity": tracker.polarity, "rail": RAIL,
+    }  # fmt: skip
+
+
 def averaged_tracked_bench(
     motor: Motor,
     source: TrackedSource,
@@ -84,8 +105,7 @@ def averaged_tracked_bench(
     instantiate(
         circuit, "tracker", "tracker_averaged",
         (*lines, "target", "tuning", "control", "tuned", "phase", "temperature"),
-        drift=tracker.copies_drift_per_k, **sensing(motor, tracker, source.mode), **tracker.tuned_hz,
-        current=tracker.pump_current_a, polarity=tracker.polarity, rail=RAIL,
+        **_loop_values(motor, source),
     )  # fmt: skip
     if disturbance.kind == "warm-up":
         add_cooling(circuit, disturbance.thermal or Thermal())

@@ -19,6 +19,9 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import Course, add_angle, add_surroundings, averaged_bench, course_text
+from pyspice_runner.netlist.averaged_driver import AveragedDrive
+from pyspice_runner.netlist.drivers import Driver, add_channels
+from pyspice_runner.netlist.library import definitions
 from pyspice_runner.netlist.source import Pins, UniformSource
 from pyspice_runner.netlist.sources import Bench, motor_bench
 from pyspice_runner.netlist.state import Discretisation
@@ -39,23 +42,31 @@ class CommandedSource(UniformSource):
 
     settings: Mapping[str, Course]  # the commands over time, as of an averaged bench, until one of them is altered
     drive: TwoPhaseDrive  # the values at the start
+    network: Driver | None = None  # ideal sources with a network, which is between the commands and the groups
 
     @property
     def label(self) -> str:
         """The same as of the drive at the start."""
         return f"{self.drive.label} at the start, then as commanded"
 
+    def initial_voltages(self) -> tuple[float, float]:
+        """Return U_A and U_B at t = 0 in V: behind a network 0."""
+        return (0.0, 0.0) if self.network else super().initial_voltages()
+
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add the commands, the oscillator and the two sources ``Va`` and ``Vb``."""
         for name, source in COMMANDS.items():
             node = source.removeprefix("v")
             circuit.V(node, node, circuit.gnd, course_text(self.settings[name]))
-        shift = f"{pi / 180.0!r}*V(set_phase)"
+        shift, line = f"{pi / 180.0!r}*V(set_phase)", "control" if self.network else "drive"
         circuit.raw_spice += (
             "Gturns 0 turns set_frequency 0 1u\nCturns turns 0 1u ic=0\nRturns turns 0 1t\n"
-            f"Bdrive_a drive_a 0 V=V(set_a)*sin({_TURNS})\n"
-            f"Bdrive_b drive_b 0 V=V(set_b)*sin({_TURNS}+{shift})\n"
+            f"Bdrive_a {line}_a 0 V=V(set_a)*sin({_TURNS})\n"
+            f"Bdrive_b {line}_b 0 V=V(set_b)*sin({_TURNS}+{shift})\n"
         )
+        if self.network:
+            circuit.raw_spice += definitions(*self.network.libraries()) + "\n"
+            add_channels(circuit, self.network, {group: f"drive_{group}" for group in "ab"})
         for group in "ab":
             for part, wave in zip(_PARTS, ("sin", "cos"), strict=True):
                 circuit.raw_spice += (
@@ -69,7 +80,7 @@ class CommandedSource(UniformSource):
 
 def controlled_bench(
     motor: Motor,
-    drive: TwoPhaseDrive,
+    front: AveragedDrive,
     settings: Mapping[str, Course],
     *,
     sample_time: float,
@@ -80,22 +91,24 @@ def controlled_bench(
 ) -> Bench:
     """Put a motor on a bench whose commands a session can alter and whose samples it can read.
 
-    ``drive`` has the values at the start, and ``settings`` those over time, as in :func:`averaged_bench`.
+    ``front`` has the network and the values at the start, ``settings`` those over time, as in :func:`averaged_bench`.
     ``sample_time`` in s is the time between two samples, ``stops`` the number of parts into which records divide it,
     and the time in s from a sample to its commands; clocks make ngspice take a time point at each. ``step`` is the
     uniform step in s of the full motor, ``None`` the averaged motor. With ``thermal`` the losses heat the motor.
     ``shaft`` is coupled to it. Raise ParameterError for a course that the motor cannot follow.
     """
     if step is None:
-        bench = averaged_bench(motor, settings, thermal=thermal, shaft=shaft)
+        bench = averaged_bench(
+            motor, settings, thermal=thermal, shaft=shaft, add_networks=front.add if front.networks else None
+        )
         for group in "ab":
             for part in _PARTS:
                 bench.circuit.raw_spice += f"Fsum_{group}_{part} 0 sum_{group}_{part} V{group}_{part} 1\n"
                 bench.circuit.raw_spice += f"Gflux_{group}_{part} 0 flux_{group}_{part} {group}_{part} 0 1\n"
     else:
         bench = motor_bench(
-            motor, CommandedSource(settings, drive), discretisation=Discretisation(step), thermal=thermal,
-            approach=_approach(motor, settings["preload"]) if "preload" in settings else "",
+            motor, CommandedSource(settings, front.stage, front.driver), discretisation=Discretisation(step),
+            thermal=thermal, approach=_approach(motor, settings["preload"]) if "preload" in settings else "",
         )  # fmt: skip
         bench.circuit.I("load", "shaft", bench.circuit.gnd, course_text(settings["load_torque"]))
         add_angle(bench.circuit, shaft)

@@ -21,7 +21,7 @@ TOKEN = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?[a-z]*|[a-z_]\w*|\*\*|\S",
 _FUNCTIONS = {
     "abs": ("fabs", "abs", "absolute"), "max": ("fmax", "max", "maximum"), "min": ("fmin", "min", "minimum"),
     **{name: (other,) * 3 for name, other in (("uramp", "ramp_up"), ("u", "unit_step"))},
-    **{name: (name,) * 3 for name in ("exp", "sqrt", "tanh")},
+    **{name: (name,) * 3 for name in ("cos", "exp", "sin", "sqrt", "tanh")}, "atan": ("atan", "atan", "arctan"),
 }  # fmt: skip
 # ramp_down(x) is uramp(-x). At 0 only ramp_up has a slope, so that small signals at rest see a stiffness once.
 _BODIES = {
@@ -29,7 +29,14 @@ _BODIES = {
     "power32": "x > 0.0 ? x * sqrt(x) : 0.0",
 }  # fmt: skip
 HELPERS: dict[Literal["c", "verilog-a"], str] = {
-    "c": "\n".join(f"static double {name}(double x) {{ return {body}; }}" for name, body in _BODIES.items()),
+    "c": "\n".join(
+        (
+            "#ifndef EXPRESSION_HELPERS",
+            "#define EXPRESSION_HELPERS",
+            *(f"static inline double {name}(double x) {{ return {body}; }}" for name, body in _BODIES.items()),
+            "#endif",
+        )
+    ),
     "verilog-a": "\n".join(
         f"    analog function real {name};\n        input x;\n        real x;\n        {name} = {body};\n"
         "    endfunction"
@@ -99,7 +106,7 @@ class _Parser:
         arguments = [self._product() if falling else self.total()]
         while self._tokens.pop() == ",":
             arguments.append(self.total())
-        if function == "v":
+        if function in ("v", "i"):  # of a node, or of a source that senses a current
             return arguments[0]
         called = "ramp_down" if falling else _FUNCTIONS[function][_LANGUAGES.index(self._language)]
         return f"{called}({', '.join(arguments)})"
@@ -164,15 +171,16 @@ class Equations:
             self.currents.setdefault(plus, []).append(f"-({flow})")
             self.currents.setdefault(minus, []).append(f"({flow})")
 
+    def resolve(self) -> None:
+        """Give each node with a resistor to ground and no capacitor the voltage that its currents cause there."""
+        for node, resistance in self.resistances.items():
+            if node not in self.capacitances:
+                self.values[node] = f"{resistance}*({'+'.join(self.currents.pop(node, ['0']))})"
+
 
 def equations(library: Library) -> Equations:
-    """Return the equations of a library's subcircuit.
-
-    A node with a resistor to ground and no capacitor has the voltage that its currents cause in the resistor.
-    """
+    """Return the equations of a library's subcircuit."""
     found = Equations()
     found.add(library, {})
-    for node, resistance in list(found.resistances.items()):
-        if node not in found.capacitances:
-            found.values[node] = f"{resistance}*({'+'.join(found.currents.pop(node, ['0']))})"
+    found.resolve()
     return found

@@ -163,6 +163,10 @@ class Disturbance:
             self.kind, STEP_TIME
         )
 
+    def ramp(self, value: float) -> list[tuple[float, float]]:
+        """Return the course of what rises from 0 to a value while it lasts: times in s and values."""
+        return [(0.0, 0.0), (self.begin_s, 0.0), (self.end_s, value)]
+
     def to_dict(self) -> dict[str, Any]:
         """Return the disturbance, JSON-ready; values of other kinds are ``None``."""
         own = {
@@ -391,13 +395,19 @@ def add_filter(circuit: Circuit, loop_filter: LoopFilter, start_v: float, *, suf
     )  # fmt: skip
 
 
+def target_points(tracker: Tracker, disturbance: Disturbance) -> list[tuple[float, float]]:
+    """Return the target phase in degrees over time in s."""
+    before, begin = tracker.target_deg, disturbance.begin_s
+    after = before + disturbance.target_step_deg
+    return [(0.0, before), (begin, before), (begin + 1e-6, after)] if disturbance.kind == "target" else [(0.0, before)]
+
+
 def target_course(tracker: Tracker, disturbance: Disturbance) -> str:
     """Return the value of a source for the target phase in degrees over time."""
-    before, begin = tracker.target_deg, disturbance.begin_s
-    if disturbance.kind != "target":
-        return f"DC {before!r}"
-    after = before + disturbance.target_step_deg
-    return f"PWL(0 {before!r} {begin!r} {before!r} {begin + 1e-6!r} {after!r})"
+    points = target_points(tracker, disturbance)
+    if len(points) == 1:
+        return f"DC {points[0][1]!r}"
+    return f"PWL({' '.join(f'{time!r} {value!r}' for time, value in points)})"
 
 
 def _add_tracker(

@@ -8,7 +8,7 @@ cache; motors of one size share it.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -27,12 +27,17 @@ from pyspice_runner.model.recoil import carriers
 from pyspice_runner.model.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import HARMONICS, PHASES, Course, Terms, require_averaged
-from pyspice_runner.netlist.averaged_c import session_texts, variables
+from pyspice_runner.netlist.averaged_c import Front, session_texts, variables
+from pyspice_runner.netlist.circuit_c import NETWORK, TRACKER, Parts, circuit_parameters
 from pyspice_runner.run.kernel import modules_folder
 
 Array = NDArray[np.float64]
 INPUTS = (
     "amplitude_a", "amplitude_b", "phase", "frequency", "load_torque", "ambient_temperature", "preload", "friction"
+)  # fmt: skip
+# states with a name of their own: rad/s, rad, A·s; with a loop the two voltages of its filter
+PLACES = (
+    "speed", "position", "charge_re", "charge_im", "load_speed", "load_position", "temperature", "control", "filter"
 )  # fmt: skip
 _ROWS = 512  # between two looks at the clock
 SETTLING, SETTLED = ("speed", "torque", "tip_x_amplitude", "temperature"), 1e-6  # what settles; relative change
@@ -50,6 +55,8 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "linearise": (None, (_POINTER, _POINTER)),
     "places": (None, (ctypes.POINTER(ctypes.c_int),)),
 }
+_TRACK = {"track": (None, (_POINTER, ctypes.c_int, ctypes.c_int))}  # of a library with a loop
+_DRIVE = {"drive": (None, (_POINTER, ctypes.c_int))}  # of a library with networks
 
 
 @dataclass(frozen=True)
@@ -57,20 +64,35 @@ class LinearMotor:
     """The averaged motor about a state: rates of the states = ``by_state`` · states + ``by_input`` · inputs."""
 
     by_state: Array  # shape (states, states)
-    by_input: Array  # shape (states, inputs), inputs in the order of INPUTS
-    place: Mapping[
-        str, int
-    ]  # of ``speed`` (rad/s), ``position`` (rad), ``charge_re``, ``charge_im`` (A·s) in the states
+    by_input: Array  # shape (states, inputs), inputs in the order of INPUTS; with a loop its target is behind them
+    place: Mapping[str, int]  # of PLACES in the states
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A phase-locked loop that sets the frequency of the motor."""
+
+    values: Mapping[str, float]  # of the parameters of ``tracker_averaged`` and ``tracker_filter``
+    mode: int  # number of the mode, from 0, whose phase is an output
 
 
 @cache
-def _library(modes: int, moving: int, terms: Terms, phases: int, harmonics: int, folder: Path) -> ctypes.CDLL:
-    texts = session_texts(modes, moving, terms, phases=phases, harmonics=harmonics)
+def _library(
+    modes: int, moving: int, terms: Terms, front: Front, phases: int, harmonics: int, folder: Path
+) -> ctypes.CDLL:
+    texts = session_texts(modes, moving, terms, front, phases=phases, harmonics=harmonics)
     loaded = ctypes.CDLL(str(kept_library("piezomotor_averaged", texts, folder)))
-    for name, (result, arguments) in _FUNCTIONS.items():
+    functions = _FUNCTIONS | (_TRACK if front.tracked else {}) | (_DRIVE if front.driven else {})
+    for name, (result, arguments) in functions.items():
         function = getattr(loaded, f"session_{name}")
         function.restype, function.argtypes = result, (ctypes.c_void_p, *arguments)
     return loaded
+
+
+def _given(parts: Parts, *values: Mapping[str, float]) -> ctypes.Array[ctypes.c_double]:
+    """Return the parameters of circuits, by default those of their libraries."""
+    found = [of_one.get(item.name, item.default) for of_one in values for item in circuit_parameters(parts)]
+    return (ctypes.c_double * len(found))(*found)
 
 
 class AveragedMotor:
@@ -84,6 +106,10 @@ class AveragedMotor:
         phases: number of phases of the period at which the contact is evaluated.
         harmonics: number of harmonics of the tip's motion.
         longest: longest internal step, s.
+        loop: phase-locked loop that sets the frequency; the motor then has the input ``target`` (degrees), and the
+            outputs ``control`` (V) and ``mode_phase`` (degrees).
+        networks: parameters of ``driver_averaged`` of groups A and B, if there are networks between the inputs'
+            amplitudes and the groups; the motor then has the outputs ``pin_amplitude_a`` and ``pin_amplitude_b`` (V).
 
     Raises:
         ParameterError: for a motor without an averaged model.
@@ -100,18 +126,27 @@ class AveragedMotor:
         phases: int = PHASES,
         harmonics: int = HARMONICS,
         longest: float = inf,
+        loop: Loop | None = None,
+        networks: Sequence[Mapping[str, float]] = (),
     ) -> None:
         require_averaged(motor)
-        moving = len(carriers(motor.mount))
-        self._c = _library(len(motor.modes), moving, Terms.of(motor), phases, harmonics, modules_folder())
-        known = variables(motor, thermal, shaft)
+        moving, front = len(carriers(motor.mount)), Front(loop is not None, bool(networks))
+        self._c = _library(len(motor.modes), moving, Terms.of(motor), front, phases, harmonics, modules_folder())
+        known = variables(motor, thermal, shaft, front)
+        inputs = (*INPUTS, "target") if loop else INPUTS
         self._modes = len(motor.modes)
         self._places = {item.name: item.reference for item in known}
-        self.shown = tuple(item.name for item in known if item.name in INPUTS or item.causality == "output")
+        self.shown = tuple(item.name for item in known if item.name in inputs or item.causality == "output")
         self._memory = ctypes.create_string_buffer(self._c.session_bytes())
         self._values = (ctypes.c_double * len(known)).from_buffer(self._memory)
-        self._slopes = (ctypes.c_double * len(INPUTS)).from_buffer(self._memory, self._c.session_slopes())
+        self._slopes = (ctypes.c_double * len(inputs)).from_buffer(self._memory, self._c.session_slopes())
         self._c.session_default(self._memory)
+        if loop is not None:
+            given = _given(TRACKER, loop.values)
+            self._c.session_track(self._memory, given, len(given), loop.mode)
+        if networks:
+            given = _given(NETWORK, *networks)
+            self._c.session_drive(self._memory, given, len(given) // len(networks))
         for item in known:
             self._values[item.reference] = item.start or 0.0
         if thermal is None:  # the stator has the temperature of the surroundings
@@ -217,12 +252,12 @@ class AveragedMotor:
     def linearised(self) -> LinearMotor:
         """Return the small signals about the present state."""
         count = self._c.session_states()
-        by_state, by_input = np.empty((count, count)), np.empty((count, len(INPUTS)))
+        by_state, by_input = np.empty((count, count)), np.empty((count, len(self._slopes)))
         self._c.session_linearise(self._memory, *(one.ctypes.data_as(_POINTER) for one in (by_state, by_input)))
-        places = (ctypes.c_int * 4)()
+        places = (ctypes.c_int * len(PLACES))()
         self._c.session_places(self._memory, places)
-        names = ("speed", "position", "charge_re", "charge_im")
-        return LinearMotor(by_state, by_input, dict(zip(names, places, strict=True)))
+        found = dict(zip(PLACES, places, strict=True))
+        return LinearMotor(by_state, by_input, found)
 
     def mode_amplitudes(self) -> list[float]:
         """Return for each mode the greatest displacement of its coordinate by all harmonics in phase, m."""

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs of the averaged motor with a phase-locked loop, by the compiled motor or in ngspice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from math import pi, radians
+from time import monotonic
+
+import numpy as np
+
+from pyspice_runner.analysis.averaged import (
+    averaged_ceramic,
+    averaged_engine,
+    damping_factor,
+    deck_of,
+    mode_amplitudes,
+    model_cautions,
+)
+from pyspice_runner.analysis.loop import POINTS_PER_DECADE, SWEPT_DECADES, LoopDesign, averaged_loop, crossing
+from pyspice_runner.analysis.tracking import SMOOTHED_PERIODS, Periods, TrackedRun, Tracking, judged
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.drive import Load
+from pyspice_runner.netlist.averaged import HARMONICS, Course
+from pyspice_runner.netlist.averaged_tracker import averaged_tracked_bench, check_averaged_tracker, tracker_values
+from pyspice_runner.netlist.source import GROUPS
+from pyspice_runner.netlist.sources import Bench
+from pyspice_runner.netlist.trackers import Disturbance, target_points
+from pyspice_runner.run.averaged_motor import AveragedMotor, Loop
+from pyspice_runner.run.engines import Engine
+from pyspice_runner.run.kernel import Outcome, transient, transient_timing
+from pyspice_runner.run.waveforms import Array
+
+LONGEST = 1e5  # s, of an averaged run
+LONGEST_STEPS = {"spice": 50, "compiled": 200}  # least number of steps of an averaged run
+_HELD = ("speed", "position", "load_speed", "load_position", "temperature")  # states that the loop is too fast for
+
+
+@dataclass(frozen=True)
+class AveragedTrack:
+    """A run of the averaged motor with a loop: over time, and at the end; by either engine.
+
+    Over time: ``time`` (s), ``frequency`` (Hz), ``phase`` (degrees, of the mode's velocity ahead of the force),
+    ``speed`` (rad/s), ``temperature`` (K), ``check``, ``separated`` (shares) and ``tip_y`` (m). At the end: amplitudes
+    of the currents into the groups (A), of the modes (m), mean normal force (N), heat (W) and the loop.
+    """
+
+    curves: Mapping[str, Array]
+    currents: Mapping[str, complex]
+    amplitudes: list[float]
+    normal_force: float
+    heat: float
+    find_loop: Callable[[], LoopDesign]
+    seconds: float
+    ngspice_version: str | None
+    deck: str = field(repr=False)
+    deck_sha256: str | None
+
+
+def track_averaged(run: TrackedRun, engine: Engine) -> tuple[Tracking, Mapping[str, complex]]:
+    """Track the averaged motor; return the result without its sensing, and the phasors of the currents at the end, A.
+
+    Raise ParameterError for what has no averaged model, SimulationError if the engine fails.
+    """
+    check_averaged_tracker(run.source, run.disturbance)
+    least = 2 * SMOOTHED_PERIODS / run.source.tracker.frequency
+    if not least <= run.duration <= LONGEST:
+        raise ParameterError(
+            f"duration = {run.duration:g} s is not valid: it must be from {least:.3g} to {LONGEST:g} s."
+        )
+    used = averaged_engine(engine)
+    done = _compiled(run) if used == "compiled" else _spice(run)
+    motor, curves = run.setup.motor, done.curves
+    time = curves["time"]
+    periods = Periods(time, curves["frequency"], curves["phase"], curves["speed"], np.gradient(time))
+    found = judged(run, periods, done)
+    kept = ("duration_s", "contact", "speed_rad_s", "mode")
+    found.settings["run"] = {name: found.settings["run"][name] for name in kept} | {"averaged": True, "engine": used}
+    if done.deck_sha256:
+        found.settings["run"]["deck_sha256"] = done.deck_sha256
+    cautions = model_cautions(
+        float(curves["check"].max()),
+        float(curves["separated"].max()),
+        damping_factor(motor.to_dict(), curves["frequency"], curves["tip_y"]),
+    )
+    stressed = averaged_ceramic(motor, done.amplitudes, done.normal_force, done.heat, curves["speed"])
+    loop = done.find_loop() if run.margin and found.locked else None
+    told = replace(found, loop=loop, temperature_k=curves["temperature"], model_cautions=cautions, ceramic=stressed)
+    return told, done.currents
+
+
+def _bench(run: TrackedRun) -> Bench:
+    return averaged_tracked_bench(run.setup.motor, run.source, run.disturbance, run.setup.load)
+
+
+# --- the compiled motor ---
+
+
+def _compiled(run: TrackedRun) -> AveragedTrack:
+    setup, source, disturbance = run.setup, run.source, run.disturbance
+    tracker, motor = source.tracker, setup.motor
+    longest = max(run.duration / LONGEST_STEPS["compiled"], source.period)
+    running = AveragedMotor(
+        motor, thermal=disturbance.drifting, speed=setup.load.speed, longest=longest,
+        loop=Loop(tracker_values(motor, source), source.mode),
+    )  # fmt: skip
+    courses: dict[str, Course] = {"target": target_points(tracker, disturbance)}
+    if disturbance.kind == "temperature":  # the stator follows the course, not its own losses
+        running.set(heat_capacity=0.0)
+        courses["ambient_temperature"] = disturbance.ramp(disturbance.rise_k)
+    if disturbance.kind == "load":
+        courses["load_torque"] = disturbance.ramp(disturbance.load_torque_n_m)
+    running.set(
+        amplitude_a=tracker.voltage, amplitude_b=tracker.voltage * tracker.ratio_b, phase=tracker.phase_deg,
+    )  # fmt: skip
+    begun = monotonic()
+    rows = running.record(courses, run.duration, timeout=setup.solver.timeout)
+    seconds = monotonic() - begun
+    names = {
+        "time": "time", "frequency": "frequency", "phase": "mode_phase", "speed": "speed", "check": "check",
+        "temperature": "temperature", "separated": "separated", "tip_y": "tip_y_amplitude",
+    }  # fmt: skip
+    ahead = {"a": 0.0, "b": tracker.phase_deg}
+    currents = {
+        group: running.get(f"current_amplitude_{group}")
+        * complex(np.exp(1j * radians(running.get(f"current_phase_{group}") + ahead[group])))
+        for group in GROUPS
+    }
+    amplitudes, normal_force, heat = running.mode_amplitudes(), running.get("normal_force"), running.get("heat")
+    timing = transient_timing(source.period, run.duration, run.duration / LONGEST_STEPS["spice"])
+    return AveragedTrack(
+        curves={ours: rows[theirs] for ours, theirs in names.items()},
+        currents=currents,
+        amplitudes=amplitudes,
+        normal_force=normal_force,
+        heat=heat,
+        find_loop=partial(_compiled_loop, run, running),
+        seconds=seconds,
+        ngspice_version=None,
+        deck=deck_of(partial(_bench, run), ["all"], timing),
+        deck_sha256=None,
+    )
+
+
+def _compiled_loop(run: TrackedRun, running: AveragedMotor) -> LoopDesign:
+    """Return the loop of the motor at the end of a run, at the speed and the temperature there.
+
+    The small signals about the state there are those of the closed loop. What the control voltage moves, less the
+    filter's own current, is what the oscillator's input moves when the loop is open there.
+    """
+    found, tracker, own = running.linearised(), run.source.tracker, run.source.loop_filter
+    place = found.place
+    free = [index for index in range(len(found.by_state)) if index not in {place[name] for name in _HELD}]
+    row, inner = free.index(place["control"]), free.index(place["filter"])
+    closed = found.by_state[np.ix_(free, free)]
+    filters = np.zeros_like(closed)
+    conductance = 1.0 / own.resistance_ohm
+    filters[row, [row, inner]] = -conductance / own.ripple_f, conductance / own.ripple_f
+    filters[inner, [row, inner]] = conductance / own.capacitance_f, -conductance / own.capacitance_f
+    by_tuning = closed[:, row] - filters[:, row]
+    opened = closed.copy()
+    opened[:, row] -= by_tuning
+    lowest, highest = tracker.bandwidth_hz / 10**SWEPT_DECADES, tracker.bandwidth_hz * 10**SWEPT_DECADES
+    frequency = np.geomspace(lowest, highest, 2 * SWEPT_DECADES * POINTS_PER_DECADE + 1)
+    unit = np.eye(len(free))
+    gain = np.array([-np.linalg.solve(2j * pi * one * unit - opened, by_tuning)[row] for one in frequency])
+    return crossing(tracker, own, frequency, gain)
+
+
+# --- ngspice ---
+
+
+def _spice(run: TrackedRun) -> AveragedTrack:
+    setup, source, disturbance = run.setup, run.source, run.disturbance
+    motor, tracker = setup.motor, source.tracker
+    outcome = transient(
+        _bench(run), ["all"], step=source.period, duration=run.duration,
+        longest=run.duration / LONGEST_STEPS["spice"], timeout=setup.solver.timeout,
+    )  # fmt: skip
+    vectors, last = outcome.vectors(), outcome.last()
+    own, volts = motor.modes[source.mode], tracker.phasors()
+    real, imaginary = (vectors[f"v(xmotor.xmode{source.mode + 1}_1.v_{part})"] for part in ("re", "im"))
+    force = own.coupling_a_n_per_v * volts["a"] + own.coupling_b_n_per_v * volts["b"]
+    curves = {
+        "time": vectors["time"], "frequency": vectors["v(tuned)"], "speed": vectors["v(shaft)"],
+        "phase": np.degrees(np.angle((real + 1j * imaginary) / force)),
+        "temperature": vectors["v(temperature)"] if disturbance.drifting else np.zeros(len(vectors["time"])),
+        "check": vectors["v(xmotor.check)"], "separated": vectors["v(xmotor.open)"],
+        "tip_y": 1e-6 * np.hypot(*(vectors[f"v(xmotor.y_{part}1)"] for part in ("re", "im"))),
+    }  # fmt: skip
+    currents = {
+        group: complex(*(last[f"i(v.xtracker.vline_{group}_{part})"] for part in ("re", "im"))) for group in GROUPS
+    }
+    return AveragedTrack(
+        curves=curves,
+        currents=currents,
+        amplitudes=mode_amplitudes(motor, vectors, HARMONICS),
+        normal_force=last["v(xmotor.normal)"],
+        heat=last["v(heat)"],
+        find_loop=partial(_spice_loop, run, outcome),
+        seconds=outcome.seconds,
+        ngspice_version=outcome.ngspice_version,
+        deck=outcome.deck,
+        deck_sha256=outcome.deck_sha256,
+    )
+
+
+def _spice_loop(run: TrackedRun, outcome: Outcome) -> LoopDesign:
+    """Return the loop of the averaged motor at the end of a run, at the speed and the temperature there."""
+    last, source = outcome.last(), run.source
+    held = averaged_tracked_bench(
+        run.setup.motor,
+        replace(source, tracker=source.tracker.model_copy(update={"target_deg": last["v(target)"]})),
+        Disturbance("start"), Load(last["v(shaft)"]), frozen=(last["v(control)"], last.get("v(temperature)", 0.0)),
+        thermal=run.disturbance.drifting,
+    )  # fmt: skip
+    guess = {name[2:-1]: value for name, value in last.items() if name.startswith("v(xmotor.")}
+    return averaged_loop(source.tracker, source.loop_filter, held, guess)

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A driver in front of the averaged motor: the fundamental of its stages, and its network as ``driver_averaged``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from PySpice.Spice.Netlist import Circuit
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.model.drive import Drive, TwoPhaseDrive, two_phases
+from pyspice_runner.netlist.drivers import Driver
+from pyspice_runner.netlist.library import read_library
+from pyspice_runner.netlist.motor import instantiate
+from pyspice_runner.netlist.source import GROUPS
+from pyspice_runner.netlist.sources import DriveSource
+
+_LIBRARY = "driver_averaged"
+_INDUCTOR = {"series_inductance": "inductance", "series_resistance": "resistance", "series_capacitance": "capacitance"}
+
+
+@dataclass(frozen=True)
+class AveragedDrive:
+    """Voltages of the stages, and the networks behind them."""
+
+    stage: TwoPhaseDrive  # fundamental of the stages; without a network the voltages of the groups
+    driver: Driver | None = None  # ideal sources with the network
+    given: Driver | None = None  # the driver as it was given
+
+    @classmethod
+    def of(cls, drive: Drive | Driver) -> AveragedDrive:
+        """Return what is in front of the averaged motor. Raise ParameterError for a drive with two frequencies."""
+        if isinstance(drive, Driver):
+            same = drive.equivalent()
+            return cls(TwoPhaseDrive(**two_phases(same)), None if same.network == "none" else same, drive)
+        if isinstance(drive, TwoPhaseDrive):
+            return cls(drive)
+        raise ParameterError(
+            "The averaged motor takes a drive with one frequency, a TwoPhaseDrive or a Driver, not "
+            f"{drive.label}: use simulate."
+        )
+
+    @property
+    def networks(self) -> tuple[dict[str, float], ...]:
+        """Parameters of ``driver_averaged`` of each group; empty without a network."""
+        return tuple(self._values(group) for group in GROUPS) if self.driver else ()
+
+    def _values(self, group: str) -> dict[str, float]:
+        assert self.driver is not None
+        (part,) = self.driver.parts(group)
+        names = {item.name: item.name for item in read_library(_LIBRARY).parameters} | (
+            _INDUCTOR if part.label == "inductor" else {}
+        )
+        return {ours: part.values[theirs] for ours, theirs in names.items() if theirs in part.values}
+
+    def add(self, circuit: Circuit) -> None:
+        """Add the networks between the nodes ``stage_GROUP_PART`` and ``drive_GROUP_PART``; PART is re or im."""
+        circuit.raw_spice += read_library(_LIBRARY).subcircuit + "\n"
+        for group, values in zip(GROUPS, self.networks, strict=True):
+            pins = [f"{place}_{group}_{part}" for place in ("stage", "drive") for part in ("re", "im")]
+            instantiate(circuit, f"network_{group}", _LIBRARY, (*pins, "set_frequency"), **values)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the drive or driver that was given, JSON-ready."""
+        return self.given.to_dict() if self.given else DriveSource(self.stage).to_dict()
