@@ -156,6 +156,15 @@ def test_the_calibrated_plate_meets_force_and_speed_but_not_the_power() -> None:
 
 
 @pytest.mark.soak
+def test_the_motor_of_the_published_force_and_speed_takes_the_power_that_the_page_says() -> None:
+    found = pr.motor_from(stall_force=4.0, no_load_speed=0.3, voltage=100.0, frequency=39.6e3)
+    stall = pr.steady_state(found.motor, pr.default_drive(found.motor), speed=0.0)
+    printed = re.search(r"It takes (\S+) W at stall", PAGE)
+    assert printed
+    assert float(printed[1]) == pytest.approx(stall.power_a_w + stall.power_b_w, rel=DIGITS)
+
+
+@pytest.mark.soak
 @pytest.mark.parametrize("law", ["brush", "spring-slider", "coulomb"])
 def test_the_rebound_of_spheres_deviates_as_the_page_says(law: str) -> None:
     found = [deviation(law, quantity) for quantity in ("restitution", "spin", "patch")]

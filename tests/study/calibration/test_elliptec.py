@@ -34,6 +34,21 @@ def test_a_scan_gives_points_of_frequency_and_power(tmp_path: Path) -> None:
     assert points.conditions[0]["drive.frequency"] == pytest.approx(70190.476)
 
 
+def test_a_scan_with_a_current_for_each_direction_is_told_by_its_numbers(tmp_path: Path) -> None:
+    """The other driver's layout: period, forward and backward of two bytes each, the high byte first."""
+    log = tmp_path / "ell14.log"
+    rows = [(period, count, count // 2) for period, count in zip(PERIODS, COUNTS, strict=True)]
+    log.write_text("0C1" + b"".join(one.to_bytes(2, "big") for row in rows for one in row).hex(), encoding="utf-8")
+    forward, backward = read_current_scan(log), read_current_scan(log, backward=True)
+    assert forward["frequency"] == backward["frequency"]
+    assert forward["frequency"][0] == pytest.approx(70190.476)
+    assert forward["power_w"][40] == pytest.approx(5.0 * 1600.0 / 1866.0)
+    assert backward["power_w"][40] == pytest.approx(5.0 * 800.0 / 1866.0)
+    log.write_text(answer(), encoding="utf-8")
+    with pytest.raises(pr.ParameterError, match="has one current for each frequency"):
+        read_current_scan(log, backward=True)
+
+
 @pytest.mark.parametrize(
     ("content", "says"),
     [
@@ -41,6 +56,7 @@ def test_a_scan_gives_points_of_frequency_and_power(tmp_path: Path) -> None:
         (answer(points=86), "has 1032 digits; it must have 1044"),
         (answer()[:-12] + "FFFF01000000", "another layout"),
         (answer()[:-12] + "D200FFFFFF00", "another layout"),
+        (answer()[:-12] + "00D200010000", "another layout"),
         ("0C1 not hexadecimal", "has no answer C1"),
     ],
 )
