@@ -10,7 +10,7 @@ import typer
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.driving import DriveOptions
-from pyspice_runner.commands.options import LawOptions, Targets, with_options
+from pyspice_runner.commands.options import RunOptions, Targets, with_options
 
 
 @with_options
@@ -19,10 +19,8 @@ def burst(
     drive: DriveOptions,
     *,
     boost: Annotated[float, typer.Option(help="Factor of the voltages at the start.")] = 2.0,
-    law: LawOptions,
     speed: Annotated[float, typer.Option(help="Speed at which the shaft is held, rad/s (slider: m/s).")] = 0.0,
-    timeout: common.TimeoutOption = None,
-    changes: common.SetOption = None,
+    run: RunOptions,
     targets: Targets,
 ) -> None:
     """Compare a plain burst with one that starts at a higher voltage and stops by resistors. Writes .json, .csv, .cir.
@@ -30,11 +28,11 @@ def burst(
     Example: piezomotor burst bimodal40 --boost 2 --speed 20 --plot burst.png
     """
     targets.check(".json", ".csv", ".cir")
-    loaded = common.load_changed(motor, changes)
+    loaded = common.load_changed(motor, run.changes)
     stated = drive.stated(loaded)
     if not isinstance(stated, pr.TwoPhaseDrive):
         raise pr.ParameterError("A burst has two phases of one tone. Add --drive two-phase.")
     with common.busy("ngspice runs both bursts"):
-        found = pr.fast_burst(loaded, stated, boost=boost, speed=speed, contact=law.law, timeout=timeout)
+        found = pr.fast_burst(loaded, stated, boost=boost, speed=speed, **run.settings)
     common.caution(found)
     targets.deliver(found, f"{loaded.name}: burst, {stated.label}")

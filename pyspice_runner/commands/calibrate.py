@@ -11,7 +11,7 @@ import typer
 import pyspice_runner as pr
 from pyspice_runner.commands import common, measured
 from pyspice_runner.commands.driving import DriveOptions
-from pyspice_runner.commands.options import LawOptions, Targets, with_options
+from pyspice_runner.commands.options import RunOptions, Targets, with_options
 from pyspice_runner.spectra.spectrum import Connection, State
 from pyspice_runner.study.calibration.prediction import SPECTRUM_ERROR
 
@@ -47,9 +47,7 @@ def calibrate(
         typer.Option(metavar="PATH=PERCENT", help="What is known: the motor's value with this deviation. Repeatable."),
     ] = None,
     starts: Annotated[int, typer.Option(help="Number of starts, all but the first within a factor of 2.")] = 1,
-    law: LawOptions,
-    timeout: common.TimeoutOption = None,
-    changes: common.SetOption = None,
+    run: RunOptions,
     targets: Targets,
 ) -> None:
     """Calibrate parameters against measured points and spectra. Writes .toml (the motor), .json or .csv (residuals).
@@ -61,7 +59,7 @@ def calibrate(
     """
     files = [_stated(text) for text in spectrum or ()]
     targets.check(".toml", ".json", ".csv", inputs=[motor, points, *(file for file, *_ in files)])
-    loaded = common.load_changed(motor, changes)
+    loaded = common.load_changed(motor, run.changes)
     read = measured.reader(columns, None)
     spectra = [(read(file), state, conditions) for file, state, conditions in files]
     told = "is not PATH=PERCENT; write it as contact.friction=20%."
@@ -70,7 +68,7 @@ def calibrate(
         result = pr.calibrate(
             loaded, points, free=[path.strip() for path in free.split(",") if path.strip()],
             spectra=spectra, connection=connection, spectrum_error=spectrum_error, priors=priors,
-            drive=drive.stated(loaded), contact=law.law, starts=starts, timeout=timeout, progress=progress,
+            drive=drive.stated(loaded), starts=starts, progress=progress, **run.settings,
         )  # fmt: skip
     common.caution(result)
     targets.deliver(result, f"{loaded.name}, calibrated with {result.sources}")

@@ -84,12 +84,10 @@ def drive(
         bool,
         typer.Option("--events", help="Also run a load step, a stop and a frequency sweep, for what the parts bear."),
     ] = False,
-    contact: options.ContactOption = options.DEFAULT_LAW,
     speed: options.SpeedOption = None,
     load_torque: options.LoadOption = 0.0,
-    timeout: common.TimeoutOption = None,
     audit: common.AuditOption = True,
-    changes: common.SetOption = None,
+    run: options.RunOptions,
     targets: options.Targets,
 ) -> None:
     """Run a motor with its drive electronics: currents, powers, harmonics, losses, and what the parts bear.
@@ -108,7 +106,7 @@ def drive(
         common.refuse_idle(context, "with --rail, which designs the driver", "driver", "against", "match")
         driver = f"{stage or 'full-bridge'}+{network}"
     targets.check(".json", ".csv", *([".cir"] if against is None else []))
-    of_motor, of_parts = changes_of(changes, part)
+    of_motor, of_parts = changes_of(run.changes, part)
     loaded = common.load_changed(motor, of_motor)
     tone = recommended_phases(loaded, voltage, frequency, phase)
     reports: list[DriveReport] = []
@@ -119,7 +117,7 @@ def drive(
             with common.busy("ngspice finds steady states from stall to no load"):
                 chosen = design_of(
                     loaded, words, tone, of_parts, mosfet, strict=number == 0, rail=rail, speed=speed,
-                    load_torque=load_torque, contact=contact, timeout=timeout,
+                    load_torque=load_torque, **run.settings,
                 )  # fmt: skip
             if chosen.driver is None:
                 if against is not None:
@@ -133,9 +131,9 @@ def drive(
             with common.busy(f"ngspice runs the {words}"):
                 reports.append(
                     pr.drive_report(
-                        loaded, chosen, duration=duration, contact=options.law_named(contact),
-                        speed=speed if rail is None else None, load_torque=load_torque, timeout=timeout, audit=audit,
-                        events=events,
+                        loaded, chosen, duration=duration,
+                        speed=speed if rail is None else None, load_torque=load_torque, audit=audit, events=events,
+                        **run.settings,
                     )
                 )  # fmt: skip
             common.caution(reports[-1])
@@ -189,18 +187,17 @@ def design_of(
     part: list[str] | None,
     mosfet: str | None,
     *,
-    contact: str,
+    contact: pr.Law | None,
     strict: bool = True,
     **how: Any,
 ) -> Design:
     """Return the design of a driver as for :func:`driver_of`; ``how`` are further arguments of ``propose_matching``."""
     kind, network = _split(words)
-    law = options.law_named(contact)
-    if law is None:
+    if contact is None:
         raise pr.ParameterError("A network is matched to a motor on its rotor. Add --no-match, or give a --contact.")
     return pr.propose_matching(
         motor, pr.TwoPhaseDrive(**values), kind, cast("NetworkKind", network),
-        parts=_stated(kind, network, part, mosfet, strict=strict), contact=law, **how,
+        parts=_stated(kind, network, part, mosfet, strict=strict), contact=contact, **how,
     )  # fmt: skip
 
 
@@ -210,7 +207,7 @@ def channel(
     values: Mapping[str, Any],
     part: list[str] | None,
     mosfet: str | None,
-    contact: str,
+    contact: pr.Law | None,
     *,
     match: bool = True,
     **how: Any,

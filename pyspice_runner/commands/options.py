@@ -110,6 +110,19 @@ class LawOptions(Options):
 
 
 @dataclass(frozen=True)
+class RunOptions(LawOptions):
+    """How a motor is run: its changes, the law of its contact, and the time that ngspice may take."""
+
+    timeout: common.TimeoutOption = None
+    changes: common.SetOption = None
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The settings of an analysis; the changes are those of its motor."""
+        return {"contact": self.law, "timeout": self.timeout}
+
+
+@dataclass(frozen=True)
 class PeriodOptions(LawOptions):
     """How periods of a steady state are run."""
 

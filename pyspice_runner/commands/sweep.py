@@ -115,7 +115,7 @@ def sweep(
             two_phase(stated),
             of_parts,
             mosfet,
-            law.contact,
+            contact,
             rail=rail,
             speed=speed,
             load_torque=load_torque or 0.0,

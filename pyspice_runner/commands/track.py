@@ -91,12 +91,13 @@ def track(
 
         resonance = running_resonance(loaded, chosen, contact=contact != options.NONE)
         chosen = pr.Tracker(**(values | {"frequency": resonance.resonance_hz}))
+    law = options.law_named(contact)
     with common.busy(f"The motor runs with the tracker {tracker}"):
         through = driver and drive.channel(
-            loaded, driver, tone | {"frequency": chosen.frequency}, of_parts, mosfet, contact, match=match
+            loaded, driver, tone | {"frequency": chosen.frequency}, of_parts, mosfet, law, match=match
         )
         found = pr.track(
-            loaded, chosen, driver=through or None, disturb=disturb, contact=options.law_named(contact), begin=begin,
+            loaded, chosen, driver=through or None, disturb=disturb, contact=law, begin=begin,
             duration=duration, load_torque=load_torque, preload_change=preload_change, drift=drift,
             drift_time=drift_time, target_step=target_step, thermal=pr.Thermal.of(loaded) if all_drift else None,
             averaged=averaged, engine=engine, timeout=timeout, audit=audit,
