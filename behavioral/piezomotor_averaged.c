@@ -503,9 +503,12 @@ void motor_measure(struct motor *motor)
 #if DRIVEN
     p->pin_amplitude_a = size(u_a);
     p->pin_amplitude_b = size(u_b);
+    u_b = product(u_b, back);
+    p->pin_phase_a = 180.0 / PI * atan2(u_a.im, u_a.re);
+    p->pin_phase_b = 180.0 / PI * atan2(u_b.im, u_b.re);
 #endif
 #if TRACKED
-    phasor ahead = quotient(flow.velocity, flow.push);
+    phasor ahead = product(flow.velocity, (phasor){flow.push.re, -flow.push.im});
     p->control = motor->state[LOOP];
     p->mode_phase = 180.0 / PI * atan2(ahead.im, ahead.re);
 #endif

@@ -96,7 +96,9 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
 #if DRIVEN
 #define NETWORK_OUTPUTS(ENTRY) \
     ENTRY(pin_amplitude_a, "V", "amplitude of the voltage of group A") \
-    ENTRY(pin_amplitude_b, "V", "amplitude of the voltage of group B")
+    ENTRY(pin_amplitude_b, "V", "amplitude of the voltage of group B") \
+    ENTRY(pin_phase_a, "deg", "phase of the voltage of group A ahead of the stage of group A") \
+    ENTRY(pin_phase_b, "deg", "phase of the voltage of group B ahead of the stage of group B")
 #else
 #define NETWORK_OUTPUTS(ENTRY)
 #endif

@@ -282,9 +282,9 @@ def _with_loop(
 
 def _track_averaged(run: TrackedRun, engine: Engine) -> Tracking:
     """Track the averaged motor."""
-    found, currents = track_averaged(run, engine)
+    found, voltages, currents = track_averaged(run, engine)
     if run.source.tracker.kind == "pll":
-        found = replace(found, sensing=_sensing(run, run.source.tracker.phasors(), currents, found))
+        found = replace(found, sensing=_sensing(run, voltages, currents, found))
     return found
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from cmath import rect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -24,7 +25,12 @@ from pyspice_runner.analysis.tracking import SMOOTHED_PERIODS, Periods, TrackedR
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Load
 from pyspice_runner.netlist.averaged import HARMONICS, Course
-from pyspice_runner.netlist.averaged_tracker import averaged_tracked_bench, check_averaged_tracker, tracker_values
+from pyspice_runner.netlist.averaged_tracker import (
+    averaged_front,
+    averaged_tracked_bench,
+    check_averaged_tracker,
+    tracker_values,
+)
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.trackers import Disturbance, target_points
@@ -35,6 +41,7 @@ from pyspice_runner.run.waveforms import Array
 
 LONGEST = 1e5  # s, of an averaged run
 LONGEST_STEPS = {"spice": 50, "compiled": 200}  # least number of steps of an averaged run
+NEAR = ("v(xmotor.", "v(xnetwork_", "v(line_", "v(a_", "v(b_")  # nodes with which the search of the .op begins
 _HELD = ("speed", "position", "load_speed", "load_position", "temperature")  # states that the loop is too fast for
 
 
@@ -43,11 +50,13 @@ class AveragedTrack:
     """A run of the averaged motor with a loop: over time, and at the end; by either engine.
 
     Over time: ``time`` (s), ``frequency`` (Hz), ``phase`` (degrees, of the mode's velocity ahead of the force),
-    ``speed`` (rad/s), ``temperature`` (K), ``check``, ``separated`` (shares) and ``tip_y`` (m). At the end: amplitudes
-    of the currents into the groups (A), of the modes (m), mean normal force (N), heat (W) and the loop.
+    ``speed`` (rad/s), ``temperature`` (K), ``check``, ``separated`` (shares) and ``tip_y`` (m). At the end: phasors
+    of the voltages of the groups (V) and of the currents into them (A), amplitudes of the modes (m), mean normal force
+    (N), heat (W) and the loop.
     """
 
     curves: Mapping[str, Array]
+    voltages: Mapping[str, complex]
     currents: Mapping[str, complex]
     amplitudes: list[float]
     normal_force: float
@@ -59,8 +68,10 @@ class AveragedTrack:
     deck_sha256: str | None
 
 
-def track_averaged(run: TrackedRun, engine: Engine) -> tuple[Tracking, Mapping[str, complex]]:
-    """Track the averaged motor; return the result without its sensing, and the phasors of the currents at the end, A.
+def track_averaged(run: TrackedRun, engine: Engine) -> tuple[Tracking, Mapping[str, complex], Mapping[str, complex]]:
+    """Track the averaged motor; return the result without its sensing.
+
+    Behind it are the phasors of the voltages of the groups in V, and of the currents into them in A, at the end.
 
     Raise ParameterError for what has no averaged model, SimulationError if the engine fails.
     """
@@ -88,7 +99,7 @@ def track_averaged(run: TrackedRun, engine: Engine) -> tuple[Tracking, Mapping[s
     stressed = averaged_ceramic(motor, done.amplitudes, done.normal_force, done.heat, curves["speed"])
     loop = done.find_loop() if run.margin and found.locked else None
     told = replace(found, loop=loop, temperature_k=curves["temperature"], model_cautions=cautions, ceramic=stressed)
-    return told, done.currents
+    return told, done.voltages, done.currents
 
 
 def _bench(run: TrackedRun) -> Bench:
@@ -100,11 +111,12 @@ def _bench(run: TrackedRun) -> Bench:
 
 def _compiled(run: TrackedRun) -> AveragedTrack:
     setup, source, disturbance = run.setup, run.source, run.disturbance
-    tracker, motor = source.tracker, setup.motor
+    tracker, motor, front = source.tracker, setup.motor, averaged_front(source)
+    stage = front.stage
     longest = max(run.duration / LONGEST_STEPS["compiled"], source.period)
     running = AveragedMotor(
         motor, thermal=disturbance.drifting, speed=setup.load.speed, longest=longest,
-        loop=Loop(tracker_values(motor, source), source.mode),
+        loop=Loop(tracker_values(motor, source), source.mode), networks=front.networks,
     )  # fmt: skip
     courses: dict[str, Course] = {"target": target_points(tracker, disturbance)}
     if disturbance.kind == "temperature":  # the stator follows the course, not its own losses
@@ -112,9 +124,7 @@ def _compiled(run: TrackedRun) -> AveragedTrack:
         courses["ambient_temperature"] = disturbance.ramp(disturbance.rise_k)
     if disturbance.kind == "load":
         courses["load_torque"] = disturbance.ramp(disturbance.load_torque_n_m)
-    running.set(
-        amplitude_a=tracker.voltage, amplitude_b=tracker.voltage * tracker.ratio_b, phase=tracker.phase_deg,
-    )  # fmt: skip
+    running.set(amplitude_a=stage.voltage, amplitude_b=stage.voltage_b, phase=stage.phase_deg)
     begun = monotonic()
     rows = running.record(courses, run.duration, timeout=setup.solver.timeout)
     seconds = monotonic() - begun
@@ -122,16 +132,23 @@ def _compiled(run: TrackedRun) -> AveragedTrack:
         "time": "time", "frequency": "frequency", "phase": "mode_phase", "speed": "speed", "check": "check",
         "temperature": "temperature", "separated": "separated", "tip_y": "tip_y_amplitude",
     }  # fmt: skip
-    ahead = {"a": 0.0, "b": tracker.phase_deg}
-    currents = {
-        group: running.get(f"current_amplitude_{group}")
-        * complex(np.exp(1j * radians(running.get(f"current_phase_{group}") + ahead[group])))
-        for group in GROUPS
-    }
+    ahead = {"a": 0.0, "b": stage.phase_deg}
+
+    def phasors(of: str) -> dict[str, complex]:
+        return {
+            group: rect(
+                running.get(f"{of}_amplitude_{group}"), radians(running.get(f"{of}_phase_{group}") + ahead[group])
+            )
+            for group in GROUPS
+        }
+
+    currents = phasors("current")
+    voltages = phasors("pin") if front.networks else front.phasors
     amplitudes, normal_force, heat = running.mode_amplitudes(), running.get("normal_force"), running.get("heat")
     timing = transient_timing(source.period, run.duration, run.duration / LONGEST_STEPS["spice"])
     return AveragedTrack(
         curves={ours: rows[theirs] for ours, theirs in names.items()},
+        voltages=voltages,
         currents=currents,
         amplitudes=amplitudes,
         normal_force=normal_force,
@@ -174,18 +191,19 @@ def _compiled_loop(run: TrackedRun, running: AveragedMotor) -> LoopDesign:
 
 def _spice(run: TrackedRun) -> AveragedTrack:
     setup, source, disturbance = run.setup, run.source, run.disturbance
-    motor, tracker = setup.motor, source.tracker
+    motor = setup.motor
     outcome = transient(
         _bench(run), ["all"], step=source.period, duration=run.duration,
         longest=run.duration / LONGEST_STEPS["spice"], timeout=setup.solver.timeout,
     )  # fmt: skip
     vectors, last = outcome.vectors(), outcome.last()
-    own, volts = motor.modes[source.mode], tracker.phasors()
+    own = motor.modes[source.mode]
+    volts = {group: vectors[f"v({group}_re)"] + 1j * vectors[f"v({group}_im)"] for group in GROUPS}
     real, imaginary = (vectors[f"v(xmotor.xmode{source.mode + 1}_1.v_{part})"] for part in ("re", "im"))
     force = own.coupling_a_n_per_v * volts["a"] + own.coupling_b_n_per_v * volts["b"]
     curves = {
         "time": vectors["time"], "frequency": vectors["v(tuned)"], "speed": vectors["v(shaft)"],
-        "phase": np.degrees(np.angle((real + 1j * imaginary) / force)),
+        "phase": np.degrees(np.angle((real + 1j * imaginary) * force.conjugate())),
         "temperature": vectors["v(temperature)"] if disturbance.drifting else np.zeros(len(vectors["time"])),
         "check": vectors["v(xmotor.check)"], "separated": vectors["v(xmotor.open)"],
         "tip_y": 1e-6 * np.hypot(*(vectors[f"v(xmotor.y_{part}1)"] for part in ("re", "im"))),
@@ -195,6 +213,7 @@ def _spice(run: TrackedRun) -> AveragedTrack:
     }
     return AveragedTrack(
         curves=curves,
+        voltages={group: complex(values[-1]) for group, values in volts.items()},
         currents=currents,
         amplitudes=mode_amplitudes(motor, vectors, HARMONICS),
         normal_force=last["v(xmotor.normal)"],
@@ -216,5 +235,5 @@ def _spice_loop(run: TrackedRun, outcome: Outcome) -> LoopDesign:
         Disturbance("start"), Load(last["v(shaft)"]), frozen=(last["v(control)"], last.get("v(temperature)", 0.0)),
         thermal=run.disturbance.drifting,
     )  # fmt: skip
-    guess = {name[2:-1]: value for name, value in last.items() if name.startswith("v(xmotor.")}
+    guess = {name[2:-1]: value for name, value in last.items() if name.startswith(NEAR)}
     return averaged_loop(source.tracker, source.loop_filter, held, guess)

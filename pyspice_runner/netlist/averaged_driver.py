@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+from cmath import rect
 from dataclasses import dataclass
+from math import radians
 from typing import Any
 
 from PySpice.Spice.Netlist import Circuit
@@ -42,6 +44,12 @@ class AveragedDrive:
         )
 
     @property
+    def phasors(self) -> dict[str, complex]:
+        """Voltages of the stages in V, group A at phase 0."""
+        stage = self.stage
+        return {"a": complex(stage.voltage), "b": rect(stage.voltage_b, radians(stage.phase_deg))}
+
+    @property
     def networks(self) -> tuple[dict[str, float], ...]:
         """Parameters of ``driver_averaged`` of each group; empty without a network."""
         return tuple(self._values(group) for group in GROUPS) if self.driver else ()
@@ -54,12 +62,15 @@ class AveragedDrive:
         )
         return {ours: part.values[theirs] for ours, theirs in names.items() if theirs in part.values}
 
-    def add(self, circuit: Circuit) -> None:
-        """Add the networks between the nodes ``stage_GROUP_PART`` and ``drive_GROUP_PART``; PART is re or im."""
+    def add(self, circuit: Circuit, after: str = "drive", frequency: str = "set_frequency") -> None:
+        """Add the networks between the nodes ``stage_GROUP_PART`` and ``AFTER_GROUP_PART``; PART is re or im.
+
+        ``frequency`` is the node of the frequency.
+        """
         circuit.raw_spice += read_library(_LIBRARY).subcircuit + "\n"
         for group, values in zip(GROUPS, self.networks, strict=True):
-            pins = [f"{place}_{group}_{part}" for place in ("stage", "drive") for part in ("re", "im")]
-            instantiate(circuit, f"network_{group}", _LIBRARY, (*pins, "set_frequency"), **values)
+            pins = [f"{place}_{group}_{part}" for place in ("stage", after) for part in ("re", "im")]
+            instantiate(circuit, f"network_{group}", _LIBRARY, (*pins, frequency), **values)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the drive or driver that was given, JSON-ready."""

@@ -6,10 +6,11 @@ from __future__ import annotations
 from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import Load
+from pyspice_runner.model.drive import Load, TwoPhaseDrive, two_phases
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.averaged import OPTIONS, add_averaged_motor
+from pyspice_runner.netlist.averaged_driver import AveragedDrive
 from pyspice_runner.netlist.benches import add_cooling
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import instantiate
@@ -29,14 +30,12 @@ _AMPLITUDES = ("a_re", "a_im", "b_re", "b_im")
 
 
 def check_averaged_tracker(source: TrackedSource, disturbance: Disturbance) -> None:
-    """Raise ParameterError for what has no averaged model: an observer, a driver, or a change of the preload."""
+    """Raise ParameterError for what has no averaged model: an observer, or a change of the preload."""
     if source.tracker.kind not in ("pll", "none"):
         raise ParameterError(
             f"The tracker {source.tracker.kind!r} has no averaged model: it must be 'pll' or 'none'. Leave averaged "
             "out."
         )
-    if source.driver:
-        raise ParameterError(f"The driver {source.driver.name!r} has no averaged model. Leave averaged or driver out.")
     if disturbance.kind not in AVERAGED_DISTURBANCES:
         raise ParameterError(
             f"disturb = {disturbance.kind!r} has no averaged model: it must be one of "
@@ -55,6 +54,13 @@ def tracker_values(motor: Motor, source: TrackedSource) -> dict[str, float]:
         "start": tracker.start_v,
     }  # fmt: skip
     return values if tracker.kind == "pll" else values | {"current": 0.0}
+
+
+def averaged_front(source: TrackedSource) -> AveragedDrive:
+    """Return the voltages in front of the motor, and the network of a driver."""
+    if source.driver:
+        return AveragedDrive.of(source.driver)
+    return AveragedDrive(TwoPhaseDrive(**two_phases(source.tracker)))
 
 
 def _loop_values(motor: Motor, source: TrackedSource) -> dict[str, float]:
@@ -86,11 +92,15 @@ def averaged_tracked_bench(
     parts = ("tracker_averaged", "tracker_filter")
     circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
     start = {}
-    for group, volts in tracker.phasors().items():
+    front = averaged_front(source)
+    sources = "stage" if front.networks else "line"
+    for group, volts in front.phasors.items():
         for part, value in (("re", volts.real), ("im", volts.imag)):
             node = f"{group}_{part}"
-            circuit.V(f"line_{node}", f"line_{node}", circuit.gnd, f"DC {value!r}")
-            start[node] = value
+            circuit.V(f"line_{node}", f"{sources}_{node}", circuit.gnd, f"DC {value!r}")
+            start[node] = 0.0 if front.networks else value
+    if front.networks:
+        front.add(circuit, after="line", frequency="tuned")
     circuit.V("target", "target", circuit.gnd, target_course(tracker, disturbance))
     if tracker.kind == "none" or frozen:
         tuning, temperature = frozen or (tracker.start_v, 0.0)

@@ -91,10 +91,16 @@ def test_both_engines_agree_behind_an_inductor() -> None:
 
 @pytest.mark.soak
 @pytest.mark.parametrize(
-    "driver", [INDUCTOR, llcc(), resonant(45e3, 20.8, 300.0)], ids=["inductor", "llcc", "resonant"]
+    ("driver", "of_voltage"),
+    [(INDUCTOR, 1e-3), (llcc(), 1e-3), (resonant(45e3, 20.8, 300.0), 2e-3)],
+    ids=["inductor", "llcc", "resonant"],
 )
-def test_it_settles_at_the_steady_state_behind_the_same_driver(driver: pr.Driver) -> None:
-    """Voltages within 0.1 %, torque within 0.1 % of the friction torque under the preload, as without a network."""
+def test_it_settles_at_the_steady_state_behind_the_same_driver(driver: pr.Driver, of_voltage: float) -> None:
+    """Voltages within 0.1 %, torque within 0.1 % of the friction torque under the preload, as without a network.
+
+    Near resonance the inductor magnifies an error of the motional current 4.8 times: 0.13 %. Half the step of the
+    steady state changes 0.03 %.
+    """
     run = pr.simulate_averaged(MOTOR, driver, 0.03, speed=20.0)
     state = pr.steady_state(MOTOR, driver, speed=20.0)
     waves = state.waveforms
@@ -102,7 +108,7 @@ def test_it_settles_at_the_steady_state_behind_the_same_driver(driver: pr.Driver
     for group in "ab":
         turned = getattr(waves, f"voltage_{group}_v") * np.exp(-1j * OMEGA * waves.time_s)
         amplitude = 2.0 * abs(np.trapezoid(turned, waves.time_s)) / waves.drive_period_s
-        assert getattr(run, f"amplitude_{group}_v")[-1] == pytest.approx(amplitude, rel=1e-3)
+        assert getattr(run, f"amplitude_{group}_v")[-1] == pytest.approx(amplitude, rel=of_voltage)
     contact = MOTOR.contact
     friction_torque = contact.friction * contact.preload_n * MOTOR.rotor.radius_m
     assert run.torque_n_m[-1] == pytest.approx(state.torque_n_m, abs=1e-3 * friction_torque)
@@ -139,10 +145,38 @@ def controlled(engine: Engine = "auto", *, averaged: bool = True, duration: floa
 
 @pytest.mark.soak
 def test_a_controller_sees_the_voltage_behind_the_network_in_both_engines_and_the_full_motor() -> None:
-    """Means over a sample, behind the first two, in which the network rings: engines within 1 %, full motor 2 %."""
+    """Means over a sample, behind the first two, in which the network rings: engines within 0.3 %, full motor 1 %."""
     ours, theirs, full = controlled("compiled"), controlled("spice"), controlled(averaged=False)
     for name in ("voltage_amplitude_v", "voltage_b_amplitude_v", "current_amplitude_a"):
         scale = np.abs(full.samples[name]).max()
-        for found, most in ((theirs, 0.01), (full, 0.02)):
+        for found, most in ((theirs, 0.003), (full, 0.01)):
             assert np.abs(ours.samples[name] - found.samples[name])[2:].max() < most * scale, (name, most)
-    assert ours.voltage_amplitude_v[-1] > 1.15 * ours.voltage_amplitude_v[6]
+    assert ours.voltage_amplitude_v[8] > 1.1 * ours.voltage_amplitude_v[7]  # the step
+
+
+@pytest.mark.soak
+def test_a_loop_behind_an_inductor_is_that_of_the_full_motor() -> None:
+    """Both engines print one margin; the small signals of the full motor give it within 2 degrees and 3 % in frequency.
+
+    Between the two are the pulses of the pump and the edges that the full motor's detector sees up to 1.8 degrees late.
+    """
+    tracker = pr.Tracker(
+        kind="pll", voltage=DRIVE.voltage, phase_deg=DRIVE.phase_deg, frequency=40.5e3, target_deg=-20.0
+    )
+    driver = pr.Driver(
+        kind="linear", network="inductor", voltage=DRIVE.voltage, frequency=40.5e3, phase_deg=DRIVE.phase_deg,
+        settings={"inductor.inductance": 1.5e-3},
+    )  # fmt: skip
+    ours, theirs = (
+        pr.track(MOTOR, tracker, duration=0.02, driver=driver, speed=20.0, averaged=True, engine=engine)
+        for engine in ENGINES
+    )
+    full = pr.track(MOTOR, tracker, driver=driver, speed=20.0)
+    assert ours.loop is not None
+    assert theirs.loop is not None
+    assert full.loop is not None
+    assert ours.loop.phase_margin_deg == pytest.approx(theirs.loop.phase_margin_deg, abs=0.05)
+    assert ours.loop.crossover_hz == pytest.approx(theirs.loop.crossover_hz, rel=1e-3)
+    assert ours.loop.phase_margin_deg == pytest.approx(full.loop.phase_margin_deg, abs=2.0)
+    assert ours.loop.crossover_hz == pytest.approx(full.loop.crossover_hz, rel=0.03)
+    assert ours.end_frequency_hz == pytest.approx(theirs.end_frequency_hz, rel=1e-5)
