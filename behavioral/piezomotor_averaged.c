@@ -305,6 +305,24 @@ static void charge(const struct motor *m, const double state[STATES], double fre
     f->current_b = sum(f->current_b, sum(scaled(p->capacitance_b, rise_b), scaled(-p->capacitance_ab, rise_a)));
 }
 
+/* Find the rate, m/s, at which the tip moves on the carrier along the rotor from one period to the next, at the last phase, where
+   the slider is carried over: a contact that sticks throughout takes the slider along; otherwise slip sets it anew. The speed of
+   the path has that of the carrier. */
+static double creep(const struct motor *m, const double rate[STATES])
+{
+    const phasor *last = m->wheel[PHASES - 1];
+    double found = 0.0;
+
+    for (int i = 0; i < MODES; i++)
+        found += m->value.mode[i].tip_x * rate[DEFLECTION + i];
+    for (int i = 0; i < MOVING; i++)
+        for (int h = 1; h <= HARMONICS; h++) {
+            const double *amplitude = rate + place(i, h);
+            found += moving(&m->value, i).tip_x * (amplitude[0] * last[h].re - amplitude[1] * last[h].im);
+        }
+    return found;
+}
+
 /* Find the rates of the states, and what the outputs need, for the contact in f. */
 static void respond(const struct motor *m, const double state[STATES], struct flow *f)
 {
@@ -376,6 +394,8 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
     turn(p, state, drive, f->rate);
     f->rate[BEARING] = (state[SPEED] - state[BEARING] * fabs(state[SPEED])) / p->bearing_presliding; /* Dahl */
     f->rate[SLIDER] = frequency * (f->contact.slider - state[SLIDER]);
+    if (f->contact.slip + f->contact.separated < 0.5 / PHASES)
+        f->rate[SLIDER] += creep(m, f->rate);
     f->rate[TEMPERATURE] = 0.0;
     if (p->heat_capacity > 0.0) {
         double cooling = (warm - p->ambient_temperature) / p->thermal_resistance;

@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bursts that are too short for an averaged motor: free oscillations of the first periods are not in it."""
+"""Where a run is not what the full motor does sample by sample: short bursts, and cycles of stopping and starting."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-# a burst of 20 periods turns beam40 by 36 % less than the averaged motor at 70 V and by 8 % less at 110 V, one of 40 by
-# 1 % more and 2 % less, one of 80 by 1 % less at both (docs/averaged.md)
+from pyspice_runner.model import contact as contact_law
+from pyspice_runner.model.parameters import Contact
+
+# a burst of 20 periods turns beam40 by 10 % less than the averaged motor at 70 V and by 4 % less at 110 V, one of 40 by
+# 9 % more and 1 % less, one of 80 by 1 % more and 0.3 % less (docs/averaged.md)
 FEWEST_PERIODS = 60
 
 
@@ -29,7 +35,38 @@ def short_bursts(
     told = (
         f"The drive is on for {length * frequency:.3g} periods only, from {begin:.4g} s on. The averaged motor leaves "
         f"out free oscillations of the first periods: below {FEWEST_PERIODS} periods the angle of a burst may be off "
-        "by a third. Use the full motor."
+        "by a tenth. Use the full motor."
+    )
+    return (told,)
+
+
+# an approach and a correction end with a stop each; a loop that stops more often with its drive on is in a limit cycle
+MOST_STOPS = 2
+
+
+def presliding(motor: Mapping[str, Any]) -> float:
+    """Return the angle in rad by which the contact gives way before it slips, of a motor as of ``to_dict``."""
+    contact = Contact(**motor["contact"])
+    limit = contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
+    limit += contact.tangential_series_compliance_m_per_n * contact.friction * contact.preload_n
+    return float(limit / motor["rotor"]["radius_m"])
+
+
+def limit_cycle(
+    time: NDArray[np.float64], position: NDArray[np.float64], amplitude: NDArray[np.float64], angle: float
+) -> tuple[str, ...]:
+    """Return a caution for a rotor that stops and starts again and again with its drive on.
+
+    ``position`` in rad at the times in s, ``amplitude`` in V from each of them on. A rotor that moves by less than
+    ``angle``, rad, from one sample to the next stands: without slip the contact gives way by twice its pre-sliding.
+    """
+    moves = np.abs(np.diff(position)) > angle
+    stops = np.flatnonzero(moves[:-1] & ~moves[1:] & (amplitude[1:-1] > 0.0)) + 2
+    if stops.size <= MOST_STOPS:
+        return ()
+    told = (
+        f"The rotor stops {stops.size} times with its drive on, from {time[stops[0]]:.4g} s on: a limit cycle through "
+        "standstill, in which a small error shifts all later samples. Compensate the dead band, or lower the gains."
     )
     return (told,)
 

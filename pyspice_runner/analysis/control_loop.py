@@ -10,7 +10,7 @@ Source: K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., 199
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import product
 from math import atan2, cos, degrees, isfinite, log, pi, radians, sin, tan
@@ -19,7 +19,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.controlled import Sample, simulate_controlled
+from pyspice_runner.analysis.controlled import simulate_controlled
+from pyspice_runner.analysis.dead_band import STANDS, NearStandstill, dead_band, near_standstill
+from pyspice_runner.analysis.loop_controllers import LoopController
 from pyspice_runner.analysis.state_space import linear_about, settled
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Load, TwoPhaseDrive, check_together
@@ -38,10 +40,10 @@ POINTS = 600  # of the loop gain over frequency
 LOWEST = 1e-3  # of the crossover, at which the loop gain begins
 NYQUIST = 0.8  # greatest crossover, of half of the sampling rate
 LEAST_MARGIN, MOST_MARGIN = 5.0, 120.0  # deg
-STANDS = 1e-3  # rad/s or m/s, below which a motor does not turn
 STEPPED = 5  # samples before the step
 CYCLES, FEWEST = 12.0, 60  # of the crossover frequency that a step response lasts, and its least number of samples
 SMALL = 0.02  # of the speed: a step of the set point; that of the position passes in a radian of the crossover
+SLOW = 0.1  # of the speed, or of the angle in a radian of the crossover: set point near standstill
 SMALL_DEG = 0.2  # step of the phase
 _OF_LOAD = ("load.", "temperature")  # of the paths of a spread, those that are not of the motor
 # quantity → names and units of the gains, unit of the quantity
@@ -96,6 +98,9 @@ class ControlLoop(Result):
         model_cautions: the cautions of the simulated step.
         provenance: motor, drive, operating point and settings, JSON-ready.
         spread: the loop at other operating points, which is a schedule of the gains as well.
+        dead_band_v: amplitude of group A below which the motor stands at this load; ``None`` for a phase.
+        near_standstill: the loop at a small set point, without and with this amplitude as a compensation; none for a
+            phase.
     """
 
     quantity: Quantity
@@ -115,6 +120,8 @@ class ControlLoop(Result):
     model_cautions: tuple[str, ...] = field(repr=False)
     provenance: dict[str, Any] = field(repr=False)
     spread: tuple[SpreadPoint, ...] = ()
+    dead_band_v: float | None = None
+    near_standstill: tuple[NearStandstill, ...] = ()
 
     @property
     def linear(self) -> bool:
@@ -156,6 +163,12 @@ class ControlLoop(Result):
                 f"{min(margins):.3g} to {max(margins):.3g}° at {min(places):.4g} to {max(places):.4g} Hz, "
                 f"{len(margins)} of {len(self.spread)} points"
             )
+        unit = linear_unit(GAINS[self.quantity][2]) if self.linear else GAINS[self.quantity][2]
+        if self.dead_band_v is not None:
+            rows["dead band"] = f"{self.dead_band_v:.3g} V"
+        for one in self.near_standstill:
+            words = "compensated" if one.compensation_v else "not compensated"
+            rows[f"at {one.set_point:.3g} {unit}, {words}"] = one.words(unit)
         return (
             shown
             | rows
@@ -171,7 +184,7 @@ class ControlLoop(Result):
         """Return gains, margins, overshoot, step responses and settings, JSON-ready."""
         names = (
             "gains", "gain_units", "crossover_hz", "phase_margin_deg", "gain_margin_db", "overshoot",
-            "overshoot_simulated", "trusted",
+            "overshoot_simulated", "trusted", "dead_band_v", "near_standstill",
         )  # fmt: skip
         step = self._entries("time_s", "step_predicted", "step_simulated")
         spread = {"spread": [asdict(one) for one in self.spread]} if self.spread else {}
@@ -284,7 +297,24 @@ def control_loop(
         },
     )  # fmt: skip
     whole = replace(designed, spread=_spread(designed, motor, drive, (gain, ratio), over)) if over else designed
-    return _simulated(whole, motor, drive)
+    return _simulated(_near_standstill(whole, motor, drive), motor, drive)
+
+
+def _near_standstill(loop: ControlLoop, motor: Motor, drive: TwoPhaseDrive) -> ControlLoop:
+    """Return a loop with the dead band, and what it does at a small set point with and without its compensation."""
+    if loop.quantity == "phase":
+        return loop
+    run = loop.provenance["run"]
+    band = dead_band(motor, drive, run["load_torque_n_m"])
+    speed = run["operating_point"]["speed"]
+    set_point = SLOW * speed if loop.quantity == "speed" else SLOW * speed / (2.0 * pi * run["crossover_hz"])
+    runs = [
+        near_standstill(
+            motor, drive, loop.quantity, loop.gains, run=run, set_point=set_point, compensation=compensation
+        )
+        for compensation in (0.0, band)
+    ]
+    return replace(loop, dead_band_v=band, near_standstill=tuple(runs))
 
 
 def _spread(
@@ -452,44 +482,6 @@ def _predicted(plant: _Plant, gain: float, ratio: float, count: int) -> Array:
         whole, sample = after(whole, 1.0)
         samples.append(sample)
     return np.array(samples)
-
-
-class LoopController:
-    """A designed controller, for :func:`simulate_controlled`.
-
-    Args:
-        loop: the design.
-        set_point: time in s → wanted value of the quantity: rad/s, rad or deg.
-    """
-
-    def __init__(self, loop: ControlLoop, set_point: Callable[[float], float]) -> None:
-        run, drive = loop.provenance["run"], loop.provenance["drive"]
-        self._quantity, self._set_point, self._step = loop.quantity, set_point, run["sample_time_s"]
-        self._proportional, self._other = loop.gains.values()
-        self._speed = run["operating_point"]["speed"]
-        self._voltage, self._frequency = drive["voltage"], drive["frequency"]
-        self._ratio_b, self._sum = drive["ratio_b"], 0.0
-
-    def __call__(self, sample: Sample) -> Mapping[str, float]:
-        """Return the amplitudes, or of a phase the frequency, until the next sample."""
-        wanted = self._set_point(sample.time_s)
-        if self._quantity == "position":
-            damped = self._other * (sample.speed_rad_s - self._speed)
-            output = self._proportional * (wanted - sample.position_rad) - damped
-        else:
-            if self._quantity == "speed":
-                error = wanted - sample.speed_rad_s
-            else:
-                error = (wanted - sample.current_phase_deg + 180.0) % 360.0 - 180.0
-            self._sum += self._step * error
-            output = self._proportional * error + self._other * self._sum
-        return self._commands(output)
-
-    def _commands(self, output: float) -> dict[str, float]:
-        if self._quantity == "phase":
-            return {"frequency": self._frequency + output}
-        voltage = self._voltage + output
-        return {"voltage_a": voltage, "voltage_b": self._ratio_b * voltage}
 
 
 def _simulated(loop: ControlLoop, motor: Motor, drive: TwoPhaseDrive) -> ControlLoop:

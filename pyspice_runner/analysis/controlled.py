@@ -30,7 +30,7 @@ from pyspice_runner.analysis.averaged import (
     model_cautions,
     settings_of,
 )
-from pyspice_runner.analysis.bursts import short_bursts
+from pyspice_runner.analysis.bursts import limit_cycle, presliding, short_bursts
 from pyspice_runner.analysis.firmware import Firmware
 from pyspice_runner.analysis.motions import Compiled, Motion, Spice, State, first
 from pyspice_runner.engine.session import Session
@@ -169,7 +169,10 @@ class ControlledRun(Result):
         factor = damping_factor(self.provenance["motor"], seen["frequency_hz"], seen["tip_y_amplitude_m"])
         amplitude = np.maximum(np.abs(seen["voltage_a_v"]), np.abs(seen["voltage_b_v"]))
         bursts = short_bursts(seen["time_s"], amplitude, float(seen["frequency_hz"].min()), running=running)
-        return (*model_cautions(check, opened, factor), *bursts)
+        step = self.provenance["run"]["resolution"]["position_rad"]
+        angle = max(2.0 * presliding(self.provenance["motor"]), 1.5 * step)  # a step of the encoder is no motion
+        cycles = limit_cycle(seen["time_s"], seen["position_rad"], amplitude, angle)
+        return (*model_cautions(check, opened, factor), *bursts, *cycles)
 
     @property
     def _too_fast(self) -> tuple[str, ...]:

@@ -53,6 +53,7 @@ LONG |= {
     "tutorial_battery",
     "tutorial_control_tool",
     "tutorial_driver",
+    "tutorial_firmware",
     "tutorial_impedance",
     "tutorial_speed_loop",
     "tutorial_tracking",

@@ -9,6 +9,8 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
+from tools.notebooks import NOTEBOOKS, ROOT, notebook_of
+
 NOTEBOOK = Path(__file__).resolve().parents[2] / "examples" / "notebook.ipynb"
 SHOWN = ("Motor", "Waveforms", "Admittance", "SpectrumFit", "TwoPortFit", "Trend", "Curves", "Sweep", "SteadyState",
          "AveragedRun", "DriveReport",
@@ -39,3 +41,20 @@ def test_the_notebook_shows_every_main_result_with_a_table_and_a_picture(
 def test_the_notebook_is_kept_without_outputs() -> None:
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     assert [cell.id for cell in notebook.cells if cell.cell_type == "code" and cell.outputs] == []
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_the_notebook_of_a_tutorial_is_its_page(name: str) -> None:
+    page = (ROOT / "docs" / NOTEBOOKS[name]).read_text(encoding="utf-8")
+    assert (ROOT / "examples" / name).read_text(encoding="utf-8") == notebook_of(page)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_the_notebook_of_a_tutorial_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    notebook = nbformat.read(ROOT / "examples" / name, as_version=4)
+    NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    *_, last = (cell for cell in notebook.cells if cell.cell_type == "code")
+    position, step = map(float, last.outputs[0].text.split())
+    assert abs(position - 0.05) <= 2.0 * step  # as the page says
