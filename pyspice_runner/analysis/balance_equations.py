@@ -209,8 +209,13 @@ def touching_contact(stators: Stators, grid: Grid, unknowns: Array) -> TouchingC
     pins[2:4] = omega * along @ grid.rate.T, omega * towards @ grid.rate.T
     pins[4] = omega * surface / s.radius
     constants = dict(zip(grid.parameters, s.contact.T[..., np.newaxis], strict=True))
-    limit = grid.contact(constants | dict(zip(PINS, pins, strict=True)))["limit"]
-    pins[5], since = clipped(slid, limit)
+    touching = grid.contact(constants | dict(zip(PINS, pins, strict=True)))
+    depth = touching["delta"]
+    before = np.roll(depth, 1, axis=1)
+    landing = (depth > 0.0) & (before <= 0.0)  # the tip touches within the step that ends at the phase
+    rise = np.where(landing, depth - before, 1.0)
+    apart = np.where(landing, -before / rise, 0.0)  # share of the step before that
+    pins[5], since = clipped(slid * (1.0 - apart), touching["limit"])
     # difference quotients; the speed of the shaft has no effect on the forces
     moved = [place for place, name in enumerate(PINS) if name != "shaft"]
     scales = np.abs(pins[moved]).max(axis=2, keepdims=True)
@@ -230,13 +235,22 @@ def touching_contact(stators: Stators, grid: Grid, unknowns: Array) -> TouchingC
     def by(slope: Array) -> Array:
         return np.concatenate([slope[0] * shape + slope[2] * rate, slope[1] * shape + slope[3] * rate, none], axis=2)
 
-    # a slider that sticks has moved with the tip since it was at its limit, perhaps in the period before
+    # a slider that sticks has moved with the tip since it was at its limit, perhaps in the period before, or since the
+    # tip touched
     points, phases = x.shape
     row, last = np.arange(points)[:, np.newaxis], since % phases
     d_slider = by(by_pins("limit"))[row, last]
     d_slider *= np.where(since >= -phases, np.sign(pins[5])[row, last], 0.0)[..., np.newaxis]
     d_slider[..., :width] += shape - shape[last]
     d_slider[..., -1] += grid.angles[1] / MICRO * (since - np.arange(phases))
+    first = (last + 1) % phases
+    share = np.where(landing[row, first] & (since != np.arange(phases)), apart[row, first], 0.0)[..., np.newaxis]
+    d_depth = by(by_pins("delta"))
+    d_rise = rise[row, first][..., np.newaxis]
+    d_share = -(share * d_depth[row, first] + (1.0 - share) * d_depth[row, last]) / d_rise
+    d_slider -= np.where(share > 0.0, d_share, 0.0) * slid[row, first][..., np.newaxis]
+    d_slider[..., :width] -= share * (shape[first] - shape[last])
+    d_slider[..., -1:] += share * grid.angles[1] / MICRO
     slopes = [by(slope) + slope[4] * d_slider for slope in map(by_pins, ("fx", "fy", "friction"))]
     forces = [np.broadcast_to(found[name], many.shape[1:])[0] for name in ("fx", "fy", "friction", "normal")]
     return TouchingContact(*[*forces, pins, slid, *slopes])
