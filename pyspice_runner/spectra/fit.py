@@ -155,8 +155,19 @@ class SpectrumFit(Result):
             "coupling_pair": main.coupling_pair,
             **self._entries("rms_relative_error", "candidates"),
             "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
+            "errors_conditional": self.errors_conditional,
             "warnings": list(self.cautions),
         }
+
+    @property
+    def errors_conditional(self) -> bool:
+        """Whether the standard errors hold only if the circuit is the device.
+
+        They contain the choice among descriptions of loss and leads, but not what no circuit of this kind describes:
+        where residuals remain that are not noise, or an arm stands for modes outside the band.
+        """
+        follows = not any(caution.startswith(FOLLOWS_NOT) for caution in self.cautions)
+        return not follows or not all(arm.in_band for arm in self.arms)
 
     def columns(self) -> dict[str, Vector]:
         """Return measured and fitted conductance and susceptance over frequency."""
@@ -185,6 +196,8 @@ class SpectrumFit(Result):
             "leads": " and ".join(leads) or "none",
             "error model": ", ".join(f"{kind} {sigma:.2g}" for kind, sigma in self.noise.items()),
         }
+        if self.errors_conditional:
+            found["standard errors"] = "conditional: they do not contain what this circuit leaves out"
         if circuit.shared_losses:
             found["shared resistances"] = str(len(circuit.shared_losses))
         for number, arm in enumerate(self.arms, start=1):

@@ -257,6 +257,35 @@ def test_errors_hold_though_the_data_do_not_tell_the_loss_from_the_leads() -> No
     assert error < 1e-3 * inductance
 
 
+def lossy(frequency: np.ndarray, dispersion: bool) -> tuple[Spectrum, float]:
+    """1.2 µF with a constant tangent of 2 %, behind 50 mΩ and 80 nH, and L1; causal if it has its dispersion."""
+    jw, clamped, motional, rng = 2j * np.pi * frequency, 1.2e-6, 0.12e-6, np.random.default_rng(1)
+    inductance = 1.0 / ((2.0 * np.pi * 40e3) ** 2 * motional)
+    arm = np.sqrt(inductance / motional) / 500.0 + jw * inductance + 1.0 / (jw * motional)
+    # a constant phase element: by Kramers' and Kronig's relation a constant tangent takes C ~ f^(−2 tan δ/π)
+    factor = (jw / (2.0 * np.pi * 40e3)) ** (-2.0 / np.pi * np.arctan(0.02)) if dispersion else 1.0 - 0.02j
+    y = 1.0 / (0.05 + jw * 80e-9 + 1.0 / (jw * clamped * factor + 1.0 / arm))
+    noise = 1e-3 * (rng.standard_normal(len(jw)) + 1j * rng.standard_normal(len(jw))) / np.sqrt(2.0)
+    return Spectrum.from_admittance(frequency, y * (1.0 + noise)), inductance
+
+
+def test_over_two_octaves_the_errors_of_a_causal_loss_hold_and_those_of_another_are_conditional() -> None:
+    frequency = np.linspace(20e3, 80e3, 401)
+    causal, inductance = lossy(frequency, dispersion=True)
+    fit = pr.fit_spectrum(causal, 1)
+    error = fit.arms[0].standard_errors["inductance_h"]
+    assert error is not None
+    assert error < 1e-3 * inductance
+    assert abs(fit.arms[0].inductance_h - inductance) < 2.6 * error  # one in a hundred of a normal error
+    assert not fit.errors_conditional
+    # no circuit has a loss without dispersion: L1 is −1.6 % off, and the table says that the error does not hold
+    other = pr.fit_spectrum(lossy(frequency, dispersion=False)[0], 1)
+    assert other.errors_conditional
+    assert other.to_dict()["errors_conditional"] is True
+    assert other.summary()["standard errors"].startswith("conditional")
+    assert "standard errors" not in fit.summary()
+
+
 def test_json_has_what_others_rely_on() -> None:
     fit = fitted(spectrum(TWO_MODES, BAND, noise=0.003), 2)
     document = json.loads(json.dumps(fit.to_dict(), allow_nan=False))
