@@ -5,15 +5,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import copysign, radians, sin
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 from pyspice_runner.analysis.controlled import Sample
 from pyspice_runner.model.drive import TwoPhaseDrive
 
-if TYPE_CHECKING:
-    from pyspice_runner.analysis.control_loop import ControlLoop
-
 _SIDEWAYS = 0.1  # |sin| of the phase, below which its sign does not turn the direction
+
+
+class DesignedLoop(Protocol):
+    """What a controller takes of a :class:`ControlLoop`."""
+
+    @property
+    def quantity(self) -> str:
+        """The controlled quantity."""
+
+    @property
+    def gains(self) -> Mapping[str, float]:
+        """The gains, SI units and degrees."""
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Drive, operating point and settings."""
 
 
 class LoopController:
@@ -24,7 +37,7 @@ class LoopController:
         set_point: time in s → wanted value of the quantity: rad/s, rad or deg.
     """
 
-    def __init__(self, loop: ControlLoop, set_point: Callable[[float], float]) -> None:
+    def __init__(self, loop: DesignedLoop, set_point: Callable[[float], float]) -> None:
         run, drive = loop.provenance["run"], loop.provenance["drive"]
         self._quantity, self._set_point, self._step = loop.quantity, set_point, run["sample_time_s"]
         self._proportional, self._other = loop.gains.values()
