@@ -221,13 +221,12 @@ def resonance_under_preload(contact: Contact, mode: Mode) -> float:
     return sqrt(stiffness / mode.mass_kg) / (2.0 * pi)
 
 
-def linearised_resonances(
+def linearised(
     contact: Contact, modes: tuple[Mode, ...], rotor: Rotor, mount: Mount | None = None
-) -> NDArray[np.float64]:
-    """Undamped resonances in Hz, ascending, of modes and rotor coupled by the sticking contact at its operating point.
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return mass and stiffness of modes, carriers and rotor coupled by the sticking contact at its operating point.
 
-    The rotor on the contact's tangential spring adds one to those of the modes. A carrier on springs adds another, the
-    lowest if the carrier is heavy: it moves on the contact's normal stiffness.
+    The last coordinate is the surface of the rotor; units are kg and N/m.
     """
     moving = carriers(mount)
     springs: list[Mode | Mount] = [*modes, *moving]
@@ -240,6 +239,18 @@ def linearised_resonances(
         + normal_stiffness_at_preload(contact) * np.outer(normal, normal)
         + tangential_stiffness_at_preload(contact) * np.outer(tangential, tangential)
     )
+    return mass, stiffness
+
+
+def linearised_resonances(
+    contact: Contact, modes: tuple[Mode, ...], rotor: Rotor, mount: Mount | None = None
+) -> NDArray[np.float64]:
+    """Undamped resonances in Hz, ascending, of modes and rotor coupled by the sticking contact at its operating point.
+
+    The rotor on the contact's tangential spring adds one to those of the modes. A carrier on springs adds another, the
+    lowest if the carrier is heavy: it moves on the contact's normal stiffness.
+    """
+    mass, stiffness = linearised(contact, modes, rotor, mount)
     scale = np.sqrt(np.outer(np.diag(mass), np.diag(mass)))
     factor = np.linalg.inv(np.linalg.cholesky(mass / scale))  # the unit matrix without recoil
     squares = np.linalg.eigvalsh(factor @ (stiffness / scale) @ factor.T)

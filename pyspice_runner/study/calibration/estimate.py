@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from pydantic import SkipValidation
 from scipy.optimize import least_squares
-from scipy.stats import chi2, qmc
+from scipy.stats import qmc
 
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive, default_drive
@@ -39,28 +39,31 @@ from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spectra.spectrum import Connection
 from pyspice_runner.study.calibration.conditions import conditions_of, scales
 from pyspice_runner.study.calibration.decisive import advice, informations
+from pyspice_runner.study.calibration.misfit import FAR, SetFit, fits_of, huber, misfits, weights_of
 from pyspice_runner.study.calibration.points import DEFAULT_ERROR, read_points
 from pyspice_runner.study.calibration.prediction import SPECTRUM_ERROR, STEP, Band, Prediction, Predictor
 from pyspice_runner.study.calibration.result import Calibration, Estimate
 from pyspice_runner.study.calibration.unknowns import THERMAL, unknowns_of
 
-OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals stay those of the normal
 RISE = 3.8415  # of the sum of squares at the end of a 95 % interval: chi-squared with one degree of freedom
 WIDE = log(10.0)  # a factor of 10 in the value: longest step of a profile, and what is always known of a value
 ROUNDS = 6  # computations of the sum of squares at each end of a profile, most of them for curved valleys
 IDENTIFIED = 0.25  # largest relative standard error by the data of a value that they identify
-LIKELY = 1e-3  # probability of a sum of squares below which the model does not explain the data
-_TOLD, _MOST_TOLD = 4.0, 10  # standard errors: one normal residual in 16,000 is beyond; and how many are told
+_MOST_TOLD = 10  # outliers that are named
 START_REACH = log(2.0)  # of further starts about the first
 _MOST_STEPS = 40
 _INSIDE = 0.05  # of a start at its bound: scipy's first step is as long as the start is from 0, which is in the middle
-_LONG, _SHORT = 0.1, 0.025  # steps of the search: beyond, a new Jacobian; below, no correction, which would be noise
-_GAIN = 0.1  # of the sum of squares by a further step: 0.3 standard errors of all parameters together
+# Steps of the search. Beyond the long one (of a smooth model: the short one) there is a new Jacobian; below the short
+# one the differences of ngspice are noise.
+_LONG, _SHORT = 0.1, 0.025
+# of the sum of squares by a further step, by a smooth model and by ngspice: 0.1 and 0.3 standard errors
+_GAIN, _ROUGH_GAIN = 0.01, 0.1
+_NORMAL = 1.4826  # standard deviation over the median of the magnitudes
 _CLOSE = 1e-4  # relative gain of the sum of squares, and step of a coordinate, that are noise
 _REFINEMENTS = 5  # searches by the fast model, each with its difference to ngspice where the last one ended
 _FARTHEST = 0.3  # step of the other parameters of a profile, in coordinates
 _LEAST = 0.05  # of the rise, below which a profile counts as flat
-_SETTLED = 0.1  # of the errors of the data, RMS: the difference to ngspice no longer changes
+_SETTLED = 0.1  # gain where the difference to ngspice was taken anew, by whose accuracy it varies that much
 
 
 @checked
@@ -145,7 +148,7 @@ class _Search:
 
     def __init__(self, predictor: Predictor) -> None:
         self.predictor = predictor
-        self.measured, self.errors = predictor.measured, predictor.errors
+        self.measured = predictor.measured
         known = [0.0 if unknown.prior is None else 1.0 / unknown.prior for unknown in predictor.unknowns]
         self.stated_priors = int(np.count_nonzero(known))
         self.prior = np.hypot(
@@ -154,7 +157,13 @@ class _Search:
         self.found: dict[bytes, Prediction] = {}
         self.slopes: dict[bytes, Array] = {}
         self.last: Prediction | None = None
+        self.roots: Array = np.ones(0)  # of the weights of Huber's loss, where the last search began
         self.way: tuple[Array, Array, Array] | None = None  # coordinates, residuals and slope of the last step
+
+    @property
+    def errors(self) -> Array:
+        """Standard errors of the measured values."""
+        return self.predictor.errors
 
     def solved(self, starts: int) -> Array:
         """Return the coordinates of the least sum of squares.
@@ -167,23 +176,21 @@ class _Search:
         if starts > 1:
             x = self._best(x, bounds, starts)
         for _ in range(_REFINEMENTS):
-            before = self.predictor.shift
             here = self.predictor.refine(x, self.prediction(x))
             if not here.known:
                 raise SimulationError(
                     "The motor has no steady state at any of the measured points with these values. Check drive and "
                     "load of the points with steady_state, start from other values, or give starts = 16."
                 )
-            self.found, self.slopes, self.last = {x.tobytes(): here}, {}, here
-            shift = self.predictor.shift
-            assert shift is not None
-            self.way = None
-            if before is not None and _rms((shift - before) / self.errors) < _SETTLED:
+            self.found, self.last, self.way = {x.tobytes(): here}, here, None  # slopes are those of the fast model
+            residuals = self.residuals(x)
+            self.roots = np.sqrt(weights_of(residuals, max(1.0, _NORMAL * float(np.median(np.abs(residuals))))))
+            if self._gain(x, self.slope(x), residuals) < (_ROUGH_GAIN if self.rough else _SETTLED):
                 break
             try:
                 x = np.asarray(least_squares(
-                    self.residuals, x, self.descent, bounds=bounds, loss="huber", f_scale=OUTLIER, xtol=_CLOSE,
-                    ftol=_CLOSE, gtol=1e-12, max_nfev=_MOST_STEPS,
+                    lambda x: self.roots * self.residuals(x), x, self.descent, bounds=bounds, x_scale="jac",
+                    xtol=_CLOSE, ftol=_CLOSE, gtol=1e-12, max_nfev=_MOST_STEPS,
                 ).x)  # fmt: skip
             except _Found as found:
                 x = found.x
@@ -231,16 +238,21 @@ class _Search:
             self.slopes[key] = self.predictor.jacobian(x, self.prediction(x))
         return np.vstack([self.slopes[key] / self.errors[:, None], np.diag(self.prior)])
 
+    @property
+    def rough(self) -> bool:
+        """Whether the fast model is ngspice at a coarse step, whose values vary from event to event."""
+        return self.predictor.points is not None and not self.predictor.balanced
+
     def _followed(self, x: Array) -> Array:
-        """Return the Jacobian. By ngspice it is new after a long step, otherwise the last one, by Broyden's rule."""
-        if self.way is None or self.predictor.points is None or self.predictor.balanced:
+        """Return the Jacobian: new after a long step, otherwise the last one, by Broyden's rule."""
+        if self.way is None:
             return self.slope(x)
         before, residuals, slope = self.way
         step = x - before
         length = float(np.linalg.norm(step))
-        if length > _LONG:
+        if length > (_LONG if self.rough else _SHORT):
             return self.slope(x)
-        if length < _SHORT:
+        if (self.rough and length < _SHORT) or length == 0.0:
             return slope
         missed = self.residuals(x) - residuals - slope @ step
         return np.asarray(slope + np.outer(missed, step) / length**2)
@@ -249,29 +261,21 @@ class _Search:
         """Return the Jacobian for a step of the search. Raise :class:`_Found` where the step would gain too little."""
         slope, residuals = self._followed(x), self.residuals(x)
         self.way = x.copy(), residuals, slope
-        weights = np.minimum(1.0, OUTLIER / np.maximum(np.abs(residuals), 1e-12))
+        if self._gain(x, slope, residuals) < (_ROUGH_GAIN if self.rough else _GAIN):
+            raise _Found(x)
+        return np.asarray(self.roots[:, None] * slope)
+
+    def _gain(self, x: Array, slope: Array, residuals: Array) -> float:
+        """Return what a step to the least sum of squares would gain of it."""
+        slope, residuals = self.roots[:, None] * slope, self.roots * residuals
         free = np.ones(len(x), dtype=bool)
-        gradient = slope.T @ (weights * residuals)
+        gradient = slope.T @ residuals
         for place, (low, high) in enumerate(unknown.bounds for unknown in self.predictor.unknowns):
             free[place] = not (x[place] < low + 1e-6 and gradient[place] > 0.0) and not (
                 x[place] > high - 1e-6 and gradient[place] < 0.0
             )
-        inner = (slope * weights[:, None]).T @ slope + 1e-6 * np.eye(len(x))
-        gain = float(gradient[free] @ np.linalg.solve(inner[np.ix_(free, free)], gradient[free]))
-        if gain < _GAIN:
-            raise _Found(x)
-        return slope
-
-
-def _rms(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
-
-
-def huber(residuals: Array) -> Array:
-    """Return the squares of residuals, linear beyond :data:`OUTLIER`."""
-    size = np.abs(residuals)
-    return np.where(size <= OUTLIER, size**2, OUTLIER * (2.0 * size - OUTLIER))
+        inner = slope.T @ slope + 1e-6 * np.eye(len(x))
+        return float(gradient[free] @ np.linalg.solve(inner[np.ix_(free, free)], gradient[free]))
 
 
 class _Side:
@@ -295,7 +299,7 @@ class _Side:
                 step @ step
             )
         self.residuals, self.at = residuals, self.x
-        weights = np.minimum(1.0, OUTLIER / np.maximum(np.abs(residuals), 1e-12)) * judged.known
+        weights = weights_of(residuals) * judged.known
         slope = self.slope[:, self.others] * np.sqrt(weights)[:, None]
         inner = slope.T @ slope
         gradient = slope.T @ (np.sqrt(weights) * residuals)
@@ -329,7 +333,7 @@ class _Judged:
         self.known = np.append(np.isfinite(self.here.values), np.ones(len(search.prior), dtype=bool))
         residuals = search.residuals(self.x)
         self.residuals: Array = np.where(self.known, residuals, 0.0)
-        weights = np.minimum(1.0, OUTLIER / np.maximum(np.abs(self.residuals), 1e-12)) * self.known
+        weights = weights_of(self.residuals) * self.known
         slope = search.predictor.jacobian(self.x, self.here, central=True)
         slope = np.vstack([slope / search.errors[:, None], np.diag(search.prior)])
         self.slope = slope
@@ -340,10 +344,21 @@ class _Judged:
         stated = search.predictor.points is None or search.predictor.points.stated
         self.stated = stated
         self.scale = 1.0 if stated or self.freedom < 1 else sqrt(self.squares / self.freedom)
+        self.fits = self._fits() if stated and self.freedom > 0 else ()
         wide = np.eye(len(self.x)) / WIDE**2
         self.data = self.weighted[:count].T @ self.weighted[:count] / self.scale**2 + wide
         self.by_data = np.linalg.inv(self.data)
         self.covariance = np.linalg.inv(self.data - wide + np.diag(search.prior**2))
+
+    def _fits(self) -> tuple[SetFit, ...]:
+        """Return the fit of points and of each spectrum."""
+        predictor = self.search.predictor
+        names = [predictor.points.source] if predictor.points else []
+        names += [f"{band.spectrum.source or 'the spectrum'} ({band.state})" for band in predictor.bands]
+        sizes = [len(predictor.points.values)] if predictor.points else []
+        ends = np.cumsum([*sizes, *(len(band.measured) for band in predictor.bands)])
+        sets = np.split(np.arange(ends[-1]), ends[:-1])
+        return fits_of(names, [own[self.known[own]] for own in sets], self.residuals, self.weighted)
 
     def calibration(self, law: str) -> Calibration:
         """Return the result."""
@@ -374,7 +389,7 @@ class _Judged:
             ends=tuple(side.x for side in sides if not side.open),
             predictor=replace(predictor, progress=lambda _: None),
             rms_residual=float(np.sqrt(np.mean(kept[self.known[:count]] ** 2))) if self.known[:count].any() else 0.0,
-            squares=self.squares, freedom=self.freedom, scale=self.scale,
+            squares=self.squares, freedom=self.freedom, scale=self.scale, fits=self.fits,
             warnings=tuple(self._warnings(estimates, correlations)), steady_states=predictor.solved,
             states=self.here.states,
         )  # fmt: skip
@@ -422,13 +437,14 @@ class _Judged:
                 f"There are {int(self.known[:count].sum())} values for {len(self.x)} parameters, so nothing is left to "
                 "tell whether the model fits. Measure more points."
             )
-        elif self.stated and chi2.sf(self.squares, self.freedom) < LIKELY:
-            found.append(
-                f"The model does not explain the data: the sum of squares is {self.squares:.4g}, expected are "
-                f"{self.freedom} ± {sqrt(2.0 * self.freedom):.2g}. The intervals do not hold. Free another parameter, "
-                "compare with another contact law, or check the errors of the data."
-            )
-        elif not self.stated:
+        elif self.stated:
+            found += [
+                f"The model does not explain {fit.data}: the sum of squares of its {fit.values} values is "
+                f"{fit.squares:.4g}, expected are {fit.expected:.0f} ± {sqrt(2.0 * fit.expected):.2g}. The intervals "
+                "do not hold. Free another parameter, compare with another contact law, or check the stated errors."
+                for fit in misfits(self.fits)
+            ]
+        else:
             found.append(
                 "Errors of the points are not stated: they were taken in the ratio of "
                 f"{100.0 * DEFAULT_ERROR:g} % of the greatest value of each column, and their size is that of the "
@@ -443,7 +459,7 @@ class _Judged:
     def _outliers(self) -> list[str]:
         points = self.search.predictor.points
         assert points is not None
-        far = np.flatnonzero(np.abs(self.residuals[: len(points.values)]) > _TOLD * self.scale)
+        far = np.flatnonzero(np.abs(self.residuals[: len(points.values)]) > FAR * self.scale)
         return [
             f"Point {points.rows[place] + 1}: {points.quantities[place]} = {points.values[place]:.4g} is "
             f"{abs(self.residuals[place]):.2g} standard errors off the fit and counts less."

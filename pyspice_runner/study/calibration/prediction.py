@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a motor would show at the measured points and in the measured spectra, and how that depends on its parameters.
 
-The values at the points are those of a fast model, with the difference to steady states by ngspice that
-:meth:`Predictor.refine` takes at one set of parameters. The search is repeated until this difference stays the same; so
-its result is that of ngspice, and its cost that of the fast model.
+The values are those of a fast model, with the difference to ngspice that :meth:`Predictor.refine` takes at one set of
+parameters. The search is repeated until this difference stays the same; so its result is that of ngspice, and its cost
+that of the fast model.
 
-The fast model is harmonic balance (:mod:`~pyspice_runner.analysis.balanced`). Where that has no solution, or is far
-from ngspice, it is ngspice itself at a coarse step: all points of many motors are one call of
+The fast model of a spectrum is its closed form (:mod:`~pyspice_runner.model.two_port`), that of a point is harmonic
+balance (:mod:`~pyspice_runner.analysis.balanced`). Where that has no solution, or is far from ngspice, it is ngspice
+itself at a coarse step: all points of many motors are one call of
 :func:`~pyspice_runner.analysis.steady.steady_states`, and a perturbed motor starts from the solution of the unperturbed
 one, with the derivative of its period map.
 """
@@ -17,6 +18,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pyspice_runner.analysis.balanced import QUANTITIES, BalancedState, balanced_states, balances
 from pyspice_runner.analysis.harmonic_balance import Balance
@@ -25,7 +27,7 @@ from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.sources import Bench
+from pyspice_runner.model.two_port import closed_two_port
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.two_port import sweep_two_port, two_port, two_port_bench
 from pyspice_runner.run.waveforms import Array
@@ -68,30 +70,47 @@ class Band:
         own = few.driven(connection).matrix_s[:, 0, 0] if few.ports == 2 else few.matrix_s[:, 0, 0]
         return cls(few, state, connection, error, np.concatenate([own.real, own.imag]), condition)
 
-    @property
-    def errors(self) -> Array:
-        """Standard errors of the measured parts: a share of the magnitude."""
+    def errors(self, predicted: Array | None = None) -> Array:
+        """Return the standard errors of the measured parts: a share of the predicted magnitude, or of the measured one.
+
+        Shares of measured magnitudes would make values that are low by chance count more. A prediction that is more
+        than :data:`_FAR_FACTOR` off has no say yet.
+        """
         half = len(self.measured) // 2
-        magnitude = np.hypot(self.measured[:half], self.measured[half:])
+        measured = np.hypot(self.measured[:half], self.measured[half:])
+        if predicted is None or not np.isfinite(predicted).all():
+            magnitude = measured
+        else:
+            own = np.hypot(predicted[:half], predicted[half:])
+            magnitude = np.clip(own, measured / _FAR_FACTOR, measured * _FAR_FACTOR)
         return self.error * np.concatenate([magnitude, magnitude])
 
-    def predicted(self, motor: Motor, bench: Bench) -> Array:
-        """Return the real and imaginary parts of a motor's admittance at the measured frequencies, by its bench."""
+    def predicted(self, motor: Motor, *, fine: bool) -> Array:
+        """Return the parts of a motor's admittance at the measured frequencies: in closed form, or by ngspice."""
+        frequency, preloaded = self.spectrum.frequency_hz, self.state == "preloaded"
+        matrix = None if fine else closed_two_port(motor, frequency, preloaded=preloaded)
+        own = self._by_ngspice(motor) if matrix is None else connect(matrix, self.connection)
+        if self.condition.level_v:
+            own = own + added(motor, frequency, self.connection, self.condition.level_v)
+        return np.concatenate([own.real, own.imag])
+
+    def _by_ngspice(self, motor: Motor) -> NDArray[np.complex128]:
+        """Return the admittance in S, complex."""
         frequency = self.spectrum.frequency_hz
         steps = np.diff(frequency)
         even = np.ptp(steps) < 1e-6 * steps.mean()
         points = len(frequency) if even else _FINE
+        bench = two_port_bench(motor, preloaded=self.state == "preloaded")
         found, matrix = two_port(sweep_two_port(bench, None, float(frequency[0]), float(frequency[-1]), points))
         own = connect(matrix, self.connection)
         if not even:
             from scipy.interpolate import CubicSpline  # takes long to load
 
             own = CubicSpline(found, own)(frequency)
-        if self.condition.level_v:
-            own = own + added(motor, frequency, self.connection, self.condition.level_v)
-        return np.concatenate([own.real, own.imag])
+        return np.asarray(own, dtype=complex)
 
 
+_FAR_FACTOR = 2.0
 _FINE = 4001  # points of a sweep from which a spectrum with uneven frequencies is interpolated
 
 
@@ -122,7 +141,6 @@ class Predictor:
     shift: Array | None = None  # of the values at the points by ngspice at fine steps; NaN where it has none
     reference: Prediction | None = None  # by ngspice, where the shift was taken last
     _balanced: bool | None = field(default=None, init=False)  # whether harmonic balance is the fast model
-    _admittances: dict[tuple[int, str], Array] = field(default_factory=dict, init=False)  # by band and bench
 
     @property
     def measured(self) -> Array:
@@ -132,8 +150,12 @@ class Predictor:
 
     @property
     def errors(self) -> Array:
-        """Their standard errors."""
-        parts = [band.errors for band in self.bands]
+        """Their standard errors, since the last :meth:`refine` with the magnitudes of the spectra predicted there."""
+        parts, place = [], len(self.points.values) if self.points else 0
+        for band in self.bands:
+            end = place + len(band.measured)
+            parts.append(band.errors(self.reference.values[place:end] if self.reference else None))
+            place = end
         return np.concatenate([self.points.errors, *parts] if self.points else parts)
 
     def changes(self, x: Array) -> dict[str, float]:
@@ -193,7 +215,7 @@ class Predictor:
         self.progress(self.solved)
         by_owner = dict(zip(owners, states, strict=True))
         found = [
-            self._prediction(number, motor, self.thermal(x), by_owner)
+            self._prediction(number, motor, self.thermal(x), by_owner, fine)
             for number, (motor, x) in enumerate(zip(motors, vectors, strict=True))
         ]
         if self.shift is None or fine:
@@ -229,6 +251,7 @@ class Predictor:
         motor: OperatingPoint | None,
         thermal: Thermal,
         states: Mapping[tuple[int, int], SteadyState | BalancedState | None],
+        fine: bool,
     ) -> Prediction:
         if motor is None:
             return Prediction(np.full(len(self.measured), np.nan))
@@ -240,23 +263,10 @@ class Predictor:
                 measured_of(_values(own[row]), quantity) if _sound(own[row]) else np.nan
                 for row, quantity in zip(self.points.rows, self.points.quantities, strict=True)
             ]))  # fmt: skip
-        parts += [self._admittance(place, motor.motor, thermal) for place in range(len(self.bands))]
+        parts += [_admittance(band, motor.motor, thermal, fine) for band in self.bands]
         solutions = tuple(state.solution if state and _sound(state) else None for state in own)
         kept = tuple(replace(state, solution=None) for state in own if isinstance(state, SteadyState))
         return Prediction(np.concatenate(parts), solutions, kept)
-
-    def _admittance(self, place: int, motor: Motor, thermal: Thermal) -> Array:
-        """Return a spectrum; one on which a parameter has no influence is computed once."""
-        band = self.bands[place]
-        own = thermal.warmed(motor, band.condition.rise_k) if band.condition.rise_k else motor
-        bench = two_port_bench(own, preloaded=band.state == "preloaded")
-        key = place, str(bench.circuit)
-        if key not in self._admittances:
-            try:
-                self._admittances[key] = band.predicted(own, bench)
-            except SimulationError:
-                self._admittances[key] = np.full(len(band.measured), np.nan)
-        return self._admittances[key]
 
     def jacobian(self, x: Array, here: Prediction, *, central: bool = False) -> Array:
         """Return the derivative of the predicted values; 0 where it is not known.
@@ -276,6 +286,14 @@ class Predictor:
             both = (there - back) / (2.0 * sign * size)
             columns.append(np.where(np.isfinite(both), both, one_sided) if central else one_sided)
         return np.asarray(np.nan_to_num(np.array(columns).T, nan=0.0))
+
+
+def _admittance(band: Band, motor: Motor, thermal: Thermal, fine: bool) -> Array:
+    own = thermal.warmed(motor, band.condition.rise_k) if band.condition.rise_k else motor
+    try:
+        return band.predicted(own, fine=fine)
+    except SimulationError:
+        return np.full(len(band.measured), np.nan)
 
 
 def _sound(state: SteadyState | BalancedState | None) -> bool:
