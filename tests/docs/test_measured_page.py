@@ -152,7 +152,7 @@ def test_the_calibrated_plate_meets_force_and_speed_but_not_the_power() -> None:
         ("electrical power at stall", "power_w"),
     ):
         assert numbers(start)[2] == pytest.approx(found[quantity], rel=0.02)
-    assert any("does not explain the data" in warning for warning in result.warnings)
+    assert any("does not explain the points" in warning for warning in result.warnings)
 
 
 @pytest.mark.soak

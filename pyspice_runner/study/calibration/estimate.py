@@ -351,13 +351,17 @@ class _Judged:
         self.covariance = np.linalg.inv(self.data - wide + np.diag(search.prior**2))
 
     def _fits(self) -> tuple[SetFit, ...]:
-        """Return the fit of points and of each spectrum."""
+        """Return the fit of points, of each spectrum, and of what was known before."""
         predictor = self.search.predictor
         names = [predictor.points.source] if predictor.points else []
         names += [f"{band.spectrum.source or 'the spectrum'} ({band.state})" for band in predictor.bands]
         sizes = [len(predictor.points.values)] if predictor.points else []
         ends = np.cumsum([*sizes, *(len(band.measured) for band in predictor.bands)])
         sets = np.split(np.arange(ends[-1]), ends[:-1])
+        known = [place for place, unknown in enumerate(predictor.unknowns) if unknown.prior is not None]
+        if known:
+            names.append("the priors")
+            sets.append(ends[-1] + np.array(known))
         return fits_of(names, [own[self.known[own]] for own in sets], self.residuals, self.weighted)
 
     def calibration(self, law: str) -> Calibration:

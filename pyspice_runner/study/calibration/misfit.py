@@ -22,6 +22,8 @@ LIKELY = 1e-3  # probability of the least likely of all sets below which the mod
 OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals stay those of the normal
 FAR = 4.0  # standard errors: one normal residual in 16,000 is beyond
 
+FEW = 10  # values, of which one may be a wrong reading
+
 
 @dataclass(frozen=True)
 class SetFit:
@@ -52,7 +54,8 @@ def huber(residuals: Array) -> Array:
 def fits_of(names: Sequence[str], sets: Sequence[Array], residuals: Array, slope: Array) -> tuple[SetFit, ...]:
     """Return the fit of each set.
 
-    A set with one residual beyond :data:`FAR` is judged without it: it may be a wrong reading.
+    A set of :data:`FEW` values and more with one residual beyond :data:`FAR` is judged without it: it may be a wrong
+    reading.
 
     Args:
         names: of the sets.
@@ -64,7 +67,7 @@ def fits_of(names: Sequence[str], sets: Sequence[Array], residuals: Array, slope
     found = []
     for name, own in zip(names, sets, strict=True):
         far = np.abs(residuals[own]) > FAR
-        judged = own[~far] if far.sum() == 1 else own
+        judged = own[~far] if far.sum() == 1 and len(own) >= FEW else own
         left = np.eye(len(judged)) - hat[np.ix_(judged, judged)]
         mean, variance = float(np.trace(left)), 2.0 * float(np.sum(left**2))
         squares = float(huber(residuals[judged]).sum())
