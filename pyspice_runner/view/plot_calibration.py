@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panels of a calibration: values with intervals, residuals, speed–torque curves with bands, and the spectra."""
+"""The panels of a calibration: values with intervals, residuals of each set of data, speed–torque curves, spectra."""
 
 from __future__ import annotations
 
@@ -25,8 +25,11 @@ def calibration(result: Calibration) -> Sheet:
             panels["curves"] = partial(_torques, result)
     start = 0 if result.points is None else len(result.points.values)
     for number, band in enumerate(result.bands, start=1):
-        panels[f"spectrum {number}"] = partial(_spectrum, band, result.predicted[start : start + len(band.measured)])
-        start += len(band.measured)
+        own = slice(start, start + len(band.measured))
+        panels[f"spectrum {number}"] = partial(_spectrum, band, result.predicted[own])
+        residuals = (result.predicted[own] - result.measured[own]) / result.errors[own]
+        panels[f"residuals {number}"] = partial(_spectrum_residuals, band, residuals)
+        start = own.stop
     return Sheet(panels, 2, (5.6, 3.8), f"{result.start.name}, calibrated with {result.sources}")
 
 
@@ -105,4 +108,17 @@ def _spectrum(band: Band, predicted: np.ndarray, ax: Axes) -> None:
     ax.semilogy(at, magnitude.scale * np.hypot(predicted[:half], predicted[half:]), "-", color=VERMILION,
                 label="calibrated")  # fmt: skip
     dress(ax, frequency, magnitude, f"{band.spectrum.source or 'spectrum'}, {band.state}, {band.connection}")
+    ax.legend(fontsize=7)
+
+
+def _spectrum_residuals(band: Band, residuals: np.ndarray, ax: Axes) -> None:
+    """Draw (predicted - measured)/error of both parts of Y over the frequency: noise, unless the model is wrong."""
+    half = len(residuals) // 2
+    frequency = LABELS["frequency_hz"]
+    at = frequency.scale * band.spectrum.frequency_hz
+    for part, name, colour in ((residuals[:half], "real part", BLUE), (residuals[half:], "imaginary part", VERMILION)):
+        ax.plot(at, part, ".", color=colour, ms=3, label=name)
+    ax.axhline(0.0, **AXIS)
+    ax.axhspan(-2.0, 2.0, color="0.92", zorder=0)
+    dress(ax, frequency, "(predicted - measured) / error", f"Residuals, {band.state}; grey: two errors")
     ax.legend(fontsize=7)
