@@ -15,6 +15,7 @@ from pyspice_runner.model.drive import Drive, TwoPhaseDrive, two_phases
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.motor import instantiate
+from pyspice_runner.netlist.networks import CABLE
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import DriveSource
 
@@ -32,8 +33,12 @@ class AveragedDrive:
 
     @classmethod
     def of(cls, drive: Drive | Driver) -> AveragedDrive:
-        """Return what is in front of the averaged motor. Raise ParameterError for a drive with two frequencies."""
+        """Return what is in front of the averaged motor.
+
+        Raise ParameterError for a drive with two frequencies, a cable, or a capacitance of a winding.
+        """
         if isinstance(drive, Driver):
+            _check(drive)
             same = drive.equivalent()
             return cls(TwoPhaseDrive(**two_phases(same)), None if same.network == "none" else same, drive)
         if isinstance(drive, TwoPhaseDrive):
@@ -75,3 +80,17 @@ class AveragedDrive:
     def to_dict(self) -> dict[str, Any]:
         """Return the drive or driver that was given, JSON-ready."""
         return self.given.to_dict() if self.given else DriveSource(self.stage).to_dict()
+
+
+def _check(driver: Driver) -> None:
+    for part in (part for group in GROUPS for part in driver.parts(group)):
+        if part.label == CABLE:
+            raise ParameterError(
+                "Driver: a cable has no averaged model. Leave it out, or use the full motor; its capacitance "
+                "may be added to llcc.parallel_capacitance."
+            )
+        if winding := part.values.get("winding_capacitance", 0.0):
+            raise ParameterError(
+                f"Driver: {part.label}.winding_capacitance = {winding:g} F has no averaged model: it must be 0. "
+                "Set it, or use the full motor."
+            )

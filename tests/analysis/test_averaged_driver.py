@@ -154,6 +154,18 @@ def test_a_controller_sees_the_voltage_behind_the_network_in_both_engines_and_th
     assert ours.voltage_amplitude_v[8] > 1.1 * ours.voltage_amplitude_v[7]  # the step
 
 
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"cable.capacitance": 1e-10}, "a cable has no averaged model"),
+        ({"inductor.winding_capacitance": 1e-11}, "inductor.winding_capacitance = 1e-11 F has no averaged model"),
+    ],
+)
+def test_a_part_that_is_not_averaged_is_an_error(setting: dict[str, float], message: str) -> None:
+    with pytest.raises(pr.ParameterError, match=message):
+        pr.simulate_averaged(MOTOR, INDUCTOR.updated(setting), 0.03)
+
+
 @pytest.mark.soak
 def test_a_loop_behind_an_inductor_is_that_of_the_full_motor() -> None:
     """Both engines print one margin; the small signals of the full motor give it within 2 degrees and 3 % in frequency.
