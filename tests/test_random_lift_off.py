@@ -55,7 +55,7 @@ def test_the_record_shows_newtons_method_in_nine_of_ten_and_none_that_leaves() -
     others = [one for one in counted if one not in newton and (one["stable"] or one.get("periodic"))]
     assert len(newton) >= 9 * len(others)
     page = (ROOT / "docs" / "steady_state.md").read_text(encoding="utf-8")
-    assert f"Of {len(counted)} so far:" in page
+    assert f"Of {len(counted)}:" in page
     assert not [one["index"] for one in counted if one["verdict"].startswith("leaves")]
     assert f"| found by Newton's method from harmonic balance, stable | {len(newton)} |" in page
     assert f"though a long run is periodic | {len(others)} |" in page
