@@ -213,7 +213,7 @@ def _followed(family: _Family, points: int) -> tuple[list[_Node], str]:
         point.trace = traces[0]
         if point.trace is None or beside is None:
             return None
-        point.differentiate(traces[1:])
+        point.differentiate([(point.trace, trace) for trace in traces[1:]])
         if point.failed:
             return None
         family.hashes |= {here[1].effort.hashes()}

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The steady state of a motor behind a driver circuit, whose inductances and capacitances are states like the motor's.
 
-The switching edges are at fixed phases of the drive, but ngspice chooses its steps there, and a small change of the
-state may change them. The derivative of the map is therefore measured at uniform steps, with the stage replaced by the
-harmonics of its output; it neglects how the output of the stage depends on its current. Newton's method with it
-converges linearly, to a fixed point of the map with the stage itself.
+The edges of the control are at fixed phases of the drive; a run starts far from them, and has a point at each. In
+between ngspice chooses its steps, and a small change of the state may change them. The derivative of the map is
+therefore measured in decks whose copies have their steps in common, one of them undisturbed.
 """
 
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -19,12 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.analysis.dynamometer import Block, Dynamometer, ammeter, quantities
-from pyspice_runner.analysis.period_map import CONTACT, PeriodMap, Trace, cores
-from pyspice_runner.analysis.period_means import current
+from pyspice_runner.analysis.period_map import CONTACT, COPIES_PER_DECK, PeriodMap, Trace, cores
+from pyspice_runner.analysis.period_means import current, loads
 from pyspice_runner.analysis.shooting import PERTURBATION, TOLERANCE, Point, Shooting, start_point
+from pyspice_runner.analysis.threads import in_threads
 from pyspice_runner.engine.processes import KeptProcesses
-from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import Tone, TwoPhaseDrive, two_phases
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.model.drive import TwoPhaseDrive, two_phases
 from pyspice_runner.netlist.copies import Copy, Plant, copy_name
 from pyspice_runner.netlist.driven import (
     LEAD,
@@ -42,11 +43,9 @@ from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.operating_point import OperatingPoint
 
 Array = NDArray[np.float64]
-HARMONICS = (1, 2, 3, 5, 7, 9)  # of a stage's output for the derivative
-FADED = 1e-6  # part of the largest singular value below which a state at the start has no influence but by rounding
+FADED = 1e-2  # part of the largest singular value below which a state at the start has faded before the period begins
 ROUGH = 5e-3  # accuracy from which on steps twice as long may do
 SOLVED = 0.1  # of the accuracy, how near to the solution Newton's method ends, but not nearer than elsewhere
-NEUTRAL = 1e-5  # distance of a multiplier from 1 within the error of a derivative by finite differences
 FEWEST_PERIODS = 10  # of the transient from which a curve starts
 SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs if Newton's method fails
 _MORE = 4.5  # steps beyond the period: ngspice 46 shortens the last two of a run
@@ -68,6 +67,11 @@ class DrivenMap(PeriodMap):
         """Leave the subcircuits to :func:`driven_bench`."""
 
     @property
+    def copies_per_deck(self) -> int:
+        """Greatest number of copies in a deck: behind bridges one, whose steps do not depend on other points."""
+        return COPIES_PER_DECK if self.uniform else 1
+
+    @property
     def duration(self) -> float:
         """Length in s of a run over a period."""
         return (1.0 + LEAD) * self.period + (_MORE * self.step if self.uniform else 0.0)
@@ -83,30 +87,32 @@ class DrivenMap(PeriodMap):
         assert isinstance(plant, DrivenPlant)
         names = driven_vectors(plant, instance)
         names += [f"v({instance}.xmotor.{name})" for name in CONTACT if whole]
-        names += [name for name in pin_vectors(instance).values() if whole]
-        return names + [f"v({instance}.out_{group})" for group in GROUPS if whole and not self.uniform]
+        return names + [name for name in pin_vectors(instance).values() if whole]
 
     def _traces(
-        self, copies: Sequence[Copy], names: Sequence[Sequence[str]], raw: Mapping[str, Array], *, whole: bool
+        self,
+        copies: Sequence[Copy],
+        names: Sequence[Sequence[str]],  # noqa: ARG002
+        raw: Mapping[str, Array],
+        *,
+        whole: bool,
     ) -> list[Trace | None]:
         time = raw["time"]
         first, last = self.ends(time) if whole else (len(time) - 1, len(time) - 1)
         even = np.linspace(time[first], time[last], self.steps + 1) if whole else time[-1:]
-        within = slice(first, last + 1)
         traces: list[Trace | None] = []
-        for number, (copy, own) in enumerate(zip(copies, names, strict=True)):
+        for number, copy in enumerate(copies):
             assert isinstance(copy.plant, DrivenPlant)
             states = driven_states(copy.plant, raw, copy_name(number), self.discretisation)
             contact = (
                 [raw[f"v({copy_name(number)}.xmotor.{name})"] for name in CONTACT] if whole else [time] * len(CONTACT)
             )
             rows = [np.interp(even, time, row) for row in (*states, *contact)]
-            outputs = {name[-2]: self._harmonics(time[within], raw[name][within]) for name in own if ".out_" in name}
             named = pin_vectors(copy_name(number)).items() if whole else ()
             pins = {name: np.interp(even, time, raw[vector]) for name, vector in named}
             begun = even + copy.plant.begins * self.period  # since the control of group A had the phase 0
             trace = Trace(begun, np.array(rows[: len(states)]), *rows[len(states) :])
-            traces.append(replace(trace, outputs=outputs, pins=pins))
+            traces.append(replace(trace, pins=pins))
         return traces
 
     def ends(self, time: Array) -> tuple[int, int]:
@@ -114,14 +120,26 @@ class DrivenMap(PeriodMap):
         first = int(np.abs(time - LEAD * self.period).argmin())
         return first, first + self.steps if self.uniform else len(time) - 1
 
-    def _harmonics(self, time: Array, voltage: Array) -> tuple[Tone, ...]:
-        """Return the harmonics of a voltage over a period."""
-        tones = []
-        for number in HARMONICS:
-            wave = np.exp(-2j * pi * number * time / self.period)
-            phasor = 2.0 * np.trapezoid(voltage * wave, time) / self.period
-            tones.append(Tone(float(abs(phasor)), number / self.period, float(np.angle(phasor)) + 0.5 * pi))
-        return tuple(tones)
+    def together(self, decks: Sequence[Sequence[Copy]]) -> list[list[tuple[Trace | None, Trace | None]]]:
+        """Return for each deck the pairs of its first copy, the undisturbed one, and of each other.
+
+        Those of a pair have their steps in common. Where ngspice fails, the deck is divided.
+        """
+
+        def evaluated(copies: Sequence[Copy]) -> list[tuple[Trace | None, Trace | None]]:
+            first, *others = copies
+            try:
+                base, *near = self._run(copies, self.duration, whole=True)
+            except SimulationError as error:
+                if error.deck is None:
+                    raise  # ngspice did not run at all
+                shutil.rmtree(error.deck.parent, ignore_errors=True)
+                half = len(others) // 2
+                parts = (others[:half], others[half:]) if half else ()
+                return [pair for part in parts for pair in evaluated([first, *part])] or [(None, None)]
+            return [(base, one) for one in near]
+
+        return in_threads(evaluated, decks, self.workers)
 
 
 def pin_vectors(copy: str) -> dict[str, str]:
@@ -133,14 +151,10 @@ def pin_vectors(copy: str) -> dict[str, str]:
 
 
 class DrivenShooting(Shooting):
-    """Newton's method with the derivative of the motor behind the harmonics of its stage's output."""
+    """Newton's method with the derivative by copies that share the steps of the undisturbed one."""
 
-    def __init__(self, points: Sequence[Point], period_map: DrivenMap) -> None:
-        super().__init__(points, period_map)
-        self.even = period_map if period_map.uniform else DrivenMap(
-            period_map.period, _EVEN * ceil(period_map.steps / 2 / _EVEN), period_map.timeout, uniform=True,
-            processes=period_map.processes,
-        )  # fmt: skip
+    map: DrivenMap
+    decks = 2  # of a derivative
 
     def _evaluate(self, points: Sequence[Point]) -> None:
         for point, trace in zip(
@@ -159,45 +173,59 @@ class DrivenShooting(Shooting):
 
     def measure(self, points: Sequence[Point]) -> None:
         """Measure the derivatives of points that have a trace."""
-        copies: list[Copy] = []
+        decks = [
+            [Copy(point.plant, state) for state in (point.state, *(point.state + part))]
+            for point in points
+            for part in np.array_split(PERTURBATION * np.diag(point.scale), self.decks)
+        ]
+        found = iter(self.map.together(decks))
         for point in points:
-            plant = point.plant
-            assert isinstance(plant, DrivenPlant)
-            if not plant.driver.uniform:
-                assert point.trace is not None
-                plant = replace(plant, stage=point.trace.outputs)
-            states = np.vstack([point.state, point.state + PERTURBATION * np.diag(point.scale)])
-            copies += [Copy(plant, state) for state in states]
-        traces = self.even.traces(copies)
-        for point in points:
-            count = point.plant.order + 1
-            base, *near = traces[:count]
-            del traces[:count]
-            point.failed = base is None
-            if base is not None:
-                point.differentiate(near, base)
+            point.differentiate([pair for _ in range(self.decks) for pair in next(found)])
 
 
 class DrivenPoint(Point):
-    """A point whose fast states, plates and the capacitance across them, fade between start and period."""
+    """A point with states, as the plates behind a bridge, that fade between the start of the run and the period."""
 
     @property
     def felt(self) -> NDArray[np.bool_]:
-        """All states: those that fade are told by the singular values."""
+        """All states: those that fade are told by their derivatives."""
         return np.ones(self.plant.order, dtype=bool)
 
-    @property
-    def free(self) -> NDArray[np.bool_]:
-        """All states are Newton's unknowns."""
-        return self.felt
-
     def newton_step(self) -> Array:
-        """Return the step of the scaled state that closes the gap, by least squares."""
+        """Return the step of the scaled state that closes the gap, as far as it lasts until the period begins.
+
+        A slider that is not free goes to where it is a period later.
+        """
+        assert isinstance(self.plant, DrivenPlant)
+        assert self.trace is not None
+        free = self.free
+        begun, back, monodromy = self._lasting()
+        left, sizes, right = np.linalg.svd(monodromy - np.eye(len(monodromy)))
+        kept = np.arange(len(sizes)) < len(sizes) - self._still
+        moved = right.T @ np.where(kept, -(left.T @ (begun.T @ self.gap[free])) / np.where(kept, sizes, 1.0), 0.0)
+        step = np.asarray((self.trace.later(self.plant.begins * self.plant.period) - self.state) / self.scale)
+        step[free] = back @ moved
+        return step
+
+    def _lasting(self) -> tuple[Array, Array, Array]:
+        """Return orthogonal directions of the free state at the beginning of the period, in columns, and the rest.
+
+        They are those that the start of the run reaches. The rest is the state at the start that leads to each, and the
+        derivative of the state at the end of the period along them.
+        """
         assert self.at_start is not None
         assert self.at_end is not None
-        left, sizes, right = np.linalg.svd(self.at_end - self.at_start)
-        kept = (sizes > FADED * sizes[0]) & (np.arange(len(sizes)) < len(sizes) - self.sticks)
-        return np.asarray(right.T @ np.where(kept, -(left.T @ self.gap) / np.where(kept, sizes, 1.0), 0.0))
+        free = np.ix_(self.free, self.free)
+        left, sizes, right = np.linalg.svd(self.at_start[free])
+        kept = sizes > FADED * sizes[0]
+        begun, back = left[:, kept], right[kept].T / sizes[kept]
+        return begun, back, begun.T @ self.at_end[free] @ back
+
+    @property
+    def _still(self) -> int:
+        """Number of directions in which the state stays where it is."""
+        assert isinstance(self.plant, DrivenPlant)
+        return self.sticks + self.plant.isolated
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
@@ -205,11 +233,8 @@ class DrivenPoint(Point):
 
         The charge between a capacitor in series and a group has no path away.
         """
-        assert self.at_start is not None
-        assert self.measured_end is not None
-        values = np.linalg.eigvals(self.measured_end @ np.linalg.pinv(self.at_start, rcond=FADED)).astype(complex)
-        values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self.sticks])
-        values = values[np.abs(values - 1.0) > NEUTRAL]
+        values = np.linalg.eigvals(self._lasting()[2]).astype(complex)
+        values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self._still])
         return np.asarray(values[np.argsort(-np.abs(values))])
 
     def _update(self, step: Array, gap: Array) -> None:
@@ -237,11 +262,6 @@ def check_driven(setup: OperatingPoint) -> None:
     if source.own:
         raise ParameterError(
             f"The driver {source.name} is a subcircuit of your own, whose states are not known. {settle}"
-        )
-    if source.kind in ("full-bridge", "push-pull"):
-        raise ParameterError(
-            f"A {source.kind} with its transformer has no steady state by shooting. {settle} Or take "
-            "driver.equivalent(), which leaves out dead time and harmonics."
         )
     if setup.law is None:
         raise ParameterError(f"contact = None is not valid behind a driver. Give a law. {settle}")
@@ -427,4 +447,6 @@ def _quantities(setup: OperatingPoint, point: Point, period_map: DrivenMap) -> d
     means = bench.means({name: end[name] - start[name] for name in end})
     peaks = {group: float(np.abs(found[inside[ammeter(group)]][first : last + 1]).max()) for group in "ab"}
     block = Block(bench, means, peaks, bench.setup.motion(start), bench.setup.motion(end), bench.duration, "")
-    return quantities([block])
+    result = quantities([block])
+    assert point.trace is not None
+    return result | loads(point.plant, point.trace, period_map.discretisation, result["friction_loss_w"])

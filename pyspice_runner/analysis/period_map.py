@@ -24,7 +24,6 @@ from pyspice_runner.analysis.threads import in_threads
 from pyspice_runner.analysis.variation import Course, differentiable
 from pyspice_runner.engine.processes import KeptProcesses
 from pyspice_runner.errors import SimulationError
-from pyspice_runner.model.drive import Tone
 from pyspice_runner.netlist.copies import Copy, Plant, copies_bench, copy_name, motor_texts
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.state import Discretisation
@@ -55,8 +54,6 @@ class Trace:
     contact_state: Array  # switch state, 0 separated, 1 stick, 2 slip
     slider_um: Array  # displacement of the slider, not cut off at its limit, µm
     penetration_um: Array  # penetration, negative where there is a gap, µm
-    # harmonics of the output of a driver's stage, by group, if its steps are not uniform.
-    outputs: Mapping[str, tuple[Tone, ...]] = field(default_factory=dict)
     # voltages and currents of the pins behind a driver, by vectors as v(a) and i(vpin_a).
     pins: Mapping[str, Array] = field(default_factory=dict)
     course: Course | None = field(default=None, repr=False)  # the whole run, if its derivative follows from it
@@ -158,6 +155,11 @@ class PeriodMap:
         return copies_bench([copy], self.discretisation, compiled=self.compiled)
 
     @property
+    def copies_per_deck(self) -> int:
+        """Greatest number of copies in a deck."""
+        return COPIES_PER_DECK
+
+    @property
     def duration(self) -> float:
         """Length in s of a run over a period."""
         return self.period + _LEAD * self.step
@@ -173,9 +175,10 @@ class PeriodMap:
             return []
         self._write(copies)
         workers = self.workers
-        decks = ceil(len(copies) / COPIES_PER_DECK)
+        decks = ceil(len(copies) / self.copies_per_deck)
         least = _FEWEST if whole else 1  # a long run is worth a deck of its own
         decks = max(ceil(decks / workers) * workers if decks > 1 else 1, min(workers, len(copies) // least))
+        decks = min(decks, len(copies))
         parts = [part.tolist() for part in np.array_split(np.arange(len(copies)), decks)]
 
         def evaluated(part: list[int]) -> list[Trace | None]:

@@ -123,6 +123,15 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
     return found
 
 
+def loads(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> dict[str, float]:
+    """Return strain and stress of the ceramic, pressure and wear of the contact; ``loss_w`` is the loss by friction."""
+    greatest, rubbing = float(trace.normal.max()), _rubbing(plant, trace, discretisation, loss_w)
+    return {
+        **strength.peak_of_motion(plant.motor, modal(plant, trace)[0]),
+        **wear.of_contact(plant.motor.contact, greatest, rubbing),
+    }
+
+
 def _rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> float:
     """Return the mean of normal force times slip velocity in W; of other laws than the paper's by their loss.
 

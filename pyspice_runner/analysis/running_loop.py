@@ -106,9 +106,12 @@ def running_loop(
     pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
     impedance = np.vectorize(source.loop_filter.impedance)(2j * pi * frequency)
     gain = -pump * impedance * tracker.gain_hz_per_v * turns
+    # Within the dead time the current sets when the output of a bridge turns. The loop gain leaves out that an edge of
+    # the voltage at the pins, and of the current that answers, may move by its angle.
+    dead_deg = 2.0 * 360.0 * drive.frequency * source.driver.dead_time("a") if source.driver else 0.0
     return crossing(
         tracker, source.loop_filter, frequency, gain,
-        margin_error_deg=degrees(float(np.max(errors / np.abs(turns)))), sensed_phase_deg=sensed,
+        margin_error_deg=degrees(float(np.max(errors / np.abs(turns)))) + dead_deg, sensed_phase_deg=sensed,
     )  # fmt: skip
 
 

@@ -254,20 +254,20 @@ class Point:
         missed = self.gap - gap - (self.at_end - self.at_start) @ step
         self.at_end = self.at_end + np.outer(missed, step) / float(step @ step)
 
-    def differentiate(self, traces: Sequence[Trace | None], base: Trace | None = None) -> None:
-        """Take the derivatives from the traces of the perturbed states, and of the undisturbed one; then the next step.
+    def differentiate(self, pairs: Sequence[tuple[Trace | None, Trace | None]]) -> None:
+        """Take the derivatives from the traces of the undisturbed and of each perturbed state; then the next step.
 
-        For a state that is not felt the point's own trace is given.
+        For a state that is not felt both are the same.
         """
-        base, near = base or self.trace, [trace for trace in traces if trace is not None]
-        if base is None or len(near) < len(traces):
-            self.failed = True
+        both = [(base, trace) for base, trace in pairs if base is not None and trace is not None]
+        self.failed = len(both) < self.plant.order
+        if self.failed:
             return
-        starts = np.array([(trace.states[:, 0] - base.states[:, 0]) / self.scale for trace in near]).T
-        ends = np.array([(trace.states[:, -1] - base.states[:, -1]) / self.scale for trace in near]).T
+        starts = np.array([(trace.states[:, 0] - base.states[:, 0]) / self.scale for base, trace in both]).T
+        ends = np.array([(trace.states[:, -1] - base.states[:, -1]) / self.scale for base, trace in both]).T
         self.at_start, self.at_end = starts / PERTURBATION, ends / PERTURBATION
         self.measured_end, self.measured_at = self.at_end, self.state
-        self.force_slope = np.array([trace.forces - base.forces for trace in near]).T / PERTURBATION
+        self.force_slope = np.array([trace.forces - base.forces for base, trace in both]).T / PERTURBATION
         self.stale = False
         self.step = self.newton_step()
 
@@ -416,7 +416,7 @@ class Shooting:
             point.failed = trace is None
         found = iter(traces[len(points) :])
         for point, felt in new:
-            point.differentiate([next(found) if one else point.trace for one in felt])
+            point.differentiate([(point.trace, next(found) if one else point.trace) for one in felt])
         mapped = [point for point in points if not point.failed]
         for point in mapped:
             if point.at_end is not None:
@@ -455,7 +455,7 @@ class Shooting:
         others = [point for point in points if not point.exact]
         found = iter(self.map.traces([copy for point in others for copy in _perturbed(point)]))
         for point in others:
-            point.differentiate([next(found) if felt else point.trace for felt in point.felt])
+            point.differentiate([(point.trace, next(found) if felt else point.trace) for felt in point.felt])
 
     def search(self) -> None:
         """Solve all points: from a given guess or harmonic balance, then from others, then after a transient.

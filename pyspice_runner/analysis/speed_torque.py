@@ -191,7 +191,7 @@ def _branch(base: OperatingPoint, axes: Mapping[str, Array], follow: str) -> xar
 
 def _way(mode: Method, drive: Drive | Driver) -> Method:
     """Return how the points are measured: a driver whose states are not known settles."""
-    unknown = isinstance(drive, Driver) and (drive.own or drive.kind in ("full-bridge", "push-pull"))
+    unknown = isinstance(drive, Driver) and drive.own
     return "settle" if mode == "hold" or (mode == "steady" and unknown) else mode
 
 

@@ -206,8 +206,8 @@ def steady_state(
 
     Args:
         motor: the motor.
-        drive: the voltages of both groups, or a driver: ideal, linear or half-bridge with any network. The tones of a
-            two-tone drive must have a common period.
+        drive: the voltages of both groups, or a built-in driver with any network. The tones of a two-tone drive must
+            have a common period.
         speed: at which the shaft is held, rad/s; ``None`` leaves it free but for its bearing and the load.
         load_torque: torque in N·m that a load draws from the free shaft.
         contact: law of the contact, as in ``simulate``; ``None`` for a free tip.

@@ -10,37 +10,40 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from math import pi, sin
+from math import asin, pi, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 from PySpice.Spice.Netlist import Circuit, SubCircuit
 
-from pyspice_runner.model.drive import Tone
 from pyspice_runner.netlist.benches import (
     METERED,
     add_meters,
     add_set_speed,
     brake_parts,
     connect_brake,
-    sine,
-    transient_options,
 )
 from pyspice_runner.netlist.copies import Copy, Plant, content_name, copy_name
 from pyspice_runner.netlist.drivers import Driver, add_channels, control_amplitude
 from pyspice_runner.netlist.library import definition_texts
-from pyspice_runner.netlist.networks import passed
+from pyspice_runner.netlist.networks import CABLE, NO_CAPACITOR, passed
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.state import Discretisation, State, motor_states
 
 Array = NDArray[np.float64]
 LEAD = 0.05  # of a period, from the start of a run to that of the period: charges of the transistors settle in it
+ABSTOL = "1e-6"  # A, of a bridge over a period: with a coarser one the period does not repeat well
+ABSTOL_OF_SEVERAL = "1e-5"  # A, of copies whose transistors start without charge: with 1 µA ngspice often fails there
+COMPARATOR_V = 1e-3  # control at which the comparators of bridges are at their limits
 _CANDIDATES = 256  # phases at which a run may start
-_STORE = re.compile(r"^([LC]\w*) (\S+) (\S+) (\{[^}]*\}|\S+) ic=\{(start_\w+)\}$", re.M)
-_DELAY = "start_delay"  # parameter of a half bridge: the control charges a capacitance to 1 V of its sign
+_STORE = re.compile(r"^([LC]\w*) (\S+) (\S+) (?:\{[^}]*\}|\S+) ic=\{(start_\w+)\}$", re.M)
+_PLOTTED = re.compile(r"^B(loss|feed|store)_\w+ .*\n", re.M)  # of a part, powers and energies to plot
+_SECONDARY = "start_secondary"  # parameter of a transformer: the current into its secondary
+_COILS = (_SECONDARY, "start_current", "start_series_current")  # parameters of coils between a stage and a pin
+_DELAY = "start_delay"  # first part of parameters of a bridge: the control charges a capacitance to 1 V of its sign
 
 
 @dataclass(frozen=True)
@@ -81,18 +84,11 @@ class DrivenPlant(Plant):
     """A motor behind a driver. Its states are followed by the plates of both groups and by the driver's stores."""
 
     driver: Driver  # the driver; ``drive`` is the fundamental of its stage
-    # sines that take the place of the power stage of each group, if any; the time is that of the run.
-    stage: Mapping[str, tuple[Tone, ...]] = field(default_factory=dict)
 
     @cached_property
     def bench_name(self) -> str:
         """Name of the subcircuit of motor and driver. Plants with equal values have equal names."""
-        return content_name("driven", self.motor_name, self.driver.model_dump_json(), self.load, self.stage)
-
-    @property
-    def uniform(self) -> bool:
-        """Whether ngspice's steps are uniform, because nothing switches."""
-        return bool(self.stage) or self.driver.uniform
+        return content_name("driven", self.motor_name, self.driver.model_dump_json(), self.load)
 
     @cached_property
     def states(self) -> tuple[State, ...]:
@@ -121,15 +117,40 @@ class DrivenPlant(Plant):
                 instance = part.instance.lower()
                 nodes = channels[f"X{part.instance}"].node_names
                 pins = {"0": "0"} | dict(zip(part.library.pin_names, nodes, strict=True))
-                for device, first, second, value, start in _STORE.findall(part.library.subcircuit):
+                for device, first, second, start in _STORE.findall(part.library.subcircuit):
                     # a capacitance of 1 F stands for a short circuit
-                    if start == _DELAY or (value == "{capacitance}" and part.values.get("capacitance") == 1.0):
-                        continue
-                    if part.values.get(value.strip("{}")) == 0.0:  # no capacitance of a winding
+                    short = start == "start_voltage" and part.values.get("capacitance") == NO_CAPACITOR
+                    no_winding = start == "start_winding" and part.values["winding_capacitance"] == 0.0
+                    follows = start.startswith(_DELAY) or (part.instance, start) in self._in_series
+                    if short or no_winding or follows:
                         continue
                     ends = [str(pins.get(node, f"x{instance}.{node}")) for node in (first, second)]
                     found.append(Store(instance, device.lower(), start, (ends[0], ends[1])))
         return found
+
+    @cached_property
+    def _in_series(self) -> dict[tuple[str, str], str]:
+        """Currents at the start that are those of a later coil of the branch: instance and parameter → signed store."""
+        found: dict[tuple[str, str], str] = {}
+        for group in GROUPS:
+            before: list[tuple[str, str, str]] = []
+            for part in self.driver.parts(group):
+                starts = [name for parameter in part.library.parameters if (name := parameter.name) in _COILS]
+                if starts == [_SECONDARY]:
+                    before = [(part.instance, _SECONDARY, "-")]
+                    continue
+                single = starts and not part.values.get("winding_capacitance")
+                if single:
+                    store = f"{part.instance.lower()}_{'lline' if part.label == CABLE else 'lseries'}"
+                    found |= {(instance, start): f"{sign}{store}" for instance, start, sign in before}
+                before = [*before, (part.instance, starts[0], "")] if single and part.label == "inductor" else []
+        return found
+
+    @property
+    def isolated(self) -> int:
+        """Number of charges that stay: between a group and a capacitance in series with it, without a bleeder."""
+        parts = [part for group in GROUPS for part in self.driver.parts(group) if part.label == "inductor"]
+        return sum(part.values["capacitance"] != NO_CAPACITOR and part.values["bleeder"] >= 1e12 for part in parts)
 
     def store_phasors(self, pins: Mapping[str, complex], currents: Mapping[str, complex]) -> list[complex]:
         """Return the phasors of the stores of a network in a linear steady state; 0 for those of a stage.
@@ -153,13 +174,35 @@ class DrivenPlant(Plant):
     def begins(self) -> float:
         """Phase of group A's control at which a run starts, as a fraction of a period; it is far from the edges."""
         phases = np.arange(_CANDIDATES) / _CANDIDATES
-        edges = np.array([half - self._ahead(group) for group in GROUPS for half in (0.0, 0.5)])
+        edges = []
+        for group in GROUPS:
+            half = 0.5 * self.driver.dead_time(group) * self.driver.frequency  # of the dead time, in periods
+            for sign, level in self._delays(group).values() or ((1.0, 0.0),):
+                edges += [edge + half for edge in self._edges(group, sign, level)]
         distances = np.abs((phases[:, np.newaxis] - edges + 0.5) % 1.0 - 0.5).min(axis=1)
         return float(phases[distances.argmax()] - 0.5 * LEAD)
+
+    def _delays(self, group: str) -> dict[str, tuple[float, float]]:
+        """Return sign and level of the control at which each delay of a bridge switches, by its parameter."""
+        if not self.driver.switched:
+            return {}
+        stage, *_ = self.driver.parts(group)
+        names = [name for parameter in stage.library.parameters if (name := parameter.name).startswith(_DELAY)]
+        return {name: (-1.0 if name.endswith("_n") else 1.0, stage.values.get("level", 0.0)) for name in names}
 
     def _ahead(self, group: str) -> float:
         """Return by what part of a period a group is ahead of group A."""
         return self.driver.phase_deg / 360.0 if group == "b" else 0.0
+
+    def _edges(self, group: str, sign: float, level: float) -> tuple[float, float]:
+        """Return the phases of group A's control, in periods, at which that of a group passes a level up and down."""
+        rise = 0.5 * (sign < 0.0) + asin(level) / (2.0 * pi)
+        return rise - self._ahead(group), rise - self._ahead(group) + 0.5 - asin(level) / pi
+
+    def _switched(self, group: str) -> dict[str, bool]:
+        """Return whether each delay of a bridge is at 1 V as a run starts, by its parameter."""
+        control = sin(2.0 * pi * (self.begins + self._ahead(group)))
+        return {name: sign * control > level for name, (sign, level) in self._delays(group).items()}
 
     def bench_texts(self, discretisation: Discretisation, *, meters: bool) -> dict[str, str]:
         """Return the subcircuit of motor, driver and shaft and those of its parts, by name.
@@ -169,30 +212,43 @@ class DrivenPlant(Plant):
         starts = [*self.start_values(np.zeros(len(self.states)), discretisation)]
         parameters = dict.fromkeys([*starts, *(store.name for store in self.stores)], "0")
         circuit = SubCircuit(self.bench_name, "mark", **parameters)
-        add_channels(circuit, self.driver, dict(zip(GROUPS, METERED, strict=True)), risen=True, stage=not self.stage)
+        add_channels(circuit, self.driver, dict(zip(GROUPS, METERED, strict=True)), risen=True)
         for store in self.stores:
             circuit[f"X{store.instance}"].parameters[store.start] = f"{{{store.name}}}"
+        for (instance, start), current in self._in_series.items():
+            circuit[f"X{instance}"].parameters[start] = f"{{{current}}}"
         self._add_controls(circuit)
         self._add_shaft(circuit, discretisation, meters=meters)
         passed = {name: f"{{{name}}}" for name in starts}
         circuit.X("motor", self.motor_name, "a", "b", circuit.gnd, "shaft", **passed)
-        libraries = [*self.driver.libraries(), *(brake_parts(meters=True) if meters else ())]
-        return definition_texts(*libraries) | self.motor_texts(discretisation) | {self.bench_name: str(circuit).strip()}
+        parts = {name: _PLOTTED.sub("", text) for name, text in definition_texts(*self.driver.libraries()).items()}
+        parts |= definition_texts(*(brake_parts(meters=True) if meters else ()))
+        return parts | self.motor_texts(discretisation) | {self.bench_name: str(circuit).strip()}
 
     def _add_controls(self, circuit: SubCircuit) -> None:
-        """Add the sources of the controls, and those in place of the stage; the supplies rose long ago."""
-        for group, tones in self.stage.items():
-            ends = [f"out_{group}", *(f"out_{group}_{index}" for index in range(1, len(tones))), circuit.gnd]
-            for index, tone in enumerate(tones):
-                circuit.V(f"stage_{group}_{index}", ends[index], ends[index + 1], sine(tone))
+        """Add the sources of the controls, and the state of the delays; the supplies rose long ago."""
         for group in GROUPS:
             begins = self.begins + self._ahead(group)
             amplitude, turned = control_amplitude(self.driver, group), 360.0 * (begins % 1.0)
             control = f"SIN(0 {amplitude!r} {self.driver.frequency!r} 0 0 {turned!r})"
             circuit.V(f"control_{group}", f"control_{group}", circuit.gnd, control)
-            if self.driver.kind == "half-bridge" and not self.stage:
-                sign = 1.0 if sin(2.0 * pi * begins) > 0.0 else -1.0
-                circuit[f"Xstage_{group}"].parameters[_DELAY] = sign
+            for name, above in self._switched(group).items():
+                circuit[f"Xstage_{group}"].parameters[name] = 1.0 if above else -1.0
+                self._add_breakpoints(circuit, group, name)
+
+    def _add_breakpoints(self, circuit: SubCircuit, group: str, delay: str) -> None:
+        """Add a pulse whose corners are those of a bridge's comparator: they make ngspice compute points there.
+
+        Otherwise the time of an edge depends on the steps around it.
+        """
+        sign, level = self._delays(group)[delay]
+        period = self.driver.period
+        rise, fall = (edge * period for edge in self._edges(group, sign, level))
+        half = COMPARATOR_V * period / (2.0 * pi * sqrt(1.0 - level**2))
+        begins = (rise - half - self.begins * period) % period
+        pulse = f"PULSE(0 1 {begins!r} {2.0 * half!r} {2.0 * half!r} {fall - rise - 2.0 * half!r} {period!r})"
+        name = f"edges_{group}{delay.removeprefix(_DELAY)}"
+        circuit.V(name, name, circuit.gnd, pulse)
 
     def _add_shaft(self, circuit: SubCircuit, discretisation: Discretisation, *, meters: bool) -> None:
         """Add what holds or loads the shaft, and the meters, if any."""
@@ -231,7 +287,7 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
     lines, subcircuits, start = [], dict[str, str](), dict[str, float]()
     first = copies[0].plant
     assert isinstance(first, DrivenPlant)
-    if not first.uniform:
+    if not first.driver.uniform:
         lines.append(f"Vmark mark 0 PULSE(0 1 {LEAD * first.driver.period!r} 1n 1n 1 2)")
     lines.append("Rmark mark 0 1")
     for number, copy in enumerate(copies):
@@ -248,5 +304,7 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
         start |= {f"{instance}.xmotor.{node}": float(value) for node, value in nodes.items()}
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name} behind a driver")
     circuit.raw_spice += "\n".join([*subcircuits.values(), *lines]) + "\n"
-    uniform = transient_options(first.motor, first.law)
-    return Bench(circuit, uniform if first.uniform else first.driver.options(first.motor, first.law), start)
+    options = {**first.driver.options(first.motor, first.law)}
+    if not first.driver.uniform:
+        options["abstol"] = ABSTOL if len(copies) == 1 else max(ABSTOL_OF_SEVERAL, options["abstol"], key=float)
+    return Bench(circuit, options, start)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from cmath import rect
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import pi, radians, sqrt
+from math import inf, pi, radians, sqrt
 from typing import Any, Literal, NamedTuple, Self, get_args
 
 from pydantic import Field, PrivateAttr
@@ -71,6 +71,7 @@ SWITCHED_POINTS = 250  # steps in a period of the fastest motion, at least; ngsp
 # Round-off grows with the voltage: at hard edges of 157 V runs end so with an abstol of 1 uA, and not of 16 uA.
 SWITCHED_OPTIONS = {"reltol": "1e-4", "vntol": "1e-5", "method": "trap"}
 ROUND_OFF = 1e-7  # A/V, abstol over the greatest voltage of the stage, but at least that of 10 V
+RINGING_POINTS = 25  # steps in a period of a network's own ringing: the trapezoidal rule makes it 0.5 % longer
 
 
 _SERIES = {"inductor": ("inductance", "resistance"), "llcc": ("series_inductance", "series_resistance")}  # of networks
@@ -191,7 +192,7 @@ class Driver(Stated, Source):
                     f"high; its transistors {self.mosfet}{twice} take {most:g} V, so lower the voltage or choose "
                     f"another one of {', '.join(MOSFETS)}."
                 )
-        dead_time = self._setting("bridge", "dead_time", "a", 200e-9)
+        dead_time = self.dead_time("a")
         longest = LARGEST_DEAD_TIME / self.frequency
         if dead_time > longest:
             raise ParameterError(
@@ -252,6 +253,24 @@ class Driver(Stated, Source):
         """Default number of steps in a period of the fastest motion, of a bridge between its edges."""
         return SWITCHED_POINTS if self.switched else UNIFORM_POINTS
 
+    def ringing_step(self, motor: Motor) -> float:
+        """Return the longest default step in s: :data:`RINGING_POINTS` to a period of what the edges set off.
+
+        It rings in the inductance in series, leakage included, with the capacitances of network and group.
+        """
+        steps = [inf]
+        for group in GROUPS if self.switched else ():
+            inductance, capacitance = self.leakage(group), float(getattr(motor.piezo, f"capacitance_{group}_f"))
+            for part in self.parts(group):
+                if part.label == self.network:
+                    inductance += part.values[_SERIES[part.label][0]]
+                    capacitance += part.values.get("parallel_capacitance", 0.0)
+                    series = part.values.get("series_capacitance", part.values.get("capacitance", inf))
+                    capacitance = 1.0 / (1.0 / capacitance + 1.0 / series)
+            if inductance:
+                steps.append(2.0 * pi * sqrt(inductance * capacitance) / RINGING_POINTS)
+        return min(steps)
+
     @property
     def label(self) -> str:
         """Caption of a figure."""
@@ -287,6 +306,10 @@ class Driver(Stated, Source):
         """Return the voltage in V that a transistor of a bridge bears while it is off."""
         high, low = self.rails(group)
         return (high - low) * (2.0 if self.kind == "push-pull" else 1.0)
+
+    def dead_time(self, group: str) -> float:
+        """Return the dead time in s of a bridge; 0 without one."""
+        return next((part.values["dead_time"] for part in self.parts(group) if part.label == "bridge"), 0.0)
 
     @property
     def transformer_label(self) -> str:
@@ -525,16 +548,13 @@ def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, sou
     add_channels(circuit, driver, pins)
 
 
-def add_channels(
-    circuit: Netlist, driver: Driver, pins: Mapping[str, str], *, risen: bool = False, stage: bool = True
-) -> None:
+def add_channels(circuit: Netlist, driver: Driver, pins: Mapping[str, str], *, risen: bool = False) -> None:
     """Add both channels of a driver, without their subcircuits and the control source, up to the pin of each group.
 
-    If ``risen``, the supplies have risen before the start of the run. ``stage`` adds the power stages and their
-    supplies.
+    If ``risen``, the supplies have risen before the start of the run.
     """
     for group in GROUPS:
-        _add_channel(circuit, driver, group, pins[group], risen=risen, stage=stage)
+        _add_channel(circuit, driver, group, pins[group], risen=risen)
 
 
 def control_amplitude(driver: Driver, group: str) -> float:
@@ -548,7 +568,7 @@ def control_amplitude(driver: Driver, group: str) -> float:
     return driver.amplitude(group) / (gain * driver.ratio(group)) if gain else 1.0
 
 
-def _add_channel(circuit: Netlist, driver: Driver, group: str, pin: str, *, risen: bool, stage: bool) -> None:
+def _add_channel(circuit: Netlist, driver: Driver, group: str, pin: str, *, risen: bool) -> None:
     """Add stage, transformer and network of one group; the pins of the libraries name the nodes."""
     ground, output = circuit.gnd, f"out_{group}"
     back = f"return_{group}" if driver.kind == "full-bridge" else ground
@@ -565,10 +585,9 @@ def _add_channel(circuit: Netlist, driver: Driver, group: str, pin: str, *, rise
         first, *parts = parts
         for rail, volts in zip(RAILS, driver.rails(group), strict=True):
             ramp = f"DC {volts!r}" if risen else f"PWL(0 0 {driver.supply_rise_s!r} {volts!r})"
-            if stage and rail in first.library.pin_names:
+            if rail in first.library.pin_names:
                 circuit.V(f"{rail}_{group}", f"{rail}_{group}", ground, ramp if volts else "DC 0")
-        if stage:
-            add(first, control, output)
+        add(first, control, output)
     circuit.V(f"out_{group}", control if driver.kind == "ideal" else output, line, "DC 0")
     for part in parts:
         after = f"{part.label}_{group}"

@@ -54,6 +54,10 @@ class EventfulDriver(Source):
         """Default number of steps in a period of the fastest motion."""
         return self.driver.points_per_period
 
+    def ringing_step(self, motor: Motor) -> float:
+        """Return the longest default step in s by what rings in the driver."""
+        return self.driver.ringing_step(motor)
+
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
         """Return ngspice's options for a run with the driver."""
         return self.driver.options(motor, law)

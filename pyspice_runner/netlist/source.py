@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from math import inf
 from typing import Any
 
 from PySpice.Spice.Netlist import Circuit
@@ -67,6 +68,10 @@ class Source(ABC):
         step; at 128 it is below 0.1 % of the tip's motion at all reference points of the tests.
         """
         return UNIFORM_POINTS
+
+    def ringing_step(self, motor: Motor) -> float:  # noqa: ARG002
+        """Return the longest default step in s by what rings in the source itself with the motor's capacitances."""
+        return inf
 
     @property
     def vectors(self) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from cmath import rect
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import pi, radians, tan
+from math import inf, pi, radians, tan
 from typing import Any, Literal
 
 import numpy as np
@@ -270,6 +270,10 @@ class TrackedSource(Source):
     def points_per_period(self) -> int:
         """Default number of steps in a period of the fastest motion."""
         return 250 if self.driver and self.driver.switched else 200
+
+    def ringing_step(self, motor: Motor) -> float:
+        """Return the longest default step in s by what rings in the driver."""
+        return self.driver.ringing_step(motor) if self.driver else inf
 
     def measured_period(self, samples: Mapping[str, Any]) -> float:
         """Return the period in s of the oscillator at the end of a run, from its mean frequency over 20 periods."""

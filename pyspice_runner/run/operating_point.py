@@ -157,7 +157,8 @@ class OperatingPoint:
         """Time step in s, the largest where steps are not uniform: the given one, or the default."""
         step, coarsest = self.solver.step, self.coarsest_step
         if step is None:
-            return self.shortest_period / self.source.points_per_period
+            of_motion = self.shortest_period / self.source.points_per_period
+            return min(of_motion, self.source.ringing_step(self.motor))
         if not (isfinite(step) and step > 0.0):
             raise ParameterError(f"step = {step:g} s is not valid: it must be a number > 0 s.")
         if step > coarsest:

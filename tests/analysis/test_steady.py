@@ -304,58 +304,6 @@ def test_the_command_prints_the_state_and_writes_its_period(tmp_path: Path, caps
     assert ".tran" in (tmp_path / "period.cir").read_text(encoding="utf-8")
 
 
-HELD = MOTOR.updated({"mount": None})  # on the mount it settles ten times as slowly
-
-
-@pytest.mark.parametrize("speed", [6.0, pytest.param(None, marks=pytest.mark.soak)])
-def test_an_ideal_driver_has_the_steady_state_of_its_voltages(speed: float | None) -> None:
-    driver = pr.Driver(kind="ideal", voltage=100.0, frequency=46e3, phase_deg=180.0)
-    ours, plain = (pr.steady_state(HELD, one, speed=speed) for one in (driver, DRIVE))
-    assert ours.stable
-    # 0.5 %: one step, where the other is extrapolated over two
-    assert ours.torque_n_m == pytest.approx(plain.torque_n_m, abs=5e-3 * friction_torque(HELD))
-    assert ours.speed_rad_s == pytest.approx(plain.speed_rad_s, rel=5e-3)
-    assert ours.power_a_w == pytest.approx(plain.power_a_w, rel=5e-3)
-    assert ours.current_b_rms_a == pytest.approx(plain.current_b_rms_a, rel=5e-3)
-    assert abs(ours.balance_residual) < 1e-3
-
-
-@pytest.mark.soak  # settling takes a minute
-@pytest.mark.parametrize(
-    ("kind", "network"), [("half-bridge", "llcc"), ("half-bridge", "none"), ("linear", "inductor")]
-)
-def test_behind_a_driver_a_steady_state_is_what_a_run_settles_to(kind: str, network: Any) -> None:
-    driver = pr.Driver(kind=kind, voltage=100.0, frequency=46e3, phase_deg=180.0, network=network)
-    ours = pr.steady_state(HELD, driver, speed=6.0)
-    settled = operating_point(HELD, driver, speed=6.0, mode="settle")
-    assert ours.stable
-    assert settled["settled"]
-    # required: 0.5 %
-    assert ours.torque_n_m == pytest.approx(settled["torque_n_m"], abs=5e-3 * friction_torque(HELD))
-    for name in ("normal_force_n", "power_a_w", "power_b_w", "current_a_rms_a", "current_b_rms_a", "damping_loss_w"):
-        assert getattr(ours, name) == pytest.approx(settled[name], rel=1e-2), name  # settled means to its tolerance
-
-
-@pytest.mark.soak
-@pytest.mark.slow
-def test_a_half_bridge_with_a_filter_has_a_curve_of_steady_states() -> None:
-    driver = pr.Driver(kind="half-bridge", voltage=100.0, frequency=46e3, phase_deg=180.0, network="llcc")
-    curve = pr.speed_torque(HELD, driver, speeds=[6.0])
-    assert json.loads(curve.attrs["method"])[0] in ("newton", "settled")  # the first in ngspice 39, the second in 44
-    # a run of 5.4 ms from rest settles to 11.372 mN·m, which the soak test repeats; required: 0.5 %
-    assert float(curve["torque_n_m"][0]) == pytest.approx(11.372e-3, abs=5e-3 * friction_torque(HELD))
-    assert abs(float(curve["balance_residual"][0])) < 1e-3
-
-
-def test_drivers_without_a_steady_state_by_shooting_are_refused_with_what_to_do() -> None:
-    bridge = pr.Driver(kind="full-bridge", voltage=100.0, frequency=46e3)
-    with pytest.raises(pr.ParameterError, match=r"full-bridge with its transformer has no steady state.*'settle'"):
-        pr.steady_state(HELD, bridge, speed=6.0)
-    half = pr.Driver(kind="half-bridge", voltage=100.0, frequency=46e3)
-    with pytest.raises(pr.ParameterError, match="contact = None is not valid behind a driver"):
-        pr.steady_state(HELD, half, speed=6.0, contact=None)
-
-
 def test_a_contact_that_sticks_at_a_standstill_has_no_unique_torque_and_every_result_says_so() -> None:
     motor = pr.load_motor("andersen2002")
     weak = pr.default_drive(motor).updated({"voltage": 2.0})
