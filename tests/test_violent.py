@@ -28,7 +28,7 @@ def test_a_speed_that_the_accuracy_of_the_tip_does_not_cover_is_said_to_be_inacc
 
 
 def test_a_wrong_estimate_of_the_error_counts_as_silent(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulate, "estimate_errors", lambda *_, **__: Errors(1e-4, 0.0, 0.0, 0.0))
+    monkeypatch.setattr(simulate.CoarserRuns, "errors", lambda *_: Errors(1e-4, 0.0, 0.0, 0.0))
     found = violent.outcome(NAMED, NAME)
     assert found.kind == "silent"
     assert not violent.passes(violent.summary([found], SEED))

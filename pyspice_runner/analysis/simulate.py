@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from math import isfinite, sqrt
 from typing import Any
 
 from pyspice_runner.analysis.dynamometer import delivering
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
+from pyspice_runner.interrupts import held
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
@@ -19,7 +21,7 @@ from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.trackers import Tracker
 from pyspice_runner.netlist.waveforms import Burst, Waveform
 from pyspice_runner.result import Audit
-from pyspice_runner.run.accuracy import COST, TIP, Errors, estimate_errors
+from pyspice_runner.run.accuracy import COST, TIP, CoarserRuns
 from pyspice_runner.run.audit import audit_run
 from pyspice_runner.run.ceramic import ceramic
 from pyspice_runner.run.engines import Engine, on_engine
@@ -148,7 +150,7 @@ def _run(
     recording = setup.recording(started=start == 0.0)
     balanced = signals is None and every == 1
 
-    def waveforms(outcome: Outcome, *, complete: bool) -> Waveforms:
+    def waveforms(outcome: Outcome, *, complete: bool, coarser: CoarserRuns | None = None) -> Waveforms:
         samples = outcome.vectors(every)
         waves = recording.columns(samples, recording.all_columns if signals is None else signals)
         energy: EnergyBalance | None = None
@@ -160,11 +162,10 @@ def _run(
             findings = audit_run(motor, waves, energy, step=setup.step, contact=setup.law is not None)
             if setup.solver.audit and complete:
                 Audit(findings).withhold("run")
-        errors: Errors | None = None
-        interrupted = False
-        if estimate and complete:
+        errors, interrupted = None, False
+        if coarser is not None:
             try:
-                errors = estimate_errors(setup, waves, duration, record_from=start, progress=after)
+                errors = coarser.errors(waves)
             except KeyboardInterrupt:
                 interrupted = True
         window = Window(samples["time"], setup.source.measured_period(samples))
@@ -209,16 +210,22 @@ def _run(
 
     vectors = [*recording.vectors(signals), *setup.source.vectors, *(setup.state_vectors() if signals is None else ())]
     tell = progress_callback(progress, duration * (1.0 + COST if estimate else 1.0)) if progress else None
-    after = (lambda reached: tell(duration + reached)) if tell else None
-    try:
-        outcome = setup.run(duration, vectors, record_from=start, progress=tell, keep_partial=True)
-    except Interrupted as interrupt:
-        if interrupt.partial.result.raw.points < _FEWEST_KEPT:
-            raise KeyboardInterrupt from None
-        partial = waveforms(interrupt.partial, complete=False)
-        reached = f"The run was interrupted at {partial.time_s[-1]:.4g} of {duration:g} s."
-        raise Interrupted(reached, partial) from None
-    return waveforms(outcome, complete=True)
+    recorded = COLUMNS if signals is None else signals
+    beside = CoarserRuns(setup, recorded, duration, record_from=start) if estimate else nullcontext()
+    # an interrupt waits until the coarser runs have ended
+    with held() as listening, beside as coarser:
+        try:
+            with listening():
+                after = (lambda at: tell(at + coarser.reached_s if coarser else at)) if tell else None
+                outcome = setup.run(duration, vectors, record_from=start, progress=after, keep_partial=True)
+        except Interrupted as interrupt:
+            if interrupt.partial.result.raw.points < _FEWEST_KEPT:
+                raise KeyboardInterrupt from None
+            found = waveforms(interrupt.partial, complete=False)
+            ended = f"The run was interrupted at {found.time_s[-1]:.4g} of {duration:g} s."
+            raise Interrupted(ended, found) from None
+        with listening():
+            return waveforms(outcome, complete=True, coarser=coarser)
 
 
 def _delivering(energy: EnergyBalance) -> tuple[str, ...]:

@@ -9,9 +9,12 @@ by varying amounts, so that the absolute changes of a mean are added.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Collection, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from math import sqrt
+from threading import Event
 
 import numpy as np
 
@@ -37,51 +40,89 @@ class Errors:
     seconds: float  # wall time in s that ngspice took for the estimate
 
 
-def estimate_errors(
-    setup: OperatingPoint,
-    waves: Mapping[str, Array],
-    duration: float,
-    *,
-    record_from: float = 0.0,
-    progress: Callable[[float], object] | None = None,
-) -> Errors | None:
-    """Estimate the errors of a run from two more runs with coarser steps; ``None`` if those runs fail.
+class CoarserRuns:
+    """The runs with twice and four times the step, in a thread beside the run whose error they tell.
 
-    ``progress`` is called with the simulated time in s of the two runs, up to 0.75 times the duration in total.
+    They end with the block of a ``with`` statement, whether they are complete or not.
     """
-    names = [name for name in JUDGED if name in waves]
-    coarser: list[Mapping[str, Array]] = []
-    seconds = 0.0
-    for factor, before in ((2.0, 0.0), (4.0, 0.5 * duration)):
-        if factor * setup.step > setup.coarsest_step:
-            break
-        trial = setup.with_step(factor * setup.step)
-        recording = trial.recording(started=record_from == 0.0)
-        tell = None if progress is None else lambda at, f=factor, b=before: progress(b + at / f)
-        try:
-            outcome = trial.run(
-                duration, [*recording.vectors(names), *setup.source.vectors], record_from=record_from, progress=tell
-            )
-        except SimulationError:
+
+    def __init__(
+        self,
+        setup: OperatingPoint,
+        names: Collection[str],
+        duration: float,
+        *,
+        record_from: float = 0.0,
+    ) -> None:
+        """Prepare the runs.
+
+        Args:
+            setup: the operating point of the run, with its step.
+            names: columns that the run records.
+            duration: simulated time in s.
+            record_from: begin of the record, s.
+        """
+        self._setup, self._names = setup, [name for name in JUDGED if name in names]
+        self._duration, self._record_from = duration, record_from
+        self.reached_s = 0.0  # COST times the duration at the end
+        self._pool = ThreadPoolExecutor(1)
+        self._ended = Event()
+
+    def __enter__(self) -> CoarserRuns:
+        self._found = self._pool.submit(self._run)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._pool.shutdown()
+
+    def _run(self) -> tuple[list[Mapping[str, Array]], float] | None:
+        """Return the columns of both runs and the wall time in s of ngspice; ``None`` if a run fails."""
+        setup, seconds = self._setup, 0.0
+        coarser: list[Mapping[str, Array]] = []
+        for factor, before in ((2.0, 0.0), (4.0, 0.5 * self._duration)):
+            if factor * setup.step > setup.coarsest_step:
+                break
+            trial = setup.with_step(factor * setup.step)
+            recording = trial.recording(started=self._record_from == 0.0)
+            vectors = [*recording.vectors(self._names), *setup.source.vectors]
+            tell = partial(self._tell, factor, before)
+            try:
+                outcome = trial.run(self._duration, vectors, record_from=self._record_from, progress=tell)
+            except (SimulationError, _Ended):
+                return None
+            seconds += outcome.seconds
+            coarser.append(recording.columns(outcome.vectors(), self._names))
+        return coarser, seconds
+
+    def _tell(self, factor: float, before: float, reached: float) -> None:
+        if self._ended.is_set():
+            raise _Ended
+        self.reached_s = before + reached / factor
+
+    def errors(self, waves: Mapping[str, Array]) -> Errors | None:
+        """Return the errors of a run with these columns; ``None`` if a coarser run fails, or its step is too long."""
+        found = self._found.result()
+        if found is None or not found[0]:
             return None
-        seconds += outcome.seconds
-        samples = outcome.vectors()
-        coarser.append(recording.columns(samples, names))
-    if not coarser:
-        return None
-    rested = record_from == 0.0
-    first = _distance(waves, coarser[0], rested)
-    opens = setup.law is not None and bool((waves.get("normal_force_n", np.ones(1)) <= 0.0).any())
-    second_order = (
-        len(coarser) == 2 and not opens and _distance(coarser[0], coarser[1], rested) >= _SECOND_ORDER * first
-    )
-    speed, force = (_of_mean(name, [waves, *coarser], setup.source.period) for name in JUDGED[2:])
-    return Errors(
-        first / 3.0 if second_order else first,
-        speed,
-        None if force is None else setup.motor.rotor.radius_m * force,
-        seconds,
-    )
+        coarser, seconds = found
+        setup, rested = self._setup, self._record_from == 0.0
+        first = _distance(waves, coarser[0], rested)
+        opens = setup.law is not None and bool((waves.get("normal_force_n", np.ones(1)) <= 0.0).any())
+        second_order = (
+            len(coarser) == 2 and not opens and _distance(coarser[0], coarser[1], rested) >= _SECOND_ORDER * first
+        )
+        speed, force = (_of_mean(name, [waves, *coarser], setup.source.period) for name in JUDGED[2:])
+        return Errors(
+            first / 3.0 if second_order else first,
+            speed,
+            None if force is None else setup.motor.rotor.radius_m * force,
+            seconds,
+        )
+
+
+class _Ended(Exception):
+    """The errors are no longer wanted."""
 
 
 def _of_mean(name: str, runs: list[Mapping[str, Array]], period: float) -> float | None:

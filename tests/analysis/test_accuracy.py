@@ -3,9 +3,13 @@
 
 from __future__ import annotations
 
+from time import monotonic
+
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.run.accuracy import TIP, CoarserRuns
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import Waveforms
 from tests.analysis.test_reference import DURATION, POINTS, Point, trajectory_error, two_phase
 from tests.selection import mostly
@@ -127,3 +131,12 @@ def test_a_weak_drive_has_the_relative_error_of_a_stronger_one(name: str) -> Non
     assert resting == 0.0
     assert weak == pytest.approx(stronger, rel=0.01)
     assert not any("exceeds" in caution for run in runs for caution in run.cautions)
+
+
+def test_coarser_runs_end_soon_where_their_run_ends_early() -> None:
+    point = POINTS["sprung, mostly slip"]
+    setup = OperatingPoint.of(point.motor, point.drive)
+    begun = monotonic()
+    with CoarserRuns(setup, TIP, duration=10.0):  # some 10 min
+        pass
+    assert monotonic() - begun < 20.0
