@@ -45,11 +45,14 @@ MOST_STOPS = 2
 
 
 def presliding(motor: Mapping[str, Any]) -> float:
-    """Return the angle in rad by which the contact gives way before it slips, of a motor as of ``to_dict``."""
+    """Return the angle in rad by which the contact gives way before it slips, of a motor as of ``to_dict``.
+
+    With a slider it is the distance in m.
+    """
     contact = Contact(**motor["contact"])
     limit = contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
     limit += contact.tangential_series_compliance_m_per_n * contact.friction * contact.preload_n
-    return float(limit / motor["rotor"]["radius_m"])
+    return float(limit if "slider" in motor else limit / motor["rotor"]["radius_m"])
 
 
 def limit_cycle(

@@ -29,6 +29,7 @@ from tests.selection import mostly
 pytestmark = pytest.mark.xdist_group("impact")
 
 GROSS = 2.0 - 1e-9  # all of a brush slips: a sum of its cells, to rounding
+ROUNDING = 1e-9  # of the state: ngspice adds 1e-12 S to its node
 LAWS = tuple(LIBRARIES)
 DURATION = (
     2.9432751  # of a Hertz impact in δ_max/v: 2 ∫ dz/√(1 − z^(5/2)); Johnson, Contact Mechanics, §11.4, prints 2.94
@@ -144,9 +145,9 @@ def test_small_angles_start_in_stick_and_larger_ones_in_slip(law: str) -> None:
 
 def test_at_the_end_every_impact_slips_from_the_edge_inwards() -> None:
     state = rebound("brush", 0.5, 0.3).contact_state[12:-1]
-    assert state[0] == 1.0
+    assert state[0] == pytest.approx(1.0, abs=ROUNDING)
     assert state[-1] > GROSS
-    partial = (state > 1.0) & (state <= GROSS)
+    partial = (state > 1.0 + ROUNDING) & (state <= GROSS)
     assert partial.mean() > 0.2
     slipping = np.flatnonzero(state > GROSS)
     assert np.all(np.diff(slipping) == 1)  # gross slip comes once, at the end

@@ -99,7 +99,8 @@ def test_state_tells_how_much_of_the_contact_slips(amplitude: float) -> None:
     first = (run.time_s > 0.24e-3) & (run.time_s < 0.2495e-3)
     assert run.contact_state[first] == pytest.approx(2.0 - np.sqrt(1.0 - amplitude), abs=1.2 / 32)
     just_back = (run.time_s > 0.2505e-3) & (run.time_s < 0.26e-3)
-    np.testing.assert_array_equal(run.contact_state[just_back], 1.0)  # all sticks after a reversal
+    # all sticks after a reversal; ngspice adds 1e-12 S to the node of the state
+    np.testing.assert_allclose(run.contact_state[just_back], 1.0, rtol=0.0, atol=1e-9)
     slid = loop("brush", 1.4)
     assert np.all(slid.contact_state[(slid.time_s > 0.22e-3) & (slid.time_s < 0.2495e-3)] > 2.0 - 1e-9)
 
