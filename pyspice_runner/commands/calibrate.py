@@ -46,6 +46,10 @@ def calibrate(
         list[str] | None,
         typer.Option(metavar="PATH=PERCENT", help="What is known: the motor's value with this deviation. Repeatable."),
     ] = None,
+    against: Annotated[
+        list[str] | None,
+        typer.Option(metavar="LAW", help="Another law of the contact, to compare how well it fits. Repeatable."),
+    ] = None,
     starts: Annotated[int, typer.Option(help="Number of starts, all but the first within a factor of 2.")] = 1,
     run: RunOptions,
     targets: Targets,
@@ -68,7 +72,8 @@ def calibrate(
         result = pr.calibrate(
             loaded, points, free=[path.strip() for path in free.split(",") if path.strip()],
             spectra=spectra, connection=connection, spectrum_error=spectrum_error, priors=priors,
-            drive=drive.stated(loaded), starts=starts, progress=progress, **run.settings,
+            drive=drive.stated(loaded), against=against or (), starts=starts, progress=progress,
+            **run.settings,
         )  # fmt: skip
     common.caution(result)
     targets.deliver(result, f"{loaded.name}, calibrated with {result.sources}")

@@ -42,7 +42,7 @@ from pyspice_runner.study.calibration.decisive import advice, informations
 from pyspice_runner.study.calibration.misfit import FAR, SetFit, fits_of, huber, misfits, weights_of
 from pyspice_runner.study.calibration.points import DEFAULT_ERROR, read_points
 from pyspice_runner.study.calibration.prediction import SPECTRUM_ERROR, STEP, Band, Prediction, Predictor
-from pyspice_runner.study.calibration.result import Calibration, Estimate
+from pyspice_runner.study.calibration.result import Calibration, Estimate, Rival
 from pyspice_runner.study.calibration.unknowns import THERMAL, unknowns_of
 
 RISE = 3.8415  # of the sum of squares at the end of a 95 % interval: chi-squared with one degree of freedom
@@ -78,6 +78,7 @@ def calibrate(
     priors: Mapping[str, float] | None = None,
     drive: Drive | None = None,
     contact: ContactLaw | None = "spring-slider",
+    against: Sequence[ContactLaw] = (),
     starts: int = 1,
     timeout: float | None = None,
     progress: Callable[[int], None] | None = None,
@@ -96,6 +97,7 @@ def calibrate(
         priors: path of a free parameter → relative standard deviation of its value in ``motor``, as a soft limit.
         drive: conditions that the points do not state; by default the recommended drive.
         contact: law of the contact, as in :func:`~pyspice_runner.simulate`.
+        against: other laws, with which the parameters are calibrated too; ``rivals`` of the result compares them.
         starts: number of starts; all but the first lie within a factor of 2 about the values of ``motor``.
         timeout: wall time in s after which a run of ngspice is ended.
         progress: called with the number of steady states found so far.
@@ -114,25 +116,41 @@ def calibrate(
     if not 0.0 < spectrum_error < 1.0:
         raise ParameterError(f"spectrum_error = {spectrum_error:g} is not valid: it must be a number > 0 and < 1.")
     points = read_points(data, motor.slider is not None) if data is not None else None
-    law = touching_law(contact, "A free tip has no torque.")
+    laws = [touching_law(one, "A free tip has no torque.") for one in (contact, *against)]
     excitation = drive or default_drive(motor)
-    base = OperatingPoint.of(motor, excitation, contact=law, timeout=timeout, audit=False)
-    base = base.with_step(STEP * base.step)
-    for conditions in points.conditions if points else ():
-        base.updated(conditions)  # a wrong path or value is an error now, not a point that is left out
     stated = conditions_of(spectra)
     sizes = scales(motor, connection, [condition for *_, condition in stated])
     unknowns = unknowns_of(motor, excitation, free, priors, sizes)
     if any(one.path.startswith(THERMAL) for one in unknowns) and not any(one.rise_k for *_, one in stated):
         raise ParameterError("A drift takes spectra at temperatures that differ; state that of each spectrum.")
-    predictor = Predictor(
-        base, unknowns, points,
-        tuple(Band.of(spectrum, state, connection, spectrum_error, one) for spectrum, state, one in stated),
-        progress or (lambda _: None),
-    )  # fmt: skip
+    bands = tuple(Band.of(spectrum, state, connection, spectrum_error, one) for spectrum, state, one in stated)
+    predictors = []
+    for law in laws:
+        base = OperatingPoint.of(motor, excitation, contact=law, timeout=timeout, audit=False)
+        base = base.with_step(STEP * base.step)
+        for conditions in points.conditions if points else ():
+            base.updated(conditions)  # a wrong path or value is an error now, not a point that is left out
+        predictors.append(Predictor(base, unknowns, points, bands, progress or (lambda _: None)))
+    found = _calibrated(predictors[0], starts)
+    return replace(found, rivals=tuple(_rival(predictor, starts) for predictor in predictors[1:]))
+
+
+def _calibrated(predictor: Predictor, starts: int) -> Calibration:
     search = _Search(predictor)
     x = search.solved(starts)
-    return _Judged(search, x).calibration(str(law.to_dict()["contact"]))
+    assert predictor.base.law is not None
+    return _Judged(search, x).calibration(str(predictor.base.law.to_dict()["contact"]))
+
+
+def _rival(predictor: Predictor, starts: int) -> Rival:
+    """Return the fit with another law of the contact."""
+    assert predictor.base.law is not None
+    law = str(predictor.base.law.to_dict()["contact"])
+    try:
+        found = _calibrated(predictor, starts)
+    except SimulationError as error:
+        return Rival(law, float("nan"), 0, (), str(error))
+    return Rival(law, found.aicc, found.freedom, tuple(fit.data for fit in misfits(found.fits)))
 
 
 class _Found(Exception):

@@ -23,6 +23,7 @@ from pyspice_runner.study.calibration.prediction import Band, Predictor
 from pyspice_runner.study.calibration.unknowns import THERMAL
 
 NORMAL_95 = 1.959964  # standard errors to each side that hold 95 % of a normal distribution
+DECISIVE = 10.0  # difference in AICc beyond which the other law has no support; Burnham and Anderson, sec. 2.6
 _SAMPLE = 20_000  # cases: the quantile of 95 % is known to 0.3 %
 
 
@@ -44,6 +45,21 @@ class Estimate:
             "value": self.value, "standard_error": self.standard_error, "interval_95": list(self.interval_95),
             "identifiable": self.identifiable, "start": self.start, "unit": self.unit,
         }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Rival:
+    """How another law of the contact fits the same data."""
+
+    law: str
+    aicc: float  # as that of :class:`Calibration`; NaN if it failed
+    freedom: int  # number of values less that of parameters
+    misfits: tuple[str, ...]  # the data that it does not explain
+    failed: str = ""  # why, if it failed
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fit, JSON-ready."""
+        return {"contact": self.law, "aicc": self.aicc, "misfits": list(self.misfits), "failed": self.failed}
 
 
 @dataclass(frozen=True)
@@ -101,6 +117,7 @@ class Calibration(Result):
         scale: by which the standard errors of the data were multiplied; 1 if they were stated.
         warnings: what the data do not decide and what does not fit, one sentence each.
         steady_states: number of steady states that were computed.
+        rivals: how other laws of the contact fit.
     """
 
     estimates: tuple[Estimate, ...]
@@ -126,6 +143,7 @@ class Calibration(Result):
     warnings: tuple[str, ...]
     steady_states: int
     states: tuple[SteadyState, ...]
+    rivals: tuple[Rival, ...] = ()
 
     @property
     def motor(self) -> Motor:
@@ -217,6 +235,7 @@ class Calibration(Result):
             "error_scale": self.scale,
             "fits": [fit.to_dict() for fit in self.fits],
             "aicc": self.aicc,
+            "rivals": [one.to_dict() for one in self.rivals],
             "correlations": self.correlations,
             "steady_states": self.steady_states,
             "points": [
@@ -239,7 +258,18 @@ class Calibration(Result):
             said = f"{one.value:.5g} ± {one.standard_error:.2g}{unit}, 95 %: {low:.4g} to {high:.4g}"
             found[one.path] = said if one.identifiable else f"{said} (not decided by the data)"
         found["RMS residual"] = f"{self.rms_residual:.3g} standard errors, {len(self.measured)} values"
-        return found
+        return found | {f"law {one.law}": self._against(one) for one in self.rivals}
+
+    def _against(self, other: Rival) -> str:
+        """Return a sentence that compares another law of the contact with this one."""
+        if other.failed:
+            return f"failed: {other.failed}"
+        if other.freedom != self.freedom:
+            return f"not comparable: it has {other.freedom - self.freedom:+d} values, where it has a steady state"
+        by = other.aicc - self.aicc
+        told = f"{self.law if by > 0.0 else other.law} fits better by {abs(by):.3g} in AICc"
+        told += "" if abs(by) > DECISIVE else ", which does not decide"
+        return told + (f"; {other.law} does not explain {' and '.join(other.misfits)}" if other.misfits else "")
 
     def columns(self) -> Mapping[str, Array]:
         """Return point, measured and predicted value and residual of each measured value of the points."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +16,21 @@ from pyspice_runner.analysis.steady import steady_states
 from pyspice_runner.cli import run
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.spectra.spectrum import Spectrum
+from pyspice_runner.study.calibration.result import Rival
 from tests import calibration_study as study
 
 SET = "andersen2002-unintended-mode"
 ERRORS = {"torque_n_m": 1e-4, "current_a_rms_a": 4e-4}  # 1 % of their greatest value at this drive
 
 
-def truth_and_points(changes: dict[str, float], speeds: list[float], noise: int | None = None) -> dict[str, Any]:
+def truth_and_points(
+    changes: dict[str, float], speeds: list[float], noise: int | None = None, contact: Any = "spring-slider"
+) -> dict[str, Any]:
     """Columns of measured points of a motor with changed values; with the noise of a seed, or without."""
     motor = pr.load_motor(SET).updated(changes)
     drive = pr.default_drive(motor)
-    states = steady_states([OperatingPoint.of(motor, drive, speed=speed, audit=False) for speed in speeds])
+    points = [OperatingPoint.of(motor, drive, speed=speed, contact=contact, audit=False) for speed in speeds]
+    states = steady_states(points)
     columns: dict[str, Any] = {"speed_rad_s": speeds}
     random = np.random.default_rng(noise)
     for name, error in ERRORS.items():
@@ -52,6 +57,10 @@ def test_one_point_gives_back_the_friction_of_a_motor_that_slips(tmp_path: Path)
     assert found.standard_error == pytest.approx(0.25 * (1e-4 / 0.011) / np.sqrt(2.0), rel=0.3)
     low, high = found.interval_95
     assert (high - low) == pytest.approx(2 * 1.96 * found.standard_error, rel=0.3)
+    rivals = (Rival("brush", result.aicc + 12.0, result.freedom, ("the points",)), Rival("coulomb", 0.0, 1, ()))
+    told = replace(result, rivals=rivals).summary()
+    assert told["law brush"] == "spring-slider fits better by 12 in AICc; brush does not explain the points"
+    assert told["law coulomb"].startswith("not comparable")
     saved = pr.load_motor(result.save(tmp_path / "calibrated.toml"))
     assert saved.contact.friction == pytest.approx(found.value)
     assert "calibrated with the points" in saved.provenance["contact.friction"].note
@@ -93,6 +102,18 @@ def test_spectra_give_back_quality_factors_and_stiffness_and_leave_the_friction_
     told = " ".join(result.warnings)
     assert "do not decide modes.0.quality_factor" in told
     assert "do not decide contact.friction" in told
+
+
+@pytest.mark.soak
+def test_the_law_of_the_measured_motor_fits_best() -> None:
+    columns = truth_and_points({"contact.friction": 0.25}, [0.5, 2.0, 4.0, 6.0, 9.0, 12.0], noise=5, contact="brush")
+    free = ["contact.friction", "modes.*.quality_factor"]
+    result = pr.calibrate(pr.load_motor(SET), columns, free=free, against=["brush"])
+    (brush,) = result.rivals
+    assert brush.freedom == result.freedom
+    assert brush.aicc < result.aicc
+    assert result.summary()["law brush"].startswith("brush fits better by ")
+    assert brush.misfits == ()
 
 
 @pytest.mark.soak
