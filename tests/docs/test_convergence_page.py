@@ -123,5 +123,6 @@ def test_numbers_in_the_text_follow_from_the_motor_and_the_tables() -> None:
     loss = {
         change: float(row["`driver_loss_w`, mW"]) for change, row in by_change.items() if "`driver_loss_w`, mW" in row
     }
-    base, _, default, uniform = loss.values()
+    own, base, _, default, uniform = loss.values()
+    assert f"are {100 * (1 - own / base):.1f} % below those with half of the step" in text
     assert f"{100 * (default / base - 1):.0f} % too high, with uniform steps {100 * (uniform / base - 1):.0f} %" in text
