@@ -51,9 +51,13 @@ def calibrate(
         typer.Option(metavar="LAW", help="Another law of the contact, to compare how well it fits. Repeatable."),
     ] = None,
     starts: Annotated[int, typer.Option(help="Number of starts, all but the first within a factor of 2.")] = 1,
+    resume: Annotated[
+        Path | None,
+        typer.Option(help="JSON file in which an unfinished calibration is kept; if it exists, go on from it."),
+    ] = None,
     run: RunOptions,
     targets: Targets,
-) -> None:
+) -> int:
     """Calibrate parameters against measured points and spectra. Writes .toml (the motor), .json or .csv (residuals).
 
     Each value has a standard error and a 95 % interval; a warning names what the data do not decide, and the
@@ -62,21 +66,27 @@ def calibrate(
     Example: piezomotor calibrate bimodal40 --points points.csv --free contact.friction --output calibrated.toml
     """
     files = [_stated(text) for text in spectrum or ()]
-    targets.check(".toml", ".json", ".csv", inputs=[motor, points, *(file for file, *_ in files)])
+    targets.check(".toml", ".json", ".csv", inputs=[motor, points, resume, *(file for file, *_ in files)])
     loaded = common.load_changed(motor, run.changes)
     read = measured.reader(columns, None)
     spectra = [(read(file), state, conditions) for file, state, conditions in files]
     told = "is not PATH=PERCENT; write it as contact.friction=20%."
     priors = {path: common.percentage("--prior", path, text) for path, text in common.pairs_of("--prior", prior, told)}
-    with common.counting("steady states") as progress:
-        result = pr.calibrate(
-            loaded, points, free=[path.strip() for path in free.split(",") if path.strip()],
-            spectra=spectra, connection=connection, spectrum_error=spectrum_error, priors=priors,
-            drive=drive.stated(loaded), against=against or (), starts=starts, progress=progress,
-            **run.settings,
-        )  # fmt: skip
+    try:
+        with common.counting("steady states") as progress:
+            result = pr.calibrate(
+                loaded, points, free=[path.strip() for path in free.split(",") if path.strip()],
+                spectra=spectra, connection=connection, spectrum_error=spectrum_error, priors=priors,
+                drive=drive.stated(loaded), against=against or (), starts=starts, progress=progress, checkpoint=resume,
+                **run.settings,
+            )  # fmt: skip
+    except KeyboardInterrupt as interrupt:
+        told = str(interrupt) or "nothing was kept; with --resume FILE a calibration can be continued"
+        common.complain(f"piezomotor: interrupted; {told}.")
+        return common.INTERRUPTED
     common.caution(result)
     targets.deliver(result, f"{loaded.name}, calibrated with {result.sources}")
+    return 0
 
 
 def _stated(text: str) -> tuple[Path, State, dict[str, float]]:

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import log, sqrt
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,7 @@ from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spectra.spectrum import Connection
+from pyspice_runner.study.calibration.checkpoint import Checkpoint
 from pyspice_runner.study.calibration.conditions import conditions_of, scales
 from pyspice_runner.study.calibration.decisive import advice, informations
 from pyspice_runner.study.calibration.misfit import FAR, SetFit, fits_of, huber, misfits, weights_of
@@ -82,6 +84,7 @@ def calibrate(
     starts: int = 1,
     timeout: float | None = None,
     progress: Callable[[int], None] | None = None,
+    checkpoint: str | Path | None = None,
 ) -> Calibration:
     """Calibrate parameters of a motor against measured operating points and spectra.
 
@@ -101,12 +104,16 @@ def calibrate(
         starts: number of starts; all but the first lie within a factor of 2 about the values of ``motor``.
         timeout: wall time in s after which a run of ngspice is ended.
         progress: called with the number of steady states found so far.
+        checkpoint: path of a JSON file in which an unfinished calibration is kept. The same calibration, started again
+            with it, goes on there. The file is removed at the end.
 
     Returns:
         The values with standard errors, intervals, correlations and warnings; ``motor`` of it is the calibrated motor.
 
     Raises:
-        ParameterError: for invalid values, unknown paths, or no data.
+        ParameterError: for invalid values, unknown paths, no data, or a ``checkpoint`` that is damaged or belongs to
+            another calibration.
+        KeyboardInterrupt: when interrupted; the message names the ``checkpoint``, if there is one.
         SimulationError: if the motor has no steady state at any of the points, or ngspice fails.
     """
     if data is None and not spectra:
@@ -131,23 +138,24 @@ def calibrate(
         for conditions in points.conditions if points else ():
             base.updated(conditions)  # a wrong path or value is an error now, not a point that is left out
         predictors.append(Predictor(base, unknowns, points, bands, progress or (lambda _: None)))
-    found = _calibrated(predictors[0], starts)
-    return replace(found, rivals=tuple(_rival(predictor, starts) for predictor in predictors[1:]))
+    with Checkpoint(checkpoint, predictors) as kept:
+        searches = [_Search(one, kept.place(law), partial(kept.keep, law)) for law, one in enumerate(predictors)]
+        found = _calibrated(searches[0], starts)
+        return replace(found, rivals=tuple(_rival(search, starts) for search in searches[1:]))
 
 
-def _calibrated(predictor: Predictor, starts: int) -> Calibration:
-    search = _Search(predictor)
-    x = search.solved(starts)
+def _calibrated(search: _Search, starts: int) -> Calibration:
+    predictor, x = search.predictor, search.solved(starts)
     assert predictor.base.law is not None
     return _Judged(search, x).calibration(str(predictor.base.law.to_dict()["contact"]))
 
 
-def _rival(predictor: Predictor, starts: int) -> Rival:
+def _rival(search: _Search, starts: int) -> Rival:
     """Return the fit with another law of the contact."""
-    assert predictor.base.law is not None
-    law = str(predictor.base.law.to_dict()["contact"])
+    assert search.predictor.base.law is not None
+    law = str(search.predictor.base.law.to_dict()["contact"])
     try:
-        found = _calibrated(predictor, starts)
+        found = _calibrated(search, starts)
     except SimulationError as error:
         return Rival(law, float("nan"), 0, (), str(error))
     return Rival(law, found.aicc, found.freedom, tuple(fit.data for fit in misfits(found.fits)))
@@ -164,8 +172,8 @@ class _Found(Exception):
 class _Search:
     """The search for the least sum of squares; every prediction is computed once."""
 
-    def __init__(self, predictor: Predictor) -> None:
-        self.predictor = predictor
+    def __init__(self, predictor: Predictor, kept: Array | None, keep: Callable[[Array], None]) -> None:
+        self.predictor, self.kept, self.keep = predictor, kept, keep  # place of an interrupted search, and its keeper
         self.measured = predictor.measured
         known = [0.0 if unknown.prior is None else 1.0 / unknown.prior for unknown in predictor.unknowns]
         self.stated_priors = int(np.count_nonzero(known))
@@ -191,7 +199,9 @@ class _Search:
         """
         bounds = np.array([unknown.bounds for unknown in self.predictor.unknowns]).T
         x = np.clip(np.zeros(len(self.prior)), bounds[0] + _INSIDE, bounds[1] - _INSIDE)
-        if starts > 1:
+        if self.kept is not None:
+            x = np.clip(self.kept, *bounds)
+        elif starts > 1:
             x = self._best(x, bounds, starts)
         for _ in range(_REFINEMENTS):
             here = self.predictor.refine(x, self.prediction(x))
@@ -200,6 +210,7 @@ class _Search:
                     "The motor has no steady state at any of the measured points with these values. Check drive and "
                     "load of the points with steady_state, start from other values, or give starts = 16."
                 )
+            self.keep(x)
             self.found, self.last, self.way = {x.tobytes(): here}, here, None  # slopes are those of the fast model
             residuals = self.residuals(x)
             self.roots = np.sqrt(weights_of(residuals, max(1.0, _NORMAL * float(np.median(np.abs(residuals))))))
