@@ -41,6 +41,10 @@ def calibrate(
     spectrum_error: Annotated[
         float, typer.Option(help="Relative standard error of a measured admittance.")
     ] = SPECTRUM_ERROR,
+    transient: Annotated[
+        list[Path] | None,
+        typer.Option(help="CSV of a run-up from rest: time_s, speed_rad_s, speed_rad_s_error, voltage, … Repeatable."),
+    ] = None,
     columns: measured.ColumnsOption = None,
     prior: Annotated[
         list[str] | None,
@@ -58,7 +62,7 @@ def calibrate(
     run: RunOptions,
     targets: Targets,
 ) -> int:
-    """Calibrate parameters against measured points and spectra. Writes .toml (the motor), .json or .csv (residuals).
+    """Calibrate parameters against measured points, spectra and run-ups. Writes .toml (motor), .json, .csv (residuals).
 
     Each value has a standard error and a 95 % interval; a warning names what the data do not decide, and the
     measurement that would.
@@ -66,7 +70,8 @@ def calibrate(
     Example: piezomotor calibrate bimodal40 --points points.csv --free contact.friction --output calibrated.toml
     """
     files = [_stated(text) for text in spectrum or ()]
-    targets.check(".toml", ".json", ".csv", inputs=[motor, points, resume, *(file for file, *_ in files)])
+    inputs = [motor, points, resume, *(file for file, *_ in files), *(transient or ())]
+    targets.check(".toml", ".json", ".csv", inputs=inputs)
     loaded = common.load_changed(motor, run.changes)
     read = measured.reader(columns, None)
     spectra = [(read(file), state, conditions) for file, state, conditions in files]
@@ -76,7 +81,8 @@ def calibrate(
         with common.counting("steady states") as progress:
             result = pr.calibrate(
                 loaded, points, free=[path.strip() for path in free.split(",") if path.strip()],
-                spectra=spectra, connection=connection, spectrum_error=spectrum_error, priors=priors,
+                spectra=spectra, connection=connection, spectrum_error=spectrum_error,
+                transients=transient or (), priors=priors,
                 drive=drive.stated(loaded), against=against or (), starts=starts, progress=progress, checkpoint=resume,
                 **run.settings,
             )  # fmt: skip

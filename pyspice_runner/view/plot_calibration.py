@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panels of a calibration: values with intervals, residuals of each set of data, speed–torque curves, spectra."""
+"""The panels of a calibration: values with intervals, residuals of each set of data, curves, spectra, run-ups."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from matplotlib.axes import Axes
 
 from pyspice_runner.study.calibration.prediction import Band
 from pyspice_runner.study.calibration.result import Calibration
+from pyspice_runner.study.calibration.run_up import RunUp
 from pyspice_runner.view.draw import AXIS, Panel, Sheet, dress
-from pyspice_runner.view.style import BLUE, CYCLE, LABELS, VERMILION, label_of
+from pyspice_runner.view.style import BLUE, CYCLE, LABELS, VERMILION, label_of, time_label
 
 _MARKS = "osv^Dx+*"
 
 
 def calibration(result: Calibration) -> Sheet:
-    """Return the values over those at the start, residuals and curves of the points, and each spectrum."""
+    """Return the values over those at the start, residuals and curves of the points, each spectrum and run-up."""
     panels: dict[str, Panel] = {"values": partial(_values, result)}
     if result.points is not None:
         panels["residuals"] = partial(_residuals, result)
@@ -29,6 +30,10 @@ def calibration(result: Calibration) -> Sheet:
         panels[f"spectrum {number}"] = partial(_spectrum, band, result.predicted[own])
         residuals = (result.predicted[own] - result.measured[own]) / result.errors[own]
         panels[f"residuals {number}"] = partial(_spectrum_residuals, band, residuals)
+        start = own.stop
+    for number, run_up in enumerate(result.run_ups, start=1):
+        own = slice(start, start + len(run_up.measured))
+        panels[f"run-up {number}"] = partial(_run_up, run_up, result.predicted[own], result.start.slider is not None)
         start = own.stop
     return Sheet(panels, 2, (5.6, 3.8), f"{result.start.name}, calibrated with {result.sources}")
 
@@ -95,6 +100,17 @@ def _torques(result: Calibration, ax: Axes) -> None:
         measured, errors = torque.scale * points.values[places], torque.scale * points.errors[places]
         ax.errorbar(speed, measured, errors, fmt=".", color=colour, ms=4, lw=0.8)
     dress(ax, along, torque, "Curves: measured, calibrated with 95 % band")
+    ax.legend(fontsize=7)
+
+
+def _run_up(run_up: RunUp, predicted: np.ndarray, linear: bool, ax: Axes) -> None:
+    """Draw the speed over time as measured, with its errors, and as predicted."""
+    time, speed = time_label(float(run_up.time_s[-1])), label_of("rotor_speed_rad_s", linear)
+    at = time.scale * run_up.time_s
+    ax.errorbar(at, speed.scale * run_up.measured, speed.scale * run_up.errors, fmt=".", color=BLUE, ms=3, lw=0.6,
+                label="measured")  # fmt: skip
+    ax.plot(at, speed.scale * predicted, "-", color=VERMILION, label="calibrated", zorder=3)
+    dress(ax, time, speed, run_up.source)
     ax.legend(fontsize=7)
 
 

@@ -100,6 +100,7 @@ def _content(predictor: Predictor) -> dict[str, object]:
         "conditions": [[points.conditions, points.rows, points.quantities]] if points else [],
         "spectra": [[band.spectrum.frequency_hz, band.state, band.connection, band.error, vars(band.condition)]
                     for band in predictor.bands],
+        "run_ups": [[own.conditions, own.time_s] for own in predictor.run_ups],
         "measured": predictor.measured,
         "errors": predictor.errors,
     }  # fmt: skip

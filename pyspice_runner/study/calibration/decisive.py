@@ -38,13 +38,15 @@ def informations(predictor: Predictor, x: Array) -> dict[str, Array]:
                 rows = tuple(range(len(points)))
                 one = np.ones(len(rows))
                 own = replace(points, rows=rows, quantities=(name,) * len(rows), values=one, errors=one)
-                candidates[f"{words} at the same points"] = replace(predictor, points=own, bands=(), shift=None)
+                candidates[f"{words} at the same points"] = replace(
+                    predictor, points=own, bands=(), run_ups=(), shift=None
+                )
     for state, words in _SPECTRA.items():
         if state not in [band.state for band in predictor.bands]:
             frequency = _frequencies(predictor)
             flat = Spectrum.from_admittance(frequency, np.ones(len(frequency), complex))
             band = Band.of(flat, state, "A", SPECTRUM_ERROR)  # type: ignore[arg-type]
-            candidates[words] = replace(predictor, points=None, bands=(band,), shift=None)
+            candidates[words] = replace(predictor, points=None, bands=(band,), run_ups=(), shift=None)
     return {words: _information(candidate, x) for words, candidate in candidates.items()}
 
 
@@ -85,6 +87,6 @@ def advice(place: int, known: Array, further: Mapping[str, Array], enough: float
     if not best or errors[best] > enough:
         return (
             "No further quantity at the measured points and no spectrum decides it: measure torque and current over "
-            "speed at other voltages, frequencies or preloads, or leave it out of free."
+            "speed at other voltages, frequencies or preloads, a run-up from rest, or leave it out of free."
         )
     return f"To decide it, measure {best}: its standard error would be {100.0 * errors[best]:.2g} %."

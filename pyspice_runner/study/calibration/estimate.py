@@ -45,6 +45,7 @@ from pyspice_runner.study.calibration.misfit import FAR, SetFit, fits_of, huber,
 from pyspice_runner.study.calibration.points import DEFAULT_ERROR, read_points
 from pyspice_runner.study.calibration.prediction import SPECTRUM_ERROR, STEP, Band, Prediction, Predictor
 from pyspice_runner.study.calibration.result import Calibration, Estimate, Rival
+from pyspice_runner.study.calibration.run_up import run_ups
 from pyspice_runner.study.calibration.unknowns import THERMAL, unknowns_of
 
 RISE = 3.8415  # of the sum of squares at the end of a 95 % interval: chi-squared with one degree of freedom
@@ -77,6 +78,7 @@ def calibrate(
     spectra: SkipValidation[Sequence[tuple[Any, ...]]] = (),
     connection: Connection = "A",
     spectrum_error: float = SPECTRUM_ERROR,
+    transients: SkipValidation[Sequence[Any]] = (),
     priors: Mapping[str, float] | None = None,
     drive: Drive | None = None,
     contact: ContactLaw | None = "spring-slider",
@@ -86,7 +88,7 @@ def calibrate(
     progress: Callable[[int], None] | None = None,
     checkpoint: str | Path | None = None,
 ) -> Calibration:
-    """Calibrate parameters of a motor against measured operating points and spectra.
+    """Calibrate parameters of a motor against measured operating points, spectra and run-ups.
 
     Args:
         motor: the motor, with the values to start from.
@@ -97,6 +99,7 @@ def calibrate(
             ``{"temperature": °C, "level": V}``, or one of these, where it is known (:mod:`.conditions`).
         connection: of the groups in the spectra.
         spectrum_error: standard error of a measured admittance, relative to its magnitude.
+        transients: measured run-ups from rest, each a table like ``data`` with ``time_s`` (:mod:`.run_up`).
         priors: path of a free parameter → relative standard deviation of its value in ``motor``, as a soft limit.
         drive: conditions that the points do not state; by default the recommended drive.
         contact: law of the contact, as in :func:`~pyspice_runner.simulate`.
@@ -116,13 +119,14 @@ def calibrate(
         KeyboardInterrupt: when interrupted; the message names the ``checkpoint``, if there is one.
         SimulationError: if the motor has no steady state at any of the points, or ngspice fails.
     """
-    if data is None and not spectra:
-        raise ParameterError("There is nothing to calibrate against: give measured points, spectra, or both.")
+    if data is None and not spectra and not transients:
+        raise ParameterError("There is nothing to calibrate against: give measured points, spectra or transients.")
     if not 1 <= starts <= 64:
         raise ParameterError(f"starts = {starts} is not valid: it must be a whole number from 1 to 64.")
     if not 0.0 < spectrum_error < 1.0:
         raise ParameterError(f"spectrum_error = {spectrum_error:g} is not valid: it must be a number > 0 and < 1.")
     points = read_points(data, motor.slider is not None) if data is not None else None
+    moving = run_ups(transients, motor.slider is not None)
     laws = [touching_law(one, "A free tip has no torque.") for one in (contact, *against)]
     excitation = drive or default_drive(motor)
     stated = conditions_of(spectra)
@@ -137,7 +141,9 @@ def calibrate(
         base = base.with_step(STEP * base.step)
         for conditions in points.conditions if points else ():
             base.updated(conditions)  # a wrong path or value is an error now, not a point that is left out
-        predictors.append(Predictor(base, unknowns, points, bands, progress or (lambda _: None)))
+        for one in moving:
+            one.check(base)
+        predictors.append(Predictor(base, unknowns, points, bands, progress or (lambda _: None), run_ups=moving))
     with Checkpoint(checkpoint, predictors) as kept:
         searches = [_Search(one, kept.place(law), partial(kept.keep, law)) for law, one in enumerate(predictors)]
         found = _calibrated(searches[0], starts)
@@ -380,12 +386,13 @@ class _Judged:
         self.covariance = np.linalg.inv(self.data - wide + np.diag(search.prior**2))
 
     def _fits(self) -> tuple[SetFit, ...]:
-        """Return the fit of points, of each spectrum, and of what was known before."""
+        """Return the fit of points, of each spectrum and run-up, and of what was known before."""
         predictor = self.search.predictor
         names = [predictor.points.source] if predictor.points else []
         names += [f"{band.spectrum.source or 'the spectrum'} ({band.state})" for band in predictor.bands]
         sizes = [len(predictor.points.values)] if predictor.points else []
-        ends = np.cumsum([*sizes, *(len(band.measured) for band in predictor.bands)])
+        names += [one.source for one in predictor.run_ups]
+        ends = np.cumsum([*sizes, *(len(one) for one in predictor.compared)])
         sets = np.split(np.arange(ends[-1]), ends[:-1])
         known = [place for place, unknown in enumerate(predictor.unknowns) if unknown.prior is not None]
         if known:
@@ -416,7 +423,8 @@ class _Judged:
         kept, own = self.residuals[:count], self.slope[:count]
         return Calibration(
             estimates=tuple(estimates), start=predictor.base.motor, calibrated=changed, law=law,
-            points=predictor.points, bands=predictor.bands, predicted=self.here.values, measured=search.measured,
+            points=predictor.points, bands=predictor.bands, run_ups=predictor.run_ups,
+            predicted=self.here.values, measured=search.measured,
             predicted_errors=np.sqrt(np.einsum("ij,jk,ik->i", own, self.covariance, own)) * search.errors,
             errors=search.errors, correlations=correlations, covariance=self.covariance, coordinates=self.x,
             ends=tuple(side.x for side in sides if not side.open),
@@ -463,7 +471,7 @@ class _Judged:
         if missing:
             found.append(
                 f"{missing} of {count} measured values were left out: the calibrated motor has no stable steady state "
-                "there, or its contact sticks throughout."
+                "there, its contact sticks throughout, or its averaged motor does not run."
             )
         if self.freedom < 1:
             found.append(

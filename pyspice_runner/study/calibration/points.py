@@ -12,7 +12,7 @@ without a value is not measured, or keeps the condition of the drive. A heading 
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -61,26 +61,45 @@ def read_points(data: str | Path | Mapping[str, Any] | Any, motor_is_linear: boo
         ParameterError: for an unreadable file, an unknown column, a value that is not a number, or an error that is not
             above zero.
     """
+    return _checked(*read_columns(data, motor_is_linear))
+
+
+def read_columns(
+    data: str | Path | Mapping[str, Any] | Any, linear: bool, *, name: str = "the points",
+    further: Sequence[str] = (), most: int = MOST_POINTS,
+) -> tuple[str, dict[str, list[float]]]:  # fmt: skip
+    """Return the name of a table and its columns in SI units under the names of a rotor, NaN for an empty cell.
+
+    Args:
+        data: as of :func:`read_points`.
+        linear: whether the columns may be those of a slider.
+        name: of a table that is not a file.
+        further: columns that it may have beside those of points.
+        most: greatest number of rows.
+
+    Raises:
+        ParameterError: as :func:`read_points`.
+    """
     if isinstance(data, str | Path):
         source, columns = Path(data).name, _columns(Path(data))
     else:
-        source = "the points"
+        source = name
         table = data if isinstance(data, Mapping) else getattr(data, "to_dict", lambda _: None)("list")
         if not isinstance(table, Mapping):
             raise ParameterError(
                 f"data = {quoted(data)} is not a table of points: give the path of a CSV file, a dictionary of columns "
                 "or a pandas table."
             )
-        columns = {str(name): list(np.atleast_1d(np.asarray(values, dtype=object))) for name, values in table.items()}
+        columns = {str(key): list(np.atleast_1d(np.asarray(values, dtype=object))) for key, values in table.items()}
     lengths = {len(values) for values in columns.values()}
-    if len(lengths) != 1 or not 1 <= max(lengths, default=0) <= MOST_POINTS:
+    if len(lengths) != 1 or not 1 <= max(lengths, default=0) <= most:
         raise ParameterError(
             f"{source} has columns of {' and '.join(map(str, sorted(lengths))) or 'no'} points: they must have the "
-            f"same number, from 1 to {MOST_POINTS}."
+            f"same number, from 1 to {most}."
         )
-    numbers = {name: [_number(value, name, row, source) for row, value in enumerate(values, start=1)]
-               for name, values in columns.items()}  # fmt: skip
-    return _checked(source, _named(_scaled(numbers, source), source, linear=motor_is_linear))
+    numbers = {key: [_number(value, key, row, source) for row, value in enumerate(values, start=1)]
+               for key, values in columns.items()}  # fmt: skip
+    return source, _named(_scaled(numbers, source), source, further, linear=linear)
 
 
 def _scaled(columns: Mapping[str, list[float]], source: str) -> dict[str, list[float]]:
@@ -129,14 +148,16 @@ def _number(value: Any, name: str, row: int, source: str) -> float:
     return number
 
 
-def _named(columns: Mapping[str, list[float]], source: str, *, linear: bool) -> dict[str, list[float]]:
+def _named(
+    columns: Mapping[str, list[float]], source: str, further: Sequence[str], *, linear: bool
+) -> dict[str, list[float]]:
     """Return the columns under the names of a rotor. Raise ParameterError for an unknown name."""
-    known = [*_OF_DRIVE, LOAD, *MEASURED, *(LINEAR if linear else ())]
+    known = [*further, *_OF_DRIVE, LOAD, *MEASURED, *(LINEAR if linear else ())]
     found: dict[str, list[float]] = {}
     for name, values in columns.items():
         base = name.removesuffix(ERROR)
         own = LINEAR.get(base, base) if linear else base
-        allowed = MEASURED if base != name else (*_OF_DRIVE, LOAD, *MEASURED)
+        allowed = MEASURED if base != name else (*further, *_OF_DRIVE, LOAD, *MEASURED)
         if own not in allowed and not ("." in own and base == name):
             raise ParameterError(f"{source}: there is no column {quoted(name)}. {did_you_mean(name, known)}")
         own = own + name[len(base) :]
@@ -148,7 +169,9 @@ def _named(columns: Mapping[str, list[float]], source: str, *, linear: bool) -> 
 
 def _checked(source: str, columns: Mapping[str, list[float]]) -> Points:
     count = len(next(iter(columns.values())))
-    conditions = tuple(_conditions({name: values[row] for name, values in columns.items()}) for row in range(count))
+    conditions = tuple(
+        conditions_of_row({name: values[row] for name, values in columns.items()}) for row in range(count)
+    )
     found: list[tuple[int, str, float, float]] = []
     stated = True
     for name in filter(columns.__contains__, MEASURED):
@@ -175,7 +198,7 @@ def _checked(source: str, columns: Mapping[str, list[float]]) -> Points:
     return Points(source, conditions, places, quantities, np.array(values), np.array(errors), stated)
 
 
-def _conditions(row: Mapping[str, float]) -> dict[str, float | None]:
+def conditions_of_row(row: Mapping[str, float]) -> dict[str, float | None]:
     """Return the conditions of a point: path → value. A shaft without a load is held at its speed if there is one."""
     paths = {name: name if "." in name else f"drive.{name}" for name in row if "." in name or name in _OF_DRIVE}
     there: dict[str, float | None] = {path: row[name] for name, path in paths.items() if not np.isnan(row[name])}

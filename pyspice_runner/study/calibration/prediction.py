@@ -34,6 +34,7 @@ from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spectra.spectrum import Connection, Spectrum, State, connect
 from pyspice_runner.study.calibration.conditions import Condition, added
 from pyspice_runner.study.calibration.points import POWER, Points, measured_of
+from pyspice_runner.study.calibration.run_up import RunUp
 from pyspice_runner.study.calibration.unknowns import THERMAL, Unknown
 
 # of a coordinate, for the derivative: by ngspice the torque changes by more than it varies from event to event of a
@@ -118,7 +119,7 @@ _FINE = 4001  # points of a sweep from which a spectrum with uneven frequencies 
 class Prediction:
     """What one motor would show; NaN where it has no steady state."""
 
-    values: Array  # at the measured points, then in the spectra
+    values: Array  # at the measured points, then in the spectra, then of the run-ups
     solutions: tuple[Point | Balance | None, ...] = ()  # of the points
     states: tuple[SteadyState, ...] = ()
 
@@ -130,7 +131,7 @@ class Prediction:
 
 @dataclass
 class Predictor:
-    """The measured points and spectra as a function of the free parameters."""
+    """The measured points, spectra and run-ups as a function of the free parameters."""
 
     base: OperatingPoint  # motor at the start, drive, law and solver
     unknowns: tuple[Unknown, ...]
@@ -140,13 +141,18 @@ class Predictor:
     solved: int = 0  # number of steady states that were computed
     shift: Array | None = None  # of the values at the points by ngspice at fine steps; NaN where it has none
     reference: Prediction | None = None  # by ngspice, where the shift was taken last
+    run_ups: tuple[RunUp, ...] = ()
     _balanced: bool | None = field(default=None, init=False)  # whether harmonic balance is the fast model
 
     @property
     def measured(self) -> Array:
         """All measured values."""
-        parts = [band.measured for band in self.bands]
-        return np.concatenate([self.points.values, *parts] if self.points else parts)
+        return np.concatenate([self.points.values, *self.compared] if self.points else self.compared)
+
+    @property
+    def compared(self) -> list[Array]:
+        """Measured values of each spectrum, then of each run-up."""
+        return [*(band.measured for band in self.bands), *(one.measured for one in self.run_ups)]
 
     @property
     def errors(self) -> Array:
@@ -156,6 +162,7 @@ class Predictor:
             end = place + len(band.measured)
             parts.append(band.errors(self.reference.values[place:end] if self.reference else None))
             place = end
+        parts += [one.errors for one in self.run_ups]
         return np.concatenate([self.points.errors, *parts] if self.points else parts)
 
     def changes(self, x: Array) -> dict[str, float]:
@@ -264,6 +271,7 @@ class Predictor:
                 for row, quantity in zip(self.points.rows, self.points.quantities, strict=True)
             ]))  # fmt: skip
         parts += [_admittance(band, motor.motor, thermal, fine) for band in self.bands]
+        parts += [one.predicted(motor) for one in self.run_ups]
         solutions = tuple(state.solution if state and _sound(state) else None for state in own)
         kept = tuple(replace(state, solution=None) for state in own if isinstance(state, SteadyState))
         return Prediction(np.concatenate(parts), solutions, kept)

@@ -20,6 +20,7 @@ from pyspice_runner.run.waveforms import Array
 from pyspice_runner.study.calibration.misfit import SetFit
 from pyspice_runner.study.calibration.points import Points, read_points
 from pyspice_runner.study.calibration.prediction import Band, Predictor
+from pyspice_runner.study.calibration.run_up import RunUp
 from pyspice_runner.study.calibration.unknowns import THERMAL
 
 NORMAL_95 = 1.959964  # standard errors to each side that hold 95 % of a normal distribution
@@ -105,6 +106,7 @@ class Calibration(Result):
         law: law of the contact.
         points: the measured points; ``None`` without.
         bands: the measured spectra.
+        run_ups: the measured run-ups.
         measured, predicted, errors: all measured values, those of the calibrated motor, and the standard errors.
         predicted_errors: standard errors of the predicted values by those of the parameters.
         correlations, covariance: of the coordinates of the parameters, in the order of ``estimates``.
@@ -126,6 +128,7 @@ class Calibration(Result):
     law: str
     points: Points | None
     bands: tuple[Band, ...]
+    run_ups: tuple[RunUp, ...]
     measured: Array
     predicted: Array
     predicted_errors: Array
@@ -172,7 +175,8 @@ class Calibration(Result):
     def sources(self) -> str:
         """Names of the data."""
         names = [self.points.source] if self.points else []
-        return " and ".join([*names, *(band.spectrum.source or f"a spectrum ({band.state})" for band in self.bands)])
+        names += [band.spectrum.source or f"a spectrum ({band.state})" for band in self.bands]
+        return " and ".join([*names, *(one.source for one in self.run_ups)])
 
     @property
     def aicc(self) -> float:

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measured run-ups: the speed of a free shaft over time from rest, at constant drive and load.
+
+A table has ``time_s`` since the drive came on, ``speed_rad_s`` (of a slider ``speed_m_s``) with ``…_error``, and the
+conditions of measured points (:mod:`.points`): ``voltage``, ``load_torque_n_m``, a path with a dot; constant ones.
+The prediction is that of the averaged motor (:func:`~pyspice_runner.simulate_averaged`). Its time constant of the
+mechanics, inertia over the slope of the torque, decides inertia and bearing, which a shaft held at a speed cannot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pyspice_runner.analysis.averaged import FEWEST_PERIODS, simulate_averaged
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.model.refusal import quoted
+from pyspice_runner.netlist.averaged import check_averaged, require_averaged
+from pyspice_runner.netlist.averaged_driver import AveragedDrive
+from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.waveforms import Array
+from pyspice_runner.study.calibration.points import ERROR, MEASURED, SPEED, conditions_of_row, read_columns
+
+TIME = "time_s"
+FEWEST = 3  # points: two are a line, which any time constant explains
+MOST = 100_000  # rows of a table
+COMPARED = 200  # points of a run-up that are compared, as of a spectrum
+RUN_UP_ERROR = 0.01  # of the greatest speed: an encoder over a short window; above the 0.4 % of the averaged motor
+
+
+@dataclass(frozen=True)
+class RunUp:
+    """A measured run-up: what is compared of it."""
+
+    source: str
+    conditions: dict[str, float | None]  # path → value
+    time_s: Array
+    measured: Array  # rad/s
+    errors: Array  # standard errors, rad/s
+
+    @classmethod
+    def read(cls, data: Any, number: int, linear: bool = False) -> RunUp:
+        """Return the run-up of a table: a CSV file, a dictionary of columns or a pandas table.
+
+        Raises:
+            ParameterError: for a table without time or speed, with fewer than :data:`FEWEST` points, times that do not
+                rise or are before 0, a condition that changes, or an error that is not above zero.
+        """
+        name = f"run-up {number}"
+        source, columns = read_columns(data, linear, name=name, further=(TIME,), most=MOST)
+        wanted = "speed_m_s" if linear else SPEED
+        for column, own in ((TIME, TIME), (SPEED, wanted)):
+            if column not in columns:
+                raise ParameterError(f"{source} has no column {own}: a run-up needs {TIME} and {wanted}.")
+        other = {key: values for key, values in columns.items() if key not in (TIME, SPEED, SPEED + ERROR)}
+        for key, values in other.items():
+            if key in MEASURED or key.endswith(ERROR):
+                raise ParameterError(f"{source}: {key} is not a condition of a run-up. Leave it out.")
+            if len(set(values)) > 1 or np.isnan(values[0]):
+                raise ParameterError(
+                    f"{source}: {key} is not the same number in all rows. A run-up has a constant drive and load: give "
+                    "it one value, and another run-up for another value."
+                )
+        time, speed = np.array(columns[TIME]), np.array(columns[SPEED])
+        there = np.isfinite(speed)
+        if there.sum() < FEWEST:
+            raise ParameterError(f"{source} has {there.sum()} points of speed: a run-up needs at least {FEWEST}.")
+        late = np.flatnonzero(~(np.diff(time) > 0.0))
+        if len(late) or not time[0] >= 0.0:
+            row = int(late[0]) + 1 if len(late) else 0
+            raise ParameterError(
+                f"{source}: {TIME} of point {row + 1} is {time[row]:g}; the times must rise from 0, when the drive "
+                "comes on. Sort the rows, and subtract the time at which it comes on."
+            )
+        greatest = float(np.abs(speed[there]).max())
+        errors = np.array(columns.get(SPEED + ERROR, np.full(len(time), RUN_UP_ERROR * greatest)))
+        if not np.all(errors[there] > 0.0):
+            row = int(np.flatnonzero(there & ~(errors > 0.0))[0])
+            raise ParameterError(
+                f"{source}: {wanted}{ERROR} of point {row + 1} is {quoted(float(errors[row]))}; it must be a number "
+                "> 0."
+                if SPEED + ERROR in columns
+                else f"{source}: the speed is 0 at every point. Give a run-up of a shaft that moves."
+            )
+        rows = np.flatnonzero(there)
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, COMPARED).round().astype(int))]
+        given = conditions_of_row({key: values[0] for key, values in other.items()})
+        return cls(source, given, time[rows], speed[rows], errors[rows])
+
+    def check(self, base: OperatingPoint) -> None:
+        """Raise ParameterError for a law, motor or drive without an averaged model, a wrong condition, a short time."""
+        point = base.updated(self.conditions)
+        check_averaged(point.law)
+        require_averaged(point.motor)
+        stage = AveragedDrive.of(point.drive).stage  # type: ignore[arg-type]
+        least = FEWEST_PERIODS * stage.period
+        if self.time_s[-1] < least:
+            raise ParameterError(
+                f"{self.source} ends at {self.time_s[-1]:g} s: it must last at least {FEWEST_PERIODS} periods of the "
+                f"drive, {least:.3g} s. Times are in s."
+            )
+
+    def predicted(self, motor: OperatingPoint) -> Array:
+        """Return the speed of a motor at the measured times; NaN where the averaged motor fails."""
+        try:
+            point = motor.updated(self.conditions)
+            run = simulate_averaged(
+                point.motor, point.drive, float(self.time_s[-1]), load_torque=point.load.torque,  # type: ignore[arg-type]
+                timeout=point.solver.timeout,
+            )  # fmt: skip
+        except (ParameterError, SimulationError):
+            return np.full(len(self.measured), np.nan)
+        return np.interp(self.time_s, run.curves["time_s"], run.curves["rotor_speed_rad_s"])
+
+
+def run_ups(data: Sequence[Any], linear: bool) -> tuple[RunUp, ...]:
+    """Return the run-ups of tables. Raise ParameterError as :meth:`RunUp.read`."""
+    return tuple(RunUp.read(one, number, linear) for number, one in enumerate(data, start=1))

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Calibration against a run-up of a motor whose inertia and bearing are known, and the tables that it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.cli import run
+from pyspice_runner.study.calibration.run_up import RUN_UP_ERROR, RunUp
+
+SET = "andersen2002-unintended-mode"
+TRUTH = {"rotor.inertia_kg_m2": 1.3e-6, "rotor.bearing_damping_n_m_s": 1.5e-4}
+TIMES = np.linspace(0.2e-3, 10e-3, 60)  # some three time constants of the mechanics
+FAR = 4.0  # standard errors: one in 16,000 of a normal error
+
+
+def measured(run: Any, noise: int) -> dict[str, Any]:
+    """Columns of the run-up of a run, with noise of the default error."""
+    speed = np.interp(TIMES, run.time_s, run.rotor_speed_rad_s)
+    speed += RUN_UP_ERROR * speed.max() * np.random.default_rng(noise).standard_normal(len(speed))
+    return {"time_s": TIMES, "speed_rad_s": speed, "load_torque_n_m": np.full(len(speed), 1e-3)}
+
+
+def truth() -> tuple[pr.Motor, pr.Drive]:
+    motor = pr.load_motor(SET).updated(TRUTH)
+    return motor, pr.default_drive(motor)
+
+
+def test_a_noisy_run_up_gives_back_inertia_and_bearing_and_tells_a_wrong_bearing(tmp_path: Path) -> None:
+    columns = measured(pr.simulate_averaged(*truth(), duration=10e-3, load_torque=1e-3), noise=1)
+    table = tmp_path / "spinup.csv"
+    rows = zip(*columns.values(), strict=True)
+    lines = [",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in rows)]
+    table.write_text("\n".join(lines), encoding="utf-8")
+    result = pr.calibrate(pr.load_motor(SET), free=list(TRUTH), transients=[table])
+    for one in result.estimates:
+        assert one.interval_95[0] < TRUTH[one.path] < one.interval_95[1]
+        # 60 speeds of 1 % error give a time constant to some 1 %, and the damping takes a part of it
+        assert 0.0 < one.standard_error < 0.05 * TRUTH[one.path]
+        assert one.identifiable
+    (fit,) = result.fits
+    assert (fit.data, fit.values) == ("spinup.csv", len(TIMES))
+    assert result.warnings == ()
+    wrong = pr.calibrate(pr.load_motor(SET), free=["rotor.inertia_kg_m2"], transients=[table])
+    assert any("does not explain spinup.csv" in warning for warning in wrong.warnings)
+
+
+@pytest.mark.soak
+def test_a_run_up_of_the_full_motor_gives_back_inertia_and_bearing() -> None:
+    motor, drive = truth()
+    full = pr.simulate(motor, drive, 10e-3, load_torque=1e-3)
+    time = np.linspace(0.2e-3, 10e-3, 200)  # as many as are compared: the least standard error
+    clean = {"time_s": time, "speed_rad_s": np.interp(time, full.time_s, full.rotor_speed_rad_s),
+             "load_torque_n_m": np.full(len(time), 1e-3)}  # fmt: skip
+    for one in pr.calibrate(pr.load_motor(SET), free=list(TRUTH), transients=[clean]).estimates:
+        # the default error covers what the averaged motor leaves out: without noise this is all that is missed
+        assert abs(one.value - TRUTH[one.path]) < one.standard_error
+    result = pr.calibrate(pr.load_motor(SET), free=list(TRUTH), transients=[measured(full, noise=2)])
+    for one in result.estimates:
+        assert abs(one.value - TRUTH[one.path]) < FAR * one.standard_error
+    assert result.warnings == ()
+
+
+@pytest.mark.soak
+def test_the_command_takes_a_run_up_and_draws_it(tmp_path: Path) -> None:
+    table, output, plot = tmp_path / "spinup.csv", tmp_path / "calibrated.toml", tmp_path / "calibrated.png"
+    averaged = pr.simulate_averaged(*truth(), duration=10e-3)
+    speed = np.interp(TIMES, averaged.time_s, averaged.rotor_speed_rad_s)
+    lines = ["time_s,speed_rad_s", *(f"{time:.6g},{value:.6g}" for time, value in zip(TIMES, speed, strict=True))]
+    table.write_text("\n".join(lines), encoding="utf-8")
+    arguments = ["calibrate", SET, "--transient", str(table), "--free", ",".join(TRUTH)]
+    assert run([*arguments, "--output", str(output), "--plot", str(plot)]) == 0
+    found = pr.load_motor(output)
+    # without noise the search ends within 0.3 of standard errors of some 2 %
+    assert found.rotor.inertia_kg_m2 == pytest.approx(TRUTH["rotor.inertia_kg_m2"], rel=0.01)
+    assert "spinup.csv" in found.provenance["rotor.inertia_kg_m2"].note
+    assert plot.stat().st_size > 10_000
+
+
+GOOD = {"time_s": [0.0, 1e-3, 2e-3], "speed_rad_s": [0.0, 1.0, 2.0]}
+
+
+@pytest.mark.parametrize(
+    ("columns", "told"),
+    [
+        ({"time_s": None}, "no column time_s"),
+        ({"speed_rad_s": None}, "no column speed_rad_s"),
+        ({"time_s": [0.0, 2e-3, 1e-3]}, "time_s of point 3 is 0.001; the times must rise"),
+        ({"time_s": [0.0, 1e-3, 1e-3]}, "the times must rise"),
+        ({"time_s": [-1e-3, 1e-3, 2e-3]}, "the times must rise"),
+        ({"time_s": [0.0, float("nan"), 2e-3]}, "the times must rise"),
+        ({"time_s": [0.0, 1e-6, 2e-6]}, "must last at least 10 periods"),
+        ({"speed_rad_s": [0.0, float("nan"), 2.0]}, "has 2 points of speed"),
+        ({"speed_rad_s": [0.0, 0.0, 0.0]}, "the speed is 0 at every point"),
+        ({"speed_rad_s_error": [0.1, 0.0, 0.1]}, "speed_rad_s_error of point 2 is 0; it must be a number > 0"),
+        ({"voltage": [50.0, 60.0, 60.0]}, "voltage is not the same number in all rows"),
+        ({"voltage": [-1e9] * 3}, "voltage"),
+        ({"torque_n_m": [1.0] * 3}, "torque_n_m is not a condition"),
+        ({"tme_s": [1.0] * 3}, "Did you mean 'time_s'?"),
+    ],
+)
+def test_a_bad_run_up_is_refused_with_a_reason(columns: dict[str, Any], told: str) -> None:
+    table = {name: values for name, values in {**GOOD, **columns}.items() if values is not None}
+    with pytest.raises(pr.ParameterError, match=told.replace("?", r"\?")):
+        pr.calibrate(pr.load_motor(SET), free=["rotor.inertia_kg_m2"], transients=[table])
+
+
+def test_a_law_without_an_averaged_motor_takes_no_run_up() -> None:
+    with pytest.raises(pr.ParameterError, match="'brush' has no averaged model"):
+        pr.calibrate(pr.load_motor(SET), free=["rotor.inertia_kg_m2"], transients=[GOOD], contact="brush")
+
+
+def test_a_motor_without_an_averaged_form_takes_no_run_up() -> None:
+    motor = pr.load_motor(SET).updated({"modes.0.softening_per_m2": 1e9})
+    with pytest.raises(pr.ParameterError, match="The averaged motor"):
+        pr.calibrate(motor, free=["rotor.inertia_kg_m2"], transients=[GOOD])
+
+
+def test_a_long_table_is_compared_at_200_points() -> None:
+    time = np.linspace(0.0, 1.0, 5000)
+    found = RunUp.read({"time_s": time, "speed_rad_s": time}, 1)
+    assert len(found.measured) == 200
+    assert found.time_s[[0, -1]] == pytest.approx([0.0, 1.0])
+    assert found.errors == pytest.approx(RUN_UP_ERROR)  # of the greatest speed, 1 rad/s
