@@ -52,6 +52,15 @@ class LoopDesign:
         }
 
 
+def phase_shown_deg(
+    frequency_hz: Array, gain: NDArray[np.complex128], crossover_hz: float, phase_margin_deg: float
+) -> Array:
+    """Return the continuous phase of a loop gain over frequency, which is the margin − 180° at the crossover."""
+    phase = np.degrees(np.unwrap(np.angle(gain)))
+    off = np.interp(crossover_hz, frequency_hz, phase) - (phase_margin_deg - 180.0)
+    return np.asarray(phase - 360.0 * np.round(off / 360.0))
+
+
 def loop_design(tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter) -> LoopDesign:
     """Return the loop gain of a phase-locked loop in front of a resonator alone, for which a filter is designed.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -15,6 +15,9 @@ from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.measured import ColumnsOption, ThroughOption, reader
 from pyspice_runner.commands.options import with_options
 from pyspice_runner.spectra.spectrum import Connection
+
+if TYPE_CHECKING:
+    from pyspice_runner.analysis.tracking import Tracking
 
 
 @with_options
@@ -34,6 +37,10 @@ def report(
     connection: Annotated[Connection, typer.Option(help="Connection of the groups in a one-port measurement.")] = "A",
     columns: ColumnsOption = None,
     through: ThroughOption = None,
+    tracker: Annotated[
+        Literal["pll"] | None,
+        typer.Option(help="Add the loop gain of this tracker: the run of `track`, from rest and with its defaults."),
+    ] = None,
     timeout: common.TimeoutOption = None,
     changes: common.SetOption = None,
     as_json: common.JsonOption = False,
@@ -55,6 +62,10 @@ def report(
         _check_tools()
     excitation = drive.stated(loaded)
     spectrum = reader(columns, through)(measured) if measured else None
+    tracking = None
+    if tracker is not None:
+        tracking = _tracked(loaded, excitation, centred=drive.frequency is None, timeout=timeout)
+        common.caution(tracking)
     with common.points_progress() as progress:
         try:
             result = pr.report(
@@ -65,6 +76,7 @@ def report(
                 levels=common.grid("--levels", levels),
                 measured=spectrum,
                 connection=connection,
+                tracking=tracking,
                 progress=progress,
                 timeout=timeout,
             )
@@ -80,6 +92,23 @@ def report(
 
     table = common.summary_table(result.summary() | ({} if target is None else {"file": str(target)}), "Data sheet")
     common.deliver(result.to_dict(), table, as_json, (target, save), (plot, result.run.plot))
+
+
+def _tracked(
+    motor: pr.Motor, drive: pr.TwoPhaseDrive | pr.TwoToneDrive, *, centred: bool, timeout: float | None
+) -> Tracking:
+    """Return the run of ``piezomotor track`` from rest; ``centred``: about the resonance of the running motor."""
+    from pyspice_runner.commands import track
+
+    if not isinstance(drive, pr.TwoPhaseDrive):
+        raise pr.ParameterError(
+            f"--tracker needs two phases of one tone, and this drive of {motor.name} has two tones. Add --drive "
+            "two-phase, or leave --tracker out."
+        )
+    tone = {name: getattr(drive, name) for name in ("voltage", "frequency", "phase_deg", "ratio_b")}
+    tracker = pr.Tracker(kind="pll", offset=track.START_OFFSET, **tone)
+    with common.busy("The motor runs with the tracker pll"):
+        return pr.track(motor, track.centred(motor, tracker) if centred else tracker, timeout=timeout)
 
 
 def _check_tools() -> None:

@@ -12,6 +12,8 @@ from pyspice_runner.commands import common, drive, options
 from pyspice_runner.commands.driving import recommended_phases
 from pyspice_runner.model.tracking import DisturbanceKind, TrackerKind
 
+START_OFFSET = 0.03  # relative to the centre
+
 
 @options.with_options
 def track(
@@ -81,16 +83,13 @@ def track(
     tone = recommended_phases(loaded, voltage, frequency, phase) | {"ratio_b": ratio_b}
     values = {
         "kind": tracker, **tone, "span": span,
-        "offset": (0.03 if disturb == "start" else 0.0) if offset is None else offset, "target_deg": target,
+        "offset": (START_OFFSET if disturb == "start" else 0.0) if offset is None else offset, "target_deg": target,
         "bandwidth_hz": bandwidth, "period_s": period, "step_hz": step_size, "polarity": -1 if reverse else 1,
         "copies_drift_per_k": pr.Thermal.of(loaded).capacitance_drift_per_k if compensate else 0.0,
     }  # fmt: skip
     chosen = pr.Tracker(**values)
     if frequency is None:
-        from pyspice_runner.analysis.track import running_resonance
-
-        resonance = running_resonance(loaded, chosen, contact=contact != options.NONE)
-        chosen = pr.Tracker(**(values | {"frequency": resonance.resonance_hz}))
+        chosen = centred(loaded, chosen, contact=contact != options.NONE)
     law = options.law_named(contact)
     with common.busy(f"The motor runs with the tracker {tracker}"):
         through = driver and drive.channel(
@@ -104,6 +103,13 @@ def track(
         )  # fmt: skip
     common.caution(found)
     targets.deliver(found, loaded.name)
+
+
+def centred(motor: pr.Motor, tracker: pr.Tracker, *, contact: bool = True) -> pr.Tracker:
+    """Return a tracker with the resonance of the running motor in the middle of its range."""
+    from pyspice_runner.analysis.track import running_resonance
+
+    return tracker.updated({"frequency": running_resonance(motor, tracker, contact=contact).resonance_hz})
 
 
 _OF_TRACKERS: dict[tuple[str, ...], set[str]] = {

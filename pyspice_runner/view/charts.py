@@ -16,6 +16,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from pyspice_runner.analysis.loop import LoopDesign, phase_shown_deg
 from pyspice_runner.datasets import Curves
 from pyspice_runner.model.beam import solve_resonator
 from pyspice_runner.model.motor import Motor, Structure
@@ -35,6 +36,7 @@ TOOL_BAR = 32  # pixels below the chart, where datasheet.css puts the tool bar
 PATH_FRAMES = 120  # of one drive period
 _SWING = 0.07  # of the beam's length: the largest deflection as it is drawn
 _MOST_SHAPES = 6
+_FEW_DECADES = 2.0  # of a logarithmic axis, on which ticks at 2 and 5 have room on a phone
 _MOST_POINTS = 3000  # of a curve over time
 
 
@@ -317,6 +319,42 @@ def electrical(run: Waveforms) -> go.Figure:
     figure.update_xaxes(title_text=str(LABELS["time_us"]), row=2, col=1)
     figure.update_layout(height=460 + TOOL_BAR)
     return figure
+
+
+def loop_gain(loop: LoopDesign) -> go.Figure:
+    """Return magnitude and phase of the loop gain of a tracker over frequency, with its crossover and phase margin."""
+    frequency, at = loop.frequency_hz, loop.crossover_hz
+    phase = phase_shown_deg(frequency, loop.gain, at, loop.phase_margin_deg)
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.08)
+    panels: tuple[tuple[Array, str, str, list[float]], ...] = (
+        (np.abs(loop.gain), "loop gain", "", [1.0]),
+        (phase, "phase in °", "°", [-180.0, loop.phase_margin_deg - 180.0]),
+    )
+    for row, (values, title, unit, marked) in enumerate(panels, start=1):
+        figure.add_scatter(
+            x=_short(frequency), y=_short(values), name="running motor", showlegend=row == 1, mode="lines",
+            line={"color": BLUE}, row=row, col=1, hovertemplate=f"%{{x:.4g}} Hz: %{{y:.4g}}{unit}",
+        )  # fmt: skip
+        figure.add_scatter(
+            x=[at] * len(marked), y=marked, name="crossover and phase margin", showlegend=row == 1,
+            mode="lines+markers", line={"color": VERMILION}, row=row, col=1,
+            hovertemplate=f"%{{x:.4g}} Hz: %{{y:.4g}}{unit}",
+        )  # fmt: skip
+        figure.update_yaxes(title_text=title, row=row, col=1)
+    figure.update_yaxes(_decimal(np.abs(loop.gain)), row=1, col=1)
+    figure.update_xaxes(_decimal(frequency))
+    figure.update_xaxes(title_text="frequency of a modulation in Hz", row=2, col=1)
+    figure.update_layout(height=460 + TOOL_BAR)
+    return figure
+
+
+def _decimal(values: Array) -> dict[str, Any]:
+    """Return a logarithmic axis with ticks at powers of ten, and at 2 and 5 between them where these are few."""
+    low, high = np.log10([values.min(), values.max()])
+    digits = (1, 2, 5) if high - low < _FEW_DECADES else (1,)
+    powers = range(int(np.floor(low)), int(np.ceil(high)) + 1)
+    ticks = [digit * 10.0**power for power in powers for digit in digits]
+    return {"type": "log", "tickvals": ticks, "exponentformat": "power"}
 
 
 def _short(values: Any, precise: bool = False) -> Any:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pyspice_runner.analysis.steady import SteadyState
+from pyspice_runner.analysis.tracking import Tracking
 from pyspice_runner.datasets import Curves
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.export.motor import export_motor
@@ -70,6 +71,7 @@ class Report(Result):
             the bearing stops it.
         measured: a measured spectrum to draw over the computed ones.
         connection: how the groups were connected when it was measured, if it is a one-port.
+        tracking: a run of the motor with a resonance tracker, if the page has one.
         created: when the report was made, ISO 8601.
     """
 
@@ -82,6 +84,7 @@ class Report(Result):
     free: SteadyState | None
     measured: Spectrum | None = None
     connection: Connection = "A"
+    tracking: Tracking | None = None
     created: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
 
     @property
@@ -152,12 +155,14 @@ class Report(Result):
                 for share, curve in self.curves.items()
             ],
             "measured": None if self.measured is None else {"source": self.measured.source},
+            "tracking": None if self.tracking is None else self.tracking.to_dict(),
         }
 
     def decks(self) -> dict[str, str]:
-        """Return file name → text of the decks that were run: the run from rest, and the spectra."""
+        """Return file name → text of the decks that were run: from rest, with a tracker, and the spectra."""
         spectra = {f"admittance_{state}.cir": result.deck or "" for state, result in self.spectra.items()}
-        return {"run.cir": self.run.deck, **spectra}
+        tracked = {} if self.tracking is None else {"track.cir": self.tracking.deck}
+        return {"run.cir": self.run.deck, **tracked, **spectra}
 
     def writers(self) -> dict[str, Callable[[Path], object]]:
         """Return the writers by ending: ``.html``, one self-contained page, and ``.json``.
@@ -183,6 +188,7 @@ class Report(Result):
         """Return motor, drive, key figures and errors."""
         figures = self.key_figures
         best = figures["best_efficiency"]
+        tracked = self.tracking.summary() if self.tracking else {}
         return self._worded({
             "motor": self.motor.name,
             "modes": self.motor.summary()["modes"],
@@ -191,6 +197,7 @@ class Report(Result):
             "no-load speed": engineering(figures["no_load_speed_rad_s"], "rad/s"),
             "best efficiency": "–" if best is None else f"{100.0 * best:.3g} %",
             "electrical power, no load": engineering(figures["electrical_power_w"], "W"),
+            **{name: tracked[name] for name in ("frequency reached", "phase margin") if name in tracked},
             "error by the step": f"{self.discretisation_error['tip_path']:.1e} of the tip's path",
             "energy residual": f"{self.run.energy_residual:.1e}",
         })  # fmt: skip
@@ -215,6 +222,7 @@ def datasheet(report: Report) -> str:
         "curve": charts.speed_torque(report.curves),
         "spin-up": charts.spin_up(report.run),
         "electrical": charts.electrical(report.run),
+        "loop": charts.loop_gain(report.tracking.loop) if report.tracking and report.tracking.loop else None,
     }
     script, style = ((HERE / f"datasheet.{ending}").read_text(encoding="utf-8") for ending in ("js", "css"))
     return rendered(

@@ -17,7 +17,7 @@ from pyspice_runner.analysis.burst import BurstReport
 from pyspice_runner.analysis.control_loop import ControlLoop
 from pyspice_runner.analysis.controlled import ControlledRun
 from pyspice_runner.analysis.drive import DriveReport
-from pyspice_runner.analysis.loop import LoopDesign
+from pyspice_runner.analysis.loop import LoopDesign, phase_shown_deg
 from pyspice_runner.analysis.steady import SteadyState
 from pyspice_runner.analysis.tracking import Tracking
 from pyspice_runner.errors import ParameterError
@@ -167,9 +167,7 @@ def _loop_phase(loop: ControlLoop, ax: Axes) -> None:
 def _bode_phase(ax: Axes, loop: ControlLoop | LoopDesign, gain: NDArray[np.complex128]) -> None:
     """Draw the phase of a loop gain with its margin."""
     shown = loop.frequency_hz > LOWEST_SHOWN * loop.crossover_hz
-    phase = np.unwrap(np.angle(gain[shown]))
-    at = np.interp(loop.crossover_hz, loop.frequency_hz[shown], phase)
-    phase = np.degrees(phase - 2.0 * np.pi * np.round((at - np.radians(loop.phase_margin_deg - 180.0)) / (2.0 * np.pi)))
+    phase = phase_shown_deg(loop.frequency_hz[shown], gain[shown], loop.crossover_hz, loop.phase_margin_deg)
     title = f"Phase margin {loop.phase_margin_deg:.3g}° at {loop.crossover_hz:.4g} Hz"
     label = Label("phase of the loop gain", "degrees")
     draw_lines(ax, (_HERTZ, loop.frequency_hz[shown]), label, [(phase, {"color": BLUE})], title)

@@ -17,6 +17,7 @@ from pyspice_runner.analysis.settling import Progress
 from pyspice_runner.analysis.simulate import simulate
 from pyspice_runner.analysis.speed_torque import axis, check_distinct, speed_torque
 from pyspice_runner.analysis.steady import SteadyState, steady_state
+from pyspice_runner.analysis.tracking import Tracking
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import write_netcdf
 from pyspice_runner.model import contact as contact_law
@@ -51,6 +52,7 @@ def report(
     levels: Sequence[float] = LEVELS,
     measured: Spectrum | None = None,
     connection: Connection = "A",
+    tracking: Tracking | None = None,
     progress: Progress | None = None,
     timeout: float | None = None,
 ) -> Report:
@@ -67,6 +69,7 @@ def report(
         levels: shares of the drive's voltage at which a curve is measured.
         measured: a measured spectrum to draw over the computed ones.
         connection: how the groups were connected when it was measured, if it is a one-port.
+        tracking: a run of this motor with a resonance tracker, for a section with its loop gain.
         progress: called with the number of finished runs and points, and with their total.
         timeout: wall time in s of each run, after which ngspice is stopped.
 
@@ -77,6 +80,11 @@ def report(
     """
     if not levels or not all(0.0 < level <= 1.0 for level in levels):
         raise ParameterError(f"levels = {list(levels)} is not valid: it must be numbers > 0 and ≤ 1.")
+    if tracking is not None and tracking.settings["motor"] != motor.to_dict():
+        raise ParameterError(
+            f"tracking is a run of {tracking.settings['motor']['name']} with other parameters than {motor.name} has "
+            "here. Give a run of the same motor."
+        )
     if speeds is not None:
         speeds = axis("speeds", speeds)
         check_distinct({"speeds": speeds})
@@ -122,7 +130,7 @@ def report(
             finished["speed_torque_incomplete.nc"] = partial(write_netcdf, dataset=error.partial)
         error.partial = finished
         raise
-    return Report(motor, drive, spectra, run, coarse, curves, free, measured, connection)
+    return Report(motor, drive, spectra, run, coarse, curves, free, measured, connection, tracking)
 
 
 def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:

@@ -35,6 +35,19 @@ TONES = ["--frequency-1", "20e3", "--frequency-2", "40e3"]
         (["export", "andersen2002", "--sliders", "3"], "--sliders has no effect without --contact brush"),
         (["drive", "andersen2002", "--no-match"], "--match has no effect without a matching network"),
         (["report", "andersen2002", "--connection", "B"], "--connection has no effect without --measured"),
+        (
+            [
+                "report",
+                "andersen2002",
+                "--tracker",
+                "pll",
+                "--drive",
+                "two-tone",
+                "--frequency-1=18e3",
+                "--frequency-2=54e3",
+            ],
+            "--tracker needs two phases of one tone",
+        ),
         (["track", "andersen2002", "--drift", "0.01"], "--drift has no effect on --disturb start"),
         (
             ["track", "andersen2002", "--disturb", "load", "--target-step", "5"],

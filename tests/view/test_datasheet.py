@@ -8,6 +8,7 @@ import re
 import subprocess
 from collections.abc import Iterator
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -318,6 +319,45 @@ def test_a_motor_without_a_beam_says_why_no_shape_moves(report: Report) -> None:
     page = datasheet(replace(report, motor=motor_without_a_beam(), measured=None))
     assert 'data-plays="modes"' not in page
     assert "so their shapes are not known" in page
+
+
+def test_the_page_has_the_loop_gain_of_a_tracker_and_the_numbers_of_track(report: Report) -> None:
+    motor = pr.load_motor("bimodal40")
+    drive = pr.default_drive(motor)
+    assert isinstance(drive, pr.TwoPhaseDrive)
+    tracker = pr.Tracker(
+        kind="pll", voltage=drive.voltage, frequency=drive.frequency, phase_deg=drive.phase_deg, offset=0.01
+    )
+    tracking = pr.track(motor, tracker, averaged=True)
+    assert tracking.loop is not None
+    # as small signals of the full motor estimate it; those of the averaged motor have no error
+    tracking = replace(tracking, loop=replace(tracking.loop, margin_error_deg=0.3))
+    assert tracking.loop is not None
+    tracked = replace(report, tracking=tracking)
+    page = datasheet(tracked)
+    section = unescape(page.partition('<section id="tracker"')[2].partition("</section>")[0])
+    rows = dict(re.findall(r'<th scope="row">(.*?)</th><td>(.*?)</td>', section))
+    assert rows == tracking.summary()
+    assert (
+        rows["phase margin"] == f"{tracking.loop.phase_margin_deg:.1f}° ± 0.3° at {tracking.loop.crossover_hz:.4g} Hz"
+    )
+    assert f"{1e-3 * tracking.end_frequency_hz:.6g} kHz, by design" in rows["frequency reached"]
+    assert {"static phase error", "running resonance", "locked"} <= set(rows)
+    assert 'data-figure="loop"' in section
+    gain, _, phase, margin = charts.loop_gain(tracking.loop).data
+    at = np.log(tracking.loop.crossover_hz)
+    # between two of 100 points a decade a straight line is off by much less than 0.1 % and 0.1°
+    assert np.exp(np.interp(at, np.log(gain.x), np.log(gain.y))) == pytest.approx(1.0, abs=1e-3)
+    assert np.interp(at, np.log(phase.x), phase.y) == pytest.approx(tracking.loop.phase_margin_deg - 180.0, abs=0.1)
+    assert list(margin.y) == [-180.0, tracking.loop.phase_margin_deg - 180.0]
+    assert tracked.to_dict()["tracking"]["loop"]["crossover_hz"] == tracking.loop.crossover_hz
+    assert "track.cir" in downloads(tracked)
+    lost = datasheet(replace(report, tracking=replace(tracking, loop=None)))
+    assert "There is no loop gain" in lost
+    assert 'data-figure="loop"' not in lost
+    assert 'id="tracker"' not in datasheet(report)
+    with pytest.raises(pr.ParameterError, match="tracking is a run of bimodal40 with other parameters than beam40"):
+        pr.report(pr.load_motor("beam40"), drive, tracking=tracking)
 
 
 def test_no_text_from_outside_runs_in_the_page(
