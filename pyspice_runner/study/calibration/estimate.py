@@ -493,6 +493,8 @@ class _Judged:
             )
         if self.search.predictor.points is not None:
             found += self._outliers()
+        for run_up in search.predictor.run_ups:
+            found += run_up.cautions(search.predictor.base.updated(search.predictor.changes(self.x)))
         weak = [place for place, one in enumerate(estimates) if not one.identifiable]
         further = informations(search.predictor, self.x) if weak else {}
         return [*found, *(self._undecided(place, estimates, correlations, further) for place in weak)]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.analysis.averaged import FEWEST_PERIODS, simulate_averaged
+from pyspice_runner.analysis.averaged import FEWEST_PERIODS, AveragedRun, model_cautions, simulate_averaged
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.refusal import quoted
 from pyspice_runner.netlist.averaged import check_averaged, require_averaged
@@ -106,14 +106,26 @@ class RunUp:
     def predicted(self, motor: OperatingPoint) -> Array:
         """Return the speed of a motor at the measured times; NaN where the averaged motor fails."""
         try:
-            point = motor.updated(self.conditions)
-            run = simulate_averaged(
-                point.motor, point.drive, float(self.time_s[-1]), load_torque=point.load.torque,  # type: ignore[arg-type]
-                timeout=point.solver.timeout,
-            )  # fmt: skip
+            run = self._run(motor)
         except (ParameterError, SimulationError):
             return np.full(len(self.measured), np.nan)
         return np.interp(self.time_s, run.curves["time_s"], run.curves["rotor_speed_rad_s"])
+
+    def cautions(self, motor: OperatingPoint) -> list[str]:
+        """Return where the averaged motor fails its own check, a sentence each."""
+        try:
+            run = self._run(motor)
+        except (ParameterError, SimulationError):
+            return []  # its values count as left out
+        found = model_cautions(*(float(run.curves[name].max()) for name in ("check", "separated")))
+        return [f"{self.source}: {caution} The intervals leave this error out." for caution in found]
+
+    def _run(self, motor: OperatingPoint) -> AveragedRun:
+        point = motor.updated(self.conditions)
+        return simulate_averaged(
+            point.motor, point.drive, float(self.time_s[-1]), load_torque=point.load.torque,  # type: ignore[arg-type]
+            timeout=point.solver.timeout,
+        )  # fmt: skip
 
 
 def run_ups(data: Sequence[Any], linear: bool) -> tuple[RunUp, ...]:
