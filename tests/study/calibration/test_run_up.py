@@ -149,3 +149,12 @@ def test_a_long_table_is_compared_at_200_points() -> None:
     assert len(found.measured) == 200
     assert found.time_s[[0, -1]] == pytest.approx([0.0, 1.0])
     assert found.errors == pytest.approx(RUN_UP_ERROR)  # of the greatest speed, 1 rad/s
+
+
+def test_the_run_up_of_a_slider_is_in_metres_per_second() -> None:
+    columns = {"time_s": [0.0, 1e-3, 2e-3], "speed_m_s": [0.0, 0.1, 0.2], "speed_m_s_error": [1e-3] * 3}
+    found = RunUp.read(columns, 1, linear=True)
+    assert found.measured == pytest.approx([0.0, 0.1, 0.2])  # of its rotor of 1 m
+    assert found.errors == pytest.approx(1e-3)
+    with pytest.raises(pr.ParameterError, match="no column speed_m_s"):
+        RunUp.read({"time_s": [0.0, 1e-3, 2e-3]}, 1, linear=True)
