@@ -41,6 +41,9 @@ def report(
         Literal["pll"] | None,
         typer.Option(help="Add the loop gain of this tracker: the run of `track`, from rest and with its defaults."),
     ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(help="JSON of `calibrate` for this motor: its values, fits and residuals.")
+    ] = None,
     timeout: common.TimeoutOption = None,
     changes: common.SetOption = None,
     as_json: common.JsonOption = False,
@@ -57,7 +60,7 @@ def report(
         common.refuse_idle(context, "without --measured", "connection", "columns", "through")
     loaded = common.load_changed(motor, changes)
     target = Path(f"{loaded.name}.html") if output is None and not as_json else output
-    common.check_targets(target, (".html", ".json"), plot)
+    common.check_targets(target, (".html", ".json"), plot, [motor, calibration])
     if target is not None and target.suffix == ".html":
         _check_tools()
     excitation = drive.stated(loaded)
@@ -77,6 +80,7 @@ def report(
                 measured=spectrum,
                 connection=connection,
                 tracking=tracking,
+                calibration=calibration,
                 progress=progress,
                 timeout=timeout,
             )

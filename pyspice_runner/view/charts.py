@@ -8,7 +8,7 @@ checked, which takes longer than the rest of the page.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import pi
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,7 @@ from pyspice_runner.model.motor import Motor, Structure
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.spectra.admittance import Admittance
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum, State
+from pyspice_runner.study.calibration.record import RecordedPoint
 from pyspice_runner.view.style import BLUE, CYCLE, GREEN, GREY, LABELS, PURPLE, STATES, VERMILION, label_of
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ PATH_FRAMES = 120  # of one drive period
 _SWING = 0.07  # of the beam's length: the largest deflection as it is drawn
 _MOST_SHAPES = 6
 _FEW_DECADES = 2.0  # of a logarithmic axis, on which ticks at 2 and 5 have room on a phone
+_FEW_POINTS = 20  # measured points that each have a tick
 _MOST_POINTS = 3000  # of a curve over time
 
 
@@ -285,6 +287,25 @@ def _efficiency_range(curves: Mapping[float, xarray.Dataset]) -> list[float]:
     """Return the range of efficiencies in %: from a tenth of the best below zero, or to -100 if the shaft is driven."""
     best = 100.0 * max(float(np.nanmax([0.0, *curve["efficiency"].values.ravel()])) for curve in curves.values())
     return [-0.1 * best, min(1.05 * best, 100.0)] if best else [-100.0, 0.0]
+
+
+def calibration(points: Sequence[RecordedPoint]) -> go.Figure | None:
+    """Return the residuals of the measured points of a calibration; ``None`` without points."""
+    if not points:
+        return None
+    figure = go.Figure()
+    for number, quantity in enumerate(dict.fromkeys(one.quantity for one in points)):
+        own = [one for one in points if one.quantity == quantity]
+        figure.add_scatter(
+            x=[one.point for one in own], y=[one.residual for one in own], name=quantity, mode="markers",
+            marker={"color": CYCLE[number % len(CYCLE)], "symbol": MARKS[number % len(MARKS)], "size": 8},
+            hovertemplate="point %{x}: %{y:.3g} standard errors",
+        )  # fmt: skip
+    figure.add_hrect(-2.0, 2.0, fillcolor=GREY, opacity=0.15, line_width=0, layer="below")
+    figure.update_xaxes(title_text="point", dtick=1 if max(one.point for one in points) <= _FEW_POINTS else None)
+    figure.update_yaxes(title_text="(predicted − measured)/error")
+    figure.update_layout(height=380 + TOOL_BAR, showlegend=True)
+    return figure
 
 
 def spin_up(run: Waveforms) -> go.Figure:

@@ -32,6 +32,7 @@ from pyspice_runner.result import Audit, Result, json_ready
 from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.spectra.admittance import Admittance
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum, State
+from pyspice_runner.study.calibration.record import Record
 from pyspice_runner.units import engineering
 from pyspice_runner.view.live import live_page, packed, rendered
 
@@ -72,6 +73,7 @@ class Report(Result):
         measured: a measured spectrum to draw over the computed ones.
         connection: how the groups were connected when it was measured, if it is a one-port.
         tracking: a run of the motor with a resonance tracker, if the page has one.
+        calibration: the result of a calibration of the motor.
         created: when the report was made, ISO 8601.
     """
 
@@ -85,6 +87,7 @@ class Report(Result):
     measured: Spectrum | None = None
     connection: Connection = "A"
     tracking: Tracking | None = None
+    calibration: Record | None = None
     created: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
 
     @property
@@ -179,10 +182,12 @@ class Report(Result):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Cautions of the run, of the free rotor's steady state, and of the curves."""
+        """Cautions of the run, of the free rotor's steady state, of the curves, and of another motor's calibration."""
+        others = self.calibration.differing(self.motor, self.drive) if self.calibration else []
+        told = [f"The calibration is that of a motor with other values of {', '.join(others)}."] if others else []
         curves = (caution for curve in self.curves.values() for caution in Curves(curve).cautions)
         free = ("Dry friction of the bearing stops the rotor.",) if self.free is None else self.free.cautions
-        return tuple(dict.fromkeys(self._told((*self.run.cautions, *free, *curves))))
+        return tuple(dict.fromkeys(self._told((*told, *self.run.cautions, *free, *curves))))
 
     def summary(self) -> dict[str, str]:
         """Return motor, drive, key figures and errors."""
@@ -223,6 +228,7 @@ def datasheet(report: Report) -> str:
         "spin-up": charts.spin_up(report.run),
         "electrical": charts.electrical(report.run),
         "loop": charts.loop_gain(report.tracking.loop) if report.tracking and report.tracking.loop else None,
+        "residuals": charts.calibration(report.calibration.points) if report.calibration else None,
     }
     script, style = ((HERE / f"datasheet.{ending}").read_text(encoding="utf-8") for ending in ("js", "css"))
     return rendered(

@@ -27,6 +27,7 @@ from pyspice_runner.model.refusal import checked
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.spectra.admittance import Admittance, admittance
 from pyspice_runner.spectra.spectrum import Connection, Spectrum, State
+from pyspice_runner.study.calibration.record import Record
 from pyspice_runner.view.datasheet import Report
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ def report(
     measured: Spectrum | None = None,
     connection: Connection = "A",
     tracking: Tracking | None = None,
+    calibration: str | Path | None = None,
     progress: Progress | None = None,
     timeout: float | None = None,
 ) -> Report:
@@ -70,6 +72,7 @@ def report(
         measured: a measured spectrum to draw over the computed ones.
         connection: how the groups were connected when it was measured, if it is a one-port.
         tracking: a run of this motor with a resonance tracker, for a section with its loop gain.
+        calibration: path of the JSON file of a calibration of this motor.
         progress: called with the number of finished runs and points, and with their total.
         timeout: wall time in s of each run, after which ngspice is stopped.
 
@@ -88,6 +91,7 @@ def report(
     if speeds is not None:
         speeds = axis("speeds", speeds)
         check_distinct({"speeds": speeds})
+    record = None if calibration is None else Record.read(calibration)
     voltages = {name: value for name, value in drive.model_dump().items() if name.startswith("voltage")}
     scaled = {
         level: drive.updated({name: value * level for name, value in voltages.items()}) for level in sorted(levels)
@@ -130,7 +134,7 @@ def report(
             finished["speed_torque_incomplete.nc"] = partial(write_netcdf, dataset=error.partial)
         error.partial = finished
         raise
-    return Report(motor, drive, spectra, run, coarse, curves, free, measured, connection, tracking)
+    return Report(motor, drive, spectra, run, coarse, curves, free, measured, connection, tracking, record)
 
 
 def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:

@@ -20,6 +20,7 @@ from playwright.sync_api import Browser, Page
 import pyspice_runner as pr
 from pyspice_runner.model.motor import Provenance
 from pyspice_runner.netlist.motor import motor_library
+from pyspice_runner.study.calibration.record import Record, RecordedFit, RecordedPoint, RecordedValue
 from pyspice_runner.units import engineering
 from pyspice_runner.view import charts
 from pyspice_runner.view.datasheet import HERE, Report, datasheet, downloads, parameter_rows
@@ -379,6 +380,33 @@ def test_no_text_from_outside_runs_in_the_page(
     page, wrong = opened(browser, file, reduced_motion="reduce")
     assert page.evaluate(count) == usual
     assert "<img src=x onerror=alert(1)>" in page.inner_text("#parameters")
+    assert wrong == []
+    page.close()
+
+
+def test_a_calibration_has_its_section(report: Report, browser: Browser, tmp_path: Path) -> None:
+    value = RecordedValue(
+        value=0.25, standard_error=2e-3, interval_95=(0.246, 0.254), identifiable=False, start=0.3, unit="1"
+    )
+    torques = [(1, 0.011, 0.0112), (2, 0.0061, 0.006), (3, 0.004, None)]
+    record = Record(
+        motor="andersen2002", data="points.csv <b>", contact="brush", parameters={"contact.friction": value},
+        rms_residual=1.1, warnings=["The data do not decide contact.friction <img src=x onerror=alert(1)>"],
+        fits=[RecordedFit(data="points.csv", values=3, squares=5.0, expected=2.0, probability=0.08)],
+        points=[RecordedPoint(point=number, quantity="torque_n_m", measured=measured, predicted=predicted, error=1e-4)
+                for number, measured, predicted in torques],
+    )  # fmt: skip
+    assert 'id="calibration"' not in datasheet(report)
+    page, wrong = opened(browser, replace(report, calibration=record).save(tmp_path / "report.html"), viewport=PHONE)
+    told = page.inner_text("#calibration")
+    assert "0.246 to 0.254" in told
+    assert "onerror=alert(1)" in told
+    assert page.inner_text("#calibration tbody >> nth=0").split("\t")[-1] == "no"
+    drawn = page.evaluate("document.getElementById('residuals').data[0].y")
+    assert drawn[:2] == pytest.approx([2.0, -1.0])
+    assert drawn[2] is None
+    assert "that of a motor with other values of contact.friction" in page.inner_text("main")
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert wrong == []
     page.close()
 
