@@ -46,12 +46,16 @@ from pyspice_runner.run.averaged_motor import AveragedMotor
 from pyspice_runner.run.ceramic import stated
 from pyspice_runner.run.engines import Engine
 from pyspice_runner.run.kernel import Outcome, progress_callback, run_bench, simulator, transient_timing
+from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE
+from pyspice_runner.run.window import averaged_to_come
 
 Array = NDArray[np.float64]
 MOST_POINTS_OF_A_COURSE = 10_000
 VALUES_OF_A_FUNCTION = 1000  # over the duration of a run
 CourseLike = ArrayLike | Callable[[float], float]
 FEWEST_PERIODS = 10
+ROUNDING_W = 1e-9  # power of a motor without drive
+SMALL_RISE_K = 1.0  # added to a temperature rise to which its change is taken
 LONGEST_STEPS = {"spice": 50, "compiled": 200}  # least number of steps of a run; linear in between
 TRUSTED_CHECK, TRUSTED_OPEN = 0.02, 0.0
 MOST_FACTOR = 4.0  # of the normal force by its damping, in piezomotor_averaged_phase.lib
@@ -162,6 +166,42 @@ class AveragedRun(Result):
         sticks = (STUCK,) if held and stuck(end) else ()
         return self._told((*self.audit.findings, *self._model_cautions, *sticks, *self.provenance["cautions"]))
 
+    @cached_property
+    def to_come(self) -> dict[str, float | None]:
+        """By how much values at the end would still change if the run went on, relative; by extrapolation.
+
+        Speed, of a held shaft torque, electrical power, and the temperature of a stator that heats up; torque plus a
+        fiftieth of what friction can transmit, temperature rise plus 1 K. ``None``: too short to tell.
+        """
+        motor = self.provenance["motor"]
+        contact, radius = motor["contact"], 1.0 if self.linear else motor["rotor"]["radius_m"]
+        free = self.provenance["run"]["speed_rad_s"] is None
+        least = {"rotor_speed_rad_s": ROUNDING_RAD_S} if free else {
+            "torque_n_m": SMALL_TORQUE * radius * contact["friction"] * contact["preload_n"]
+        }  # fmt: skip
+        least |= {"electrical_power_w": ROUNDING_W}
+        least |= {"temperature_k": SMALL_RISE_K} if self.curves["temperature_k"].any() else {}
+        found = {}
+        for name, floor in least.items():
+            values = getattr(self, name)
+            share = averaged_to_come(self.curves["time_s"], values) / (abs(float(values[-1])) + floor)
+            found[name] = share if isfinite(share) else None
+        return found
+
+    @property
+    def settled(self) -> bool:
+        """Whether these values stay within 2 % if the run goes on."""
+        return not self._moving
+
+    @property
+    def _moving(self) -> str:
+        """What has not settled, in words."""
+        words = {
+            "rotor_speed_rad_s": "speed", "torque_n_m": "torque", "electrical_power_w": "electrical power",
+            "temperature_k": "temperature",
+        }  # fmt: skip
+        return ", ".join(words[name] for name, share in self.to_come.items() if share is None or share > SETTLED)
+
     def summary(self) -> dict[str, str]:
         """Return the most important values at the end of the run."""
         last = {name: float(values[-1]) for name, values in self.curves.items()}
@@ -169,6 +209,7 @@ class AveragedRun(Result):
             "speed": f"{last['rotor_speed_rad_s']:.4g} rad/s",
             "torque": f"{last['torque_n_m']:.4g} N·m",
             "duration": f"{last['time_s']:.4g} s",
+            "settled": f"no: {self._moving}" if self._moving else "yes",
             "check": "passed" if self.trusted else "not passed",
             **contact_row(self.provenance["run"]),
             "electrical power": f"{last['electrical_power_w']:.4g} W",
@@ -186,7 +227,7 @@ class AveragedRun(Result):
                 "stick": max(0.0, 1.0 - last["separated"] - last["slip"]),
                 "slip": last["slip"],
             },
-            **self._entries("energy_residual", "trusted"),
+            **self._entries("energy_residual", "trusted", "settled", "to_come"),
             "greatest_check": float(self.curves["check"].max()),
             "greatest_separated": float(self.curves["separated"].max()),
             "end": last,

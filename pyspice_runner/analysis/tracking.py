@@ -20,7 +20,7 @@ from pyspice_runner.netlist.trackers import Disturbance, TrackedSource
 from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, Array
-from pyspice_runner.run.window import change_to_come
+from pyspice_runner.run.window import averaged_to_come, change_to_come
 from pyspice_runner.units import engineering
 
 LOCKED_DEG = 20.0  # closer to the target is locked: a resonator has 94 % of its greatest amplitude or more
@@ -28,7 +28,6 @@ LOST_DEG = 60.0  # farther from it, lock is lost: half the amplitude
 BUILT_UP = 3.0  # time constants after which a mode's amplitude is within 5 % of its end
 SMOOTHED_PERIODS = 20  # over which phase and speed are averaged
 WARM_K = 50.0  # rise of the temperature at which the drift of the sensing is judged
-POINTS_TO_COME = 1000  # of an averaged run, from which its further change is extrapolated
 
 
 @dataclass(frozen=True)
@@ -293,11 +292,11 @@ class Periods:
     def to_come(self, begin: float) -> float | None:
         """Return the expected further relative change of the speed, from the part after a time in s."""
         time, speed = self.time, self.speed
-        if self.weight is not None:
-            time = np.linspace(begin, time[-1], POINTS_TO_COME)
-            speed = np.interp(time, self.time, speed)
-        since = time >= begin
-        change = change_to_come(time[since], speed[since], float(np.mean(np.diff(time[since]))))
+        if self.weight is None:
+            since = time >= begin
+            change = change_to_come(time[since], speed[since], float(np.mean(np.diff(time[since]))))
+        else:
+            change = averaged_to_come(time, speed, begin)
         scale = abs(float(np.mean(speed[-SMOOTHED_PERIODS:]))) + ROUNDING_RAD_S
         return change / scale if isfinite(change) else None
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+POINTS_TO_COME = 1000  # of an averaged run, from which its further change is extrapolated
 AVERAGED_PERIODS = 20  # whole drive periods at the end of a run, or as many as were recorded
 HARMONICS = 20
 _FINE = 2000  # points per period for the slew rate
@@ -107,3 +108,9 @@ def change_to_come(time: Array, values: Array, period: float, decay_s: float = 0
     change = max(abs(last - later), before * exp(-quarter * period / decay_s) if decay_s else 0.0)
     ratio = min(change / before, _SLOWEST) if before > 0.0 else 0.0
     return float(change * max(1.0, ratio / (1.0 - ratio)))
+
+
+def averaged_to_come(time: Array, values: Array, begin: float = 0.0) -> float:
+    """Return :func:`change_to_come` of an averaged signal from a time in s on; its points are not uniform."""
+    grid = np.linspace(begin, time[-1], POINTS_TO_COME)
+    return change_to_come(grid, np.interp(grid, time, values), float(grid[1] - grid[0]))

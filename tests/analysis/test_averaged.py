@@ -372,3 +372,18 @@ def test_an_averaged_motor_whose_damping_exceeds_its_limit_is_not_trusted(
     tracked = pr.track(motor, constant, 1e-3, averaged=True)
     for found in (controlled, tracked):
         assert any("multiplies the normal force" in caution for caution in found.cautions) != trusted
+
+
+@pytest.mark.parametrize(("name", "duration", "settled"), [
+    ("andersen2002", 10e-3, False), ("andersen2002", 30e-3, True), ("beam40", 0.1, False), ("beam40", 0.3, True),
+])  # fmt: skip
+def test_a_run_says_what_has_not_settled_as_a_longer_run_shows(name: str, duration: float, settled: bool) -> None:
+    motor = pr.load_motor(name)
+    drive = pr.default_drive(motor)
+    assert isinstance(drive, pr.TwoPhaseDrive)
+    run, longer = (pr.simulate_averaged(motor, drive, duration=time) for time in (duration, 10.0 * duration))
+    change = {key: abs(float(getattr(longer, key)[-1] / getattr(run, key)[-1]) - 1.0) for key in run.to_come}
+    assert (max(change.values()) < 0.02) is settled is run.settled is run.to_dict()["settled"]
+    names = {"rotor_speed_rad_s": "speed", "electrical_power_w": "electrical power"}
+    moving = [names[key] for key, share in change.items() if share > 0.02]
+    assert run.summary()["settled"] == (f"no: {', '.join(moving)}" if moving else "yes")
