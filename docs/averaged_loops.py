@@ -250,7 +250,7 @@ TABLES: dict[str, tuple[Callable[[str], Row], tuple[str, ...]]] = {
 
 
 def read() -> dict[str, dict[str, dict[str, Any]]]:
-    """Return what was measured: table → row → values."""
+    """Return the measured values: table → row → values."""
     known = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else {}
     return {table: known.get(table, {}) for table in TABLES}
 

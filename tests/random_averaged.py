@@ -49,7 +49,7 @@ def case(index: int) -> tuple[pr.Motor, pr.TwoPhaseDrive, float]:
 
 
 def outcome(index: int) -> dict[str, Any]:
-    """Return what a case gives, errors relative to the friction torque."""
+    """Return the outcome of a case, with errors relative to the friction torque."""
     motor, drive, share = case(index)
     scale = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
     speed = share * float(pr.simulate_averaged(motor, drive, NO_LOAD).rotor_speed_rad_s[-1])
@@ -86,7 +86,7 @@ def read() -> list[dict[str, Any]]:
 
 
 def sentences(record: Sequence[dict[str, Any]]) -> tuple[str, ...]:
-    """Return what docs/averaged.md says of a record."""
+    """Return the sentences of docs/averaged.md for a record."""
     steady = [one for one in record if one["steady_error"] is not None]
     good, others = (
         [abs(one["steady_error"]) for one in steady if one["trusted"] == trusted] for trusted in (True, False)

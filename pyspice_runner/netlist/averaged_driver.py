@@ -33,7 +33,7 @@ class AveragedDrive:
 
     @classmethod
     def of(cls, drive: Drive | Driver) -> AveragedDrive:
-        """Return what is in front of the averaged motor.
+        """Return the drive and the network in front of the averaged motor.
 
         Raise ParameterError for a drive with two frequencies, a cable, or a capacitance of a winding.
         """

@@ -20,7 +20,7 @@ class Passed(NamedTuple):
 
 
 def passed(label: str, values: Mapping[str, float], volts: Any, amperes: Any, omega: float) -> Passed | None:
-    """Return what is in front of a part for the phasors behind it, at an angular frequency in rad/s.
+    """Return the phasors in front of a part for those behind it, at an angular frequency in rad/s.
 
     ``None`` for a part that is none of these. Below 0 rad/s the phasors are conjugate ones.
     """

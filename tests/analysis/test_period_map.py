@@ -69,7 +69,7 @@ def test_a_deck_has_each_subcircuit_once() -> None:
 
 
 def test_a_period_after_others_continues_their_run() -> None:
-    """The free stator decays: r'' + 2ar' + w²r = 0, a period after another by exp(-aT), whatever the run began with."""
+    """The free stator decays: r'' + 2ar' + w²r = 0, by exp(-aT) in each period, for any start."""
     motor = pr.load_motor("andersen2002")
     drive = pr.TwoPhaseDrive(voltage=0.0, frequency=51.7e3)
     plant, after = Plant(motor, drive, Load(0.0), None), 40

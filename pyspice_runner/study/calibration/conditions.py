@@ -111,7 +111,7 @@ def _checked(key: str, value: Any, where: str) -> float:
 
 
 def added(motor: Motor, frequency: Array, connection: Connection, level_v: float) -> Array:
-    """Return what the amplitude at a level adds to the admittance of a free stator, complex, in S."""
+    """Return the change of a free stator's admittance by the amplitude at a level, complex, in S."""
     found = np.zeros(len(frequency), dtype=complex)
     for mode in motor.modes:
         force = abs(_coupling(mode, connection)) * level_v

@@ -301,7 +301,7 @@ class _Search:
         return np.asarray(self.roots[:, None] * slope)
 
     def _gain(self, x: Array, slope: Array, residuals: Array) -> float:
-        """Return what a step to the least sum of squares would gain of it."""
+        """Return the reduction of the sum of squares by a step to its minimum."""
         slope, residuals = self.roots[:, None] * slope, self.roots * residuals
         free = np.ones(len(x), dtype=bool)
         gradient = slope.T @ residuals
