@@ -159,10 +159,7 @@ class Equations:
         elif kind == "B" and rest.startswith("V="):
             self.values[plus] = rest.removeprefix("V=")
         elif kind == "B" and minus == "0" and rest.endswith(f"*V({plus})"):
-            factor = rest.removeprefix("I=").removesuffix(f"*V({plus})")
-            if _has_sum(factor):
-                raise ValueError(f"{rest}: put the sum before *V({plus}) in parentheses.")
-            self.conductances[plus] = factor
+            self.conductances[plus] = rest.removeprefix("I=").removesuffix(f"*V({plus})")
         elif kind == "V":
             self.values[plus] = f"V({minus})+{last}"
         elif kind == "E":
@@ -184,13 +181,6 @@ class Equations:
             if node not in self.capacitances:
                 flow, beside = "+".join(self.currents.pop(node, ["0"])), self.conductances.get(node)
                 self.values[node] = f"({flow})/(1/{resistance}+{beside})" if beside else f"{resistance}*({flow})"
-
-
-def _has_sum(expression: str) -> bool:
-    """Return whether an expression is a sum or a difference, outside of its parentheses."""
-    while (inner := re.sub(r"[({][^(){}]*[)}]", "", expression)) != expression:
-        expression = inner
-    return re.search(r"(?<![eE*/])[+-]", expression) is not None
 
 
 def equations(library: Library) -> Equations:

@@ -3,16 +3,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import exp, sqrt, tanh
 
 import pytest
 
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.load import load_motor
-from pyspice_runner.netlist.contact import PAPER_LAW, Law, contact_library
+from pyspice_runner.netlist.contact import Law, contact_library
 from pyspice_runner.netlist.evaluated import library_function
-from pyspice_runner.netlist.expressions import Equations, equations, translated
+from pyspice_runner.netlist.expressions import equations, translated
 from pyspice_runner.netlist.library import data_path, read_library
 
 FUNCTIONS = {
@@ -85,14 +84,6 @@ def test_a_source_of_its_own_voltage_is_a_conductance() -> None:
     found = library_function(contact_library(law))(parameters | given)
     assert found["state"] == pytest.approx(1.0 + 1.0 / found["x0"], rel=1e-9)
     assert found["slider"] == pytest.approx(found["y1"] * 2.0 / found["pull"] - given["q1"], rel=1e-9)  # its limit
-
-
-def test_a_sum_before_the_voltage_of_a_source_takes_parentheses() -> None:
-    contact, found = contact_library(PAPER_LAW), Equations()
-    found.add(replace(contact, subcircuit=".subckt one a b\nBa a 0 I=(1+2e-3)*{3-4}*V(a)\n.ends"), {})
-    assert found.conductances == {"a": "(1+2e-3)*{3-4}"}
-    with pytest.raises(ValueError, match="parentheses"):
-        found.add(replace(contact, subcircuit=".subckt one a b\nBa a 0 I=1+V(b)*V(a)\n.ends"), {})
 
 
 @pytest.mark.parametrize("name", ["piezomotor.va", "piezomotor_averaged.c"])
