@@ -192,19 +192,12 @@ def _row_of_worn(text: str) -> str:
     δ x − (x² − b²)^(3/2)/(3 R*).
     """
     text = re.sub(
-        r"(?m)^(Bl\d+ \S+ \S+) I=V\(factor\)\*\((V\(\w+\))\*\S+?\*\((\S+?)\+.*$",
-        lambda line: _worn_limit(line[1], line[2], float(line[3]) / 1.5),
+        r"(?m)^(Bl\d+ \S+ 0) V=V\(grip\)\*(\S+?)\*\(V\(depth\)-\{cell\}\*\((\d+)\+\S+?\*\((\d+)\+.*$",
+        r"\1 V=V(grip)*(\2*V(depth)-{cell/3}*(uramp((\4+\2)*(\4+\2)-{flat/cell})**1.5-{max(0,\3-flat/cell)**1.5}))",
         text,
     )
-    depth = "Bdepth 0 depth I=max(V(delta),1e-9)\nRdepth depth 0 1\n"
-    edge = r"\1 I=sqrt((sqrt({flat*flat}+4*V(depth)*V(depth))+{flat})*{0.5/cell})"
-    return re.sub(r"(?m)^(Bx0 0 x0) .*$", depth + edge, text)
-
-
-def _worn_limit(element: str, x: str, inner: float) -> str:
-    """Return the source of the limits beyond the inner edge of a cell of a worn tip."""
-    beyond = f"uramp(({inner:g}+{x})*({inner:g}+{x})-{{flat/cell}})**1.5-{{max(0,{inner * inner:g}-flat/cell)**1.5}}"
-    return f"{element} I=V(factor)*({{1.5/cell}}*V(depth)*{x}-0.5*({beyond}))"
+    edge = r"\1 V=sqrt((sqrt({flat*flat}+4*V(depth)*V(depth))+{flat})*{0.5/cell})"
+    return re.sub(r"(?m)^(Bedge edge 0) .*$", edge, text)
 
 
 def contact_values(
@@ -266,31 +259,25 @@ def contact_values(
 
 def brush_library(sliders: int = SLIDERS) -> str:
     """Return the text of ``behavioral/piezomotor_brush.lib``, which has eight sliders, with another number of them."""
+    numbers = range(1, sliders + 1)
     cells = []
-    for inner in range(sliders):
-        number, outer, last = inner + 1, inner + 1, inner + 1 == sliders
-        x, before = f"V(x{inner})", f"{{}}{inner}" if inner else "0"
-        width = x if last else f"({x}-V(x{outer}))"
-        beyond = f"V(x0)-{inner}"
-        edge = [f"Bx{inner} 0 x{inner} I=uramp({beyond})", f"Rx{inner} x{inner} 0 1"] if inner else []
-        held = f"abs(V(y{number}))-abs(V(z{number}))"
+    for number in numbers:
+        inner = number - 1
+        width = f"V(edge)-{inner}" if number == sliders else f"min(1,V(edge)-{inner})"
+        w = f"V(w{number})"
         cells += [
-            *edge,
-            f"Bl{number} {before.format('y')} y{number} I=V(factor)*({x}*{x}*({1.5 * inner:g}+{x}))",
-            f"Ry{number} y{number} 0 {{lift}}",
-            f"Gy{number} 0 y{number} q{number} 0 {{1/grip}}",
-            f"Gq{number} 0 z{number} q{number} 0 {{pull}}",
-            f"Gz{number} z{number} 0 y{number} 0 1",
-            f"Rz{number} z{number} 0 1",
-            f"Bq{number} {before.format('q')} q{number} I={x}*V(slip)",
+            f"Bw{number} w{number} 0 V=max(0,{width})",
+            f"Bl{number} l{number} 0 V=V(grip)*{w}*(V(depth)-{{cell}}*({inner**2}+{w}*({inner}+{w}/3)))",
+            f"Bc{number} c{number} 0 V=max(-V(l{number}),min(V(l{number}),V(q{number})))",
+            f"Bq{number} 0 q{number} I={w}*V(slip)",
+            f"Rpull{number} q{number} c{number} {{1e6*slider_time}}",
             f"Cq{number} q{number} 0 1u",
-            f"Rq{number} q{number} 0 {{hold}}",
-            f"Bc{number} held q{number} I={held}" if inner else f"Bc1 0 c1 I={held}",
-            f"Bslips{number} 0 state I={width}*u(V(y{number})*V(z{number}))",
+            f"Rq{number} q{number} 0 1g",
+            f"Gheld{number} 0 held c{number} 0 1",
+            f"Bslips{number} 0 slips I={w}*u(abs(V(q{number}))-V(l{number}))",
         ]
     text = (data_path("behavioral") / f"{LIBRARIES['brush']}.lib").read_text(encoding="utf-8")
-    text = re.sub(r"(?ms)^Bl1 .*?(?=^Rc1 )", "\n".join(cells) + "\n", text, count=1)
-    text = text.replace("(V(x0)-V(x1))", "V(x0)") if sliders == 1 else text
+    text = re.sub(r"(?ms)^Bw1 .*?(?=^Rheld )", "\n".join(cells) + "\n", text, count=1)
     text = text.replace(f"a row of {SLIDERS} ", f"a row of {sliders} ", 1)
     text = text.replace(f"the end of cell {SLIDERS}:", f"the end of cell {sliders}:", 1)
     return text.replace(f"{{span/{SLIDERS**2}}}", f"{{span/{sliders**2}}}", 1)

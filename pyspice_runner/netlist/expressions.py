@@ -121,8 +121,6 @@ class Equations:
     currents: dict[str, list[str]] = field(default_factory=dict)  # node → expressions of the currents that flow into it
     resistances: dict[str, str] = field(default_factory=dict)  # node → resistance to ground
     capacitances: dict[str, str] = field(default_factory=dict)  # node → capacitance to ground
-    # node → conductance to ground beside the resistance: a B-source whose current is its voltage times an expression
-    conductances: dict[str, str] = field(default_factory=dict)
 
     def ordered(self) -> Iterator[tuple[str, str]]:
         """Return parameters and node voltages, each one behind those that it depends on."""
@@ -158,8 +156,6 @@ class Equations:
             self.add(inner, dict(zip(inner.pin_names, nodes, strict=False)))
         elif kind == "B" and rest.startswith("V="):
             self.values[plus] = rest.removeprefix("V=")
-        elif kind == "B" and minus == "0" and rest.endswith(f"*V({plus})"):
-            self.conductances[plus] = rest.removeprefix("I=").removesuffix(f"*V({plus})")
         elif kind == "V":
             self.values[plus] = f"V({minus})+{last}"
         elif kind == "E":
@@ -179,8 +175,7 @@ class Equations:
         """Give each node with a resistor to ground and no capacitor the voltage that its currents cause there."""
         for node, resistance in self.resistances.items():
             if node not in self.capacitances:
-                flow, beside = "+".join(self.currents.pop(node, ["0"])), self.conductances.get(node)
-                self.values[node] = f"({flow})/(1/{resistance}+{beside})" if beside else f"{resistance}*({flow})"
+                self.values[node] = f"{resistance}*({'+'.join(self.currents.pop(node, ['0']))})"
 
 
 def equations(library: Library) -> Equations:
