@@ -41,7 +41,7 @@ class Errors:
 
 
 class CoarserRuns:
-    """The runs with twice and four times the step, in a thread beside the run whose error they tell.
+    """The runs with twice and four times the step, in a thread beside the run whose error they estimate.
 
     They end with the block of a ``with`` statement, whether they are complete or not.
     """
