@@ -16,6 +16,7 @@ from pydantic import SkipValidation
 
 from pyspice_runner.analysis.bursts import short_bursts
 from pyspice_runner.analysis.dynamometer import STUCK, stuck
+from pyspice_runner.engine import Engine
 from pyspice_runner.engine.compiler import find_compiler
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model import contact as contact_law
@@ -44,7 +45,6 @@ from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.averaged_motor import AveragedMotor
 from pyspice_runner.run.ceramic import stated
-from pyspice_runner.run.engines import Engine
 from pyspice_runner.run.kernel import Outcome, progress_callback, run_bench, simulator, transient_timing
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE
 from pyspice_runner.run.window import averaged_to_come

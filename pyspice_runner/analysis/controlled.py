@@ -33,6 +33,7 @@ from pyspice_runner.analysis.averaged import (
 from pyspice_runner.analysis.bursts import limit_cycle, presliding, short_bursts
 from pyspice_runner.analysis.firmware import Firmware
 from pyspice_runner.analysis.motions import Compiled, Motion, Spice, State, first
+from pyspice_runner.engine import Engine
 from pyspice_runner.engine.session import Session
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import FASTEST_DRIVE, SLOWEST_DRIVE, Load, TwoPhaseDrive, too_fast
@@ -48,7 +49,6 @@ from pyspice_runner.netlist.controlled import CHECKED, COMMANDS, SAMPLED, Comman
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.result import Result, contact_row
-from pyspice_runner.run.engines import Engine
 from pyspice_runner.run.kernel import transient_timing
 from pyspice_runner.run.operating_point import OperatingPoint, Solver
 from pyspice_runner.run.window import Array

@@ -9,6 +9,7 @@ from math import isfinite, sqrt
 from typing import Any
 
 from pyspice_runner.analysis.dynamometer import delivering
+from pyspice_runner.engine import Engine
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.interrupts import held
 from pyspice_runner.model.drive import Drive
@@ -24,7 +25,7 @@ from pyspice_runner.result import Audit
 from pyspice_runner.run.accuracy import COST, TIP, CoarserRuns
 from pyspice_runner.run.audit import audit_run
 from pyspice_runner.run.ceramic import ceramic
-from pyspice_runner.run.engines import Engine, on_engine
+from pyspice_runner.run.engines import on_engine
 from pyspice_runner.run.kernel import Outcome, progress_callback
 from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, EnergyBalance, Waveforms

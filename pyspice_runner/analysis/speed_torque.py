@@ -22,6 +22,7 @@ from pyspice_runner.analysis.branch import dataset_of, followed_branch
 from pyspice_runner.analysis.dynamometer import STUCK, UNITS, Dynamometer, delivering, off_beat, stuck
 from pyspice_runner.analysis.settling import PATIENCE, TOLERANCE, Progress, Settling, outcomes_of, run_tasks, tasks_of
 from pyspice_runner.analysis.steady import steady_states
+from pyspice_runner.engine import Engine
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.model.drive import Drive
 from pyspice_runner.model.motor import Motor
@@ -30,7 +31,7 @@ from pyspice_runner.model.strength import COMPARED, exceeded
 from pyspice_runner.netlist.contact import ContactLaw, touching_law
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.result import Audit
-from pyspice_runner.run.engines import BEHIND_DRIVER, Engine, on_engine
+from pyspice_runner.run.engines import BEHIND_DRIVER, on_engine
 from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
 from pyspice_runner.run.paths import canonical
 from pyspice_runner.run.waveforms import Array

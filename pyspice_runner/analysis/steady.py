@@ -24,6 +24,7 @@ from pyspice_runner.analysis.period_means import current, extrapolated, means, q
 from pyspice_runner.analysis.second_motion import caution, second_motion
 from pyspice_runner.analysis.shooting import Point, Shooting, start_point
 from pyspice_runner.analysis.threads import in_threads
+from pyspice_runner.engine import Engine
 from pyspice_runner.engine.processes import KeptProcesses
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Drive, too_fast
@@ -38,7 +39,7 @@ from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.netlist.state import motor_states
 from pyspice_runner.result import Audit, Result, contact_row, json_ready
 from pyspice_runner.run.audit import audit_point
-from pyspice_runner.run.engines import BEHIND_DRIVER, Engine, on_engine
+from pyspice_runner.run.engines import BEHIND_DRIVER, on_engine
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, Waveforms

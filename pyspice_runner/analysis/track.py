@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pyspice_runner.analysis.running_loop import LockedPoint, running_loop
 from pyspice_runner.analysis.track_averaged import track_averaged
 from pyspice_runner.analysis.tracking import SMOOTHED_PERIODS, Periods, Sensing, TrackedRun, Tracking, judged
+from pyspice_runner.engine import Engine
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Load, TwoPhaseDrive
 from pyspice_runner.model.motor import Motor
@@ -29,7 +30,6 @@ from pyspice_runner.netlist.trackers import Disturbance, TrackedSource, Tracker,
 from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import audit_contact
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
-from pyspice_runner.run.engines import Engine
 from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint, Solver
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.run.window import Window

@@ -22,6 +22,7 @@ from pyspice_runner.analysis.averaged import (
 )
 from pyspice_runner.analysis.loop import POINTS_PER_DECADE, SWEPT_DECADES, LoopDesign, averaged_loop, crossing
 from pyspice_runner.analysis.tracking import SMOOTHED_PERIODS, Periods, TrackedRun, Tracking, judged
+from pyspice_runner.engine import Engine
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.drive import Load
 from pyspice_runner.netlist.averaged import HARMONICS, Course
@@ -35,7 +36,6 @@ from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.trackers import Disturbance, target_points
 from pyspice_runner.run.averaged_motor import AveragedMotor, Loop
-from pyspice_runner.run.engines import Engine
 from pyspice_runner.run.kernel import Outcome, transient, transient_timing
 from pyspice_runner.run.waveforms import Array
 

@@ -34,11 +34,10 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.versions import versions
+from pyspice_runner.engine import Engine
 from pyspice_runner.files import save_by_ending, write_json, write_rows
 from pyspice_runner.model.load import changed_motor
 from pyspice_runner.result import Result as _Result
-from pyspice_runner.run.engines import Engine
-from pyspice_runner.run.paths import LOADS, canonical
 
 Writing = tuple[Path | None, Callable[[Path], object]]  # a file that may be asked for, and what writes it
 
@@ -137,6 +136,8 @@ def _stated(context: typer.Context, *names: str) -> Iterator[str]:
 
 def refuse_covered(context: typer.Context, axes: Iterable[str]) -> None:
     """Raise ParameterError for an option, or a path of ``--set`` or ``--part``, whose value an axis replaces."""
+    from pyspice_runner.run.paths import LOADS, canonical  # netlists, which commands without a run do not load
+
     changes = {
         f"{prefix}{change.partition('=')[0].strip()}": option
         for option, name, prefix in (("--set", "changes", ""), ("--part", "part", "drive."))

@@ -18,10 +18,10 @@ from dataclasses import replace
 from functools import cache
 from math import inf
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
+from pyspice_runner.engine import Engine
 from pyspice_runner.engine.kept import is_private, make_private
 from pyspice_runner.engine.ngspice import version_of
 from pyspice_runner.engine.openvaf import (
@@ -41,8 +41,6 @@ from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.netlist.state import stems
 from pyspice_runner.run.kernel import modules_folder
 from pyspice_runner.run.operating_point import OperatingPoint, Solver
-
-Engine = Literal["spice", "compiled", "auto"]
 
 BEHIND_DRIVER = "The periodic solution behind a driver is found with the B-sources."  # a reason for is_compiled
 TOLERANCE = 2e-4  # of a signal, RMS relative to its size; both engines take the same steps and agree to 5e-5

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.run.engines import Engine
+from pyspice_runner.engine import Engine
 from tests.runs import simulated
 
 ENGINES: tuple[Engine, ...] = ("compiled", "spice")

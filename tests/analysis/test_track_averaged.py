@@ -13,8 +13,8 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.analysis.track import running_resonance
 from pyspice_runner.cli import run
+from pyspice_runner.engine import Engine
 from pyspice_runner.netlist.averaged import OPTIONS
-from pyspice_runner.run.engines import Engine
 
 ENGINES: tuple[Engine, ...] = ("compiled", "spice")
 pytestmark = pytest.mark.xdist_group("trackers")
