@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import sqrt
+from math import nan, sqrt
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from pyspice_runner.run.operating_point import OperatingPoint
 
 QUANTITIES = (
     "speed_rad_s", "torque_n_m", "load_torque_n_m", "normal_force_n", "power_a_w", "power_b_w", "current_a_rms_a",
-    "current_b_rms_a",
+    "current_b_rms_a", "current_a_phase_deg", "current_b_phase_deg",
 )  # fmt: skip
 
 
@@ -68,6 +68,9 @@ def _state(balance: Balance) -> BalancedState:
         volts, amperes = balance.phasors(group)
         values[f"power_{group}_w"] = 0.5 * float(np.vdot(volts, amperes).real)
         values[f"current_{group}_rms_a"] = float(np.linalg.norm(amperes)) / sqrt(2.0)
+        (orders,) = np.nonzero(volts)
+        ahead = np.angle(amperes[orders[0]] / volts[orders[0]], deg=True) if len(orders) == 1 else nan
+        values[f"current_{group}_phase_deg"] = float(ahead)
     return BalancedState(values, balance)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from cmath import rect
 from collections.abc import Mapping
-from math import nan
+from math import atan2, degrees, nan
 
 import numpy as np
 
@@ -119,8 +119,31 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
             f"voltage_square_{group}": float(voltage @ voltage) / points,
             f"current_square_{group}": float(amperes @ amperes) / points,
             f"peak_{group}": float(np.abs(amperes).max()),
+            **_fundamental(plant, group, trace, amperes),
         }
     return found
+
+
+def _fundamental(plant: Plant, group: str, trace: Trace, amperes: Array) -> dict[str, float]:
+    """Return the parts in V·A of a group's current at its drive frequency, in phase with its voltage and 90° ahead.
+
+    Empty for a group without a voltage, or with tones at two frequencies.
+    """
+    tones = [tone for tone in getattr(plant.drive, f"tones_{group}") if tone.amplitude]
+    if len({tone.frequency for tone in tones}) != 1:
+        return {}
+    turning = np.exp(-2j * np.pi * tones[0].frequency * trace.time[1:])
+    product = np.vdot(drive_voltage(tones, trace.time)[1:] @ turning, amperes @ turning) / len(amperes) ** 2
+    return {f"in_phase_{group}": float(product.real), f"ahead_{group}": float(product.imag)}
+
+
+def phases(found: Mapping[str, float]) -> dict[str, float]:
+    """Return the phase in degrees of each group's current ahead of its voltage at its drive frequency, from means."""
+    return {
+        f"current_{group}_phase_deg": degrees(atan2(found[f"ahead_{group}"], found[f"in_phase_{group}"]))
+        for group in "ab"
+        if f"ahead_{group}" in found
+    }
 
 
 def loads(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> dict[str, float]:

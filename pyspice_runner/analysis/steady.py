@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pyspice_runner.analysis.driven import ROUGH, Answer, check_driven, driven_answers
 from pyspice_runner.analysis.dynamometer import STUCK, Quantities, delivering, stuck
 from pyspice_runner.analysis.period_map import PeriodMap, cores
-from pyspice_runner.analysis.period_means import current, extrapolated, means, quantities, speed, tip
+from pyspice_runner.analysis.period_means import current, extrapolated, means, phases, quantities, speed, tip
 from pyspice_runner.analysis.second_motion import caution, second_motion
 from pyspice_runner.analysis.shooting import Point, Shooting, start_point
 from pyspice_runner.analysis.threads import in_threads
@@ -62,6 +62,8 @@ class SteadyState(Quantities, Result):
         motor: the motor.
         drive: the voltages of both groups, or the driver.
         speed_rad_s: mean speed of the rotor.
+        current_a_phase_deg, current_b_phase_deg: phase of a group's current ahead of its voltage, both at the drive's
+            frequency: 90° of a capacitance; NaN without a voltage, with tones at two frequencies, and behind a driver.
         torque_error_n_m: estimated error of the torque by the time step.
         floquet_multipliers: eigenvalues of the map over one period, the largest first.
         converged: whether there is a solution at every step that was used.
@@ -92,6 +94,8 @@ class SteadyState(Quantities, Result):
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
     solution: Point | None = field(default=None, repr=False)
     second: Point | None = field(default=None, repr=False)
+    current_a_phase_deg: float = float("nan")
+    current_b_phase_deg: float = float("nan")
 
     @property
     def stable(self) -> bool:
@@ -138,7 +142,8 @@ class SteadyState(Quantities, Result):
         return self._keyed({
             "speed_rad_s": self.speed_rad_s,
             **json_ready(self.quantities),
-            **self._entries("torque_error_n_m", "floquet_multipliers", "stable", "instability", "converged"),
+            **self._entries("current_a_phase_deg", "current_b_phase_deg", "torque_error_n_m"),
+            **self._entries("floquet_multipliers", "stable", "instability", "converged"),
             **self._entries("residual", "iterations", "method", "step_s", "audit", "cautions"),
             **self.provenance,
         })  # fmt: skip
@@ -456,7 +461,7 @@ def _friction(point: Point) -> float:
 def _answer(point: Point, period_map: PeriodMap, found: Mapping[str, float], error: float) -> Answer:
     """Return the answer for means and the error of the friction force in N."""
     torque_error = point.plant.motor.rotor.radius_m * error
-    return Answer(point, period_map, quantities(point.plant, found), torque_error, found["speed"])
+    return Answer(point, period_map, quantities(point.plant, found) | phases(found), torque_error, found["speed"])
 
 
 def _rough(

@@ -22,7 +22,11 @@ def calibrate(
     drive: DriveOptions,
     *,
     points: Annotated[
-        Path | None, typer.Option(help="CSV of measured points: voltage, speed_rad_s, torque_n_m, torque_n_m_error, …")
+        Path | None,
+        typer.Option(
+            help="CSV of measured points: voltage, temperature, speed_rad_s, torque_n_m, torque_n_m_error, "
+            "current_a_phase_deg, resonance_hz, …"
+        ),
     ] = None,
     free: Annotated[
         str,

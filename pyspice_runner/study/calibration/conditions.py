@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-r"""Temperature and drive level of a measured spectrum, and what they change of the predicted one.
+r"""Temperature of the data and drive level of a measured spectrum, and what they change of the predicted values.
 
-At a temperature the motor drifts (:class:`~pyspice_runner.model.thermal.Thermal`); the first spectrum with a
-temperature sets that of the motor's parameters. At a level the elastic force of a mode of the free stator softens and
-its losses grow with the amplitude, in Duffing's closed form (:func:`~.spectra.together.amplitude_squared`): with
-:math:`r_0 = \theta U/k`, the share A of :math:`r_0^2`, :math:`d = 1 - \omega^2/\omega_n^2`,
+At a temperature the motor drifts (:class:`~pyspice_runner.model.thermal.Thermal`); that of the first spectrum, or
+without spectra of the first point, is that of the motor's parameters. At a level the elastic force of a mode of the
+free stator softens and its losses grow with the amplitude, in Duffing's closed form
+(:func:`~.spectra.together.amplitude_squared`): with :math:`r_0 = \theta U/k`, the share A of :math:`r_0^2`,
+:math:`d = 1 - \omega^2/\omega_n^2`,
 
 .. math::
     Y = \frac{j\omega\theta^2/k}
@@ -17,7 +18,7 @@ taken to do so as at small amplitude.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 from typing import Any, get_args
 
@@ -27,11 +28,14 @@ from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode
 from pyspice_runner.model.refusal import as_number, quoted
+from pyspice_runner.model.thermal import Thermal
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum, State
 from pyspice_runner.spectra.together import amplitude_squared
+from pyspice_runner.study.calibration.points import TEMPERATURE
 
-_RANGES = {"temperature": (-273.15, 1e3, "°C"), "level": (1e-9, 1e6, "V")}
+_RANGES = {TEMPERATURE: (-273.15, 1e3, "°C"), "level": (1e-9, 1e6, "V")}
 BANDWIDTHS = 8.0 / 3.0  # γ a² Q of a resonance that leans by its own bandwidth: ¾ γ a² is twice the relative shift
 
 
@@ -40,16 +44,12 @@ class Condition:
     """What a spectrum was measured at.
 
     Attributes:
-        rise_k: temperature above that of the motor's parameters, K.
+        temperature: of the stator, °C; ``None``: that of the motor's parameters.
         level_v: amplitude at the terminals, V; 0 where it is small or not stated.
     """
 
-    rise_k: float = 0.0
+    temperature: float | None = None
     level_v: float = 0.0
-
-    def __str__(self) -> str:
-        parts = [f"{self.rise_k:+g} K"] if self.rise_k else []
-        return ", ".join([*parts, *([f"{self.level_v:g} V"] if self.level_v else [])])
 
 
 def conditions_of(
@@ -61,8 +61,8 @@ def conditions_of(
         spectra: each with its state, and with ``{"temperature": °C, "level": V}`` or one of these if stated.
 
     Raises:
-        ParameterError: for another shape, an unknown condition, a value out of range, a temperature that only some
-            spectra have, or a level of a stator on its rotor.
+        ParameterError: for another shape, an unknown condition, a value out of range, or a level of a stator on its
+            rotor.
     """
     stated = []
     for number, entry in enumerate(spectra, start=1):
@@ -86,16 +86,58 @@ def conditions_of(
                 "out, or measure the free stator."
             )
         stated.append((spectrum, state, values))
-    warm = [values["temperature"] for _, _, values in stated if "temperature" in values]
-    if warm and len(warm) < len(stated):
-        raise ParameterError(
-            f"{len(warm)} of {len(stated)} spectra have a temperature. Give it for each: that of the first is that of "
-            "the motor's parameters."
-        )
     return [
-        (spectrum, state, Condition(values["temperature"] - warm[0] if warm else 0.0, values.get("level", 0.0)))
+        (spectrum, state, Condition(values.get(TEMPERATURE), values.get("level", 0.0)))
         for spectrum, state, values in stated
     ]
+
+
+def temperatures_of(
+    spectra: Sequence[Condition], others: Sequence[tuple[str, Mapping[str, float | None]]]
+) -> list[float]:
+    """Return the temperatures of all data in °C; the first is that of the motor's parameters. Empty without any.
+
+    Args:
+        spectra: conditions of the spectra.
+        others: name and conditions of each point and run-up.
+
+    Raises:
+        ParameterError: for a value out of range, or one that only some of the data have.
+    """
+    named = [(f"spectrum {number}", one.temperature) for number, one in enumerate(spectra, start=1)]
+    named += [(name, conditions.get(TEMPERATURE)) for name, conditions in others]
+    found = [_checked(TEMPERATURE, value, name) for name, value in named if value is not None]
+    if found and len(found) < len(named):
+        without = next(name for name, value in named if value is None)
+        raise ParameterError(
+            f"{without} has no temperature, {len(found)} of {len(named)} points, spectra and run-ups have one. Give it "
+            "for each: that of the first spectrum, or else of the first point, is that of the motor's parameters."
+        )
+    return found
+
+
+def at_conditions(
+    motor: OperatingPoint, conditions: Mapping[str, float | None], thermal: Thermal, reference: float | None
+) -> OperatingPoint:
+    """Return a motor at the conditions of a point: at its temperature, then with its values.
+
+    Args:
+        motor: with values at the reference temperature.
+        conditions: path → value, and ``temperature``.
+        thermal: drift of the motor.
+        reference: temperature in °C of the motor's values.
+    """
+    paths = {path: value for path, value in conditions.items() if path != TEMPERATURE}
+    return warmed(motor, conditions.get(TEMPERATURE), thermal, reference).updated(paths)
+
+
+def warmed(
+    motor: OperatingPoint, temperature: float | None, thermal: Thermal, reference: float | None
+) -> OperatingPoint:
+    """Return a motor at a temperature in °C, of values at the reference temperature."""
+    if temperature is None or reference is None or temperature == reference:
+        return motor
+    return replace(motor, motor=thermal.warmed(motor.motor, temperature - reference))
 
 
 def _checked(key: str, value: Any, where: str) -> float:

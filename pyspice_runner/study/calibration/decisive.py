@@ -13,15 +13,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spectra.spectrum import Spectrum
-from pyspice_runner.study.calibration.points import DEFAULT_ERROR, Points
+from pyspice_runner.study.calibration.points import DEFAULT_ERROR, RESONANCE, span
 from pyspice_runner.study.calibration.prediction import SPECTRUM_ERROR, Band, Predictor
+from pyspice_runner.study.calibration.run_up import settled_run_up
 
 QUANTITIES = {  # quantity → what to measure
     "torque_n_m": "the torque", "current_a_rms_a": "the current of group A",
     "current_b_rms_a": "the current of group B", "power_w": "the electrical power",
-    "normal_force_n": "the normal force",
+    "normal_force_n": "the normal force", "current_a_phase_deg": "the phase of the current of group A",
+    "resonance_hz": "the resonance",
 }  # fmt: skip
 _SPECTRA = {"free": "a spectrum of the free stator", "preloaded": "a spectrum of the stator pressed on the rotor"}
 _BANDWIDTHS, _EACH = 8.0, 33  # on each side of a mode, and frequencies about each mode
@@ -30,31 +33,59 @@ _RAISED = 1.2  # of a mode, where the contact may move its resonance to
 
 def informations(predictor: Predictor, x: Array) -> dict[str, Array]:
     """Return the information of each measurement that was not made: what to measure → matrix over the coordinates."""
-    candidates: dict[str, Predictor] = {}
-    points = predictor.points
-    if points is not None:
-        for name, words in QUANTITIES.items():
-            if name not in points.quantities:
-                rows = tuple(range(len(points)))
-                one = np.ones(len(rows))
-                own = replace(points, rows=rows, quantities=(name,) * len(rows), values=one, errors=one)
-                candidates[f"{words} at the same points"] = replace(
-                    predictor, points=own, bands=(), run_ups=(), shift=None
-                )
+    candidates = {**_quantities(predictor), **_spectra(predictor), **_run_up(predictor, x)}
+    return {words: _information(candidate, x) for words, candidate in candidates.items()}
+
+
+def _quantities(predictor: Predictor) -> dict[str, Predictor]:
+    """Return the quantities that were not measured at the points."""
+    points, found = predictor.points, dict[str, Predictor]()
+    if points is None:
+        return found
+    setups = [predictor.point(predictor.base, conditions) for conditions in points.conditions]
+    rows, one = tuple(range(len(points))), np.ones(len(points))
+    for name, words in QUANTITIES.items():
+        near = np.array([min(setup.source.frequencies) for setup in setups]) if name == RESONANCE else one
+        own = replace(points, rows=rows, quantities=(name,) * len(rows), values=near, errors=one)
+        try:
+            own.check(setups)
+        except ParameterError:  # two tones have neither a phase nor a resonance
+            continue
+        if name not in points.quantities:
+            found[f"{words} at the same points"] = replace(predictor, points=own, bands=(), run_ups=(), shift=None)
+    return found
+
+
+def _spectra(predictor: Predictor) -> dict[str, Predictor]:
+    """Return the spectra of the states that were not measured."""
+    found = dict[str, Predictor]()
     for state, words in _SPECTRA.items():
         if state not in [band.state for band in predictor.bands]:
             frequency = _frequencies(predictor)
             flat = Spectrum.from_admittance(frequency, np.ones(len(frequency), complex))
             band = Band.of(flat, state, "A", SPECTRUM_ERROR)  # type: ignore[arg-type]
-            candidates[words] = replace(predictor, points=None, bands=(band,), run_ups=(), shift=None)
-    return {words: _information(candidate, x) for words, candidate in candidates.items()}
+            found[words] = replace(predictor, points=None, bands=(band,), run_ups=(), shift=None)
+    return found
+
+
+def _run_up(predictor: Predictor, x: Array) -> dict[str, Predictor]:
+    """Return a run-up from rest without a load at the drive, unless one was measured or the motor has none."""
+    if predictor.run_ups:
+        return {}
+    try:
+        own = settled_run_up(predictor.base.updated(predictor.changes(x)))
+    except (ParameterError, SimulationError):
+        return {}
+    return {"a run-up from rest": replace(predictor, points=None, bands=(), run_ups=(own,), shift=None)}
 
 
 def _information(candidate: Predictor, x: Array) -> Array:
     (here,) = candidate.at([x])
     values = np.nan_to_num(here.values)
-    if isinstance(candidate.points, Points):
-        errors = np.full(len(values), DEFAULT_ERROR * np.abs(values).max(initial=0.0))
+    if candidate.points:
+        errors = np.full(len(values), DEFAULT_ERROR * span(candidate.points.quantities[0], values))
+    elif candidate.run_ups:
+        errors = candidate.run_ups[0].errors
     else:
         half = len(values) // 2
         errors = SPECTRUM_ERROR * np.tile(np.hypot(values[:half], values[half:]), 2)
@@ -86,7 +117,7 @@ def advice(place: int, known: Array, further: Mapping[str, Array], enough: float
     best = min(errors, key=errors.__getitem__, default="")
     if not best or errors[best] > enough:
         return (
-            "No further quantity at the measured points and no spectrum decides it: measure torque and current over "
-            "speed at other voltages, frequencies or preloads, a run-up from rest, or leave it out of free."
+            "No further quantity at the measured points, no spectrum and no run-up decides it: measure torque and "
+            "current over speed at other voltages, frequencies or preloads, or leave it out of free."
         )
     return f"To decide it, measure {best}: its standard error would be {100.0 * errors[best]:.2g} %."

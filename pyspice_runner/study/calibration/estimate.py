@@ -39,7 +39,7 @@ from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spectra.spectrum import Connection
 from pyspice_runner.study.calibration.checkpoint import Checkpoint
-from pyspice_runner.study.calibration.conditions import conditions_of, scales
+from pyspice_runner.study.calibration.conditions import conditions_of, scales, temperatures_of
 from pyspice_runner.study.calibration.decisive import advice, informations
 from pyspice_runner.study.calibration.misfit import FAR, SetFit, fits_of, huber, misfits, weights_of
 from pyspice_runner.study.calibration.points import DEFAULT_ERROR, read_points
@@ -132,18 +132,28 @@ def calibrate(
     stated = conditions_of(spectra)
     sizes = scales(motor, connection, [condition for *_, condition in stated])
     unknowns = unknowns_of(motor, excitation, free, priors, sizes)
-    if any(one.path.startswith(THERMAL) for one in unknowns) and not any(one.rise_k for *_, one in stated):
-        raise ParameterError("A drift takes spectra at temperatures that differ; state that of each spectrum.")
+    others = [(f"point {row}", one) for row, one in enumerate(points.conditions if points else (), start=1)]
+    others += [(one.source, one.conditions) for one in moving]
+    warm = temperatures_of([condition for *_, condition in stated], others)
+    if any(one.path.startswith(THERMAL) for one in unknowns) and len(set(warm)) < 2:
+        raise ParameterError(
+            "A drift takes spectra, points or run-ups at temperatures that differ; state that of each of them."
+        )
     bands = tuple(Band.of(spectrum, state, connection, spectrum_error, one) for spectrum, state, one in stated)
     predictors = []
     for law in laws:
         base = OperatingPoint.of(motor, excitation, contact=law, timeout=timeout, audit=False)
         base = base.with_step(STEP * base.step)
-        for conditions in points.conditions if points else ():
-            base.updated(conditions)  # a wrong path or value is an error now, not a point that is left out
+        predictor = Predictor(
+            base, unknowns, points, bands, progress or (lambda _: None), run_ups=moving,
+            reference_c=warm[0] if warm else None,
+        )  # fmt: skip
+        # a wrong path or value is an error now, not a point that is left out
+        if points:
+            points.check([predictor.point(base, conditions) for conditions in points.conditions])
         for one in moving:
-            one.check(base)
-        predictors.append(Predictor(base, unknowns, points, bands, progress or (lambda _: None), run_ups=moving))
+            one.check(predictor.point(base, one.conditions))
+        predictors.append(predictor)
     with Checkpoint(checkpoint, predictors) as kept:
         searches = [_Search(one, kept.place(law), partial(kept.keep, law)) for law, one in enumerate(predictors)]
         found = _calibrated(searches[0], starts)
@@ -494,7 +504,7 @@ class _Judged:
         if self.search.predictor.points is not None:
             found += self._outliers()
         for run_up in search.predictor.run_ups:
-            found += run_up.cautions(search.predictor.base.updated(search.predictor.changes(self.x)))
+            found += run_up.cautions(search.predictor.moving(run_up, self.x))
         weak = [place for place, one in enumerate(estimates) if not one.identifiable]
         further = informations(search.predictor, self.x) if weak else {}
         return [*found, *(self._undecided(place, estimates, correlations, further) for place in weak)]

@@ -19,14 +19,21 @@ _ROTARY = {
 }
 _FORCE = {"n": 1.0, "mn": 1e-3, "kgf": _G, "kg": _G, "gf": 1e-3 * _G, "g": 1e-3 * _G}
 _TORQUE = {"nm": 1.0, "mnm": 1e-3, "unm": 1e-6, "ncm": 1e-2, "nmm": 1e-3, "kgfcm": 1e-2 * _G, "gfcm": 1e-5 * _G}
-_KINDS: dict[str, tuple[tuple[str, dict[str, float]], ...]] = {  # first word → columns, each with its units
+_FREQUENCY = {"hz": 1.0, "khz": 1e3}
+_ANGLE = {"deg": 1.0, "°": 1.0, "rad": 180.0 / pi}
+_KINDS: dict[str, tuple[tuple[str, dict[str, float]], ...]] = {  # words → columns, each with its units
     "speed": (("speed_m_s", _LINEAR), ("speed_rad_s", _ROTARY)),
     "force": (("force_n", _FORCE),),
     "torque": (("torque_n_m", _TORQUE),),
     "load": (("force_n", _FORCE), ("torque_n_m", _TORQUE)),
-    "frequency": (("frequency", {"hz": 1.0, "khz": 1e3}),),
+    "frequency": (("frequency", _FREQUENCY),),
     "voltage": (("voltage", {"v": 1.0, "vp": 1.0, "vpp": 0.5, "vrms": sqrt(2.0)}),),
     "power": (("power_w", {"w": 1.0, "mw": 1e-3}),),
+    "resonance": (("resonance_hz", _FREQUENCY),),
+    "temperature": (("temperature", {"°c": 1.0, "c": 1.0, "degc": 1.0}),),
+    "current phase": (("current_a_phase_deg", _ANGLE),),
+    "current phase a": (("current_a_phase_deg", _ANGLE),),
+    "current phase b": (("current_b_phase_deg", _ANGLE),),
 }
 _WORDS = {
     "velocity": "speed",
@@ -50,7 +57,8 @@ def column_of(heading: str) -> tuple[str, float] | None:
     words = found[1].lower().split()
     unit = (found[2] or found[3] or found[4]).strip().lower()
     unit = re.sub(r"[·*⋅ .-]", "", unit.replace("µ", "u").replace("μ", "u"))
-    for word in (words[-1], words[0]):
+    named = (" ".join(words), words[-1], words[0])
+    for word in ("resonance",) if any(word.startswith("resonan") for word in words) else named:
         for column, units in _KINDS.get(_WORDS.get(word, word), ()):
             if unit in units:
                 return column, units[unit]

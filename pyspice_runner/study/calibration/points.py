@@ -2,9 +2,11 @@
 """Measured operating points: a table with a row for each point, checked.
 
 Columns state the conditions of a point: ``voltage``, ``frequency``, ``phase_deg`` and further values of the drive, any
-path with a dot (``contact.preload_n``), and the load: ``load_torque_n_m``, or ``speed_rad_s`` of a shaft that is held.
-The other columns are measured: quantities of :func:`~pyspice_runner.speed_torque`, ``power_w`` of both groups, and the
-``speed_rad_s`` of a row with a ``load_torque_n_m``. ``…_error`` is the standard error of a measured column. A cell
+path with a dot (``contact.preload_n``), ``temperature`` in °C of the stator (:mod:`.conditions`), and the load:
+``load_torque_n_m``, or ``speed_rad_s`` of a shaft that is held. The other columns are measured: quantities of
+:func:`~pyspice_runner.speed_torque`, ``power_w`` of both groups, the phase ``current_a_phase_deg`` of a group's current
+ahead of its voltage at the drive frequency, the ``resonance_hz`` (:mod:`.resonance`), and the ``speed_rad_s`` of a row
+with a ``load_torque_n_m``. ``…_error`` is the standard error of a measured column. A cell
 without a value is not measured, or keeps the condition of the drive. A heading such as ``Speed (mm/s)`` or
 ``Torque [mN·m]`` states its unit (:mod:`.headings`).
 """
@@ -14,6 +16,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import degrees, remainder
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +27,7 @@ from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.model.document import read_document
 from pyspice_runner.model.drive import TwoPhaseDrive, TwoToneDrive
 from pyspice_runner.model.refusal import as_number, quoted
+from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.study.calibration.headings import column_of
 
@@ -31,11 +35,16 @@ MOST_POINTS = 2000
 ERROR = "_error"
 SPEED, LOAD, POWER = "speed_rad_s", "load_torque_n_m", "power_w"
 LINEAR = {"speed_m_s": SPEED, "load_force_n": LOAD, "force_n": "torque_n_m"}  # of a slider → of its rotor of 1 m
-MEASURED = (SPEED, POWER, *(name for name in UNITS if name != LOAD))
+TEMPERATURE = "temperature"  # °C of the stator: a condition that is no path of the motor
+PHASES = ("current_a_phase_deg", "current_b_phase_deg")
+RESONANCE = "resonance_hz"
+MEASURED = (SPEED, POWER, *(name for name in UNITS if name != LOAD), *PHASES, RESONANCE)
 _OF_DRIVE = (*dict.fromkeys([*TwoPhaseDrive.model_fields, *TwoToneDrive.model_fields]),)
 # A class of instruments: a torque cell, a current probe. Measured points without errors get this one, of the greatest
 # value of their column; then only ratios of the errors count, because the scatter about the fit sets their size.
 DEFAULT_ERROR = 0.02
+_RESONANCE_SPAN = 0.05
+_FAR = 2.0  # of the motor's modes: farther, a resonance has another unit
 
 
 @dataclass(frozen=True)
@@ -53,15 +62,42 @@ class Points:
     def __len__(self) -> int:
         return len(self.conditions)
 
+    def check(self, setups: Sequence[OperatingPoint]) -> None:
+        """Raise ParameterError for a phase without a voltage or a resonance far from the modes, of points as set up."""
+        for row, quantity, value in zip(self.rows, self.quantities, self.values.tolist(), strict=True):
+            where, drive = f"{self.source}: {quantity} of point {row + 1}", setups[row].drive
+            if quantity in PHASES:
+                group = quantity[len("current_")]
+                tones = [tone for tone in getattr(drive, f"tones_{group}", ()) if tone.amplitude]
+                if len({tone.frequency for tone in tones}) != 1:
+                    raise ParameterError(
+                        f"{where} takes a voltage of group {group.upper()} at one frequency. Its drive is "
+                        f"{getattr(drive, 'label', type(drive).__name__)}. Leave the phase out."
+                    )
+            if quantity == RESONANCE:
+                if not isinstance(drive, TwoPhaseDrive):
+                    raise ParameterError(f"{where} takes a drive with one frequency. Leave the resonance out.")
+                every = [mode.frequency_hz for mode in setups[row].motor.modes]
+                low, high = min(every) / _FAR, _FAR * max(every)
+                if not low <= value <= high:
+                    raise ParameterError(
+                        f"{where} is {value:g} Hz; the modes of the motor allow {low:.4g} to {high:.4g} Hz. Give it in "
+                        "Hz, or state the unit in the heading: Resonance (kHz)."
+                    )
 
-def read_points(data: str | Path | Mapping[str, Any] | Any, motor_is_linear: bool = False) -> Points:
-    """Read measured operating points from a CSV file, a dictionary of columns, or a pandas table.
+
+def read_points(
+    data: str | Path | Mapping[str, Any] | Any, motor_is_linear: bool = False, *, measured: bool = True
+) -> Points:
+    """Read operating points from a CSV file, a dictionary of columns, or a pandas table.
+
+    Without ``measured`` the values only name the quantities, and need no errors.
 
     Raises:
         ParameterError: for an unreadable file, an unknown column, a value that is not a number, or an error that is not
             above zero.
     """
-    return _checked(*read_columns(data, motor_is_linear))
+    return _checked(*read_columns(data, motor_is_linear), measured=measured)
 
 
 def read_columns(
@@ -152,12 +188,12 @@ def _named(
     columns: Mapping[str, list[float]], source: str, further: Sequence[str], *, linear: bool
 ) -> dict[str, list[float]]:
     """Return the columns under the names of a rotor. Raise ParameterError for an unknown name."""
-    known = [*further, *_OF_DRIVE, LOAD, *MEASURED, *(LINEAR if linear else ())]
+    known = [*further, *_OF_DRIVE, TEMPERATURE, LOAD, *MEASURED, *(LINEAR if linear else ())]
     found: dict[str, list[float]] = {}
     for name, values in columns.items():
         base = name.removesuffix(ERROR)
         own = LINEAR.get(base, base) if linear else base
-        allowed = MEASURED if base != name else (*further, *_OF_DRIVE, LOAD, *MEASURED)
+        allowed = MEASURED if base != name else (*further, *_OF_DRIVE, TEMPERATURE, LOAD, *MEASURED)
         if own not in allowed and not ("." in own and base == name):
             raise ParameterError(f"{source}: there is no column {quoted(name)}. {did_you_mean(name, known)}")
         own = own + name[len(base) :]
@@ -167,7 +203,7 @@ def _named(
     return found
 
 
-def _checked(source: str, columns: Mapping[str, list[float]]) -> Points:
+def _checked(source: str, columns: Mapping[str, list[float]], *, measured: bool) -> Points:
     count = len(next(iter(columns.values())))
     conditions = tuple(
         conditions_of_row({name: values[row] for name, values in columns.items()}) for row in range(count)
@@ -179,9 +215,9 @@ def _checked(source: str, columns: Mapping[str, list[float]]) -> Points:
         rows = [row for row in rows if name != SPEED or conditions[row]["load.speed"] is None]
         own = columns.get(f"{name}{ERROR}")
         stated = stated and (own is not None or not rows)
-        largest = float(np.abs([columns[name][row] for row in rows]).max(initial=0.0))
+        size = span(name, [columns[name][row] for row in rows]) or float(not measured)
         for row in rows:
-            error = own[row] if own is not None else DEFAULT_ERROR * largest
+            error = own[row] if own is not None else DEFAULT_ERROR * size
             if not error > 0.0:
                 raise ParameterError(
                     f"{source}: {name}{ERROR} of point {row + 1} is {quoted(error)}; it must be a number > 0."
@@ -200,13 +236,29 @@ def _checked(source: str, columns: Mapping[str, list[float]]) -> Points:
 
 def conditions_of_row(row: Mapping[str, float]) -> dict[str, float | None]:
     """Return the conditions of a point: path → value. A shaft without a load is held at its speed if there is one."""
-    paths = {name: name if "." in name else f"drive.{name}" for name in row if "." in name or name in _OF_DRIVE}
+    paths = {name: f"drive.{name}" if name in _OF_DRIVE else name
+             for name in row if "." in name or name in (*_OF_DRIVE, TEMPERATURE)}  # fmt: skip
     there: dict[str, float | None] = {path: row[name] for name, path in paths.items() if not np.isnan(row[name])}
     speed, load = row.get(SPEED, float("nan")), row.get(LOAD, float("nan"))
     held = np.isnan(load) and not np.isnan(speed)
     return {**there, "load.torque": 0.0 if np.isnan(load) else load, "load.speed": speed if held else None}
 
 
-def measured_of(values: Mapping[str, float], quantity: str) -> float:
-    """Return a measured quantity of a steady state."""
-    return values["power_a_w"] + values["power_b_w"] if quantity == POWER else values[quantity]
+def span(quantity: str, values: Sequence[float] | Array) -> float:
+    """Return the size of which :data:`DEFAULT_ERROR` is the error of a class of instruments: the greatest value.
+
+    An error of a phasor turns it by as many radians. A resonance is read to a tenth of the bandwidth of Q = 100.
+    """
+    if quantity in PHASES:
+        return degrees(1.0)
+    greatest = float(np.abs(values).max(initial=0.0))
+    return _RESONANCE_SPAN * greatest if quantity == RESONANCE else greatest
+
+
+def measured_of(values: Mapping[str, float], quantity: str, measured: float = 0.0) -> float:
+    """Return a measured quantity of a steady state; a phase within 180° of the measured one."""
+    if quantity == POWER:
+        return values["power_a_w"] + values["power_b_w"]
+    if quantity in PHASES:
+        return measured + remainder(values[quantity] - measured, 360.0)
+    return values[quantity]

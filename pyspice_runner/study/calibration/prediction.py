@@ -16,6 +16,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +34,9 @@ from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.two_port import sweep_two_port, two_port, two_port_bench
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spectra.spectrum import Connection, Spectrum, State, connect
-from pyspice_runner.study.calibration.conditions import Condition, added
-from pyspice_runner.study.calibration.points import POWER, Points, measured_of
+from pyspice_runner.study.calibration.conditions import Condition, added, at_conditions, warmed
+from pyspice_runner.study.calibration.points import PHASES, POWER, RESONANCE, SPEED, Points, measured_of, span
+from pyspice_runner.study.calibration.resonance import Peak, near_hz, peaks
 from pyspice_runner.study.calibration.run_up import RunUp
 from pyspice_runner.study.calibration.unknowns import THERMAL, Unknown
 
@@ -41,7 +44,7 @@ from pyspice_runner.study.calibration.unknowns import THERMAL, Unknown
 # step (2e-3 of mu F0 R), and its curvature stays small; harmonic balance is smooth
 COARSE_DIFFERENCE, DIFFERENCE = 0.05, 0.002
 ACCURACY = 2e-3  # of the friction torque, where the coarse step is compared with finer ones
-FAR = 0.2  # of the greatest value of a quantity: another motion, or one that the harmonics do not describe
+FAR = 0.2  # of the span of a quantity: another motion, or one that the harmonics do not describe
 STEP = 0.9  # of the default: the steps stay those of the first motor while its stiffness grows by a fifth
 SPECTRUM_ERROR = 0.01  # relative error of a measured admittance: that of an impedance analyser with its fixture
 SPECTRUM_POINTS = 200  # of a measured spectrum that are compared; its resonances are narrow, so they are chosen there
@@ -121,6 +124,7 @@ class Prediction:
 
     values: Array  # at the measured points, then in the spectra, then of the run-ups
     solutions: tuple[Point | Balance | None, ...] = ()  # of the points
+    peaks: Mapping[int, Peak] = field(default_factory=dict)  # by the places of measured resonances
     states: tuple[SteadyState, ...] = ()
 
     @property
@@ -142,6 +146,7 @@ class Predictor:
     shift: Array | None = None  # of the values at the points by ngspice at fine steps; NaN where it has none
     reference: Prediction | None = None  # by ngspice, where the shift was taken last
     run_ups: tuple[RunUp, ...] = ()
+    reference_c: float | None = None  # temperature of the values of the motor; ``None`` where none is stated
     _balanced: bool | None = field(default=None, init=False)  # whether harmonic balance is the fast model
 
     @property
@@ -184,10 +189,20 @@ class Predictor:
             points = self.points
             self._balanced = (
                 points is not None
-                and set(points.quantities) <= {*QUANTITIES, POWER}
-                and all(balances(self.base.updated(conditions)) for conditions in points.conditions)
+                and set(points.quantities) <= {*QUANTITIES, POWER, RESONANCE}
+                and all(balances(self.point(self.base, conditions)) for conditions in points.conditions)
             )
         return self._balanced
+
+    def point(
+        self, motor: OperatingPoint, conditions: Mapping[str, float | None], thermal: Thermal | None = None
+    ) -> OperatingPoint:
+        """Return a motor at the conditions of a point or run-up; by default with the drift of the first motor."""
+        return at_conditions(motor, conditions, thermal or Thermal.of(self.base.motor), self.reference_c)
+
+    def moving(self, run_up: RunUp, x: Array) -> OperatingPoint:
+        """Return the motor of a run-up for the coordinates of the free parameters."""
+        return self.point(self.base.updated(self.changes(x)), run_up.conditions, self.thermal(x))
 
     def at(self, vectors: Sequence[Array], near: Prediction | None = None, *, fine: bool = False) -> list[Prediction]:
         """Predict for many sets of coordinates in one call of the model.
@@ -199,35 +214,75 @@ class Predictor:
                 :meth:`refine`.
         """
         motors: list[OperatingPoint | None] = []
-        for x in vectors:
-            try:
-                motors.append(self.base.updated(self.changes(x)))
-            except ParameterError:  # values that do not go together: there is no such motor
-                motors.append(None)
         setups: list[OperatingPoint] = []
         owners: list[tuple[int, int]] = []
-        for number, motor in enumerate(motors):
-            for place, conditions in enumerate(self.points.conditions if self.points and motor else ()):
-                assert motor is not None
-                setups.append(motor.updated(conditions))
-                owners.append((number, place))
+        for number, x in enumerate(vectors):
+            try:
+                motor = self.base.updated(self.changes(x))
+                every = self.points.conditions if self.points else ()
+                own = [self.point(motor, conditions, self.thermal(x)) for conditions in every]
+            except ParameterError:  # values that do not go together: there is no such motor
+                motors.append(None)
+                continue
+            motors.append(motor)
+            setups += own
+            owners += [(number, place) for place in range(len(own))]
         starts = [near.solutions[place] if near and near.solutions else None for _, place in owners]
-        states: Sequence[SteadyState | BalancedState | None] = []
-        if setups and self.balanced and not fine:
-            states = balanced_states(setups, [start if isinstance(start, Balance) else None for start in starts])
-        elif setups:
-            own = [start if isinstance(start, Point) else None for start in starts]
-            states = steady_states(setups, accuracy=ACCURACY if fine else None, starts=own)
-        self.solved += len(states)
-        self.progress(self.solved)
-        by_owner = dict(zip(owners, states, strict=True))
+        by_owner = dict(zip(owners, self._solved(setups, starts, fine), strict=True))
+        resonances = self._peaks(dict(zip(owners, setups, strict=True)), near, fine)
         found = [
-            self._prediction(number, motor, self.thermal(x), by_owner, fine)
+            self._prediction(number, motor, self.thermal(x), by_owner, resonances, fine)
             for number, (motor, x) in enumerate(zip(motors, vectors, strict=True))
         ]
         if self.shift is None or fine:
             return found
         return [replace(one, values=one.values + self.shift) for one in found]
+
+    def _solved(
+        self, setups: Sequence[OperatingPoint], starts: Sequence[Point | Balance | None], fine: bool
+    ) -> Sequence[SteadyState | BalancedState | None]:
+        """Return steady states by the fast model, or with ``fine`` by ngspice at fine steps."""
+        if not setups:
+            return []
+        states: Sequence[SteadyState | BalancedState | None]
+        if self.balanced and not fine:
+            states = balanced_states(setups, [start if isinstance(start, Balance) else None for start in starts])
+        else:
+            own = [start if isinstance(start, Point) else None for start in starts]
+            states = steady_states(setups, accuracy=ACCURACY if fine else None, starts=own)
+        self.solved += len(states)
+        self.progress(self.solved)
+        return states
+
+    def _peaks(
+        self, setups: Mapping[tuple[int, int], OperatingPoint], near: Prediction | None, fine: bool
+    ) -> dict[tuple[int, int], Peak]:
+        """Return the resonances by number of the motor and place of the measured one, each next to a known one."""
+        points = self.points
+        if points is None or RESONANCE not in points.quantities:
+            return {}
+        own = [place for place, quantity in enumerate(points.quantities) if quantity == RESONANCE]
+        asked = [(number, place) for number, _ in setups for place in own if (number, points.rows[place]) in setups]
+        asked = list(dict.fromkeys(asked))
+        known = near.peaks if near else {}
+        known = {place: peak for place, peak in known.items() if np.isfinite(peak.frequency_hz)}
+        starts = [known.get(place) or Peak(float(points.values[place])) for _, place in asked]
+        distances = [
+            near_hz(self.point(self.base, points.conditions[points.rows[place]]), float(points.values[place]))
+            for _, place in asked
+        ]
+
+        def solve(asked: list[OperatingPoint], starts: list[Any]) -> list[tuple[float, Any]]:
+            found = self._solved(asked, starts, fine)
+            return [
+                (measured_of(_values(state), POWER), state.solution) if state and _sound(state) else (np.nan, None)
+                for state in found
+            ]
+
+        found = peaks(
+            [setups[number, points.rows[place]] for number, place in asked], starts, distances, solve, fresh=not known
+        )
+        return dict(zip(asked, found, strict=True))
 
     def refine(self, x: Array, near: Prediction | None = None) -> Prediction:
         """Take the difference between ngspice at fine steps and the fast model here; return the former's values."""
@@ -238,7 +293,7 @@ class Predictor:
             self._balanced = False
             (fast,) = self.at([x], fine)
         self.shift, self.reference = fine.values - fast.values, fine
-        return replace(fine, solutions=fast.solutions)
+        return replace(fine, solutions=fast.solutions, peaks=fast.peaks)
 
     def _far(self, fast: Prediction, fine: Prediction) -> bool:
         """Whether a value by the fast model is missing, or farther from that by ngspice than :data:`FAR`."""
@@ -247,7 +302,7 @@ class Predictor:
         for name in self.points.quantities:
             own = np.flatnonzero(names == name)
             there = own[np.isfinite(fine.values[own])]
-            size = np.abs(fine.values[there]).max(initial=0.0)
+            size = span(name, fine.values[there])
             if not np.all(np.abs(fast.values[there] - fine.values[there]) <= FAR * size):
                 return True
         return False
@@ -258,23 +313,35 @@ class Predictor:
         motor: OperatingPoint | None,
         thermal: Thermal,
         states: Mapping[tuple[int, int], SteadyState | BalancedState | None],
+        resonances: Mapping[tuple[int, int], Peak],
         fine: bool,
     ) -> Prediction:
         if motor is None:
             return Prediction(np.full(len(self.measured), np.nan))
         parts: list[Array] = []
         own: tuple[SteadyState | BalancedState | None, ...] = ()
-        if self.points:
-            own = tuple(states[number, place] for place in range(len(self.points)))
+        resonant = {place: peak for (one, place), peak in resonances.items() if one == number}
+        if points := self.points:
+            own = tuple(states[number, place] for place in range(len(points)))
             parts.append(np.array([
-                measured_of(_values(own[row]), quantity) if _sound(own[row]) else np.nan
-                for row, quantity in zip(self.points.rows, self.points.quantities, strict=True)
+                resonant[place].frequency_hz if quantity == RESONANCE
+                else measured_of(_values(own[row]), quantity, measured) if _sound(own[row]) else np.nan
+                for place, (row, quantity, measured) in
+                enumerate(zip(points.rows, points.quantities, points.values.tolist(), strict=True))
             ]))  # fmt: skip
-        parts += [_admittance(band, motor.motor, thermal, fine) for band in self.bands]
-        parts += [one.predicted(motor) for one in self.run_ups]
+        parts += [_or_unknown(partial(self._admittance, band, motor, thermal, fine), band.measured)
+                  for band in self.bands]  # fmt: skip
+        parts += [_or_unknown(partial(self._run_up, one, motor, thermal), one.measured) for one in self.run_ups]
         solutions = tuple(state.solution if state and _sound(state) else None for state in own)
         kept = tuple(replace(state, solution=None) for state in own if isinstance(state, SteadyState))
-        return Prediction(np.concatenate(parts), solutions, kept)
+        return Prediction(np.concatenate(parts), solutions, resonant, kept)
+
+    def _admittance(self, band: Band, motor: OperatingPoint, thermal: Thermal, fine: bool) -> Array:
+        warm = warmed(motor, band.condition.temperature, thermal, self.reference_c)
+        return band.predicted(warm.motor, fine=fine)
+
+    def _run_up(self, run_up: RunUp, motor: OperatingPoint, thermal: Thermal) -> Array:
+        return run_up.predicted(self.point(motor, run_up.conditions, thermal))
 
     def jacobian(self, x: Array, here: Prediction, *, central: bool = False) -> Array:
         """Return the derivative of the predicted values; 0 where it is not known.
@@ -296,12 +363,12 @@ class Predictor:
         return np.asarray(np.nan_to_num(np.array(columns).T, nan=0.0))
 
 
-def _admittance(band: Band, motor: Motor, thermal: Thermal, fine: bool) -> Array:
-    own = thermal.warmed(motor, band.condition.rise_k) if band.condition.rise_k else motor
+def _or_unknown(predicted: Callable[[], Array], measured: Array) -> Array:
+    """Return predicted values; NaN for a motor that does not exist at the temperature, or has no such run."""
     try:
-        return band.predicted(own, fine=fine)
-    except SimulationError:
-        return np.full(len(band.measured), np.nan)
+        return predicted()
+    except (ParameterError, SimulationError):
+        return np.full(len(measured), np.nan)
 
 
 def _sound(state: SteadyState | BalancedState | None) -> bool:
@@ -317,5 +384,5 @@ def _sound(state: SteadyState | BalancedState | None) -> bool:
 def _values(state: SteadyState | BalancedState | None) -> Mapping[str, float]:
     """Return the quantities of a state by name."""
     if isinstance(state, SteadyState):
-        return {**state.quantities, "speed_rad_s": state.speed_rad_s}
+        return {**state.quantities, **{name: getattr(state, name) for name in (SPEED, *PHASES)}}
     return state.values if state else {}

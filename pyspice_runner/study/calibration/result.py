@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from pyspice_runner.analysis.steady import SteadyState
-from pyspice_runner.errors import SimulationError
+from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.motor import ALIASES, Motor, Provenance
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.result import Result, json_ready
 from pyspice_runner.run.waveforms import Array
+from pyspice_runner.study.calibration.conditions import temperatures_of
 from pyspice_runner.study.calibration.misfit import SetFit
-from pyspice_runner.study.calibration.points import Points, read_points
+from pyspice_runner.study.calibration.points import TEMPERATURE, Points, read_points
 from pyspice_runner.study.calibration.prediction import Band, Predictor
 from pyspice_runner.study.calibration.run_up import RunUp
 from pyspice_runner.study.calibration.unknowns import THERMAL
@@ -207,8 +208,16 @@ class Calibration(Result):
             ParameterError: for an invalid table.
             SimulationError: if ngspice fails.
         """
-        points = read_points(data, self.start.slider is not None)
-        predictor = Predictor(self.predictor.base, self.predictor.unknowns, points)
+        points = read_points(data, self.start.slider is not None, measured=False)
+        own = self.predictor
+        temperatures_of([], [(f"point {row}", one) for row, one in enumerate(points.conditions, start=1)])
+        predictor = Predictor(own.base, own.unknowns, points, reference_c=own.reference_c)
+        if own.reference_c is None and TEMPERATURE in points.conditions[0]:
+            raise ParameterError(
+                "The points have a temperature, the calibration has none: that of the motor's values is not known. "
+                "Leave it out, or calibrate with data whose temperature is stated."
+            )
+        points.check([predictor.point(own.base, conditions) for conditions in points.conditions])
         here = predictor.refine(self.coordinates)
         if not here.known:
             raise SimulationError("The calibrated motor has no steady state at any of the points.")

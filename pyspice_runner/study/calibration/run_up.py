@@ -10,7 +10,7 @@ mechanics, inertia over the slope of the torque, decides inertia and bearing, wh
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,9 @@ TIME = "time_s"
 FEWEST = 3  # points: two are a line, which any time constant explains
 MOST = 100_000  # rows of a table
 COMPARED = 200  # points of a run-up that are compared, as of a spectrum
+# of a run-up that settles: its first duration in periods of the drive, how often it is doubled, and the share of the
+# speed by which that of its second half differs, some four time constants of the mechanics
+SHORTEST_PERIODS, DOUBLINGS, SETTLED = 200, 10, 0.02
 RUN_UP_ERROR = 0.01  # of the greatest speed: an encoder over a short window; above the 0.4 % of the averaged motor
 
 
@@ -91,11 +94,13 @@ class RunUp:
         return cls(source, given, time[rows], speed[rows], errors[rows])
 
     def check(self, base: OperatingPoint) -> None:
-        """Raise ParameterError for a law, motor or drive without an averaged model, a wrong condition, a short time."""
-        point = base.updated(self.conditions)
-        check_averaged(point.law)
-        require_averaged(point.motor)
-        stage = AveragedDrive.of(point.drive).stage  # type: ignore[arg-type]
+        """Raise ParameterError for a law, motor or drive without an averaged model, or a short time.
+
+        ``base`` and the motors of the other methods are at the conditions of this run-up.
+        """
+        check_averaged(base.law)
+        require_averaged(base.motor)
+        stage = AveragedDrive.of(base.drive).stage  # type: ignore[arg-type]
         least = FEWEST_PERIODS * stage.period
         if self.time_s[-1] < least:
             raise ParameterError(
@@ -104,11 +109,8 @@ class RunUp:
             )
 
     def predicted(self, motor: OperatingPoint) -> Array:
-        """Return the speed of a motor at the measured times; NaN where the averaged motor fails."""
-        try:
-            run = self._run(motor)
-        except (ParameterError, SimulationError):
-            return np.full(len(self.measured), np.nan)
+        """Return the speed of a motor at the measured times. Raise SimulationError where the averaged motor fails."""
+        run = self._run(motor)
         return np.interp(self.time_s, run.curves["time_s"], run.curves["rotor_speed_rad_s"])
 
     def cautions(self, motor: OperatingPoint) -> list[str]:
@@ -121,11 +123,31 @@ class RunUp:
         return [f"{self.source}: {caution} The intervals leave this error out." for caution in found]
 
     def _run(self, motor: OperatingPoint) -> AveragedRun:
-        point = motor.updated(self.conditions)
         return simulate_averaged(
-            point.motor, point.drive, float(self.time_s[-1]), load_torque=point.load.torque,  # type: ignore[arg-type]
-            timeout=point.solver.timeout,
+            motor.motor, motor.drive, float(self.time_s[-1]), load_torque=motor.load.torque,  # type: ignore[arg-type]
+            timeout=motor.solver.timeout,
         )  # fmt: skip
+
+
+def settled_run_up(motor: OperatingPoint) -> RunUp:
+    """Return the run-up of a motor from rest to its settled speed, without a load, as if it was measured.
+
+    Raises:
+        ParameterError: if the motor has no averaged model, does not move, or does not settle.
+        SimulationError: if the averaged motor fails.
+    """
+    duration = SHORTEST_PERIODS / min(motor.source.frequencies)
+    for _ in range(DOUBLINGS):
+        time = np.linspace(0.0, duration, COMPARED)
+        own = RunUp("a run-up", conditions_of_row({}), time, time, time)
+        free = motor.updated(own.conditions)
+        own.check(free)
+        speed = own.predicted(free)
+        greatest = float(np.abs(speed).max())
+        if np.ptp(speed[COMPARED // 2 :]) < SETTLED * greatest:
+            return replace(own, measured=speed, errors=np.full(COMPARED, RUN_UP_ERROR * greatest))
+        duration *= 2.0
+    raise ParameterError(f"The motor does not settle at a speed within {0.5 * duration:.3g} s.")
 
 
 def run_ups(data: Sequence[Any], linear: bool) -> tuple[RunUp, ...]:

@@ -121,7 +121,11 @@ def test_the_admittance_at_a_level_is_that_of_the_steady_state() -> None:
         ({"temperature": -300.0}, "contact.friction", "must be a number >= -273.15"),
         ({"level": 0.0}, "contact.friction", "level = 0 is not valid"),
         (40.0, "contact.friction", "the conditions 40 are not valid"),
-        ({"level": 1.0}, "thermal.frequency_drift_per_k", "A drift takes spectra at temperatures that differ"),
+        (
+            {"level": 1.0},
+            "thermal.frequency_drift_per_k",
+            "A drift takes spectra, points or run-ups at temperatures that differ",
+        ),
         ({"level": 1.0}, "thermal.drift", "is not a drift"),
     ],
 )
@@ -133,7 +137,7 @@ def test_conditions_that_make_no_sense_are_refused(conditions: Any, free: str, t
 
 def test_a_temperature_of_some_spectra_and_a_level_on_the_rotor_are_refused() -> None:
     spectrum = Spectrum.from_admittance(np.array([1e3, 2e3]), np.array([1e-3, 1e-3], complex))
-    with pytest.raises(pr.ParameterError, match="1 of 2 spectra have a temperature"):
+    with pytest.raises(pr.ParameterError, match="spectrum 2 has no temperature, 1 of 2"):
         pr.calibrate(MOTOR, free=["contact.friction"], spectra=[
             (spectrum, "free", {"temperature": 20.0}), (spectrum, "free")])  # fmt: skip
     with pytest.raises(pr.ParameterError, match="level goes with a free stator"):
