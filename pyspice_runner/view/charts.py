@@ -23,8 +23,8 @@ from pyspice_runner.model.motor import Motor, Structure
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.spectra.admittance import Admittance
 from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum, State
-from pyspice_runner.study.calibration.record import RecordedPoint
-from pyspice_runner.view.style import BLUE, CYCLE, GREEN, GREY, LABELS, PURPLE, STATES, VERMILION, label_of
+from pyspice_runner.study.calibration.record import RecordedCurve, RecordedPoint
+from pyspice_runner.view.style import BLUE, CYCLE, GREEN, GREY, LABELS, PURPLE, STATES, VERMILION, label_of, time_label
 
 if TYPE_CHECKING:
     import xarray
@@ -305,6 +305,23 @@ def calibration(points: Sequence[RecordedPoint]) -> go.Figure | None:
     figure.update_xaxes(title_text="point", dtick=1 if max(one.point for one in points) <= _FEW_POINTS else None)
     figure.update_yaxes(title_text="(predicted − measured)/error")
     figure.update_layout(height=380 + TOOL_BAR, showlegend=True)
+    return figure
+
+
+def calibration_curve(curve: RecordedCurve) -> go.Figure:
+    """Return the residuals of a spectrum or a run-up of a calibration: noise, unless the model is wrong."""
+    label = time_label(max(curve.at)) if curve.along == "time_s" else LABELS[curve.along]
+    figure = go.Figure()
+    for number, (quantity, values) in enumerate(curve.quantities.items()):
+        figure.add_scatter(
+            x=_short(label.scale * np.array(curve.at), precise=True), y=values.residuals, name=quantity, mode="markers",
+            marker={"color": CYCLE[number % len(CYCLE)], "symbol": MARKS[number % len(MARKS)], "size": 5},
+            hovertemplate=f"%{{x:.5g}} {label.unit}: %{{y:.3g}} standard errors",
+        )  # fmt: skip
+    figure.add_hrect(-2.0, 2.0, fillcolor=GREY, opacity=0.15, line_width=0, layer="below")
+    figure.update_xaxes(title_text=str(label))
+    figure.update_yaxes(title_text="(predicted − measured)/error")
+    figure.update_layout(height=320 + TOOL_BAR, showlegend=True)
     return figure
 
 

@@ -229,7 +229,9 @@ def datasheet(report: Report) -> str:
         "electrical": charts.electrical(report.run),
         "loop": charts.loop_gain(report.tracking.loop) if report.tracking and report.tracking.loop else None,
         "residuals": charts.calibration(report.calibration.points) if report.calibration else None,
-    }
+        **{f"residuals-{number}": charts.calibration_curve(curve)
+           for number, curve in enumerate(report.calibration.curves if report.calibration else ())},
+    }  # fmt: skip
     script, style = ((HERE / f"datasheet.{ending}").read_text(encoding="utf-8") for ending in ("js", "css"))
     return rendered(
         "datasheet.html.j2",

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -12,7 +13,7 @@ from pyspice_runner.study.calibration.prediction import Band
 from pyspice_runner.study.calibration.result import Calibration
 from pyspice_runner.study.calibration.run_up import RunUp
 from pyspice_runner.view.draw import AXIS, Panel, Sheet, dress
-from pyspice_runner.view.style import BLUE, CYCLE, LABELS, VERMILION, label_of, time_label
+from pyspice_runner.view.style import BLUE, CYCLE, LABELS, VERMILION, Label, label_of, time_label
 
 _MARKS = "osv^Dx+*"
 
@@ -28,12 +29,17 @@ def calibration(result: Calibration) -> Sheet:
     for number, band in enumerate(result.bands, start=1):
         own = slice(start, start + len(band.measured))
         panels[f"spectrum {number}"] = partial(_spectrum, band, result.predicted[own])
-        residuals = (result.predicted[own] - result.measured[own]) / result.errors[own]
-        panels[f"residuals {number}"] = partial(_spectrum_residuals, band, residuals)
+        half = np.split((result.predicted[own] - result.measured[own]) / result.errors[own], 2)
+        parts = dict(zip(("real part", "imaginary part"), half, strict=True))
+        axis = LABELS["frequency_hz"], band.spectrum.frequency_hz
+        panels[f"residuals {number}"] = partial(_residuals_along, *axis, parts, band.state)
         start = own.stop
     for number, run_up in enumerate(result.run_ups, start=1):
         own = slice(start, start + len(run_up.measured))
         panels[f"run-up {number}"] = partial(_run_up, run_up, result.predicted[own], result.start.slider is not None)
+        parts = {"speed": (result.predicted[own] - result.measured[own]) / result.errors[own]}
+        axis = time_label(float(run_up.time_s[-1])), run_up.time_s
+        panels[f"residuals of run-up {number}"] = partial(_residuals_along, *axis, parts, run_up.source)
         start = own.stop
     return Sheet(panels, 2, (5.6, 3.8), f"{result.start.name}, calibrated with {result.sources}")
 
@@ -127,14 +133,11 @@ def _spectrum(band: Band, predicted: np.ndarray, ax: Axes) -> None:
     ax.legend(fontsize=7)
 
 
-def _spectrum_residuals(band: Band, residuals: np.ndarray, ax: Axes) -> None:
-    """Draw (predicted - measured)/error of both parts of Y over the frequency: noise, unless the model is wrong."""
-    half = len(residuals) // 2
-    frequency = LABELS["frequency_hz"]
-    at = frequency.scale * band.spectrum.frequency_hz
-    for part, name, colour in ((residuals[:half], "real part", BLUE), (residuals[half:], "imaginary part", VERMILION)):
-        ax.plot(at, part, ".", color=colour, ms=3, label=name)
+def _residuals_along(along: Label, at: np.ndarray, parts: Mapping[str, np.ndarray], data: str, ax: Axes) -> None:
+    """Draw (predicted - measured)/error along a spectrum or a run-up: noise, unless the model is wrong."""
+    for (name, part), colour in zip(parts.items(), (BLUE, VERMILION), strict=False):
+        ax.plot(along.scale * at, part, ".", color=colour, ms=3, label=name)
     ax.axhline(0.0, **AXIS)
     ax.axhspan(-2.0, 2.0, color="0.92", zorder=0)
-    dress(ax, frequency, "(predicted - measured) / error", f"Residuals, {band.state}; grey: two errors")
+    dress(ax, along, "(predicted - measured) / error", f"Residuals, {data}; grey: two errors")
     ax.legend(fontsize=7)

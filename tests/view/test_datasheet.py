@@ -20,7 +20,15 @@ from playwright.sync_api import Browser, Page
 import pyspice_runner as pr
 from pyspice_runner.model.motor import Provenance
 from pyspice_runner.netlist.motor import motor_library
-from pyspice_runner.study.calibration.record import Record, RecordedFit, RecordedPoint, RecordedValue
+from pyspice_runner.study.calibration.record import (
+    Record,
+    RecordedCurve,
+    RecordedFit,
+    RecordedPoint,
+    RecordedRival,
+    RecordedValue,
+    RecordedValues,
+)
 from pyspice_runner.units import engineering
 from pyspice_runner.view import charts
 from pyspice_runner.view.datasheet import HERE, Report, datasheet, downloads, parameter_rows
@@ -395,6 +403,16 @@ def test_a_calibration_has_its_section(report: Report, browser: Browser, tmp_pat
         fits=[RecordedFit(data="points.csv", values=3, squares=5.0, expected=2.0, probability=0.08)],
         points=[RecordedPoint(point=number, quantity="torque_n_m", measured=measured, predicted=predicted, error=1e-4)
                 for number, measured, predicted in torques],
+        curves=[
+            RecordedCurve(data="free.csv (free) <b>", along="frequency_hz", at=[40e3, 41e3], quantities={
+                name: RecordedValues(measured=[1.0, 2.0], predicted=[1.1, None], error=[0.1, 0.1])
+                for name in ("admittance_real_s", "admittance_imaginary_s")
+            }),
+            RecordedCurve(data="spinup.csv", along="time_s", at=[0.0, 1e-3], quantities={
+                "speed_rad_s": RecordedValues(measured=[0.0, 2.0], predicted=[0.0, 1.8], error=[0.1, 0.1])
+            }),
+        ],
+        rivals=[RecordedRival(contact="coulomb", aicc=None, verdict="failed: no steady state <b>")], aicc=12.0,
     )  # fmt: skip
     assert 'id="calibration"' not in datasheet(report)
     page, wrong = opened(browser, replace(report, calibration=record).save(tmp_path / "report.html"), viewport=PHONE)
@@ -405,6 +423,11 @@ def test_a_calibration_has_its_section(report: Report, browser: Browser, tmp_pat
     drawn = page.evaluate("document.getElementById('residuals').data[0].y")
     assert drawn[:2] == pytest.approx([2.0, -1.0])
     assert drawn[2] is None
+    assert "failed: no steady state <b>" in told
+    assert page.evaluate("document.getElementById('residuals-0').data[1].y") == [pytest.approx(1.0), None]
+    assert page.evaluate("document.getElementById('residuals-1').data[0].y") == pytest.approx([0.0, -2.0])
+    at = page.evaluate("Array.from(document.getElementById('residuals-1')._fullData[0].x)")
+    assert at == pytest.approx([0.0, 1.0])  # ms
     assert "that of a motor with other values of contact.friction" in page.inner_text("main")
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert wrong == []

@@ -398,16 +398,13 @@ class _Judged:
     def _fits(self) -> tuple[SetFit, ...]:
         """Return the fit of points, of each spectrum and run-up, and of what was known before."""
         predictor = self.search.predictor
-        names = [predictor.points.source] if predictor.points else []
-        names += [f"{band.spectrum.source or 'the spectrum'} ({band.state})" for band in predictor.bands]
-        sizes = [len(predictor.points.values)] if predictor.points else []
-        names += [one.source for one in predictor.run_ups]
-        ends = np.cumsum([*sizes, *(len(one) for one in predictor.compared)])
-        sets = np.split(np.arange(ends[-1]), ends[:-1])
+        every = np.arange(len(predictor.measured))
+        names = [name for name, _ in predictor.sets]
+        sets = [every[places] for _, places in predictor.sets]
         known = [place for place, unknown in enumerate(predictor.unknowns) if unknown.prior is not None]
         if known:
             names.append("the priors")
-            sets.append(ends[-1] + np.array(known))
+            sets.append(len(every) + np.array(known))
         return fits_of(names, [own[self.known[own]] for own in sets], self.residuals, self.weighted)
 
     def calibration(self, law: str) -> Calibration:

@@ -160,6 +160,16 @@ class Predictor:
         return [*(band.measured for band in self.bands), *(one.measured for one in self.run_ups)]
 
     @property
+    def sets(self) -> list[tuple[str, slice]]:
+        """Name and places of each set of data: the points, each spectrum, each run-up."""
+        names = [self.points.source] if self.points else []
+        names += [f"{band.spectrum.source or 'the spectrum'} ({band.state})" for band in self.bands]
+        names += [one.source for one in self.run_ups]
+        sizes = [len(self.points.values)] if self.points else []
+        ends = np.cumsum([0, *sizes, *(len(one) for one in self.compared)]).tolist()
+        return [(name, slice(*ends[place : place + 2])) for place, name in enumerate(names)]
+
+    @property
     def errors(self) -> Array:
         """Their standard errors, since the last :meth:`refine` with the magnitudes of the spectra predicted there."""
         parts, place = [], len(self.points.values) if self.points else 0

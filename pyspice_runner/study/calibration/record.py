@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from math import isclose
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, FiniteFloat, ValidationError
+from pydantic import AfterValidator, BaseModel, FiniteFloat, ValidationError, model_validator
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.document import read_document
@@ -63,6 +63,46 @@ class RecordedPoint(BaseModel):
         return None if self.predicted is None else (self.predicted - self.measured) / self.error
 
 
+class RecordedValues(BaseModel):
+    """Values of one quantity along a curve; ``None`` where the motor has none."""
+
+    measured: list[FiniteFloat]
+    predicted: list[FiniteFloat | None]
+    error: list[FiniteFloat]
+
+    @property
+    def residuals(self) -> list[float | None]:
+        """(predicted − measured)/error."""
+        rows = zip(self.measured, self.predicted, self.error, strict=True)
+        return [None if there is None else (there - own) / error for own, there, error in rows]
+
+
+class RecordedCurve(BaseModel):
+    """A spectrum over ``frequency_hz``, or a run-up over ``time_s``."""
+
+    data: str
+    along: Literal["frequency_hz", "time_s"]
+    at: list[FiniteFloat]
+    quantities: dict[str, RecordedValues]
+
+    @model_validator(mode="after")
+    def _of_one_length(self) -> RecordedCurve:
+        lengths = {len(self.at)}
+        for one in self.quantities.values():
+            lengths |= {len(one.measured), len(one.predicted), len(one.error)}
+        if len(lengths) != 1:
+            raise ValueError("the lists of a curve have different lengths")
+        return self
+
+
+class RecordedRival(BaseModel):
+    """How another law of the contact fits, as in :class:`~.result.Rival`, with the comparison in words."""
+
+    contact: str
+    aicc: FiniteFloat | None
+    verdict: str
+
+
 class Record(BaseModel):
     """The result of a calibration, as in :meth:`.result.Calibration.to_dict`."""
 
@@ -74,6 +114,9 @@ class Record(BaseModel):
     warnings: list[str]
     fits: list[RecordedFit]
     points: list[RecordedPoint]
+    curves: list[RecordedCurve]
+    rivals: list[RecordedRival]
+    aicc: FiniteFloat | None
 
     @classmethod
     def read(cls, path: str | Path) -> Record:

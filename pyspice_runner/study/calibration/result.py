@@ -13,19 +13,21 @@ import numpy as np
 
 from pyspice_runner.analysis.steady import SteadyState
 from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.files import write_rows
 from pyspice_runner.model.motor import ALIASES, Motor, Provenance
 from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.result import Result, json_ready
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.study.calibration.conditions import temperatures_of
 from pyspice_runner.study.calibration.misfit import SetFit
-from pyspice_runner.study.calibration.points import TEMPERATURE, Points, read_points
+from pyspice_runner.study.calibration.points import SPEED, TEMPERATURE, Points, read_points
 from pyspice_runner.study.calibration.prediction import Band, Predictor
 from pyspice_runner.study.calibration.run_up import RunUp
 from pyspice_runner.study.calibration.unknowns import THERMAL
 
 NORMAL_95 = 1.959964  # standard errors to each side that hold 95 % of a normal distribution
 DECISIVE = 10.0  # difference in AICc beyond which the other law has no support; Burnham and Anderson, sec. 2.6
+_PARTS = ("admittance_real_s", "admittance_imaginary_s")
 _SAMPLE = 20_000  # cases: the quantile of 95 % is known to 0.3 %
 
 
@@ -248,7 +250,7 @@ class Calibration(Result):
             "error_scale": self.scale,
             "fits": [fit.to_dict() for fit in self.fits],
             "aicc": self.aicc,
-            "rivals": [one.to_dict() for one in self.rivals],
+            "rivals": [{**one.to_dict(), "verdict": self._against(one)} for one in self.rivals],
             "correlations": self.correlations,
             "steady_states": self.steady_states,
             "points": [
@@ -259,6 +261,7 @@ class Calibration(Result):
                         strict=False) if self.points else ()
                 )
             ],
+            "curves": [self._curve(*each) for each in self._axes()],
         })  # fmt: skip
         return document
 
@@ -284,21 +287,60 @@ class Calibration(Result):
         told += "" if abs(by) > DECISIVE else ", which does not decide"
         return told + (f"; {other.law} does not explain {' and '.join(other.misfits)}" if other.misfits else "")
 
+    def _axes(self) -> list[tuple[str, slice, str, Array, tuple[str, ...]]]:
+        """Return of each spectrum and run-up its name, places, axis with its values, and quantities."""
+        sets = self.predictor.sets[1 if self.points else 0 :]
+        axes: list[tuple[str, Array, tuple[str, ...]]]
+        axes = [("frequency_hz", band.spectrum.frequency_hz, _PARTS) for band in self.bands]
+        axes += [("time_s", one.time_s, (SPEED,)) for one in self.run_ups]
+        return [(name, places, *axis) for (name, places), axis in zip(sets, axes, strict=True)]
+
+    def _curve(self, name: str, places: slice, along: str, at: Array, quantities: tuple[str, ...]) -> dict[str, Any]:
+        """Return a spectrum or a run-up, JSON-ready."""
+        found: dict[str, Any] = {"data": name, "along": along, "at": at, "quantities": {}}
+        parts = (np.split(values[places], len(quantities)) for values in (self.measured, self.predicted, self.errors))
+        for quantity, *values in zip(quantities, *parts, strict=True):
+            found["quantities"][quantity] = dict(zip(("measured", "predicted", "error"), values, strict=True))
+        return dict(json_ready(found))
+
     def columns(self) -> Mapping[str, Array]:
-        """Return point, measured and predicted value and residual of each measured value of the points."""
-        if self.points is None:
-            return {}
-        count = len(self.points.values)
+        """Return measured and predicted value and residual of each measured value, in the order of the data.
+
+        ``set`` is the number of its set of data: points, spectra, run-ups. ``at`` is the time in s of a run-up, the
+        frequency in Hz of a spectrum, whose real parts come before its imaginary ones, and NaN of a point. ``point``
+        is the number of the point in its set.
+        """
+        points = np.array(self.points.rows, float) + 1.0 if self.points else np.zeros(0)
+        found = {"point": [points], "set": [np.ones(len(points))], "at": [np.full(len(points), np.nan)]}
+        for number, (_, _, _, at, quantities) in enumerate(self._axes(), start=2 if self.points else 1):
+            several = len(quantities)
+            found["point"].append(np.tile(np.arange(1.0, len(at) + 1.0), several))
+            found["set"].append(np.full(several * len(at), float(number)))
+            found["at"].append(np.tile(at, several))
         return {
-            "point": np.array(self.points.rows, float) + 1.0,
-            "measured": self.measured[:count],
-            "predicted": self.predicted[:count],
-            "residual": (self.predicted[:count] - self.measured[:count]) / self.errors[:count],
+            **{name: np.concatenate(parts) for name, parts in found.items()},
+            "measured": self.measured,
+            "predicted": self.predicted,
+            "error": self.errors,
+            "residual": (self.predicted - self.measured) / self.errors,
         }
+
+    def _table(self) -> list[list[str]]:
+        """Return the rows of the columns with the names of data and quantity."""
+        columns = dict(self.columns())
+        names = [name for name, places in self.predictor.sets for _ in range(places.stop - places.start)]
+        quantities = list(self.points.quantities) if self.points else []
+        quantities += [name for _, _, _, at, several in self._axes() for name in several for _ in at]
+        del columns["set"]
+        rows = zip(names, quantities, *columns.values(), strict=True)
+        cells = [[name, quantity, *("" if np.isnan(one) else f"{one:.12g}" for one in values)]
+                 for name, quantity, *values in rows]  # fmt: skip
+        return [["data", "quantity", *columns], *cells]
 
     def writers(self) -> dict[str, Callable[[Path], object]]:
         """Return the writers by ending: ``.toml`` (the calibrated motor), ``.json`` and ``.csv`` (the residuals)."""
         drifts = [f"{one.path} = {one.value:.5g} {one.unit} ± {one.standard_error:.2g}, an argument of Thermal"
                   for one in self.estimates if one.path.startswith(THERMAL)]  # fmt: skip
         text = self.motor.to_toml(heading="\n".join([f"{self.start.name}, calibrated with {self.sources}.", *drifts]))
-        return {**super().writers(), ".toml": lambda file: file.write_text(text, encoding="utf-8")}
+        own = {".csv": lambda file: write_rows(file, self._table())}
+        return {**super().writers(), **own, ".toml": lambda file: file.write_text(text, encoding="utf-8")}

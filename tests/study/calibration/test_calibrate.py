@@ -16,6 +16,7 @@ from pyspice_runner.analysis.steady import steady_states
 from pyspice_runner.cli import run
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.spectra.spectrum import Spectrum
+from pyspice_runner.study.calibration.record import Record
 from pyspice_runner.study.calibration.result import Rival
 from tests import calibration_study as study
 
@@ -66,7 +67,7 @@ def test_one_point_gives_back_the_friction_of_a_motor_that_slips(tmp_path: Path)
     assert "calibrated with the points" in saved.provenance["contact.friction"].note
 
 
-def test_a_spectrum_gives_back_a_quality_factor_and_leaves_the_friction_open() -> None:
+def test_a_spectrum_gives_back_a_quality_factor_and_leaves_the_friction_open(tmp_path: Path) -> None:
     truth = pr.load_motor(SET).updated({"modes.2.quality_factor": 52.0})
     spectra = [(spectrum_of(truth, 49e3, 55e3, points=41), "free")]
     result = pr.calibrate(pr.load_motor(SET), free=["modes.2.quality_factor", "contact.friction"], spectra=spectra)
@@ -77,6 +78,11 @@ def test_a_spectrum_gives_back_a_quality_factor_and_leaves_the_friction_open() -
     assert not friction.identifiable  # a free tip touches nothing
     assert friction.value == pytest.approx(0.3, rel=1e-3)
     assert any("do not decide contact.friction" in warning for warning in result.warnings)
+    (curve,) = Record.read(result.save(tmp_path / "result.json")).curves
+    assert (curve.data, curve.along) == ("free.csv (free)", "frequency_hz")
+    assert curve.at == pytest.approx(np.linspace(49e3, 55e3, 41))
+    residuals = [one.residuals for one in curve.quantities.values()]
+    assert np.ravel(residuals) == pytest.approx(result.columns()["residual"])
 
 
 @pytest.mark.soak

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.study.calibration.misfit import misfits
+from pyspice_runner.study.calibration.record import Record
 from pyspice_runner.study.calibration.run_up import RUN_UP_ERROR, RunUp, settled_run_up
 
 SET = "andersen2002-unintended-mode"
@@ -50,6 +52,17 @@ def test_a_noisy_run_up_gives_back_inertia_and_bearing_and_tells_a_wrong_bearing
     assert (fit.data, fit.values) == ("spinup.csv", len(TIMES))
     (warning,) = result.warnings
     assert warning.startswith("spinup.csv: The contact is open for up to")
+    record = Record.read(result.save(tmp_path / "result.json"))
+    (curve,) = record.curves
+    speeds = curve.quantities["speed_rad_s"]
+    assert curve.at == pytest.approx(TIMES)
+    assert speeds.measured == pytest.approx(columns["speed_rad_s"], rel=1e-8)  # nine digits in the table
+    assert np.mean(np.square(speeds.residuals)) == pytest.approx(result.rms_residual**2)
+    with result.save(tmp_path / "residuals.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert {(row["data"], row["quantity"]) for row in rows} == {("spinup.csv", "speed_rad_s")}
+    assert [float(row["residual"]) for row in rows] == pytest.approx(speeds.residuals)
+    assert [float(row["at"]) for row in rows] == pytest.approx(TIMES)
     wrong = pr.calibrate(pr.load_motor(SET), free=["rotor.inertia_kg_m2"], transients=[table])
     assert any("does not explain spinup.csv" in warning for warning in wrong.warnings)
 
