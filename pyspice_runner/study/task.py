@@ -32,6 +32,11 @@ from pyspice_runner.study.workers import SweepEnded
 Analysis = Callable[..., Any]
 
 
+def law_document(name: object) -> dict[str, Any]:
+    """Return the hash of a user's own contact law by its path, which may change while its name stays; others: {}."""
+    return {"contact_sha256": _sha256(contact_library(Law(str(name))).subcircuit)} if is_own(name) else {}
+
+
 @dataclass(frozen=True)
 class Task:
     """One point: what to do, and with what. It is called by a worker."""
@@ -46,9 +51,8 @@ class Task:
     @cached_property
     def content(self) -> dict[str, Any]:
         """Everything on which the result depends. Timeout excluded."""
-        settings, beside = plain(self.run), {}
-        if is_own(settings.get("contact")):  # the file of a user's own law may change while its name stays
-            beside["contact_sha256"] = _sha256(contact_library(Law(str(settings["contact"]))).subcircuit)
+        settings = plain(self.run)
+        beside = law_document(settings.get("contact"))
         if settings.get("engine", "spice") != "spice":  # which compiler and which ngspice run a compiled module
             try:
                 beside["tools"] = tools()

@@ -19,7 +19,7 @@ from pyspice_runner.model.document import read_document
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.study.calibration.prediction import Predictor
 from pyspice_runner.study.store import fingerprint
-from pyspice_runner.study.task import drive_document
+from pyspice_runner.study.task import drive_document, law_document
 
 _OTHERWISE = "Remove it, or name another file, to start from the beginning."
 
@@ -95,12 +95,13 @@ def _content(predictor: Predictor) -> dict[str, object]:
     return {
         "motor": base.motor.to_dict(),
         "drive": drive_document(base.drive),
-        "law": base.law.to_dict() if base.law else None,
+        "law": {**base.law.to_dict(), **law_document(base.law.name)} if base.law else None,
         "free": [vars(unknown) for unknown in predictor.unknowns],
         "conditions": [[points.conditions, points.rows, points.quantities]] if points else [],
         "spectra": [[band.spectrum.frequency_hz, band.state, band.connection, band.error, vars(band.condition)]
                     for band in predictor.bands],
         "run_ups": [[own.conditions, own.time_s] for own in predictor.run_ups],
+        "reference_c": predictor.reference_c,
         "measured": predictor.measured,
         "errors": predictor.errors,
     }  # fmt: skip

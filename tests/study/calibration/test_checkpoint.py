@@ -6,10 +6,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
+from pyspice_runner.netlist.contact import Law, contact_library
+from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.study.calibration.checkpoint import Checkpoint
+from pyspice_runner.study.calibration.points import read_points
+from pyspice_runner.study.calibration.prediction import Predictor
+from pyspice_runner.study.calibration.unknowns import unknowns_of
 from tests.study.calibration.test_calibrate import SET, truth_and_points
 
 FREE = ["contact.friction"]
@@ -63,6 +70,23 @@ def test_a_place_that_cannot_be_written_is_told_before_the_work_begins(tmp_path:
 
     with pytest.raises(pr.ParameterError, match=r"Cannot (tell a format|write)"):
         calibrated(POINTS, checkpoint=tmp_path / name, progress=never)
+
+
+def test_a_law_of_ones_own_whose_file_changed_is_another_problem(tmp_path: Path) -> None:
+    text = f"* NEEDS piezomotor_normal\n{contact_library(Law('coulomb')).subcircuit}"
+    own, file = tmp_path / "own.lib", tmp_path / "unfinished.json"
+    own.write_text(text, encoding="utf-8")
+    motor = pr.load_motor(SET)
+    base = OperatingPoint.of(motor, pr.default_drive(motor), contact=str(own))
+    predictor = Predictor(base, unknowns_of(motor, base.drive, FREE), read_points(POINTS))
+    Checkpoint(file, [predictor]).keep(0, np.array([0.1]))
+    (kept,) = Checkpoint(file, [predictor]).place(0)
+    assert kept == 0.1
+    own.write_text(f"{text}\n* friction as measured in May\n", encoding="utf-8")
+    assert Checkpoint(file, [predictor]).place(0) == kept  # a comment changes nothing
+    own.write_text(text.replace("creep=10m", "creep=20m"), encoding="utf-8")
+    with pytest.raises(pr.ParameterError, match="belongs to another calibration"):
+        Checkpoint(file, [predictor])
 
 
 def test_an_interruption_before_the_first_refinement_leaves_no_file(tmp_path: Path) -> None:
