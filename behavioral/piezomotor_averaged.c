@@ -748,11 +748,15 @@ void motor_begin(struct motor *motor)
     memcpy(motor->rate, flow.rate, sizeof motor->rate);
 }
 
-/* Add the voltages of the groups over a time, s. */
-static void add_flux(struct motor *m, const double state[STATES], double time)
+/* Add the voltages of the groups and the power into them over a time, s; the currents are the rates of the charges. */
+static void add_integrals(struct motor *m, const double state[STATES], const double rate[STATES], double time)
 {
-    for (int group = 0; group < 2; group++)
-        m->flux[group] = sum(m->flux[group], scaled(time, voltage(m, state, group)));
+    for (int group = 0; group < 2; group++) {
+        const double *current = rate + CHARGE + 2 * group;
+        phasor u = voltage(m, state, group);
+        m->flux[group] = sum(m->flux[group], scaled(time, u));
+        m->energy += 0.5 * time * (u.re * current[0] + u.im * current[1]);
+    }
 }
 
 double motor_step(struct motor *m, double left)
@@ -781,9 +785,9 @@ double motor_step(struct motor *m, double left)
         else
             shortened = 1, step = isfinite(error) ? fmax(factor * step, fmin(step, shortest)) : 0.25 * step;
     }
-    add_flux(m, state, 0.5 * step);
+    add_integrals(m, state, rate, 0.5 * step);
     move_inputs(m, inputs, 0.0);
-    add_flux(m, m->state, 0.5 * step);
+    add_integrals(m, m->state, m->rate, 0.5 * step);
     move_inputs(m, inputs, step);
     for (int s = 0; s < STATES; s++) {
         m->change[s] = state[s] - m->state[s];

@@ -215,6 +215,7 @@ struct motor {
     double rate[STATES];          /* of the states, 1/s */
     double change[STATES];        /* of the states in the last internal step */
     phasor flux[2];               /* integrals of the amplitudes of the voltages of the groups, V.s */
+    double energy;                /* electrical energy into both groups, J */
     double taken, step;           /* last internal step, s; next one, unless the time that is left is shorter */
     struct solver solver;
     phasor wheel[PHASES][ORDERS]; /* exp(2 pi j h n / PHASES) */

@@ -50,11 +50,12 @@ EXPORT void session_begin(struct motor *m, double longest, double speed)
     motor_measure(m);
 }
 
-/* Set charge and angle of the rotor to 0, unless the torque of the load depends on the angle. */
+/* Set charge, energy and angle of the rotor to 0, unless the torque of the load depends on the angle. */
 EXPORT void session_zero(struct motor *m)
 {
     memset(m->state + CHARGE, 0, 4 * sizeof(double));
     memset(m->flux, 0, sizeof m->flux);
+    m->energy = 0.0;
     if (m->value.load_spring == 0.0 && m->value.load_gravity == 0.0) {
         m->state[LOAD_POSITION] -= m->state[POSITION];
         m->state[POSITION] = 0.0;
@@ -86,11 +87,13 @@ EXPORT int session_record(struct motor *m, double *time, double until, double *r
     return count;
 }
 
-/* Integrals since the begin of the amplitudes of the currents into the groups, A.s, and of their voltages, V.s. */
-EXPORT void session_sums(const struct motor *m, double sums[8])
+/* Integrals since the begin of the amplitudes of the currents into the groups, A.s, and of their voltages, V.s, and of the
+   electrical power, J. */
+EXPORT void session_sums(const struct motor *m, double sums[9])
 {
     memcpy(sums, m->state + CHARGE, 4 * sizeof(double));
     memcpy(sums + 4, m->flux, sizeof m->flux);
+    sums[8] = m->energy;
 }
 
 /* Greatest displacement of a mode's coordinate by its harmonics, all in phase, m. */

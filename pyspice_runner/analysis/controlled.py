@@ -9,6 +9,7 @@ one process runs throughout. Both keep the motor's state exactly.
 from __future__ import annotations
 
 import cmath
+import re
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -52,7 +53,6 @@ from pyspice_runner.result import Result, contact_row
 from pyspice_runner.run.kernel import transient_timing
 from pyspice_runner.run.operating_point import OperatingPoint, Solver
 from pyspice_runner.run.window import Array
-from pyspice_runner.units import linear_name
 
 IDEAL_ROUNDING = Rounding(IDEAL)
 MOST_SAMPLES = 100_000
@@ -74,13 +74,16 @@ SAMPLES: dict[str, tuple[str, str]] = {
     "voltage_a_v": ("V", "amplitude of group A from this sample on"),
     "voltage_b_v": ("V", "amplitude of group B from this sample on"),
     "phase_deg": ("deg", "phase of group B ahead of group A from this sample on"),
+    "electrical_power_w": ("W", "real power into both groups, mean since the last sample"),
+    "heat_w": ("W", "losses of the stator in the averaged motor: dielectric and modal damping"),
     "load_torque_n_m": ("N·m", "torque that the load draws"),
     "load_position_rad": ("rad", "angle of what is coupled to the shaft"),
     "check": ("1", "motion that the averaged motor leaves out, relative to static penetration and limit of stick"),
     "separated": ("1", "share of the period in which the contact of the averaged motor is open"),
     "tip_y_amplitude_m": ("m", "amplitude of the tip's fundamental in the averaged motor, towards the rotor"),
 }
-OF_AVERAGED = ("check", "separated", "tip_y_amplitude_m")
+CHECKS = ("check", "separated", "tip_y_amplitude_m")
+OF_AVERAGED = ("heat_w", *CHECKS)
 
 
 RECORDS = (
@@ -186,18 +189,18 @@ class ControlledRun(Result):
     def summary(self) -> dict[str, str]:
         """Return the last sample, and whether the averaged motor's own check passed."""
         shown = {name: unit for name, (unit, _) in SAMPLES.items() if name in self.samples and unit != "1"}
-        names = {name: name.removesuffix(f"_{unit}") for name, unit in shown.items()} | {
-            "load_torque_n_m": "load torque"
+        ends = {unit: "_" + re.sub(r"\W", "_", unit.lower()) for unit in shown.values()}
+        found = {
+            name.removesuffix(ends[unit]).replace("_", " "): f"{self.samples[name][-1]:.4g} {unit}"
+            for name, unit in shown.items()
         }
-        names |= {name: linear_name(name) or words for name, words in names.items()} if self.linear else {}
-        found = {names[name]: f"{self.samples[name][-1]:.4g} {unit}" for name, unit in shown.items()}
         checked = {"check": "passed" if self.trusted else "not passed"} if "check" in self.samples else {}
         return self._worded(found | checked | contact_row(self.provenance["run"]))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the last sample and the settings, JSON-ready."""
         end = {name: float(values[-1]) for name, values in self.samples.items()}
-        checked = [name for name in OF_AVERAGED if name in self.samples]
+        checked = [name for name in CHECKS if name in self.samples]
         greatest = {f"greatest_{name}": float(self.samples[name].max()) for name in checked}
         return self._keyed(
             {"end": end, **self._entries("trusted"), **greatest, **self.provenance, **self._entries("cautions")}
@@ -383,6 +386,7 @@ class Loop:
                     seen = now
             reference = float(np.interp(now.time, *np.transpose(self.settings["reference"])))
             sample = _sample(now, last, self.rounding, measured, reference, linear=self.motor.slider is not None)
+            power = (now.energy - last.energy) / (now.time - last.time)
             measured, last = sample.position_rad, now
             changed = _commands(self.decide(sample), wanted, self.motor)
             for name in fixed:
@@ -399,6 +403,8 @@ class Loop:
                 [
                     *vars(sample).values(),
                     *set_now.values(),
+                    power,
+                    now.heat,
                     now.load_position,
                     now.check,
                     now.separated,

@@ -35,6 +35,8 @@ class State:
     check: float = 0.0
     separated: float = 0.0
     tip_y_amplitude: float = 0.0  # m, fundamental of the tip towards the rotor
+    heat: float = 0.0  # W
+    energy: float = 0.0  # J, electrical, into both groups since the start
 
 
 class Motion(Protocol):
@@ -65,11 +67,11 @@ class Spice:
         def phasor(name: str, unit: float) -> complex:
             return unit * complex(now[f"v({name}_re)"], now[f"v({name}_im)"])
 
-        check, separated, *tip = (now.get(name, 0.0) for name in CHECKED)
+        check, separated, heat, *tip = (now.get(name, 0.0) for name in CHECKED)
         return State(
             now["time"], now["v(position)"], phasor("sum_a", 1e-6), phasor("sum_b", 1e-6), phasor("flux_a", 1e-3),
             phasor("flux_b", 1e-3), now.get("v(load_position)", now["v(position)"]), now.get("v(temperature)", 0.0),
-            check, separated, 1e-6 * hypot(*tip),
+            check, separated, 1e-6 * hypot(*tip), heat, 1e-3 * now["v(energy)"],
         )  # fmt: skip
 
     def alter(self, name: str, value: float) -> None:
@@ -95,10 +97,10 @@ class Compiled:
         """Run to a time in s."""
         self._motor.advance(self._time, until, self._courses)
         self._time = until
-        names = ("load_position", "temperature", "check", "separated", "tip_y_amplitude")
-        numbers = (self._motor.get(name) for name in names)
-        charge_a, charge_b, flux_a, flux_b = self._motor.sums
-        return State(until, self._motor.get("position"), charge_a, charge_b, flux_a, flux_b, *numbers)
+        names = ("load_position", "temperature", "check", "separated", "tip_y_amplitude", "heat")
+        numbers = {name: self._motor.get(name) for name in names}
+        integrals, energy = self._motor.sums
+        return State(until, self._motor.get("position"), *integrals, energy=energy, **numbers)
 
     def alter(self, name: str, value: float) -> None:
         """Set a command from now on."""

@@ -28,11 +28,13 @@ from pyspice_runner.netlist.state import Discretisation
 
 COMMANDS = {"frequency": "vset_frequency", "voltage_a": "vset_a", "voltage_b": "vset_b", "phase_deg": "vset_phase"}
 _PARTS = ("re", "im")
-SAMPLED = (  # angle in rad; integrals of the amplitudes of currents, 1 V = 1 uA.s, and of voltages, 1 V = 1 mV.s
-    "v(position)", *(f"v({sum_of}_{group}_{part})" for sum_of in ("sum", "flux") for group in "ab" for part in _PARTS)
+# angle in rad; integrals of the amplitudes of currents, 1 V = 1 uA.s, and of voltages, 1 V = 1 mV.s; 1 V = 1 mJ
+SAMPLED = (
+    "v(position)", *(f"v({sum_of}_{group}_{part})" for sum_of in ("sum", "flux") for group in "ab" for part in _PARTS),
+    "v(energy)",
 )  # fmt: skip
-# of the averaged motor: its own check, and the fundamental of the tip towards the rotor in um
-CHECKED = ("v(xmotor.check)", "v(xmotor.open)", "v(xmotor.y_re1)", "v(xmotor.y_im1)")
+# of the averaged motor: its own check, its heat, and the fundamental of the tip towards the rotor in um
+CHECKED = ("v(xmotor.check)", "v(xmotor.open)", "v(heat)", "v(xmotor.y_re1)", "v(xmotor.y_im1)")
 _TURNS = f"{2.0 * pi!r}*V(turns)"
 
 
@@ -73,6 +75,8 @@ class CommandedSource(UniformSource):
                     f"Bsum_{group}_{part} 0 sum_{group}_{part} I=-2*I(V{group})*{wave}({_TURNS})\n"
                     f"Bflux_{group}_{part} 0 flux_{group}_{part} I=2*V(drive_{group})*{wave}({_TURNS})\n"
                 )
+        power = "+".join(f"V(drive_{group})*I(V{group})" for group in "ab")
+        circuit.raw_spice += f"Benergy 0 energy I=-({power})\n"
         # ngspice counts the current of a source from the pin into it, hence the signs above
         for group, pin in zip("ab", pins, strict=True):
             circuit.V(group, pin, f"drive_{group}", "DC 0")
@@ -105,6 +109,8 @@ def controlled_bench(
             for part in _PARTS:
                 bench.circuit.raw_spice += f"Fsum_{group}_{part} 0 sum_{group}_{part} V{group}_{part} 1\n"
                 bench.circuit.raw_spice += f"Gflux_{group}_{part} 0 flux_{group}_{part} {group}_{part} 0 1\n"
+        power = "+".join(f"V({group}_{part})*I(V{group}_{part})" for group in "ab" for part in _PARTS)
+        bench.circuit.raw_spice += f"Benergy 0 energy I=0.5*({power})\n"
     else:
         bench = motor_bench(
             motor, CommandedSource(settings, front.stage, front.driver), discretisation=Discretisation(step),

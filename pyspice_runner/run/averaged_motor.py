@@ -243,11 +243,12 @@ class AveragedMotor:
             yield rows[:count]
 
     @property
-    def sums(self) -> tuple[complex, ...]:
-        """Integrals since the start of the amplitudes of the currents into A and B, A·s, and of their voltages, V·s."""
-        found = (ctypes.c_double * 8)()
+    def sums(self) -> tuple[tuple[complex, complex, complex, complex], float]:
+        """Integrals since the start: amplitudes of the currents into A and B, A·s, of their voltages, V·s; power, J."""
+        found = (ctypes.c_double * 9)()
         self._c.session_sums(self._memory, found)
-        return tuple(complex(*found[place : place + 2]) for place in range(0, 8, 2))
+        charge_a, charge_b, flux_a, flux_b = (complex(*found[place : place + 2]) for place in range(0, 8, 2))
+        return (charge_a, charge_b, flux_a, flux_b), found[8]
 
     def linearised(self) -> LinearMotor:
         """Return the small signals about the present state."""

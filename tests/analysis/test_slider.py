@@ -197,7 +197,7 @@ def test_a_controlled_run_has_speed_and_position_of_the_slider() -> None:
     assert samples.to_dict()["end"]["position_m"] == samples.position_m[-1] == samples.position_rad[-1]
     assert samples.to_dict()["run"]["load_force_n"] == 0.0
     assert samples.plot(panel="position").get_ylabel() == "slider position in mm"
-    assert samples.summary()["speed_m_s"].endswith(" m/s")
+    assert samples.summary()["speed"].endswith(" m/s")
 
 
 def test_behind_a_driver_the_slider_has_force_and_speed() -> None:
