@@ -124,6 +124,11 @@ class SteadyState(Quantities, Result):
         return run["speed_rad_s"] is not None and run["contact"] != "coulomb" and stuck(self.quantities)
 
     @property
+    def determined(self) -> bool:
+        """Whether the motor stays at this state, and it is the only one: friction holds a stuck shaft at any torque."""
+        return self.stable and not self.held_by_friction
+
+    @property
     def instability(self) -> str:
         """How a small disturbance grows, empty if it decays.
 

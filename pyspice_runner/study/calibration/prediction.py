@@ -5,9 +5,9 @@ The values are those of a fast model, with the difference to ngspice that :meth:
 parameters. The search is repeated until this difference stays the same; so its result is that of ngspice, and its cost
 that of the fast model.
 
-The fast model of a spectrum is its closed form (:mod:`~pyspice_runner.model.two_port`), that of a point is harmonic
-balance (:mod:`~pyspice_runner.analysis.balanced`). Where that has no solution, or is far from ngspice, it is ngspice
-itself at a coarse step: all points of many motors are one call of
+The fast model of a spectrum is its closed form (:mod:`~pyspice_runner.model.two_port`), that of a run-up the averaged
+motor (:mod:`.run_up`), that of a point is harmonic balance (:mod:`~pyspice_runner.analysis.balanced`). Where that has
+no solution, or is far from ngspice, it is ngspice itself at a coarse step: all points of many motors are one call of
 :func:`~pyspice_runner.analysis.steady.steady_states`, and a perturbed motor starts from the solution of the unperturbed
 one, with the derivative of its period map.
 """
@@ -341,7 +341,7 @@ class Predictor:
             ]))  # fmt: skip
         parts += [_or_unknown(partial(self._admittance, band, motor, thermal, fine), band.measured)
                   for band in self.bands]  # fmt: skip
-        parts += [_or_unknown(partial(self._run_up, one, motor, thermal), one.measured) for one in self.run_ups]
+        parts += [_or_unknown(partial(self._run_up, one, motor, thermal, fine), one.measured) for one in self.run_ups]
         solutions = tuple(state.solution if state and _sound(state) else None for state in own)
         kept = tuple(replace(state, solution=None) for state in own if isinstance(state, SteadyState))
         return Prediction(np.concatenate(parts), solutions, resonant, kept)
@@ -350,8 +350,8 @@ class Predictor:
         warm = warmed(motor, band.condition.temperature, thermal, self.reference_c)
         return band.predicted(warm.motor, fine=fine)
 
-    def _run_up(self, run_up: RunUp, motor: OperatingPoint, thermal: Thermal) -> Array:
-        return run_up.predicted(self.point(motor, run_up.conditions, thermal))
+    def _run_up(self, run_up: RunUp, motor: OperatingPoint, thermal: Thermal, fine: bool) -> Array:
+        return run_up.predicted(self.point(motor, run_up.conditions, thermal), fine=fine)
 
     def jacobian(self, x: Array, here: Prediction, *, central: bool = False) -> Array:
         """Return the derivative of the predicted values; 0 where it is not known.
@@ -382,13 +382,11 @@ def _or_unknown(predicted: Callable[[], Array], measured: Array) -> Array:
 
 
 def _sound(state: SteadyState | BalancedState | None) -> bool:
-    """Whether the motor stays at a steady state, and it is the only one: friction holds a stuck shaft at any torque.
+    """Whether a steady state is determined.
 
     Of a balanced motion this is not known; :meth:`Predictor.refine` leaves out what ngspice refuses.
     """
-    if isinstance(state, SteadyState):
-        return state.stable and not state.held_by_friction
-    return state is not None
+    return state.determined if isinstance(state, SteadyState) else state is not None
 
 
 def _values(state: SteadyState | BalancedState | None) -> Mapping[str, float]:

@@ -1,10 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measured run-ups: the speed of a free shaft over time from rest, at constant drive and load.
+r"""Measured run-ups: the speed of a free shaft over time from rest, at constant drive and load.
 
 A table has ``time_s`` since the drive came on, ``speed_rad_s`` (of a slider ``speed_m_s``) with ``…_error``, and the
 conditions of measured points (:mod:`.points`): ``voltage``, ``load_torque_n_m``, a path with a dot; constant ones.
-The prediction is that of the averaged motor (:func:`~pyspice_runner.simulate_averaged`). Its time constant of the
-mechanics, inertia over the slope of the torque, decides inertia and bearing, which a shaft held at a speed cannot.
+The time constant of the mechanics, inertia over the slope of the torque, decides inertia and bearing, which a shaft
+held at a speed cannot.
+
+The fast prediction :math:`\omega_a(t)` is that of the averaged motor (:func:`~pyspice_runner.simulate_averaged`). Where
+the contact opens its torque :math:`T_a` is some percent off that of steady states, :math:`T`, and the bearing takes no
+more than that. Its dynamics are right, since the shaft is slower than the modes. So the prediction is
+:math:`\omega_a + \delta`, with the torques at held speeds and the damping b of the bearing,
+
+.. math::
+    J\,\dot\delta = T(\omega_a + \delta) - T_a(\omega_a) - b\,\delta, \qquad \delta(0) = 0 .
 """
 
 from __future__ import annotations
@@ -16,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from pyspice_runner.analysis.averaged import FEWEST_PERIODS, AveragedRun, model_cautions, simulate_averaged
+from pyspice_runner.analysis.steady import steady_states
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.refusal import quoted
 from pyspice_runner.netlist.averaged import check_averaged, require_averaged
@@ -31,7 +40,9 @@ COMPARED = 200  # points of a run-up that are compared, as of a spectrum
 # of a run-up that settles: its first duration in periods of the drive, how often it is doubled, and the share of the
 # speed by which that of its second half differs, some four time constants of the mechanics
 SHORTEST_PERIODS, DOUBLINGS, SETTLED = 200, 10, 0.02
-RUN_UP_ERROR = 0.01  # of the greatest speed: an encoder over a short window; above the 0.4 % of the averaged motor
+RUN_UP_ERROR = 0.01  # of the greatest speed: an encoder over a short window; above the error of the model
+HELD = 9  # speeds from rest to the greatest, at which the torque of steady states is computed
+HELD_DECAYS = 10.0  # decay times after which the averaged motor at a held speed is settled
 
 
 @dataclass(frozen=True)
@@ -108,18 +119,28 @@ class RunUp:
                 f"drive, {least:.3g} s. Times are in s."
             )
 
-    def predicted(self, motor: OperatingPoint) -> Array:
-        """Return the speed of a motor at the measured times. Raise SimulationError where the averaged motor fails."""
+    def predicted(self, motor: OperatingPoint, *, fine: bool = False) -> Array:
+        """Return the speed of a motor at the measured times: the averaged one, or with the torque of steady states.
+
+        Raises:
+            SimulationError: where the averaged motor fails.
+        """
         run = self._run(motor)
-        return np.interp(self.time_s, run.curves["time_s"], run.curves["rotor_speed_rad_s"])
+        time, speed = run.curves["time_s"], run.curves["rotor_speed_rad_s"]
+        torques = _torques(motor, speed) if fine else None
+        if torques is not None:
+            speed = speed + _correction(motor, time, speed, *torques)
+        return np.interp(self.time_s, time, speed)
 
     def cautions(self, motor: OperatingPoint) -> list[str]:
-        """Return where the averaged motor fails its own check, a sentence each."""
+        """Return where the averaged motor fails its own check and steady states do not help, a sentence each."""
         try:
             run = self._run(motor)
         except (ParameterError, SimulationError):
             return []  # its values count as left out
         found = model_cautions(*(float(run.curves[name].max()) for name in ("check", "separated")))
+        if found and _torques(motor, run.curves["rotor_speed_rad_s"]) is not None:
+            return []
         return [f"{self.source}: {caution} The intervals leave this error out." for caution in found]
 
     def _run(self, motor: OperatingPoint) -> AveragedRun:
@@ -127,6 +148,46 @@ class RunUp:
             motor.motor, motor.drive, float(self.time_s[-1]), load_torque=motor.load.torque,  # type: ignore[arg-type]
             timeout=motor.solver.timeout,
         )  # fmt: skip
+
+
+def _torques(motor: OperatingPoint, speed: Array) -> tuple[Array, Array, Array] | None:
+    """Return speeds in rad/s with the torques in N·m of steady states and of the averaged motor there.
+
+    ``None`` if less than two of the speeds have both.
+    """
+    held = [motor.updated({"load.speed": one, "load.torque": 0.0})
+            for one in np.linspace(min(speed.min(), 0.0), max(speed.max(), 0.0), HELD).tolist()]  # fmt: skip
+    duration = max(HELD_DECAYS * motor.motor.decay_s, FEWEST_PERIODS / min(motor.source.frequencies))
+    found = []
+    for one, state in zip(held, steady_states(held), strict=True):
+        if not state.determined:
+            continue
+        try:
+            averaged = simulate_averaged(
+                one.motor, one.drive, duration, speed=one.load.speed, timeout=one.solver.timeout,  # type: ignore[arg-type]
+            )  # fmt: skip
+        except SimulationError:
+            continue
+        found.append((one.load.speed, state.torque_n_m, averaged.curves["torque_n_m"][-1]))
+    if len(found) < FEWEST - 1:
+        return None
+    speeds, full, own = np.array(found, dtype=float).T
+    return speeds, full, own
+
+
+def _correction(motor: OperatingPoint, time: Array, speed: Array, speeds: Array, full: Array, own: Array) -> Array:
+    """Return the speed of the full motor less that of the averaged one; ``speeds``, ... as of :func:`_torques`."""
+    from scipy.integrate import solve_ivp  # takes long to load
+
+    rotor = motor.motor.rotor
+
+    def rate(now: float, deviation: Array) -> Array:
+        there = np.interp(now, time, speed)
+        torque = np.interp(there + deviation, speeds, full) - np.interp(there, speeds, own)
+        return np.asarray((torque - rotor.bearing_damping_n_m_s * deviation) / rotor.inertia_kg_m2)
+
+    longest = (time[-1] - time[0]) / COMPARED  # so that no part of the run-up is stepped over
+    return np.asarray(solve_ivp(rate, (time[0], time[-1]), [0.0], t_eval=time, max_step=longest).y[0])
 
 
 def settled_run_up(motor: OperatingPoint) -> RunUp:
