@@ -156,6 +156,29 @@ def test_the_calibrated_plate_meets_force_and_speed_but_not_the_power() -> None:
 
 
 @pytest.mark.soak
+def test_the_plate_calibrated_to_force_and_speed_alone_takes_the_power_that_the_page_says() -> None:
+    motor = pr.load_motor(ROOT / "examples" / "plate40.toml")
+    points = {
+        "load_force_n": ["", 0.0], "speed_m_s": [0.0, 0.3], "speed_m_s_error": ["", 0.03], "force_n": [4.0, ""],
+        "force_n_error": [0.4, ""],
+    }  # fmt: skip
+    free = ["contact.friction", "modes.1.quality_factor", "modes.2.quality_factor"]
+    calibrated = pr.calibrate(motor, points, free=free, priors=dict.fromkeys(free, 0.3)).motor
+    drive = pr.default_drive(calibrated)
+    stall, run = pr.steady_state(calibrated, drive, speed=0.0), pr.steady_state(calibrated, drive)
+    power = stall.power_a_w + stall.power_b_w
+    for start, value in (
+        ("stall force", stall.force_n),
+        ("speed without load", run.speed_m_s),
+        ("electrical power at stall", power),
+    ):
+        assert numbers(start)[3] == pytest.approx(value, rel=0.02)  # the end of the search, as above
+    said = re.search(r"from the calibration to force and speed, (\S+) % too high", PAGE)
+    assert said
+    assert float(said[1]) == pytest.approx(100.0 * (power / 5.0 - 1.0), abs=4.0)
+
+
+@pytest.mark.soak
 def test_the_motor_of_the_published_force_and_speed_takes_the_power_that_the_page_says() -> None:
     found = pr.motor_from(stall_force=4.0, no_load_speed=0.3, voltage=100.0, frequency=39.6e3)
     stall = pr.steady_state(found.motor, pr.default_drive(found.motor), speed=0.0)

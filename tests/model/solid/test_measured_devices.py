@@ -250,6 +250,18 @@ def test_the_card_of_an_unnamed_grade_is_the_nearest_in_capacitance(shape: str) 
     assert {device["card"] for device in alike.values()} == {nearest}
 
 
+@pytest.mark.soak
+@pytest.mark.parametrize("name", [name for name, device in DEVICES.items() if device["card_by"] == "first radial"])
+def test_the_card_of_a_sonar_disc_is_the_nearest_in_its_radial_mode(name: str) -> None:
+    (mode,) = (mode for mode in DEVICES[name]["modes"] if mode["name"] == "first radial")
+
+    def off(card: str) -> float:
+        found, _ = response(name, card).extremes_hz(*mode["between_hz"], DEVICES[name]["quality_factor"])
+        return abs(log(found / mode["resonance_hz"]))
+
+    assert min(CERAMICS, key=off) == DEVICES[name]["card"]
+
+
 def test_a_wedge_has_the_first_radial_mode_and_the_capacitance_of_the_standard() -> None:
     # IEEE Std 176-1987, 6.4: η J₀(η) = (1 − σ) J₁(η); the thickness t lowers it by (σ_t η t/2a)²/6 < 1e-3, σ_t ≈ 0.44.
     # The capacitance at constant stress is ε₃₃ᵀ πa²/t, less the pinhole.
