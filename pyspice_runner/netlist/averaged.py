@@ -107,10 +107,10 @@ def _orders(name: str, harmonics: int) -> list[str]:
 
 
 def contact_pins(harmonics: int) -> list[str]:
-    """Return the pins of ``piezomotor_averaged_contact``, in order."""
+    """Return the pins of ``piezomotor_averaged_contact``, in order; ``x_own`` is ``x_0`` without the carrier."""
     given = [*_orders("x", harmonics), *_orders("y", harmonics)]
     found = [*_orders("fx", harmonics + CHECKED_HARMONICS), *_orders("fy", harmonics + CHECKED_HARMONICS)]
-    return [*given, "frequency", "shaft", *found, "normal", "friction", "open", "slip"]
+    return [*given, "x_own", "frequency", "shaft", *found, "normal", "friction", "open", "slip"]
 
 
 def _sums(phases: int, harmonics: int) -> Iterator[tuple[int, int, float, float]]:
@@ -173,10 +173,13 @@ def averaged_phase(terms: Terms) -> Library:
     return replace(library, subcircuit=text, parameters=parameters)
 
 
-def _carried(node: str, last: str, start: str) -> tuple[str, ...]:
-    """Return the lines of a node with what another had at the end of the period, for the start of the next."""
+def _carried(node: str, last: str, start: str, along: str = "0") -> tuple[str, ...]:
+    """Return the lines of a node with what another had at the end of the period, for the start of the next.
+
+    It follows the changes of the node ``along``.
+    """
     carry = f"B{node} 0 {node} I=1u*V(frequency)*(V({last})-V({node}))"
-    return carry, f"C{node} {node} 0 1u ic={start}", f"R{node} {node} 0 1g"
+    return carry, f"C{node} {node} {along} 1u ic={start}", f"R{node} {node} 0 1g"
 
 
 @cache
@@ -200,6 +203,12 @@ def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS, terms: Te
         f"Erate rate 0 frequency 0 {{0.5*{phases}}}",
         "Gtorque 0 shaft friction 0 {radius}",
         *_carried("carry", f"slider{phases - 1}", "0"),
+        # a contact that sticks throughout takes the slider along where the tip moves from period to period; slip sets
+        # it anew. The fourth power is smooth and, against the full motor, nearly as accurate as 0 at the first slip
+        f"Bown own 0 V=V(x{phases - 1})-V(x_0)+V(x_own)",
+        "Vmoves own moves 0",
+        "Cmoves moves 0 1u",
+        "Bfollow 0 carry I=max(1-V(slip)-V(open),0)**4*I(Vmoves)",
         *(_carried("carry_1", f"normal{phases - 1}", "{preload}") if series else []),
         *(_carried("carry_2", f"normal{phases - 2}", "{preload}") if series else []),
     ]
@@ -336,6 +345,7 @@ class AveragedSubCircuit(Assembly):
         if sway:  # the crown of the rotor is above the tip at rest
             self.V("sway", "x_0", CROWN, f"DC {{{1e6 * sway:.10g}*preload}}")
             nodes[0] = CROWN
+        nodes[nodes.index("x_own")] = nodes[0]
         if motor.mount:
             self.VCVS("carrier", "fy_carrier", self.gnd, "fy_0", self.gnd, voltage_gain=1)
             pins = ("fy_carrier", "y_0", self.gnd, *MOUNTED.values(), "base")

@@ -101,10 +101,13 @@ def run_contact(
         for order in range(1, harmonics + 1):
             part = 1e6 * parts.get(order, 0.0)
             values |= {f"{axis}_re{order}": part.real, f"{axis}_im{order}": part.imag}
-    values |= {"frequency": frequency, "shaft": speed}
+    values |= {"x_own": values["x_0"], "frequency": frequency, "shaft": speed}
     sources = [f"V{name} {name} 0 {values[name]!r}" for name in pins if name in values]
     found = [name for name in pins if name not in values]
     end = 60.0 / frequency
+    # the tip is on its path from the start: it does not move there at t = 0, which would take the slider along
+    last = np.exp(-2j * np.pi * np.arange(harmonics + 1) / phases)
+    path = 1e6 * float(sum((x.get(order, 0.0) * last[order]).real for order in range(harmonics + 1)))
     values_of = CONTACT | {"series": series}
     lines = [
         "contact",
@@ -112,6 +115,7 @@ def run_contact(
         *sources,
         f"Xc {' '.join(pins)} piezomotor_averaged_contact " + " ".join(f"{k}={v!r}" for k, v in values_of.items()),
         ".options reltol=1e-6 vntol=1e-9 abstol=1e-12 method=gear",
+        f".ic v(xc.moves)={path!r}",
         *(f".measure tran {name} FIND v({name}) AT={end!r}" for name in found),
         f".tran {0.1 / frequency!r} {1.01 * end!r} 0 {0.2 / frequency!r} uic",
         ".end",
