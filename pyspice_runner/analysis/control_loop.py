@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from pyspice_runner.analysis.controlled import simulate_controlled
 from pyspice_runner.analysis.dead_band import STANDS, NearStandstill, dead_band, near_standstill
 from pyspice_runner.analysis.loop_controllers import LoopController
-from pyspice_runner.analysis.state_space import linear_about, settled
+from pyspice_runner.analysis.state_space import at_speed, linear_about, settled
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Load, TwoPhaseDrive, check_together
 from pyspice_runner.model.motor import Motor
@@ -45,7 +45,7 @@ CYCLES, FEWEST = 12.0, 60  # of the crossover frequency that a step response las
 SMALL = 0.02  # of the speed: a step of the set point; that of the position passes in a radian of the crossover
 SLOW = 0.1  # of the speed, or of the angle in a radian of the crossover: set point near standstill
 SMALL_DEG = 0.2  # step of the phase
-_OF_LOAD = ("load.", "temperature")  # of the paths of a spread, those that are not of the motor
+_OF_POINT = ("load.", "temperature", "speed")  # of the paths of a spread, those that are not of the motor
 # quantity → names and units of the gains, unit of the quantity
 GAINS: dict[str, tuple[tuple[str, str], tuple[str, str], str]] = {
     "speed": (("proportional", "V·s/rad"), ("integral", "V/rad"), "rad/s"),
@@ -61,6 +61,7 @@ class SpreadPoint:
     Attributes:
         at: path → value that differs from the design.
         speed: of the steady state there, rad/s; ``None`` where there is none.
+        voltage: amplitude of group A there, V; ``None`` where none gives the wanted speed.
         crossover_hz: with the gains of the design; ``None`` where the loop is not stable or does not cross over.
         phase_margin_deg: the same.
         gains: that give the wanted crossover and margin there; ``None`` where none do.
@@ -69,6 +70,7 @@ class SpreadPoint:
 
     at: Mapping[str, float]
     speed: float | None = None
+    voltage: float | None = None
     crossover_hz: float | None = None
     phase_margin_deg: float | None = None
     gains: Mapping[str, float] | None = None
@@ -246,8 +248,9 @@ def control_loop(
         margin: wanted phase margin, degrees.
         sample_time: time in s between two samples; at least one period of the drive.
         load_torque: torque in N·m that a load draws from the shaft.
-        over: axes of a grid of other operating points: ``drive.voltage``, ``load.torque``, ``temperature`` (K, of the
-            stator above that at which its parameters hold) or the path of a parameter of the motor → values.
+        over: axes of a grid of other operating points: ``drive.voltage``, ``speed`` (rad/s, to which the amplitude of
+            both groups brings the motor under its load), ``load.torque``, ``temperature`` (K, of the stator above that
+            at which its parameters hold) or the path of a parameter of the motor → values.
 
     Raises:
         ParameterError: for a value out of range, or a crossover and margin that no controller of this kind gives.
@@ -325,11 +328,13 @@ def _spread(
     over: Mapping[str, Sequence[float]],
 ) -> tuple[SpreadPoint, ...]:
     """Return the loop with its gain and ratio at the points of a grid."""
+    if "speed" in over and {"drive.voltage", "drive.voltage_b"} & over.keys():
+        raise ParameterError("over: the amplitude sets the speed. Give speed or drive.voltage, not both.")
     run, found = loop.provenance["run"], []
     frequency = np.geomspace(LOWEST * run["crossover_hz"], 0.5 / run["sample_time_s"], POINTS)
     for values in product(*over.values()):
         at = dict(zip(over, map(float, values), strict=True))
-        of_motor = {path: value for path, value in at.items() if not path.startswith(("drive.", *_OF_LOAD))}
+        of_motor = {path: value for path, value in at.items() if not path.startswith(("drive.", *_OF_POINT))}
         of_drive = {path.removeprefix("drive."): value for path, value in at.items() if path.startswith("drive.")}
         changed = motor.updated(of_motor)
         if "temperature" in at:
@@ -338,8 +343,11 @@ def _spread(
         load.check(changed)
         point = SpreadPoint(at)
         try:
-            plant = _plant(changed, drive.updated(of_drive), load, loop.quantity, run["sample_time_s"])
-            point = replace(point, speed=plant.point["speed"])
+            there = drive.updated(of_drive)
+            if "speed" in at:
+                there = at_speed(changed, there, load, at["speed"])
+            plant = _plant(changed, there, load, loop.quantity, run["sample_time_s"])
+            point = replace(point, speed=plant.point["speed"], voltage=there.voltage)
             _predicted(plant, *fixed, 1)  # which raises for a loop that is not stable
             crossover, margin, _ = _margins(
                 frequency, _controller(plant, *fixed, frequency) * plant.response(frequency)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from math import degrees
+from math import copysign, degrees
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +40,8 @@ OF_STATES = {
 }  # fmt: skip
 ROUNDING = 1e-15  # of the greatest entry of a row of A, below which an entry is none
 LENGTH = "m"  # unit of the other states
+RAISED, MOST_RAISED = 1.25, 4.0  # factors of the amplitude in the search for a speed
+AT_SPEED = 1e-3  # of the speed: where no amplitude comes closer, the speed jumps
 
 
 @dataclass(frozen=True, repr=False)
@@ -152,6 +154,36 @@ def settled(motor: Motor, drive: TwoPhaseDrive, load: Load) -> AveragedMotor:
     running.begin(**{of_c: settings[name][0][1] for name, of_c in INPUT_OF.items() if name in settings})
     running.settle()
     return running
+
+
+def at_speed(motor: Motor, drive: TwoPhaseDrive, load: Load, speed: float) -> TwoPhaseDrive:
+    """Return a drive with the amplitude that brings a motor under a load to a speed in rad/s, group B in proportion.
+
+    Raise SimulationError if no amplitude up to :data:`MOST_RAISED` times that of the drive does.
+    """
+    from scipy.optimize import brentq  # takes long to load
+
+    def with_voltage(voltage: float) -> TwoPhaseDrive:
+        return drive.model_copy(update={"voltage": voltage})
+
+    def beyond(voltage: float) -> float:
+        return copysign(1.0, speed) * (settled(motor, with_voltage(voltage), load).get("speed") - speed)
+
+    low = high = drive.voltage
+    while beyond(low) > 0.0 and low > drive.voltage / MOST_RAISED**2:
+        low, high = low / RAISED, low
+    while beyond(high) < 0.0:
+        low, high = high, high * RAISED
+        if high > MOST_RAISED * drive.voltage:
+            raise SimulationError(
+                f"No amplitude up to {low:.4g} V brings the motor to {speed:g} rad/s. Change the speed."
+            )
+    found = float(brentq(beyond, low, high, rtol=1e-6)) if high > low else low
+    if abs(beyond(found)) > AT_SPEED * abs(speed):
+        raise SimulationError(
+            f"No amplitude brings the motor to {speed:g} rad/s: at {found:.4g} V its speed jumps. Change the speed."
+        )
+    return with_voltage(found)
 
 
 def linear_about(running: AveragedMotor, frequency: float) -> LinearMotor:

@@ -28,8 +28,8 @@ def loop(
         list[str] | None,
         typer.Option(
             metavar="PATH=VALUES",
-            help="Other operating points: drive.voltage=60,80, load.torque=0,1e-3, temperature=0,40, "
-            "contact.preload_n=5,6. Repeatable.",
+            help="Other operating points: speed=5,10 (the amplitude follows), load.torque=0,1e-3, "
+            "drive.voltage=60,80, temperature=0,40, contact.preload_n=5,6. Repeatable.",
         ),
     ] = None,
     changes: common.SetOption = None,

@@ -156,6 +156,26 @@ def test_a_spread_has_the_margins_at_other_operating_points(motor: pr.Motor, dri
         assert (180.0 + phase - point.phase_margin_deg + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=3.0)
 
 
+def test_a_spread_over_speed_and_load_has_the_amplitude_that_gives_the_speed(
+    motor: pr.Motor, drive: pr.TwoPhaseDrive
+) -> None:
+    """The free run at that amplitude comes to the speed; that of 1000 rad/s is above four times the drive's."""
+    over = {"speed": [4.0, 12.0, 1e3], "load.torque": [0.0, 1e-3]}
+    spread = pr.control_loop(motor, drive, **DESIGNS["slow speed"], over=over).spread
+    assert [point.at["speed"] for point in spread] == [4.0, 4.0, 12.0, 12.0, 1e3, 1e3]
+    for point in spread[:4]:
+        assert point.voltage is not None
+        there = drive.model_copy(update={"voltage": point.voltage})
+        run = pr.simulate_averaged(motor, there, 0.5, load_torque=point.at["load.torque"])
+        assert run.rotor_speed_rad_s[-1] == pytest.approx(point.at["speed"], rel=2e-3)
+        assert point.speed == pytest.approx(point.at["speed"], rel=1e-3)
+        assert point.phase_margin_deg is not None
+    assert spread[1].voltage > spread[0].voltage  # type: ignore[operator]
+    assert "No amplitude up to" in spread[4].reason
+    with pytest.raises(pr.ParameterError, match="the amplitude sets the speed"):
+        pr.control_loop(motor, drive, **DESIGNS["slow speed"], over={"speed": [4.0], "drive.voltage": [60.0]})
+
+
 def test_a_vibration_that_averages_do_not_describe_makes_no_loop_unstable(
     motor: pr.Motor, drive: pr.TwoPhaseDrive
 ) -> None:
