@@ -306,7 +306,7 @@ static void charge(const struct motor *m, const double state[STATES], double fre
 }
 
 /* Find the rate, m/s, at which the tip moves on the carrier along the rotor from one period to the next, at the last phase, where
-   the slider is carried over: a contact that sticks throughout takes the slider along; slip sets it anew. The speed of the path has
+   the slider is carried over: a contact that sticks throughout takes the slider along; otherwise slip sets it anew. The speed of the path has
    that of the carrier. */
 static double creep(const struct motor *m, const double rate[STATES])
 {
@@ -394,8 +394,9 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
     turn(p, state, drive, f->rate);
     f->rate[BEARING] = (state[SPEED] - state[BEARING] * fabs(state[SPEED])) / p->bearing_presliding; /* Dahl */
     f->rate[SLIDER] = frequency * (f->contact.slider - state[SLIDER]);
-    /* the fourth power is smooth, for ngspice, and nearly as accurate as 0 from the first slip on */
-    f->rate[SLIDER] += pow(1.0 - f->contact.slip - f->contact.separated, 4.0) * creep(m, f->rate);
+    /* a share of stick as factor would step at each phase that begins to slip, which stops the solvers of model exchange */
+    if (f->contact.slip + f->contact.separated < 0.5 / PHASES)
+        f->rate[SLIDER] += creep(m, f->rate);
     f->rate[TEMPERATURE] = 0.0;
     if (p->heat_capacity > 0.0) {
         double cooling = (warm - p->ambient_temperature) / p->thermal_resistance;

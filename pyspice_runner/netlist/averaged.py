@@ -204,7 +204,8 @@ def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS, terms: Te
         "Gtorque 0 shaft friction 0 {radius}",
         *_carried("carry", f"slider{phases - 1}", "0"),
         # a contact that sticks throughout takes the slider along where the tip moves from period to period; slip sets
-        # it anew. The fourth power is smooth and, against the full motor, nearly as accurate as 0 at the first slip
+        # it anew. In between, the fourth power of the share of stick has smaller steps than 0 at the first slip, where
+        # ngspice does not converge; against the full motor it is nearly as accurate
         f"Bown own 0 V=V(x{phases - 1})-V(x_0)+V(x_own)",
         "Vmoves own moves 0",
         "Cmoves moves 0 1u",
