@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Steady states: cost of a curve over the number of points, and the same curve by scipy.
+"""Steady states: cost of a curve over the number of points, errors by the step, and the same curve by scipy.
 
 .venv/bin/python -m benchmarks.steady_state cost 1 10 100 1000
+.venv/bin/python -m benchmarks.steady_state errors
 .venv/bin/python -m benchmarks.steady_state scipy 5
 .venv/bin/python -m benchmarks.steady_state equal 1 3 9 21
 """
@@ -21,6 +22,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 import pyspice_runner as pr
+from pyspice_runner.analysis.steady import steady_states
+from pyspice_runner.run.operating_point import OperatingPoint
 
 STEPS = 4000  # of the Runge-Kutta method in a period, 5 ns
 PULL = 10.0  # steps in the time constant by which the slider returns to its limit
@@ -53,6 +56,42 @@ def cost(counts: list[int]) -> None:
         memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
         assert curve["settled"].all()
         print(f"{count:6d}  {wall:6.2f}  {cpu:5.2f}  {cpu / count:13.3f}  {memory:.0f}", flush=True)
+
+
+def errors() -> None:
+    """Print the greatest errors of the torque by the step, in % of μF₀R, against steady states at an eighth of it."""
+    paper, unintended = (
+        pr.load_motor(name).updated({"mount": None}) for name in ("andersen2002", "andersen2002-unintended-mode")
+    )
+    flagship = pr.load_motor("bimodal40")
+    drives = [
+        pr.TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase)
+        for voltage, frequency, phase in ((200.0, 51.7e3, 90.0), (100.0, 46e3, 180.0), (100.0, 17e3, 90.0))
+    ]
+    print("| motor | drive, speeds in rad/s | coarse step, one copy | finer step, one copy | result | its estimate |")
+    print("|---|---|---|---|---|---|")
+    for motor, drive, speeds in (
+        (paper, drives[0], np.linspace(-5.0, 12.0, 7)), (unintended, drives[1], np.linspace(-12.0, 30.0, 7)),
+        (paper, drives[2], np.linspace(-5.0, 12.0, 7)),
+        (flagship, pr.default_drive(flagship), np.linspace(-20.0, 60.0, 9)),
+    ):  # fmt: skip
+        scale = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+        setups = [OperatingPoint.of(motor, drive, speed=speed) for speed in speeds.tolist()]
+        finer = [setup.with_step(setup.step / 2.0) for setup in setups]
+        exact = steady_states([setup.with_step(setup.step / 8.0) for setup in setups])
+        found = steady_states(setups)
+        assert all(state.converged for state in (*exact, *found))
+        rows = [steady_states(setups, accuracy=None), steady_states(finer, accuracy=None), found]
+        away = [[abs(a.torque_n_m - b.torque_n_m) for a, b in zip(row, exact, strict=True)] for row in rows]
+        stated = [state.torque_error_n_m for state in found]
+        small = sum(one > told for one, told in zip(away[2], stated, strict=True))
+        cells = " | ".join(f"{100.0 * max(row) / scale:.3f}" for row in (*away, stated))
+        least = 100.0 * max(state.torque_error_n_m for state in exact) / scale
+        print(
+            f"| {motor.name} | {drive.label}, {speeds[0]:g} to {speeds[-1]:g} | {cells} |\n"
+            f"{small} of {len(speeds)} errors above their estimates; those at an eighth are at most {least:.4f}",
+            flush=True,
+        )
 
 
 @njit
@@ -241,6 +280,8 @@ def _warm(p: np.ndarray, start: np.ndarray, periods: int) -> np.ndarray:
 if __name__ == "__main__":
     if sys.argv[1] == "cost":
         cost([int(text) for text in sys.argv[2:]])
+    elif sys.argv[1] == "errors":
+        errors()
     elif sys.argv[1] == "equal":
         at_equal_accuracy([int(text) for text in sys.argv[2:]])
     else:

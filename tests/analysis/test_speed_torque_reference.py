@@ -81,9 +81,8 @@ def test_the_curve_is_that_of_the_independent_integrator(name: str) -> None:
     stall = abs(reference(name, 0.0)["torque_n_m"])
     for point in points["speed_rad_s"].values:
         ours, exact = points.sel(speed_rad_s=point), reference(name, float(point))
-        # Required. Measured: 0.1 % of the stall torque, though that of the ellipse is but 1 % of the friction torque;
-        # 0.8 % in the unintended mode, where the tip sticks as it lands: the slider starts at the beginning of the step
-        # in which it does, up to a step times the velocity too early. Half the step halves that.
+        # Required. Measured: 0.3 % of the stall torque of the ellipse, which is but 1 % of the friction torque; 0.03 %
+        # where the tip lifts off
         assert float(ours["torque_n_m"]) == pytest.approx(exact["torque_n_m"], abs=0.01 * stall)
         assert float(ours["torque_ripple_n_m"]) == pytest.approx(exact["torque_ripple_n_m"], rel=0.01)
         assert float(ours["normal_force_n"]) == pytest.approx(exact["normal_force_n"], rel=2e-3)

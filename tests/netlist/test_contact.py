@@ -59,6 +59,38 @@ def test_friction_of_the_spring_slider_falls_with_the_slip_velocity(tmp_path: Pa
     assert found["state_end"] == pytest.approx(2.0)
 
 
+TOUCH = """touch: four tips that approach by 0.1 m/s, each by a part of a step later than the one before
+{library}
+Vvx vx 0 {along}
+Vvy vy 0 0.1
+Vshaft shaft 0 0
+Vx x 0 PWL(0 0 100u {x})
+{tips}
+.options reltol=1e-6 vntol=1e-9 trtol=1e9
+.tran 100n 9u 0 100n uic
+.end
+"""
+
+
+@pytest.mark.parametrize("along", [0.02, -0.02])  # m/s; the limit of the slider grows by 0.036 m/s
+def test_a_slider_that_sticks_is_displaced_by_the_motion_since_the_tip_touched(along: float) -> None:
+    gaps = [0.6 + 1e-3 * part for part in (1, 3, 5, 9)]  # µm; a step of 0.1 µs takes 0.01 µm
+    seat = 1e6 * (5.0 / 7e9) ** (2.0 / 3.0)
+    tips = "\n".join(
+        f"Vy{at} y{at} 0 PWL(0 {-seat - gap!r} 100u {10.0 - seat - gap!r})\n"
+        f"Xtip{at} x y{at} vx vy fx{at} fy{at} shaft n{at} f{at} slider{at} s{at} piezomotor_contact slider_time=50n"
+        for at, gap in enumerate(gaps)
+    )
+    text = TOUCH.format(
+        library=definitions(read_library("piezomotor_contact")), along=along, x=100.0 * along, tips=tips
+    )
+    names = [f"v(slider{at})" for at in range(len(gaps))]
+    vectors = run_deck(text, vectors=names, stop_time=9e-6).raw.vectors
+    for name, gap in zip(names, gaps, strict=True):
+        # the rotor's curvature and the tilt of the tangent are 1e-5; from touch by a step it would be up to 0.002 µm
+        assert float(vectors[name][-1].real) == pytest.approx(along * (9.0 - gap / 0.1), rel=2e-4)
+
+
 def test_only_friction_that_falls_with_the_velocity_has_the_exponential() -> None:
     contact = load_motor("andersen2002").contact
     plain = contact_library(Law(), contact)
