@@ -355,6 +355,7 @@ def _sliders(plant: Plant, touching: TouchingContact) -> Array:
     pins = dict(zip(PINS, touching.pins[:, 0], strict=True))
     brush = library_function(contact_library(law, plant.motor.contact))
     found = brush(constants | pins | dict.fromkeys(brush.states, 0.0))
-    wide, limit = (np.stack([found[f"{node}{1 + cell}"] for cell in range(law.sliders)]) for node in "wl")
-    sliders, _ = clipped(wide * touching.slid, limit)
+    limit = np.stack([found[f"y{1 + cell}"] for cell in range(law.sliders)]) * 2.0  # of a slider at 0
+    beyond = np.stack([found[f"x{cell}"] for cell in range(law.sliders)] + [0.0 * found["x0"]])
+    sliders, _ = clipped(-np.diff(beyond, axis=0) * touching.slid, limit)
     return MICRO * sliders[:, 0]

@@ -185,19 +185,26 @@ def _spring_of_worn(text: str) -> str:
     return text.replace("V(grip)/sqrt(max(V(factor),1m))", "V(grip)*V(factor)")
 
 
-def _row_of_worn(text: str) -> str:
+def _row_of_worn(row: str) -> str:
     """Return the brush of a worn tip; other laws are returned as they are.
 
     Beyond the flat an element at x penetrates by δ − x √(x² − b²)/R*, within it by δ. The integral of that is
     δ x − (x² − b²)^(3/2)/(3 R*).
     """
-    text = re.sub(
-        r"(?m)^(Bl\d+ \S+ 0) V=V\(grip\)\*(\S+?)\*\(V\(depth\)-\{cell\}\*\((\d+)\+\S+?\*\((\d+)\+.*$",
-        r"\1 V=V(grip)*(\2*V(depth)-{cell/3}*(uramp((\4+\2)*(\4+\2)-{flat/cell})**1.5-{max(0,\3-flat/cell)**1.5}))",
-        text,
-    )
-    edge = r"\1 V=sqrt((sqrt({flat*flat}+4*V(depth)*V(depth))+{flat})*{0.5/cell})"
-    return re.sub(r"(?m)^(Bedge edge 0) .*$", edge, text)
+    text = re.sub(r"(?m)^(Bl(\d+) \S+ \S+) I=(V\(x\d+\))\*V\(\w+\)$", _worn_limit, row)
+    if text == row:
+        return row
+    text = re.sub(r"(?m)^([BR]f[12]|[GR]m\w+) .*\n", "", text)  # what only the limits of a new tip need
+    depth = "Bdepth 0 depth I=max(V(delta),1e-9)\nRdepth depth 0 1\n"
+    edge = r"\1 I=sqrt((sqrt({flat*flat}+4*V(depth)*V(depth))+{flat})*{0.5/cell})"
+    return re.sub(r"(?m)^(Bx0 0 x0) .*$", depth + edge, text)
+
+
+def _worn_limit(line: re.Match[str]) -> str:
+    """Return the source of the limits beyond the inner edge of a cell of a worn tip."""
+    element, inner, x = line[1], int(line[2]) - 1, line[3]
+    beyond = f"uramp(({inner}+{x})*({inner}+{x})-{{flat/cell}})**1.5-{{max(0,{inner * inner}-flat/cell)**1.5}}"
+    return f"{element} I=V(f0)*({{1.5/cell}}*V(depth)*{x}-0.5*({beyond}))"
 
 
 def contact_values(
@@ -259,25 +266,35 @@ def contact_values(
 
 def brush_library(sliders: int = SLIDERS) -> str:
     """Return the text of ``behavioral/piezomotor_brush.lib``, which has eight sliders, with another number of them."""
-    numbers = range(1, sliders + 1)
     cells = []
-    for number in numbers:
-        inner = number - 1
-        width = f"V(edge)-{inner}" if number == sliders else f"min(1,V(edge)-{inner})"
-        w = f"V(w{number})"
+    for inner in range(sliders):
+        number, outer = inner + 1, inner + 1
+        x, m, w = f"V(x{inner})", f"V(m{inner})" if inner else "V(f2)", f"V(w{number})"
+        y, rest = f"V(y{number})", f"V(q{number})-V(y{number})"
+        if inner:
+            cells += [
+                f"Bx{inner} 0 x{inner} I=uramp(V(x0)-{inner})",
+                f"Rx{inner} x{inner} 0 1",
+                f"Gm{inner} 0 m{inner} f2 0 1",
+                f"Gmb{inner} m{inner} 0 f1 0 {inner / 2:g}",
+                f"Gmbb{inner} m{inner} 0 f0 0 {inner * inner / 2:g}",
+                f"Rm{inner} m{inner} 0 1",
+            ]
         cells += [
-            f"Bw{number} w{number} 0 V=max(0,{width})",
-            f"Bl{number} l{number} 0 V=V(grip)*{w}*(V(depth)-{{cell}}*({inner**2}+{w}*({inner}+{w}/3)))",
-            f"Bc{number} c{number} 0 V=max(-V(l{number}),min(V(l{number}),V(q{number})))",
-            f"Bq{number} 0 q{number} I={w}*V(slip)",
-            f"Rpull{number} q{number} c{number} {{1e6*slider_time}}",
-            f"Cq{number} q{number} 0 1u",
-            f"Rq{number} q{number} 0 1g",
-            f"Gheld{number} 0 held c{number} 0 1",
-            f"Bslips{number} 0 slips I={w}*u(abs(V(q{number}))-V(l{number}))",
+            f"Bl{number} {f'y{inner}' if inner else 0} y{number} I={x}*{m}",
+            f"Gy{number} 0 y{number} q{number} 0 1",
+            f"Ry{number} y{number} 0 0.5",
+            f"Bq{number} {f'q{inner}' if inner else 0} q{number} I={x}*V(slip)",
+            f"Cq{number} q{number} 0 {{slider_time}}",
+            f"Rq{number} q{number} 0 {{hold}}",
+            f"Bc{number} {'held' if inner else 0} {f'q{number}' if inner else 'c1'} I=abs({y})-abs({rest})",
         ]
+        if outer < sliders:
+            cells += [f"Gw{number} 0 w{number} x{inner} x{outer} 1", f"Rw{number} w{number} 0 1"]
+        cells.append(f"Bslips{number} 0 state I={w if outer < sliders else x}*u({y}*({rest}))")
     text = (data_path("behavioral") / f"{LIBRARIES['brush']}.lib").read_text(encoding="utf-8")
-    text = re.sub(r"(?ms)^Bw1 .*?(?=^Rheld )", "\n".join(cells) + "\n", text, count=1)
+    text = re.sub(r"(?ms)^Bl1 .*?(?=^Rc1 )", "\n".join(cells) + "\n", text, count=1)
+    text = text.replace("V(w1)", "V(x0)") if sliders == 1 else text
     text = text.replace(f"a row of {SLIDERS} ", f"a row of {sliders} ", 1)
     text = text.replace(f"the end of cell {SLIDERS}:", f"the end of cell {sliders}:", 1)
     return text.replace(f"{{span/{SLIDERS**2}}}", f"{{span/{sliders**2}}}", 1)

@@ -121,6 +121,8 @@ class Equations:
     currents: dict[str, list[str]] = field(default_factory=dict)  # node → expressions of the currents that flow into it
     resistances: dict[str, str] = field(default_factory=dict)  # node → resistance to ground
     capacitances: dict[str, str] = field(default_factory=dict)  # node → capacitance to ground
+    # node → conductance to ground beside the resistance: a B-source whose current is its voltage times an expression
+    conductances: dict[str, str] = field(default_factory=dict)
 
     def ordered(self) -> Iterator[tuple[str, str]]:
         """Return parameters and node voltages, each one behind those that it depends on."""
@@ -156,18 +158,25 @@ class Equations:
             self.add(inner, dict(zip(inner.pin_names, nodes, strict=False)))
         elif kind == "B" and rest.startswith("V="):
             self.values[plus] = rest.removeprefix("V=")
+        elif kind == "B" and minus == "0" and rest.endswith(f"*V({plus})"):
+            factor = rest.removeprefix("I=").removesuffix(f"*V({plus})")
+            if _has_sum(factor):
+                raise ValueError(f"{rest}: put the sum before *V({plus}) in parentheses.")
+            self.conductances[plus] = factor
         elif kind == "V":
             self.values[plus] = f"V({minus})+{last}"
         elif kind == "E":
             base = "" if minus == "0" else f"V({minus})+"
-            self.values[plus] = f"{base}{last}*V({rest.split()[0]})"
+            self.values[plus] = f"{base}{last}*{_across(*rest.split()[:2])}"
         elif kind == "C":
             self.capacitances[plus] = rest.split()[0]
         elif kind == "R" and minus == "0":
             self.resistances[plus] = last
         else:
-            flow = {"B": rest.removeprefix("I="), "G": f"{last}*V({rest.split()[0]})",
-                    "R": f"(V({plus})-V({minus}))/{last}"}[kind]  # fmt: skip
+            flow = {
+                "B": lambda: rest.removeprefix("I="), "G": lambda: f"{last}*{_across(*rest.split()[:2])}",
+                "R": lambda: f"{_across(plus, minus)}/{last}",
+            }[kind]()  # fmt: skip
             self.currents.setdefault(plus, []).append(f"-({flow})")
             self.currents.setdefault(minus, []).append(f"({flow})")
 
@@ -175,7 +184,20 @@ class Equations:
         """Give each node with a resistor to ground and no capacitor the voltage that its currents cause there."""
         for node, resistance in self.resistances.items():
             if node not in self.capacitances:
-                self.values[node] = f"{resistance}*({'+'.join(self.currents.pop(node, ['0']))})"
+                flow, beside = "+".join(self.currents.pop(node, ["0"])), self.conductances.get(node)
+                self.values[node] = f"({flow})/(1/{resistance}+{beside})" if beside else f"{resistance}*({flow})"
+
+
+def _across(plus: str, minus: str) -> str:
+    """Return the expression of the voltage between two nodes."""
+    return f"V({plus})" if minus == "0" else f"(V({plus})-V({minus}))"
+
+
+def _has_sum(expression: str) -> bool:
+    """Return whether an expression is a sum or a difference, outside of its parentheses."""
+    while (inner := re.sub(r"[({][^(){}]*[)}]", "", expression)) != expression:
+        expression = inner
+    return re.search(r"(?<![eE*/])[+-]", expression) is not None
 
 
 def equations(library: Library) -> Equations:

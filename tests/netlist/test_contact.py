@@ -228,12 +228,12 @@ def test_contact_that_grows_in_stick_takes_up_only_what_moves_after_its_touch() 
     # 2 G* ∫ (elements' u) dx = 2 G* ∫ a du, u = δ · moved/depth: two thirds of 2 G* a moved
     exact = 1.5 * 7e9 / ratio * depth**0.5 * (2 / 3) * moved
     assert found["friction"] == pytest.approx(exact, rel=2e-3)  # 800 steps, the first ones shorter
-    assert found["state"] == 1.0
+    assert found["state"] == pytest.approx(1.0, abs=1e-9)  # beside 1e-12 S
 
 
 def test_separated_contact_forgets() -> None:
     found = drag(8, 0.8, 0.01, "-1.0*min(1,time/2e-5)")
-    assert (found["normal"], found["state"]) == (0.0, 0.0)
+    assert (found["normal"], found["state"]) == (0.0, pytest.approx(0.0, abs=1e-9))  # on 1e9 S
     assert abs(found["friction"]) < 1e-9
     assert abs(found["slider"]) < 1e-6
 
@@ -247,7 +247,7 @@ def test_normal_damping_is_hunt_and_crossleys() -> None:
     assert normal[-1] == pytest.approx(5.0 * (1 + 0.6 * 0.5), rel=1e-6)
     pulled = run_deck(text.replace("Vvy vy 0 0.5", "Vvy vy 0 -5"), vectors=list(SAVED), stop_time=40e-6).raw.vectors
     assert pulled["v(normal)"].real[-1] == 0.0  # a contact does not pull
-    assert pulled["v(friction)"].real[-1] == 0.0
+    assert abs(pulled["v(friction)"].real[-1]) < 1e-12  # rounding of q + l and q - l
 
 
 @pytest.mark.parametrize("law", ["brush", "spring-slider"])

@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import exp, sqrt, tanh
 
 import pytest
 
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.load import load_motor
-from pyspice_runner.netlist.contact import Law, contact_library
-from pyspice_runner.netlist.expressions import equations, translated
+from pyspice_runner.netlist.contact import PAPER_LAW, Law, contact_library
+from pyspice_runner.netlist.evaluated import library_function
+from pyspice_runner.netlist.expressions import Equations, equations, translated
 from pyspice_runner.netlist.library import data_path, read_library
 
 FUNCTIONS = {
@@ -72,7 +74,25 @@ def test_a_node_with_a_resistor_has_the_voltage_of_its_currents() -> None:
 def test_each_cell_of_a_brush_is_a_state() -> None:
     found = equations(contact_library(Law("brush", 3)))
     assert list(found.capacitances) == ["q1", "q2", "q3"]
-    assert all(len(found.currents[node]) == 2 for node in found.capacitances)
+    assert [len(found.currents[node]) for node in found.capacitances] == [3, 3, 2]  # neighbours, and what holds it
+
+
+def test_a_source_of_its_own_voltage_is_a_conductance() -> None:
+    """What a brush plots: the displacement of the innermost cell, and 1 + the part of the contact that slips."""
+    law = Law("brush", 3)
+    given = {"x": 0.0, "y": 0.0, "vx": 0.1, "vy": 0.0, "shaft": 0.0, "q1": 1.0, "q2": 0.01, "q3": 0.0}
+    parameters = {item.name: item.default for item in contact_library(law).parameters}
+    found = library_function(contact_library(law))(parameters | given)
+    assert found["state"] == pytest.approx(1.0 + 1.0 / found["x0"], rel=1e-9)
+    assert found["slider"] == pytest.approx(found["y1"] * 2.0 - given["q1"], rel=1e-9)  # its limit
+
+
+def test_a_sum_before_the_voltage_of_a_source_takes_parentheses() -> None:
+    contact, found = contact_library(PAPER_LAW), Equations()
+    found.add(replace(contact, subcircuit=".subckt one a b\nBa a 0 I=(1+2e-3)*{3-4}*V(a)\n.ends"), {})
+    assert found.conductances == {"a": "(1+2e-3)*{3-4}"}
+    with pytest.raises(ValueError, match="parentheses"):
+        found.add(replace(contact, subcircuit=".subckt one a b\nBa a 0 I=1+V(b)*V(a)\n.ends"), {})
 
 
 @pytest.mark.parametrize("name", ["piezomotor.va", "piezomotor_averaged.c"])

@@ -122,6 +122,6 @@ def test_a_brush_has_a_cell_for_every_slider(sliders: int, tmp_path: Path) -> No
     assert float(found["span"]["value"]) == pytest.approx(values["span"], rel=1e-9)
     assert not {"sliding", "creep"} & set(found)
     for number in range(1, sliders + 1):
-        assert text.count(f"I(cell_{number}) <+ ddt(1e-06 * V(cell_{number}))") == 1
+        assert text.count(f"I(cell_{number}) <+ ddt(slider_time * V(cell_{number}))") == 1
     assert f"cell_{sliders + 1}" not in text
     assert text.count("I(slider) <+") == 1
