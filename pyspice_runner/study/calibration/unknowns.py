@@ -22,6 +22,7 @@ from pyspice_runner.netlist.sources import Excitation
 from pyspice_runner.run.paths import parameter
 
 MOST = 40  # free parameters
+WIDE = log(10.0)  # a factor of 10 in the value: longest step of a profile, and what is always known of a value
 DRIFTS = ("frequency_drift_per_k", "coupling_drift_per_k", "capacitance_drift_per_k")
 _DERIVED = {
     "frequency_hz": (LOWEST_FREQUENCY, HIGHEST_FREQUENCY), "quality_factor": (LOWEST_QUALITY, HIGHEST_QUALITY),
