@@ -102,9 +102,10 @@ class Search:
         """Return the best of several starts."""
         cube = qmc.Sobol(len(x), seed=0).random(1 << (starts - 1).bit_length())[: starts - 1]
         others = [np.clip(x + START_REACH * (2.0 * row - 1.0), *bounds) for row in cube]
-        for other, prediction in zip(others, self.predictor.at(others), strict=True):
-            self.found[other.tobytes()] = prediction
-        every = [one for one in (x, *others) if self.found[one.tobytes()].known]
+        starting = [x, *others]
+        for one, prediction in zip(starting, self.predictor.at(starting), strict=True):
+            self.found[one.tobytes()] = prediction
+        every = [one for one in starting if self.found[one.tobytes()].known]
         if not every:
             raise SimulationError(f"The motor has no steady state at any of the points from any of {starts} starts.")
 

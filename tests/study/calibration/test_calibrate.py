@@ -86,6 +86,16 @@ def test_a_spectrum_gives_back_a_quality_factor_and_leaves_the_friction_open(tmp
 
 
 @pytest.mark.soak
+def test_further_starts_end_at_the_same_values() -> None:
+    columns = truth_and_points({"contact.friction": 0.25}, [4.0, 12.0])
+    one, several = (pr.calibrate(pr.load_motor(SET), columns, free=["contact.friction"], starts=n) for n in (1, 4))
+    (first,), (second,) = one.estimates, several.estimates
+    assert abs(first.value - second.value) < 0.6 * first.standard_error  # both end within 0.3 of the least sum
+    with pytest.raises(pr.ParameterError, match="starts = 0 is not valid"):
+        pr.calibrate(pr.load_motor(SET), columns, free=["contact.friction"], starts=0)
+
+
+@pytest.mark.soak
 def test_spectra_give_back_quality_factors_and_stiffness_and_leave_the_friction_open() -> None:
     motor = pr.load_motor(SET)
     truth = motor.updated({
