@@ -83,6 +83,8 @@ def held_out(name: str) -> dict[str, float]:
     speeds = MOTORS[name]["speed_m_s"] * NEAR_MOST
     output = pr.speed_torque(motor, drive, speeds=speeds).shaft_power_w.values
     assert 0 < output.argmax() < len(speeds) - 1
+    # all members of the class have one shape of the curve; the page has this ratio
+    assert output.max() / (MOTORS[name]["force_n"] * MOTORS[name]["speed_m_s"]) == pytest.approx(0.59, abs=0.005)
     free = pr.steady_state(motor, drive)
     return {
         "output_w": float(output.max()), "stator_kg": mass(motor), "preload_n": motor.contact.preload_n,

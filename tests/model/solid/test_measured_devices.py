@@ -262,6 +262,33 @@ def test_the_card_of_a_sonar_disc_is_the_nearest_in_its_radial_mode(name: str) -
     assert min(CERAMICS, key=off) == DEVICES[name]["card"]
 
 
+@pytest.mark.soak
+def test_the_other_card_of_the_small_sonar_disc_gives_what_the_page_says() -> None:
+    name = "sonar disc ⌀ 20 × 4 mm"
+    found = {
+        mode["name"]: 1e-3
+        * response(name, "PZT-4").extremes_hz(*mode["between_hz"], DEVICES[name]["quality_factor"])[0]
+        for mode in DEVICES[name]["modes"]
+    }
+    assert [found["thickness"], found["first radial"]] == pytest.approx([497.0, 113.0], abs=0.51)
+    assert "PZT-4 gives 497 kHz (−2.6 %), but 113 kHz (+13 %)" in PAGE.read_text(encoding="utf-8")
+
+
+def test_no_ceramic_carries_the_half_wave_of_the_large_sonar_disc() -> None:
+    # thickness mode of a wide plate: c₃₃ᴰ = c₃₃ᴱ + e₃₃²/ε₃₃ˢ, the speed of sound √(c₃₃ᴰ/ρ)
+    speeds = {}
+    for name, card in materials().items():
+        if name in (*CERAMICS, "PIC181"):
+            stiffened = card.stress_constants_c_m2[2, 2] ** 2 / card.permittivity_f_m[2, 2]
+            speeds[name] = sqrt((card.stiffness_pa[2, 2] + stiffened) / card.density_kg_m3)
+    fastest = max(speeds, key=lambda name: speeds[name])
+    device = DEVICES["sonar disc ⌀ 50 × 10 mm"]
+    needed = 2.0 * device["thickness_m"] * device["modes"][0]["resonance_hz"]
+    assert f"would need {needed:.0f} m/s" in PAGE.read_text(encoding="utf-8")
+    assert f"(the fastest, {fastest}, {speeds[fastest]:.0f} m/s)" in PAGE.read_text(encoding="utf-8")
+    assert speeds[fastest] < 0.75 * needed
+
+
 def test_a_wedge_has_the_first_radial_mode_and_the_capacitance_of_the_standard() -> None:
     # IEEE Std 176-1987, 6.4: η J₀(η) = (1 − σ) J₁(η); the thickness t lowers it by (σ_t η t/2a)²/6 < 1e-3, σ_t ≈ 0.44.
     # The capacitance at constant stress is ε₃₃ᵀ πa²/t, less the pinhole.
