@@ -43,7 +43,9 @@ from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.operating_point import OperatingPoint
 
 Array = NDArray[np.float64]
-FADED = 1e-2  # part of the largest singular value below which a state at the start has faded before the period begins
+# part of the largest singular value below which a state at the start has faded before the period begins: more than the
+# noise of the derivative, which behind bridges has that of ngspice's own steps
+FADED, FADED_SWITCHED = 1e-6, 1e-2
 ROUGH = 5e-3  # accuracy from which on steps twice as long may do
 SOLVED = 0.1  # of the accuracy, how near to the solution Newton's method ends, but not nearer than elsewhere
 FEWEST_PERIODS = 10  # of the transient from which a curve starts
@@ -215,9 +217,10 @@ class DrivenPoint(Point):
         """
         assert self.at_start is not None
         assert self.at_end is not None
+        assert isinstance(self.plant, DrivenPlant)
         free = np.ix_(self.free, self.free)
         left, sizes, right = np.linalg.svd(self.at_start[free])
-        kept = sizes > FADED * sizes[0]
+        kept = sizes > (FADED if self.plant.driver.uniform else FADED_SWITCHED) * sizes[0]
         begun, back = left[:, kept], right[kept].T / sizes[kept]
         return begun, back, begun.T @ self.at_end[free] @ back
 
