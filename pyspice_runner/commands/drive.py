@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
@@ -12,16 +13,19 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.commands import common, options
 from pyspice_runner.commands.driving import recommended_phases
+from pyspice_runner.commands.options import Options
 from pyspice_runner.model.drive import two_phases
 from pyspice_runner.netlist.drivers import BRIDGES
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from pyspice_runner.analysis.design import Design
     from pyspice_runner.analysis.drive import DriveReport
     from pyspice_runner.netlist.drivers import NetworkKind
+
+    AnyDrive = pr.TwoPhaseDrive | pr.TwoToneDrive
 
 DRIVERS = (
     "ideal, linear, half-bridge, full-bridge, push-pull, or FILE:NAME of your own subcircuit; with +inductor or +llcc "
@@ -49,6 +53,41 @@ MatchOption = Annotated[
         help="Choose the parts of the network for the motor from stall to no load; --part states them instead.",
     ),
 ]
+
+
+@dataclass(frozen=True)
+class DriverOptions(Options):
+    """A driver in front of a motor, for analyses that take one in place of a drive."""
+
+    driver: Annotated[
+        str | None, typer.Option(help=f"Driver in front of the motor: {DRIVERS}; default: ideal voltages.")
+    ] = None
+    match: MatchOption = True
+    part: PartOption = None
+    mosfet: MosfetOption = None
+
+    def check(self, context: typer.Context) -> None:
+        """Refuse options that have no effect without a driver, or without a network."""
+        if self.driver is None:
+            common.refuse_idle(context, "without --driver", "match", "part", "mosfet")
+        else:
+            refuse_idle_match(context, self.driver)
+
+    def applied(
+        self, motor: str, changes: list[str] | None
+    ) -> tuple[pr.Motor, Callable[[AnyDrive, pr.Law | None], AnyDrive | pr.Driver]]:
+        """Return the motor with its changes, and what makes the driver for it from a drive and a law of the contact."""
+        if self.driver is None:
+            return common.load_changed(motor, changes), lambda drive, _: drive
+        of_motor, of_parts = changes_of(changes, self.part)
+        loaded, words = common.load_changed(motor, of_motor), self.driver
+
+        def in_front(drive: AnyDrive, law: pr.Law | None) -> pr.Driver:
+            return channel(loaded, words, two_phase(drive), of_parts, self.mosfet, law, match=self.match)
+
+        return loaded, in_front
+
+
 Stage = Literal["linear", "half-bridge", "full-bridge", "push-pull"]
 VoltageOption = Annotated[
     float | None, typer.Option(help="Amplitude of group A, V; default: the motor's recommended drive.")

@@ -10,6 +10,7 @@ import typer
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
+from pyspice_runner.commands.drive import DriverOptions
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import EngineOptions, LawOptions, Targets, with_options
 from pyspice_runner.errors import Interrupted
@@ -61,6 +62,7 @@ def simulate(
         bool,
         typer.Option("--averaged", help="Average over the drive's period, for runs over seconds."),
     ] = False,
+    driver: DriverOptions,
     timeout: common.TimeoutOption = None,
     engine: EngineOptions,
     changes: common.SetOption = None,
@@ -72,7 +74,10 @@ def simulate(
     """
     contact = law.law
     targets.check(".csv", ".nc", ".json", ".cir")
-    loaded = common.load_changed(motor, changes)
+    if not averaged:
+        common.refuse_idle(context, "without --averaged; piezomotor drive runs every cycle behind a driver", "driver")
+    driver.check(context)
+    loaded, in_front = driver.applied(motor, changes)
     excitation = drive.stated(loaded)
     shaped = _shaped(context, excitation, waveform, burst)
     if averaged:
@@ -80,7 +85,7 @@ def simulate(
         chosen = engine.engine if common.is_stated(context, "engine") else "auto"
         with common.run_progress("The averaged motor runs") as progress:
             mean = pr.simulate_averaged(
-                loaded, excitation, duration, contact=contact, speed=speed, load_torque=load_torque,
+                loaded, in_front(excitation, contact), duration, contact=contact, speed=speed, load_torque=load_torque,
                 engine=chosen, progress=progress, timeout=timeout,
             )  # fmt: skip
         common.caution(mean)

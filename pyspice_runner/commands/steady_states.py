@@ -10,7 +10,7 @@ import typer
 import pyspice_runner as pr
 from pyspice_runner.analysis.working_points import ACCURACY, Objective
 from pyspice_runner.commands import common
-from pyspice_runner.commands import drive as through
+from pyspice_runner.commands.drive import DriverOptions
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import EngineOptions, LoadOption, PeriodOptions, SpeedOption, Targets, with_options
 from pyspice_runner.errors import Interrupted
@@ -29,12 +29,7 @@ def steady(
     load: LoadOption = 0.0,
     period: PeriodOptions,
     accuracy: Annotated[float, typer.Option(help="Error allowed of the torque, relative to mu F0 R.")] = 2e-3,
-    driver: Annotated[
-        str | None, typer.Option(help=f"Driver in front of the motor: {through.DRIVERS}; default: ideal voltages.")
-    ] = None,
-    match: through.MatchOption = True,
-    part: through.PartOption = None,
-    mosfet: through.MosfetOption = None,
+    driver: DriverOptions,
     engine: EngineOptions,
     changes: common.SetOption = None,
     targets: Targets,
@@ -43,18 +38,12 @@ def steady(
 
     Example: piezomotor steady bimodal40 --voltage 90 --speed 30 --json
     """
-    if driver is None:
-        common.refuse_idle(context, "without --driver", "match", "part", "mosfet")
-    else:
-        through.refuse_idle_match(context, driver)
+    driver.check(context)
     targets.check(".json", ".csv", ".nc", ".cir")
-    of_motor, of_parts = through.changes_of(changes, part) if driver else (changes, part)
-    loaded = common.load_changed(motor, of_motor)
+    loaded, in_front = driver.applied(motor, changes)
     stated = drive.stated(loaded)
     with common.busy("ngspice runs periods of the drive"):
-        source = stated if driver is None else through.channel(
-            loaded, driver, through.two_phase(stated), of_parts, mosfet, period.law, match=match
-        )  # fmt: skip
+        source = in_front(stated, period.law)
         result = pr.steady_state(
             loaded, source, speed=speed, load_torque=load, accuracy=accuracy, **period.settings,
             **engine.settings,

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from cmath import rect
 from dataclasses import dataclass
-from math import radians
+from math import pi, radians
 from typing import Any
 
 from PySpice.Spice.Netlist import Circuit
@@ -20,6 +20,12 @@ from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import DriveSource
 
 _LIBRARY = "driver_averaged"
+MOST_WINDING = (
+    0.05  # square of the drive frequency over the self-resonance of a coil: slope of its reactance within 10 %
+)
+MOST_CABLE = (
+    5.0  # ohm of a cable behind a filter or alone: a hundredth of a group's reactance, which it is left out for
+)
 _INDUCTOR = {"series_inductance": "inductance", "series_resistance": "resistance", "series_capacitance": "capacitance"}
 
 
@@ -35,11 +41,11 @@ class AveragedDrive:
     def of(cls, drive: Drive | Driver) -> AveragedDrive:
         """Return the drive and the network in front of the averaged motor.
 
-        Raise ParameterError for a drive with two frequencies, a cable, or a capacitance of a winding.
+        Raise ParameterError for a drive with two frequencies, or for too large a cable or capacitance of a winding.
         """
         if isinstance(drive, Driver):
-            _check(drive)
             same = drive.equivalent()
+            _check(same)
             return cls(TwoPhaseDrive(**two_phases(same)), None if same.network == "none" else same, drive)
         if isinstance(drive, TwoPhaseDrive):
             return cls(drive)
@@ -61,11 +67,23 @@ class AveragedDrive:
 
     def _values(self, group: str) -> dict[str, float]:
         assert self.driver is not None
-        (part,) = self.driver.parts(group)
+        network, *cables = self.driver.parts(group)
         names = {item.name: item.name for item in read_library(_LIBRARY).parameters} | (
-            _INDUCTOR if part.label == "inductor" else {}
+            _INDUCTOR if network.label == "inductor" else {}
         )
-        return {ours: part.values[theirs] for ours, theirs in names.items() if theirs in part.values}
+        found = {ours: network.values[theirs] for ours, theirs in names.items() if theirs in network.values}
+        # a winding with its capacitance is a larger inductance and resistance at the drive frequency
+        omega = 2.0 * pi * self.driver.frequency
+        rise = 1.0 / (1.0 - omega**2 * found["series_inductance"] * network.values["winding_capacitance"])
+        found["series_inductance"] *= rise
+        found["series_resistance"] *= rise**2
+        for cable in cables:
+            capacitance = cable.values["capacitance"]
+            found["parallel_capacitance"] = found.get("parallel_capacitance", 0.0) + capacitance
+            if network.label == "inductor":
+                found["series_inductance"] += cable.values["inductance"]
+                found["series_resistance"] += cable.values["resistance"]
+        return found
 
     def add(self, circuit: Circuit, after: str = "drive", frequency: str = "set_frequency") -> None:
         """Add the networks between the nodes ``stage_GROUP_PART`` and ``AFTER_GROUP_PART``; PART is re or im.
@@ -83,14 +101,23 @@ class AveragedDrive:
 
 
 def _check(driver: Driver) -> None:
-    for part in (part for group in GROUPS for part in driver.parts(group)):
-        if part.label == CABLE:
+    """Raise ParameterError for a driver whose network the averaged one does not stand for."""
+    omega = 2.0 * pi * driver.frequency
+    for group in GROUPS:
+        parts = {part.label: part.values for part in driver.parts(group)}
+        for label, values in parts.items():
+            coil = values.get("series_inductance", values.get("inductance", 0.0))
+            share = omega**2 * coil * values.get("winding_capacitance", 0.0)
+            if share > MOST_WINDING:
+                given, most = values["winding_capacitance"], MOST_WINDING / (omega**2 * coil)
+                raise ParameterError(
+                    f"Driver: {label}.winding_capacitance = {given:g} F is out of range for the averaged motor: it "
+                    f"must be ≤ {most:.3g} F. Or use the full motor."
+                )
+        cable = parts.get(CABLE)
+        ohms = abs(complex(cable["resistance"], omega * cable["inductance"])) if cable else 0.0
+        if ohms > MOST_CABLE and driver.network != "inductor":
             raise ParameterError(
-                "Driver: a cable has no averaged model. Leave it out, or use the full motor; its capacitance "
-                "may be added to llcc.parallel_capacitance."
-            )
-        if winding := part.values.get("winding_capacitance", 0.0):
-            raise ParameterError(
-                f"Driver: {part.label}.winding_capacitance = {winding:g} F has no averaged model: it must be 0. "
-                "Set it, or use the full motor."
+                f"Driver: a cable of {ohms:.3g} ohm at the drive frequency is out of range for the averaged motor: it "
+                f"must have ≤ {MOST_CABLE:g} ohm. Or use the full motor."
             )

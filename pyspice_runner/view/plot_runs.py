@@ -102,11 +102,11 @@ def averaged_run(run: AveragedRun) -> Sheet:
     """Return means and amplitudes over time."""
     curves = {
         "speed": (run.rotor_speed_rad_s, label_of("rotor_speed_rad_s", run.linear)),
-        "torque": (run.torque_n_m, label_of("torque_n_m", run.linear)),
+        "torque": (run.torque_n_m, Label("force", "N") if run.linear else Label("torque", "mN·m", 1e3)),
         "power": (run.electrical_power_w, LABELS["electrical_power_w"]),
         "frequency": (run.frequency_hz, LABELS["frequency_hz"]),
         "temperature": (run.temperature_k, Label("temperature rise", "K")),
-        "check": (run.check, Label("check (accurate below 2 %)", "%", 100.0)),
+        "check": (run.check, Label("check (below 2 %)", "%", 100.0)),
     }
     title = f"{run.provenance['motor']['name']}, averaged: {run.provenance['drive']['label']}"
     return _over_time(run.time_s, curves, title)

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.cli import run as command
 from pyspice_runner.engine import Engine
 from tests.runs import simulated
 
@@ -43,6 +45,7 @@ def llcc(parallel: float = 1e-9) -> pr.Driver:
 
 
 INDUCTOR = behind("inductor", 55.0, inductance=12e-3, resistance=60.0)
+ADDED = {"cable.capacitance": 2e-10, "cable.inductance": 5e-7}  # 2 m of RG 174
 
 
 def envelope(run: Any, signal: str) -> tuple[Any, Any]:
@@ -92,8 +95,15 @@ def test_both_engines_agree_behind_an_inductor() -> None:
 @pytest.mark.soak
 @pytest.mark.parametrize(
     ("driver", "of_voltage"),
-    [(INDUCTOR, 1e-3), (llcc(), 1e-3), (resonant(45e3, 20.8, 300.0), 2e-3)],
-    ids=["inductor", "llcc", "resonant"],
+    [
+        (INDUCTOR, 1e-3),
+        (llcc(), 1e-3),
+        (resonant(45e3, 20.8, 300.0), 2e-3),
+        (INDUCTOR.updated(ADDED), 1e-3),
+        (INDUCTOR.updated({"inductor.winding_capacitance": 2e-11}), 1e-3),
+        (llcc().updated(ADDED | {"llcc.winding_capacitance": 2e-11}), 1e-3),
+    ],
+    ids=["inductor", "llcc", "resonant", "inductor and cable", "inductor and winding", "llcc, cable and winding"],
 )
 def test_it_settles_at_the_steady_state_behind_the_same_driver(driver: pr.Driver, of_voltage: float) -> None:
     """Voltages within 0.1 %, torque within 0.1 % of the friction torque under the preload, as without a network.
@@ -157,13 +167,24 @@ def test_a_controller_sees_the_voltage_behind_the_network_in_both_engines_and_th
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ({"cable.capacitance": 1e-10}, "a cable has no averaged model"),
-        ({"inductor.winding_capacitance": 1e-11}, "inductor.winding_capacitance = 1e-11 F has no averaged model"),
+        ({"cable.inductance": 1e-4}, "a cable of 25.2 ohm at the drive frequency is out of range"),
+        ({"llcc.winding_capacitance": 2e-10}, "llcc.winding_capacitance = 2e-10 F is out of range"),
     ],
 )
-def test_a_part_that_is_not_averaged_is_an_error(setting: dict[str, float], message: str) -> None:
+def test_a_part_that_is_too_large_to_be_averaged_is_an_error(setting: dict[str, float], message: str) -> None:
     with pytest.raises(pr.ParameterError, match=message):
-        pr.simulate_averaged(MOTOR, INDUCTOR.updated(setting), 0.03)
+        pr.simulate_averaged(MOTOR, llcc().updated(setting), 0.03)
+
+
+def test_the_command_runs_the_averaged_motor_behind_a_driver(capsys: pytest.CaptureFixture[str]) -> None:
+    """With the parts stated, the amplitude at the group is that of the same driver in Python."""
+    parts = ["--part", "inductor.inductance=12e-3", "--part", "inductor.resistance=60", "--no-match"]
+    driver = ["--driver", "ideal+inductor", "--voltage", "55", *parts]
+    assert command(["simulate", "beam40", "--averaged", "--duration", "5e-3", *driver, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["end"]["amplitude_a_v"] == pr.simulate_averaged(MOTOR, INDUCTOR, 5e-3).amplitude_a_v[-1]
+    assert command(["simulate", "beam40", "--driver", "linear"]) == 2
+    assert "no effect without --averaged" in capsys.readouterr().err
 
 
 @pytest.mark.soak
