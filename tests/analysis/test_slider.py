@@ -186,7 +186,7 @@ def test_the_averaged_motor_has_force_and_speed() -> None:
     assert document["end"]["position_m"] == document["end"]["rotor_position_rad"]
     # the averaged model's own solver steps: 1e-3; the rotor of 15 mm is not flat: 1e-3 of the free speed
     assert slides.speed_m_s[-1] == pytest.approx(0.015 * turns.rotor_speed_rad_s[-1], rel=5e-3)
-    assert slides.plot(panel="torque").get_ylabel() == "force on the slider in N"
+    assert slides.plot(panel="torque").get_ylabel() == "force in N"
     assert "m/s" in slides.summary()["speed"]
 
 
