@@ -64,7 +64,7 @@ def _residuals(result: Calibration, ax: Axes) -> None:
     assert points is not None
     columns = result.columns()
     for number, quantity in enumerate(dict.fromkeys(points.quantities)):
-        own = np.array([name == quantity for name in points.quantities])
+        own = [place for place, name in enumerate(points.quantities) if name == quantity]  # the points come first
         ax.plot(
             columns["point"][own], columns["residual"][own], _MARKS[number % len(_MARKS)], linestyle="",
             color=CYCLE[number % len(CYCLE)], label=quantity, ms=4,

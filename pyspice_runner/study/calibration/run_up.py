@@ -41,7 +41,8 @@ COMPARED = 200  # points of a run-up that are compared, as of a spectrum
 # speed by which that of its second half differs, some four time constants of the mechanics
 SHORTEST_PERIODS, DOUBLINGS, SETTLED = 200, 10, 0.02
 RUN_UP_ERROR = 0.01  # of the greatest speed: an encoder over a short window; above the error of the model
-HELD = 9  # speeds from rest to the greatest, at which the torque of steady states is computed
+HELD = 9  # speeds at which the torque of steady states is computed, from rest to beyond the greatest by a share of it:
+BEYOND = 0.1  # the full motor may be faster than the averaged one, and the slope of the torque limits by how much
 HELD_DECAYS = 10.0  # decay times after which the averaged motor at a held speed is settled
 
 
@@ -155,8 +156,10 @@ def _torques(motor: OperatingPoint, speed: Array) -> tuple[Array, Array, Array] 
 
     ``None`` if less than two of the speeds have both.
     """
-    held = [motor.updated({"load.speed": one, "load.torque": 0.0})
-            for one in np.linspace(min(speed.min(), 0.0), max(speed.max(), 0.0), HELD).tolist()]  # fmt: skip
+    beyond = BEYOND * float(np.abs(speed).max())
+    low, high = min(speed.min(), 0.0), max(speed.max(), 0.0)
+    every = np.linspace(low - (beyond if low < 0.0 else 0.0), high + (beyond if high > 0.0 else 0.0), HELD)
+    held = [motor.updated({"load.speed": one, "load.torque": 0.0}) for one in every.tolist()]
     duration = max(HELD_DECAYS * motor.motor.decay_s, FEWEST_PERIODS / min(motor.source.frequencies))
     found = []
     for one, state in zip(held, steady_states(held), strict=True):

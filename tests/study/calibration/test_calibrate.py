@@ -206,7 +206,7 @@ def test_the_command_refuses_a_table_without_points(tmp_path: Path, capfd: pytes
 
 
 @pytest.mark.soak
-def test_the_command_calibrates_with_points_and_writes_the_motor(
+def test_the_command_calibrates_with_points_and_a_spectrum_and_writes_the_motor(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     columns = truth_and_points({"contact.friction": 0.27}, [4.0, 10.0])
@@ -215,7 +215,9 @@ def test_the_command_calibrates_with_points_and_writes_the_motor(
     table = tmp_path / "points.csv"
     table.write_text("\n".join(lines), encoding="utf-8")
     output, plot = tmp_path / "calibrated.toml", tmp_path / "calibrated.png"
-    arguments = ["calibrate", SET, "--points", str(table), "--free", "contact.friction", "--json"]
+    spectrum = spectrum_of(pr.load_motor(SET), 49e3, 55e3, points=21).save(tmp_path / "free.csv")
+    arguments = ["calibrate", SET, "--points", str(table), "--spectrum", str(spectrum), "--free", "contact.friction"]
+    arguments.append("--json")
     assert run([*arguments, "--output", str(output), "--plot", str(plot)]) == 0
     document = json.loads(capfd.readouterr().out)
     found = document["parameters"]["contact.friction"]

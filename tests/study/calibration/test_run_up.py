@@ -65,6 +65,20 @@ def test_a_noisy_run_up_gives_back_inertia_and_bearing(tmp_path: Path) -> None:
 
 
 @pytest.mark.soak
+def test_a_full_motor_that_is_faster_than_the_averaged_one_is_predicted() -> None:
+    # losses of impacts make the averaged torque too small at high speed, so that the correction is positive
+    motor = pr.load_motor(SET).updated({"contact.restitution": 0.9, "contact.friction": 0.26})
+    drive = pr.default_drive(motor)
+    full = pr.simulate(motor, drive, 10e-3, load_torque=1e-3)
+    own = RunUp.read({"time_s": full.time_s, "speed_rad_s": full.rotor_speed_rad_s}, 1)
+    point = OperatingPoint.of(motor, drive, load_torque=1e-3)
+    missed = [own.predicted(point, fine=fine) - own.measured for fine in (False, True)]
+    fast, fine = (float(np.sqrt(np.mean(one**2))) / own.measured.max() for one in missed)
+    # the page states up to 0.2 %, for the steps of the run and of steady states
+    assert fine < 2.5e-3 < fast
+
+
+@pytest.mark.soak
 def test_a_run_up_tells_a_wrong_bearing() -> None:
     table = measured(pr.simulate_averaged(*truth(), duration=10e-3, load_torque=1e-3), noise=1)
     wrong = pr.calibrate(pr.load_motor(SET), free=["rotor.inertia_kg_m2"], transients=[table])
@@ -84,8 +98,8 @@ def test_a_run_up_of_the_full_motor_gives_back_inertia_and_bearing() -> None:
 @pytest.mark.parametrize(
     ("name", "values", "load", "duration", "stated"),
     [
-        (SET, (1.3e-6, 1.5e-4), 1e-3, 10e-3, ((-0.09, 0.40), (-0.05, 1.0))),
-        ("bimodal40", (6.5e-6, 1e-4), 2e-3, 20e-3, ((-0.02, 0.28), (-1.0, 4.4))),
+        (SET, (1.3e-6, 1.5e-4), 1e-3, 10e-3, ((-0.10, 0.40), (-0.04, 1.0))),
+        ("bimodal40", (6.5e-6, 1e-4), 2e-3, 20e-3, ((-0.03, 0.27), (1.6, 4.7))),
     ],
 )
 def test_the_page_states_how_well_a_run_up_of_the_full_motor_gives_inertia_and_bearing(
