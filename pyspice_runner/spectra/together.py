@@ -40,6 +40,9 @@ from pyspice_runner.spectra.spectrum import Spectrum
 _ARM = 5  # parameters of an arm: ln f, ln X, ln Q, and softening and growth at the greatest charge
 _DRIFTS = ("frequency_drift_per_k", "coupling_drift_per_k", "capacitance_drift_per_k", "quality_drift_per_k")
 _CHANGES = ("softening_per_c2", "damping_growth_per_c2")
+_LOSSES = 3  # parameters of the loss
+_DRIFTED = slice(1 + _LOSSES, 1 + _LOSSES + len(_DRIFTS))
+_FIRST = _DRIFTED.stop  # parameter of the first arm
 _LARGEST = 0.5  # limit of the law: softening at the greatest charge
 
 
@@ -144,7 +147,11 @@ def fit_together(
 
 
 class _Problem:
-    """The joint least-squares problem. Parameters: ln C₀, ln tan δ, four drifts, then ``_ARM`` of each arm."""
+    """The joint least-squares problem. Parameters: ln C₀, losses, four drifts, then ``_ARM`` of each arm.
+
+    The losses are changes of tan δ against the start, whose description of a resonance that leans may be wrong: parts
+    that are constant, fall and rise with frequency. The constant one takes a capacitance that falls with frequency.
+    """
 
     def __init__(self, spectra: Sequence[Spectrum], level: Vector, kelvin: Vector, start: SpectrumFit) -> None:
         self.spectra, self.level, self.kelvin, self.start = spectra, level, kelvin - kelvin[0], start
@@ -161,12 +168,12 @@ class _Problem:
         self.temperatures = bool(self.kelvin.any())
         leans = bool(np.ptp(level)) or len(spectra) == 1
         per_arm = [True, True, True, *[leans] * 2]
-        self.free = np.array([True, True, *[self.temperatures] * 4, *per_arm * len(self.frequency)])
+        self.free = np.array([*[True] * (1 + _LOSSES), *[self.temperatures] * 4, *per_arm * len(self.frequency)])
 
     def arms(self, parameters: Vector, kelvin: float) -> Vector:
         """Return ω, X, Q, softening and growth of every arm, each a row, at a temperature above that of the start."""
-        in_frequency, in_coupling, _, in_quality = parameters[2:6] * kelvin
-        f, x, q, softening, growth = parameters[6:].reshape(-1, _ARM).T
+        in_frequency, in_coupling, _, in_quality = parameters[_DRIFTED] * kelvin
+        f, x, q, softening, growth = parameters[_FIRST:].reshape(-1, _ARM).T
         natural = 2.0 * pi * self.frequency * np.exp(f + in_frequency)
         reactance = self.reactance * np.exp(x + in_frequency - 2.0 * in_coupling)
         return np.array([natural, reactance, self.quality * np.exp(q + in_quality), softening, growth])
@@ -174,10 +181,12 @@ class _Problem:
     def relative(self, parameters: Vector, number: int) -> Complexes:
         """Return ln Y_model − ln Y of one spectrum."""
         spectrum, kelvin = self.spectra[number], self.kelvin[number] - self.reference
-        size, loss, _, _, in_capacitance, _ = parameters[:6]
+        size, constant, falling, rising, _, _, in_capacitance, _ = parameters[:_FIRST]
         clamped = self.clamped[number]
-        y = np.exp(size + in_capacitance * kelvin) * (np.exp(loss) * clamped.real + 1j * clamped.imag)
         omega = 2.0 * pi * spectrum.frequency_hz
+        over = spectrum.frequency_hz / self.start.circuit.loss_reference_hz
+        change = constant * (-1j - 2.0 / pi * np.log(over)) - 1j * (falling / over + rising * over)
+        y = np.exp(size + in_capacitance * kelvin) * (clamped + 1j * change * clamped.imag)
         arms = zip(self.charge, self.arms(parameters, kelvin).T, strict=True)
         for charge, (natural, reactance, quality, softening, growth) in arms:
             # in units of X and of the charge U/(X ω_n): detuning, damping, and their changes with the charge
@@ -194,13 +203,18 @@ class _Problem:
         """Return the fit."""
         from scipy.optimize import least_squares  # takes long to load
 
-        point = np.zeros(6 + _ARM * len(self.frequency))
+        point = np.zeros(_FIRST + _ARM * len(self.frequency))
         greatest = np.full(len(point), np.inf)
-        greatest[6 + 3 :: _ARM] = _LARGEST
+        greatest[_FIRST + 3 :: _ARM] = _LARGEST
+        least = -greatest
+        circuit = self.start.circuit
+        parts = circuit.loss_tangent_falling, circuit.loss_tangent_rising
+        least[1 : 1 + _LOSSES] = -np.array([max(circuit.loss_tangent - sum(parts), 0.0), *parts])  # none is below zero
         free = self.free
         scale = np.ones(len(point))
-        scale[6::_ARM] = 0.1 / self.quality
-        scale[2:6] = 1e-2 / max(float(np.abs(self.kelvin).max()), 1.0)
+        scale[1 : 1 + _LOSSES] = 0.01
+        scale[_FIRST::_ARM] = 0.1 / self.quality
+        scale[_DRIFTED] = 1e-2 / max(float(np.abs(self.kelvin).max()), 1.0)
 
         def residual(part: Vector) -> Vector:
             parameters = point.copy()
@@ -209,7 +223,7 @@ class _Problem:
             return np.concatenate(parts).view(float)  # real and imaginary parts side by side
 
         found = least_squares(
-            residual, point[free], bounds=(-greatest[free], greatest[free]), x_scale=scale[free], max_nfev=100
+            residual, point[free], bounds=(least[free], greatest[free]), x_scale=scale[free], max_nfev=100
         )
         parameters = point.copy()
         parameters[free] = found.x
@@ -225,13 +239,13 @@ class _Problem:
         self, parameters: Vector, covariance: Vector, residuals: list[Complexes], correlated: bool
     ) -> TogetherFit:
         error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        drifts = dict(zip(_DRIFTS, parameters[2:6].tolist(), strict=True)) if self.temperatures else {}
+        drifts = dict(zip(_DRIFTS, parameters[_DRIFTED].tolist(), strict=True)) if self.temperatures else {}
         back = -self.reference  # from the temperature of the start to the first one
         shares = {"resistance_ohm": (0, 1, -1), "inductance_h": (-1, 1, 0), "capacitance_f": (-1, -1, 0)}
         arms = []
         for k, (natural, reactance, quality, *changes) in enumerate(self.arms(parameters, back).T.tolist()):
             arm = MotionalArm(reactance / quality, reactance / natural, 1.0 / (reactance * natural))
-            at = 6 + _ARM * k
+            at = _FIRST + _ARM * k
             own = covariance[at : at + 3, at : at + 3]
             errors = {
                 name: getattr(arm, name) * float(np.sqrt(max(np.array(row) @ own @ np.array(row), 0.0)))
@@ -242,9 +256,11 @@ class _Problem:
             errors |= dict(zip(_CHANGES, (unit * error[at + 3 : at + 5]).tolist(), strict=True))
             arms.append(SoftArm(**asdict(arm), softening_per_c2=softening, damping_growth_per_c2=growth,
                                 standard_errors=errors))  # fmt: skip
-        capacitance = self.start.circuit.clamped_capacitance_f * float(np.exp(parameters[0] + parameters[4] * back))
+        capacitance = self.start.circuit.clamped_capacitance_f * float(
+            np.exp(parameters[0] + drifts.get(_DRIFTS[2], 0.0) * back)
+        )
         errors = {"clamped_capacitance_f": capacitance * float(error[0])}
-        errors |= {name: float(value) for name, value in zip(_DRIFTS, error[2:6], strict=True) if name in drifts}
+        errors |= {name: float(value) for name, value in zip(_DRIFTS, error[_DRIFTED], strict=True) if name in drifts}
         each = tuple(rms(np.expm1(residual)) for residual in residuals)
         said = [misfit("The circuit does not follow the spectra", max(each), "up to ")] if correlated else []
         # of the start what does not hold for the law of amplitude that is fitted here is left out

@@ -37,6 +37,10 @@ SPEED, LOAD, POWER = "speed_rad_s", "load_torque_n_m", "power_w"
 LINEAR = {"speed_m_s": SPEED, "load_force_n": LOAD, "force_n": "torque_n_m"}  # of a slider → of its rotor of 1 m
 TEMPERATURE = "temperature"  # °C of the stator: a condition that is no path of the motor
 PHASES = ("current_a_phase_deg", "current_b_phase_deg")
+_OF_PHASES = (
+    "phase_deg is that of the drive, group B ahead of A. current_a_phase_deg and current_b_phase_deg are measured: the "
+    "current ahead of the voltage of its group, the negative of the phase of an impedance."
+)
 RESONANCE = "resonance_hz"
 MEASURED = (SPEED, POWER, *(name for name in UNITS if name != LOAD), *PHASES, RESONANCE)
 _OF_DRIVE = (*dict.fromkeys([*TwoPhaseDrive.model_fields, *TwoToneDrive.model_fields]),)
@@ -195,7 +199,8 @@ def _named(
         own = LINEAR.get(base, base) if linear else base
         allowed = MEASURED if base != name else (*further, *_OF_DRIVE, TEMPERATURE, LOAD, *MEASURED)
         if own not in allowed and not ("." in own and base == name):
-            raise ParameterError(f"{source}: there is no column {quoted(name)}. {did_you_mean(name, known)}")
+            hint = _OF_PHASES if "phase" in name.lower() else did_you_mean(name, known)
+            raise ParameterError(f"{source}: there is no column {quoted(name)}. {hint}")
         own = own + name[len(base) :]
         if own in found:
             raise ParameterError(f"{source}: {quoted(name)} is given twice, as {own} too. Give it once.")

@@ -116,6 +116,7 @@ POINT = {"speed_rad_s": [4.0, 4.0], "torque_n_m": [0.01, 0.01]}
         ({"temperature": [20.0, float("nan")]}, "point 2 has no temperature, 1 of 2 points"),
         ({"temperature": [20.0, -300.0]}, "point 2: temperature = -300 is not valid"),
         ({"temperatur": [20.0, 30.0]}, "Did you mean 'temperature'?"),
+        ({"Phase (deg)": [60.0, 60.0]}, "current_a_phase_deg and current_b_phase_deg are measured"),
         ({"resonance_hz": [44.6, 45.0]}, "resonance_hz of point 1 is 44.6 Hz; the modes of the motor allow"),
         ({"resonance_hz": [-45e3, 45e3]}, "the modes of the motor allow"),
         ({"resonance_hz": [45e3, 45e3], "Resonance (kHz)": [45, 45]}, "second column"),
