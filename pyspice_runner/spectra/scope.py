@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from math import pi
+from math import pi, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -160,7 +160,8 @@ class Phasors:
         """Return a row of measured points for :func:`~pyspice_runner.calibrate`, without load and errors."""
         return {
             "voltage": abs(complex(self.voltage_v[0])), "frequency": self.frequency_hz,
-            f"current_{group}_rms_a": float(np.linalg.norm(self.current_a)) / np.sqrt(2.0),
+            f"current_{group}_rms_a": float(np.linalg.norm(self.current_a)) / sqrt(2.0),
+            f"current_{group}_phase_deg": float(np.angle(self.current_a[0] / self.voltage_v[0], deg=True)),
             f"power_{group}_w": self.power_w,
         }  # fmt: skip
 

@@ -51,7 +51,8 @@ def test_the_phasors_of_a_recording_give_admittance_and_power(kind: str, tmp_pat
     assert found.voltage_noise_v == pytest.approx(NOISE, rel=0.1)
     point = found.point()
     assert point["current_a_rms_a"] == pytest.approx(np.hypot(0.2, 0.03) / np.sqrt(2.0), rel=1e-3)
-    assert set(point) <= {"voltage", "frequency", "current_a_rms_a", "power_a_w"}
+    assert point["current_a_phase_deg"] == pytest.approx(-np.degrees(1.0), abs=0.1)  # 1e-3 of the admittance
+    assert set(point) <= {"voltage", "frequency", "current_a_rms_a", "current_a_phase_deg", "power_a_w"}
 
 
 def test_a_ring_down_gives_frequency_and_quality_factor_within_their_errors(tmp_path: Path) -> None:
