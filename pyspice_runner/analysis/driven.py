@@ -13,7 +13,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from math import ceil, pi
+from math import ceil, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from pyspice_runner.model.drive import TwoPhaseDrive, two_phases
 from pyspice_runner.netlist.copies import Copy, Plant, copy_name
 from pyspice_runner.netlist.driven import (
     LEAD,
+    PRIMARY,
     DrivenPlant,
     driven_bench,
     driven_states,
@@ -365,10 +366,23 @@ def _behind_network(plant: DrivenPlant, start: Point) -> Array:
 
 
 def _scale(plant: DrivenPlant) -> Array:
-    """Return the size of each state: voltages by the stage's, currents by that of the clamped capacitance."""
-    volts = max(plant.driver.amplitude(group) for group in "ab")
-    amperes = 2.0 * pi * plant.driver.frequency * max(plant.motor.piezo.capacitance_a_f, 1e-12) * volts
-    stores = [amperes if store.coil else volts for store in plant.stores]
+    """Return the size of each state: voltages by the stage's, currents by those of the clamped capacitance.
+
+    They are those at the drive's frequency or, if larger, those of its ringing with the inductance in series.
+    """
+    driver, motor = plant.driver, plant.motor
+    volts = max(driver.amplitude(group) for group in GROUPS)
+    amperes = {}
+    for group in GROUPS:
+        charged = max(getattr(motor.piezo, f"capacitance_{group}_f"), 1e-12)
+        amperes[group] = 2.0 * pi * driver.frequency * charged * driver.amplitude(group)
+        if rings := driver.ringing(motor, group):
+            amperes[group] = max(amperes[group], driver.amplitude(group) * sqrt(rings.capacitance / rings.inductance))
+    stores = []
+    for store in plant.stores:
+        group = store.instance[-1]
+        of_primary = driver.ratio(group) if store.start in PRIMARY else 1.0
+        stores.append(amperes[group] * of_primary if store.coil else volts)
     plates = len(plant.states) - plant.inner
     return np.array([*start_point(plant).scale, *(volts,) * plates, *stores])
 

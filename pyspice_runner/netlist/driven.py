@@ -35,13 +35,13 @@ from pyspice_runner.netlist.state import Discretisation, State, motor_states
 
 Array = NDArray[np.float64]
 LEAD = 0.05  # of a period, from the start of a run to that of the period: charges of the transistors settle in it
-ABSTOL = "1e-6"  # A, of a bridge over a period: with a coarser one the period does not repeat well
 ABSTOL_OF_SEVERAL = "1e-5"  # A, of copies whose transistors start without charge: with 1 µA ngspice often fails there
 COMPARATOR_V = 1e-3  # control at which the comparators of bridges are at their limits
 _CANDIDATES = 256  # phases at which a run may start
 _STORE = re.compile(r"^([LC]\w*) (\S+) (\S+) (?:\{[^}]*\}|\S+) ic=\{(start_\w+)\}$", re.M)
 _PLOTTED = re.compile(r"^B(loss|feed|store)_\w+ .*\n", re.M)  # of a part, powers and energies to plot
 _SECONDARY = "start_secondary"  # parameter of a transformer: the current into its secondary
+PRIMARY = ("start_primary", "start_p", "start_n")  # those of the currents into its primary
 _COILS = (_SECONDARY, "start_current", "start_series_current")  # parameters of coils between a stage and a pin
 _DELAY = "start_delay"  # first part of parameters of a bridge: the control charges a capacitance to 1 V of its sign
 
@@ -305,6 +305,6 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name} behind a driver")
     circuit.raw_spice += "\n".join([*subcircuits.values(), *lines]) + "\n"
     options = {**first.driver.options(first.motor, first.law)}
-    if not first.driver.uniform:
-        options["abstol"] = ABSTOL if len(copies) == 1 else max(ABSTOL_OF_SEVERAL, options["abstol"], key=float)
+    if not first.driver.uniform and len(copies) > 1:
+        options["abstol"] = ABSTOL_OF_SEVERAL
     return Bench(circuit, options, start)

@@ -65,16 +65,22 @@ _NETWORKS = {
     "llcc": _Slot("llcc", "driver_llcc", "network"),
 }
 
-# At switching edges ngspice chooses the steps. With the default abstol of 1 pA they fall to a picosecond, at which
-# round-off alone is larger, and the run ends with "Timestep too small". docs/convergence.md has measurements.
+# At switching edges ngspice chooses the steps. With its default tolerances they fall to a picosecond and less, where
+# round-off is larger than abstol, and the run ends with "Timestep too small". An error of 1e-16 C (reltol times chgtol)
+# is nothing against the nanocoulombs of a gate. docs/convergence.md has measurements.
 SWITCHED_POINTS = 250  # steps in a period of the fastest motion, at least; ngspice takes more at the edges
-# Round-off grows with the voltage: at hard edges of 157 V runs end so with an abstol of 1 uA, and not of 16 uA.
-SWITCHED_OPTIONS = {"reltol": "1e-4", "vntol": "1e-5", "method": "trap"}
-ROUND_OFF = 1e-7  # A/V, abstol over the greatest voltage of the stage, but at least that of 10 V
+SWITCHED_OPTIONS = {"reltol": "1e-4", "vntol": "1e-5", "abstol": "1e-6", "chgtol": "1e-12", "method": "trap"}
 RINGING_POINTS = 25  # steps in a period of a network's own ringing: the trapezoidal rule makes it 0.5 % longer
 
 
 _SERIES = {"inductor": ("inductance", "resistance"), "llcc": ("series_inductance", "series_resistance")}  # of networks
+
+
+class Ringing(NamedTuple):
+    """The inductance in series, leakage included, and the capacitances of network and group that ring with it."""
+
+    inductance: float  # H
+    capacitance: float  # F
 
 
 @dataclass(frozen=True)
@@ -258,18 +264,19 @@ class Driver(Stated, Source):
 
         It rings in the inductance in series, leakage included, with the capacitances of network and group.
         """
-        steps = [inf]
-        for group in GROUPS if self.switched else ():
-            inductance, capacitance = self.leakage(group), float(getattr(motor.piezo, f"capacitance_{group}_f"))
-            for part in self.parts(group):
-                if part.label == self.network:
-                    inductance += part.values[_SERIES[part.label][0]]
-                    capacitance += part.values.get("parallel_capacitance", 0.0)
-                    series = part.values.get("series_capacitance", part.values.get("capacitance", inf))
-                    capacitance = 1.0 / (1.0 / capacitance + 1.0 / series)
-            if inductance:
-                steps.append(2.0 * pi * sqrt(inductance * capacitance) / RINGING_POINTS)
-        return min(steps)
+        rings = [found for group in GROUPS if self.switched and (found := self.ringing(motor, group))]
+        return min((2.0 * pi * sqrt(one.inductance * one.capacitance) / RINGING_POINTS for one in rings), default=inf)
+
+    def ringing(self, motor: Motor, group: str) -> Ringing | None:
+        """Return what rings behind the stage of a group; ``None`` without an inductance."""
+        inductance, capacitance = self.leakage(group), float(getattr(motor.piezo, f"capacitance_{group}_f"))
+        for part in self.parts(group):
+            if part.label == self.network:
+                inductance += part.values[_SERIES[part.label][0]]
+                capacitance += part.values.get("parallel_capacitance", 0.0)
+                series = part.values.get("series_capacitance", part.values.get("capacitance", inf))
+                capacitance = 1.0 / (1.0 / capacitance + 1.0 / series)
+        return Ringing(inductance, capacitance) if inductance else None
 
     @property
     def label(self) -> str:
@@ -423,10 +430,7 @@ class Driver(Stated, Source):
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
         """Return ngspice's options for a run with the driver."""
-        if not self.switched:
-            return transient_options(motor, law)
-        volts = max(10.0, *(self.swing(group) for group in GROUPS))
-        return SWITCHED_OPTIONS | {"abstol": f"{ROUND_OFF * volts:.3g}"}
+        return SWITCHED_OPTIONS if self.switched else transient_options(motor, law)
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add both channels and their control source between ground and the nodes of groups A and B.

@@ -26,6 +26,7 @@ HELD = MOTOR.updated({"mount": None})  # on the mount it settles ten times as sl
 # a heavily damped mount, on which a motor settles as fast as at a fixed distance
 MOUNTED = MOTOR.updated({"mount.damping_n_s_per_m": 500.0})
 DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0)
+NETWORKS = ("none", "inductor", "llcc")
 KINDS = ("linear", "half-bridge", "full-bridge", "push-pull")
 
 
@@ -107,13 +108,18 @@ def test_a_bridge_has_a_stable_steady_state_with_a_period_that_balances() -> Non
         assert signal[-1] == pytest.approx(signal[0], abs=1e-3 * np.ptp(signal)), name
 
 
+def both(kind: str, network: str, motor: pr.Motor) -> tuple[pr.SteadyState, dict[str, Any]]:
+    """The steady state behind a driver, and what a run settles to; ``python -m docs.steady_driven`` prints them."""
+    ours = pr.steady_state(motor, driver(kind, network), speed=6.0)
+    return ours, operating_point(motor, driver(kind, network), speed=6.0, mode="settle", tolerance=2e-4)
+
+
 @pytest.mark.soak
 @pytest.mark.parametrize("motor", [HELD, MOUNTED], ids=["held", "mounted"])
-@pytest.mark.parametrize("network", ["none", "inductor", "llcc"])
+@pytest.mark.parametrize("network", NETWORKS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_behind_a_driver_a_steady_state_is_what_a_run_settles_to(kind: str, network: str, motor: pr.Motor) -> None:
-    ours = pr.steady_state(motor, driver(kind, network), speed=6.0)
-    settled = operating_point(motor, driver(kind, network), speed=6.0, mode="settle", tolerance=2e-4)
+    ours, settled = both(kind, network, motor)
     assert ours.stable
     assert settled["settled"]
     # required: 0.1 % of μF₀R, and what the settled run has not yet reached: its drift from block to block

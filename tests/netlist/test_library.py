@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from scipy.optimize import brentq
 
-from pyspice_runner.engine.ngspice import find_ngspice
+from pyspice_runner.engine.ngspice import find_ngspice, run_deck
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model.parameters import Contact, Mode, Mount, Parameters, Piezo, Rotor
 from pyspice_runner.netlist.library import (
@@ -364,6 +364,30 @@ def test_example_runs_with_the_file_included(name: str, tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.returncode == 0
     assert not re.search("error|warning", done.stdout + done.stderr, re.IGNORECASE)
+
+
+def test_a_meter_of_the_contact_does_not_shorten_the_steps_where_the_state_jumps() -> None:
+    """The tip touches 20 times in a run with ngspice's own steps of at most 100 ns and the tolerances of a bridge."""
+    deck = f"""a tip that touches and slips
+{definitions(read_library("piezomotor_contactmeter"))}
+Vshaft shaft 0 20
+Vx x 0 0
+Vvx vx 0 0.5
+Vvy vy 0 0
+Vnormal normal 0 10
+Vfriction friction 0 2
+Vphase phase 0 SIN(0 1 100k)
+Bstate state 0 V=2*u(V(phase))
+Xmeter shaft x vx vy normal friction state piezomotor_contactmeter
+.options abstol=1e-6 reltol=1e-4 vntol=1e-5
+.tran 100n 200u 0 100n uic
+.end
+"""
+    found = run_deck(deck, vectors=["v(xmeter.v_contact)"], stop_time=200e-6).raw.vectors
+    # 2000 steps and those of the start; with currents of 1 A ngspice takes 2655
+    assert len(found["time"]) < 2020
+    # half of the time in µs; each jump is seen at the end of its step of 100 ns
+    assert found["v(xmeter.v_contact)"][-1] == pytest.approx(100.0, abs=20 * 0.1)
 
 
 def test_contact_example_sticks_before_it_slips(tmp_path: Path) -> None:
