@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from cmath import phase
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from math import degrees, isfinite
 from typing import Any
 
@@ -245,8 +246,10 @@ class DriveReport(Result):
             "mean rotor speed": engineering(self.mean_rotor_speed_rad_s, "rad/s"),
             "mean torque": engineering(self.mean_torque_n_m, "N·m"),
             "settling": f"{100.0 * self.settling:.2g} % change of the power over the window",
-            "losses": ", ".join(f"{name} {engineering(power, 'W')}" for name, power in self.losses_w.items()),
         }
+        for part, losses in groupby(self.losses_w.items(), key=lambda loss: loss[0].partition(".")[0]):
+            told = (f"{name.partition('.')[2]} {engineering(power, 'W')}" for name, power in losses)
+            found[f"losses of {part}"] = ", ".join(told)
         for group, port in self.groups.items():
             found[f"group {group}"] = (
                 f"{engineering(port.voltage_rms_v, 'V')}, {engineering(port.current_rms_a, 'A')} RMS, distortion "

@@ -22,6 +22,9 @@ TRANSISTOR = "MOSFET"  # first word of the names of transistors
 LEAST_COIL = 1e-6  # H in series, which stands for none
 NO_BLEEDER = 1e12  # Ω across it, which stands for none
 NO_COIL = 1.0  # H across a group, which stands for none
+_DRAINS = {  # sources in the libraries of the bridges that carry the currents into the drains
+    "half-bridge": ("high", "low"), "full-bridge": ("ph", "pl", "nh", "nl"), "push-pull": ("drain_p", "drain_n"),
+}  # fmt: skip
 NO_PARALLEL = 1e-12  # F across a group, which stands for none
 
 
@@ -42,8 +45,7 @@ def load_vectors(driver: Driver) -> list[str]:
     for group in GROUPS:
         before = {part.label: node for part, node in zip(_behind(driver, group), _nodes(driver, group), strict=True)}
         names += [f"v({node})" for node in before.values()]
-        if driver.kind == "push-pull":
-            names += [vector for pair in _drains(group) for vector in pair]
+        names += [*_drain_voltages(driver, group), *_drain_currents(driver, group)]
         if CABLE in before:
             names.append(f"i(v.xcable_{group}.vcurrent)")
         if driver.network != "none":
@@ -76,14 +78,23 @@ def _nodes(driver: Driver, group: str) -> list[str]:
     return nodes
 
 
-def _drains(group: str) -> list[tuple[str, str]]:
-    """Return the vectors of voltage and current of the drains of a push-pull stage."""
-    stage = f"xstage_{group}"
-    return [(f"v({stage}.drain_{leg})", f"i(v.{stage}.vdrain_{leg})") for leg in "pn"]
+def _drain_currents(driver: Driver, group: str) -> list[str]:
+    """Return the vectors of the currents into the drains of a bridge."""
+    return [f"i(v.xstage_{group}.v{leg})" for leg in _DRAINS.get(driver.kind, ())]
+
+
+def _drain_voltages(driver: Driver, group: str) -> list[str]:
+    """Return the vectors of the drains whose voltage is not held between the rails."""
+    return [f"v(xstage_{group}.{leg})" for leg in _DRAINS["push-pull"]] if driver.kind == "push-pull" else []
 
 
 def _greatest(values: Array) -> float:
     return float(np.abs(values).max())
+
+
+def _most(least: float, vectors: Sequence[str], samples: Mapping[str, Array]) -> float:
+    """Return the greatest magnitude of the vectors that the samples have, but at least a value."""
+    return max([least, *(_greatest(samples[name]) for name in vectors if name in samples)])
 
 
 def _of_group(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[PartLoad]:
@@ -124,9 +135,10 @@ def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[
         if driver.kind == "push-pull":
             told = f"transformer, group {group.upper()}, turns secondary to a half of the primary"
             found.append(PartLoad(told, driver.ratio(group), "1", _greatest(samples[f"v(line_{group})"]), current_a))
-            drains = [pair for pair in _drains(group) if pair[0] in samples]
-            borne_v = max([borne_v, *(_greatest(samples[volts]) for volts, _ in drains)])
-            current_a = max([driver.ratio(group) * current_a, *(_greatest(samples[amps]) for _, amps in drains)])
+            current_a *= driver.ratio(group)
+        # beside the current of the output, a transistor bears the reverse current of the diode that it commutates
+        current_a = _most(current_a, _drain_currents(driver, group), samples)
+        borne_v = _most(borne_v, _drain_voltages(driver, group), samples)
         found.append(PartLoad(name, BRIDGES[driver.kind], "1", borne_v, current_a))
         dead_time = driver.setting(f"bridge_{group}.dead_time")
         found.append(PartLoad(f"dead time, group {group.upper()}", dead_time, "s", None, None))

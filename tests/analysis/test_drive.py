@@ -300,6 +300,15 @@ def test_maxima_are_those_of_the_whole_run() -> None:
         assert coil.peak_current_a == pytest.approx(found.maxima[f"current_{group}_a"])
 
 
+def test_the_transistors_of_a_bridge_bear_the_current_of_their_supply() -> None:
+    found = half_bridge()
+    parts = {part["name"]: part["peak_current_a"] for part in found.maxima["parts"]}
+    for group in "AB":
+        # the upper one carries all of it: that of the output, and what charges the leg and blocks the diode
+        assert parts[f"MOSFET IRF610, group {group}"] >= parts[f"supply vp, group {group}"] * (1.0 - 1e-6)
+        assert parts[f"MOSFET IRF610, group {group}"] > 1.5 * found.maxima[f"stage_current_{group.lower()}_a"]
+
+
 def test_a_field_above_the_limit_of_the_set_is_told() -> None:
     """350 V/mm on plates of 0.8 mm are 280 V."""
     strong = pr.drive_report(motor(), driver("ideal", voltage=300.0), 3e-4)
