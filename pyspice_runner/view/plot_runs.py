@@ -64,7 +64,8 @@ def _tip_path(run: Waveforms, ax: Axes) -> None:
     state_path(ax, x.scale * run.tip_x_m[last], y.scale * run.tip_y_m[last], run.contact_state[last])
     for state in np.unique(np.rint(run.contact_state[last]).astype(int)):
         ax.plot([], [], color=STATES[state].colour, label=STATES[state].name)
-    dress(ax, x, y, f"Path of the tip, last {LAST_PERIODS} drive periods")
+    periods = min(round(float(np.ptp(run.time_s)) / run.drive_period_s), LAST_PERIODS)
+    dress(ax, x, y, f"Path of the tip, last {periods} drive periods" if periods > 1 else "Path of the tip in a period")
     ax.legend()
 
 
