@@ -342,7 +342,7 @@ class _Search:
                     f"A linear stage between rails of {self.rail:g} V has {max(before, 0.0):.2g} V left, as it needs "
                     f"{HEADROOM:g} V to each rail. Take a higher rail or a bridge."
                 )
-        ratios = {group: amplitude / before for group, amplitude in amplitudes.items()}
+        ratios = {group: amplitude / (before * driver.raised(group)) for group, amplitude in amplitudes.items()}
         if driver.switched:
             needed = driver.kind != "half-bridge" or any(abs(ratio - 1.0) > _LEAST_STEP for ratio in ratios.values())
         else:

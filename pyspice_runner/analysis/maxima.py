@@ -15,10 +15,12 @@ from pyspice_runner.netlist.drivers import BRIDGES, RAILS, Driver, Part
 from pyspice_runner.netlist.mosfets import MOSFETS, ratings
 from pyspice_runner.netlist.networks import CABLE, NO_CAPACITOR
 from pyspice_runner.netlist.source import GROUPS
-from pyspice_runner.netlist.stock import WINDING_CAPACITANCE, beyond
+from pyspice_runner.netlist.stock import FEWEST_TIMES, WINDING_CAPACITANCE, beyond
 from pyspice_runner.run.window import Array
+from pyspice_runner.units import engineering
 
 TRANSISTOR = "MOSFET"  # first word of the names of transistors
+TRANSFORMER = "transformer"  # of the names of values of transformers
 LEAST_COIL = 1e-6  # H in series, which stands for none
 NO_BLEEDER = 1e12  # Ω across it, which stands for none
 NO_COIL = 1.0  # H across a group, which stands for none
@@ -104,9 +106,10 @@ def _of_group(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[
     for part, node, behind in zip(_behind(driver, group), nodes, nodes[1:], strict=False):
         before, after = samples[f"v({node})"], samples[f"v({behind})"]
         if part.label == "transformer":
-            name = f"transformer, group {group.upper()}, turns secondary to primary"
+            name = f"{TRANSFORMER}, group {group.upper()}, turns secondary to primary"
             current = _greatest(samples[f"i(vout_{group})"])
             found.append(PartLoad(name, part.values["ratio"], "1", _greatest(after), current))
+            found += _winding(part, group, _greatest(after))
         elif part.label == CABLE:
             told, through = f"group {group.upper()}", _greatest(samples[f"i(v.xcable_{group}.vcurrent)"])
             coil, capacitor = part.values["inductance"], part.values["capacitance"]
@@ -133,8 +136,10 @@ def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[
         name = f"{TRANSISTOR} {driver.mosfet.rpartition(':')[2]}, group {group.upper()}"
         borne_v, current_a = driver.swing(group), _greatest(samples[f"i(vout_{group})"])
         if driver.kind == "push-pull":
-            told = f"transformer, group {group.upper()}, turns secondary to a half of the primary"
-            found.append(PartLoad(told, driver.ratio(group), "1", _greatest(samples[f"v(line_{group})"]), current_a))
+            told = f"{TRANSFORMER}, group {group.upper()}, turns secondary to a half of the primary"
+            line_v = _greatest(samples[f"v(line_{group})"])
+            found.append(PartLoad(told, driver.ratio(group), "1", line_v, current_a))
+            found += _winding(driver.parts(group)[0], group, line_v)
             current_a *= driver.ratio(group)
         # beside the current of the output, a transistor bears the reverse current of the diode that it commutates
         current_a = _most(current_a, _drain_currents(driver, group), samples)
@@ -143,6 +148,13 @@ def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[
         dead_time = driver.setting(f"bridge_{group}.dead_time")
         found.append(PartLoad(f"dead time, group {group.upper()}", dead_time, "s", None, None))
     return found
+
+
+def _winding(part: Part, group: str, volts: float) -> list[PartLoad]:
+    """Return the capacitance of a transformer's winding, if it is stated."""
+    capacitance = part.values["winding_capacitance"]
+    name = f"{TRANSFORMER}, group {group.upper()}, winding capacitance"
+    return [PartLoad(name, capacitance, "F", volts, None)] if capacitance else []
 
 
 def _of_network(part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array]) -> list[PartLoad]:
@@ -206,8 +218,14 @@ def winding_of(driver: Driver, group: str) -> float:
 
 def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
     """Return one sentence for each limit of a coil, a capacitor or a built-in MOSFET that is exceeded."""
-    told: list[str] = []
     frequency = driver.frequency
+    resonances = {group: driver.transformer_resonance(group) for group in GROUPS}
+    told = [
+        f"Leakage and winding capacitance of the {TRANSFORMER} of group {group.upper()} resonate at "
+        f"{engineering(resonance, 'Hz')}; the limit is {engineering(FEWEST_TIMES * frequency, 'Hz')}."
+        for group, resonance in resonances.items()
+        if resonance < FEWEST_TIMES * frequency
+    ]
     for part in parts:
         if part.name.startswith(TRANSISTOR) and driver.mosfet in MOSFETS:
             most, borne = ratings(driver.mosfet).breakdown_v, part.peak_voltage_v or 0.0
@@ -216,7 +234,7 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
                     f"The {part.name} bears {borne:.4g} V; it breaks down at {most:g} V. Take another one or lower the "
                     "rail."
                 )
-        if part.unit in ("H", "F") and not part.name.startswith(CABLE):
+        if part.unit in ("H", "F") and not part.name.startswith((CABLE, TRANSFORMER)):
             volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
             winding = winding_of(driver, part.name[-1].lower()) if part.name.startswith("series") else 0.0
             told += beyond(part.name, part.value, part.unit, volts, amperes, frequency, winding or WINDING_CAPACITANCE)

@@ -137,7 +137,7 @@ class DrivenPlant(Plant):
             for part in self.driver.parts(group):
                 starts = [name for parameter in part.library.parameters if (name := parameter.name) in _COILS]
                 if starts == [_SECONDARY]:
-                    before = [(part.instance, _SECONDARY, "-")]
+                    before = [] if part.values["winding_capacitance"] else [(part.instance, _SECONDARY, "-")]
                     continue
                 single = starts and not part.values.get("winding_capacitance")
                 if single:

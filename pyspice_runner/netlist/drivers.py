@@ -325,8 +325,13 @@ class Driver(Stated, Source):
 
     def ratio(self, group: str) -> float:
         """Return the voltage ratio of the transformer of a group; 1 without one."""
+        values = self._transformer(group)
+        return values["ratio"] if values else 1.0
+
+    def _transformer(self, group: str) -> Mapping[str, float] | None:
+        """Return the values of the part with the transformer of a group, if there is one."""
         label = self.transformer_label
-        return next((part.values["ratio"] for part in self.parts(group) if part.label == label), 1.0)
+        return next((part.values for part in self.parts(group) if part.label == label), None)
 
     def equivalent(self) -> Driver:
         """Return ideal sources of the fundamental of the stage, with the same network behind them.
@@ -357,14 +362,41 @@ class Driver(Stated, Source):
         )  # fmt: skip
 
     def fundamental(self, group: str) -> float:
-        """Return the amplitude in V of the fundamental of the lossless stage behind its transformer."""
+        """Return the amplitude in V of the fundamental of the lossless stage behind its open transformer."""
         high, low = self.rails(group)
+        volts = self.amplitude(group)
         if self.kind in ("full-bridge", "push-pull"):
             level = self._setting("bridge", "level", group, 0.0)
-            return 4.0 / pi * (high - low) * self.ratio(group) * sqrt(1.0 - level**2)
-        if self.kind == "half-bridge":
-            return 2.0 / pi * (high - low) * self.ratio(group)
-        return self.amplitude(group)
+            volts = 4.0 / pi * (high - low) * self.ratio(group) * sqrt(1.0 - level**2)
+        elif self.kind == "half-bridge":
+            volts = 2.0 / pi * (high - low) * self.ratio(group)
+        return volts * self._open(group)
+
+    def _open(self, group: str) -> float:
+        """Return the voltage of an open transformer over that of its ratio; 1 without one."""
+        values = self._transformer(group)
+        return values["coupling"] * self.raised(group) if values else 1.0
+
+    def raised(self, group: str) -> float:
+        """Return the factor by which the capacitance of a transformer's winding raises the voltage behind its leakage.
+
+        Raises:
+            ParameterError: if they resonate below the frequency of the drive.
+        """
+        resonance = self.transformer_resonance(group)
+        if resonance <= self.frequency:
+            raise ParameterError(
+                f"Driver: leakage and winding capacitance of the transformer of group {group.upper()} resonate at "
+                f"{resonance:.4g} Hz, below the drive at {self.frequency:g} Hz. Lower {self.transformer_label}."
+                "winding_capacitance, magnetizing or ratio, or raise the coupling."
+            )
+        return 1.0 / (1.0 - (self.frequency / resonance) ** 2)
+
+    def transformer_resonance(self, group: str) -> float:
+        """Return the resonance in Hz of leakage and winding capacitance of a transformer; infinite without them."""
+        values = self._transformer(group)
+        product = self.leakage(group) * values["winding_capacitance"] if values else 0.0
+        return 1.0 / (2.0 * pi * sqrt(product)) if product else inf
 
     def _in_series(self, group: str) -> tuple[float, float]:
         """Return inductance in H and resistance in Ω of stage and transformer, seen from the network."""
@@ -372,13 +404,12 @@ class Driver(Stated, Source):
         resistance = parts["amplifier"]["output_resistance"] if "amplifier" in parts else 0.0
         if "bridge" in parts and self.mosfet in MOSFETS:
             resistance = ratings(self.mosfet).on_resistance_ohm * (2.0 if self.kind == "full-bridge" else 1.0)
-        inductance = 0.0
-        if self.transformer_label in parts:
-            values = parts[self.transformer_label]
-            ratio = values["ratio"]
-            inductance = values["magnetizing"] * ratio**2 * (1.0 - values["coupling"] ** 2)
-            resistance = (resistance + values["primary_resistance"]) * ratio**2 + values["secondary_resistance"]
-        return inductance, resistance
+        values = self._transformer(group)
+        if values is None:
+            return 0.0, resistance
+        raised = self.raised(group)  # R + jωL beside the capacitance: (R + jωL)/(1 - ω²LC + jωRC), with ωRC small
+        resistance = (resistance + values["primary_resistance"]) * values["ratio"] ** 2 * raised**2
+        return self.leakage(group) * raised, resistance + values["secondary_resistance"]
 
     def cable_f(self, group: str) -> float:
         """Return the capacitance in F of the cable of a group; 0 without one."""
@@ -386,7 +417,8 @@ class Driver(Stated, Source):
 
     def leakage(self, group: str) -> float:
         """Return the leakage inductance in H of a transformer, in series with the network; 0 without one."""
-        return self._in_series(group)[0]
+        values = self._transformer(group)
+        return values["magnetizing"] * values["ratio"] ** 2 * (1.0 - values["coupling"] ** 2) if values else 0.0
 
     def updated(self, changes: Mapping[str, Any]) -> Self:
         """Return a driver with changed values: its own by their name, those of its parts by PART.PARAMETER.

@@ -262,6 +262,23 @@ def test_losses_feeds_and_stores_are_nodes(name: str) -> None:
             assert meaning
 
 
+@pytest.mark.parametrize(("kind", "label"), [("full-bridge", "transformer"), ("push-pull", "bridge")])
+def test_the_capacitance_of_a_winding_raises_the_voltage_behind_the_leakage(kind: str, label: str) -> None:
+    """By 1/(1 − (f/f₀)²): test_library.py has that voltage in the circuit of the transformer."""
+    settings = {f"{label}.ratio": 4.0, f"{label}.coupling": 0.99}
+    plain = driver(kind, network="inductor", settings=settings)
+    wound = plain.updated({f"{label}.winding_capacitance": 1e-9})
+    leakage = 5e-3 * 16.0 * (1.0 - 0.99**2)
+    resonance = 1.0 / (2.0 * pi * sqrt(leakage * 1e-9))
+    assert wound.transformer_resonance("a") == pytest.approx(resonance)
+    raised = 1.0 / (1.0 - (plain.frequency / resonance) ** 2)
+    assert wound.fundamental("a") == pytest.approx(raised * plain.fundamental("a"))
+    inductances = [one.equivalent().setting("inductor.inductance") for one in (wound, plain)]
+    assert inductances[0] - inductances[1] == pytest.approx((raised - 1.0) * leakage)
+    with pytest.raises(pr.ParameterError, match="below the drive"):
+        wound.updated({"frequency": 130e3}).equivalent()
+
+
 # --- decks ---------------------------------------------------------------------------------------------------
 
 
