@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.averaged import TRUSTED_CHECK, TRUSTED_OPEN
+from pyspice_runner.analysis.averaged_run import TRUSTED_CHECK, TRUSTED_OPEN
 from pyspice_runner.analysis.controlled import Sample
 from pyspice_runner.analysis.steady import steady_states
 from pyspice_runner.model.drive import Load

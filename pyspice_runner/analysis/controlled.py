@@ -21,17 +21,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import SkipValidation
 
-from pyspice_runner.analysis.averaged import (
-    CourseLike,
-    averaged_engine,
-    coupled_to,
-    course_of,
-    damping_factor,
-    deck_of,
-    model_cautions,
-    settings_of,
-)
+from pyspice_runner.analysis.averaged import averaged_engine, deck_of
+from pyspice_runner.analysis.averaged_run import damping_factor, model_cautions
 from pyspice_runner.analysis.bursts import limit_cycle, presliding, short_bursts
+from pyspice_runner.analysis.courses import CourseLike, coupled_to, course_of, settings_of
 from pyspice_runner.analysis.firmware import Firmware
 from pyspice_runner.analysis.motions import Compiled, Motion, Spice, State, first
 from pyspice_runner.engine import Engine

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.averaged import INPUT_OF, model_cautions
+from pyspice_runner.analysis.averaged import INPUT_OF
+from pyspice_runner.analysis.averaged_run import model_cautions
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.drive import Load, TwoPhaseDrive, check_together
 from pyspice_runner.model.motor import Motor

@@ -12,14 +12,9 @@ from time import monotonic
 
 import numpy as np
 
-from pyspice_runner.analysis.averaged import (
-    averaged_ceramic,
-    averaged_engine,
-    damping_factor,
-    deck_of,
-    mode_amplitudes,
-    model_cautions,
-)
+from pyspice_runner.analysis.averaged import averaged_ceramic, averaged_engine, deck_of
+from pyspice_runner.analysis.averaged_columns import mode_amplitudes
+from pyspice_runner.analysis.averaged_run import damping_factor, model_cautions
 from pyspice_runner.analysis.loop import POINTS_PER_DECADE, SWEPT_DECADES, LoopDesign, averaged_loop, crossing
 from pyspice_runner.analysis.tracking import SMOOTHED_PERIODS, Periods, TrackedRun, Tracking, judged
 from pyspice_runner.engine import Engine

@@ -14,7 +14,7 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
-from pyspice_runner.analysis.averaged import AveragedRun
+from pyspice_runner.analysis.averaged_run import AveragedRun
 from pyspice_runner.analysis.burst import BurstReport
 from pyspice_runner.analysis.control_loop import ControlLoop
 from pyspice_runner.analysis.controlled import ControlledRun

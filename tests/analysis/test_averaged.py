@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.averaged import AveragedRun, simulate_averaged
+from pyspice_runner.analysis.averaged import simulate_averaged
+from pyspice_runner.analysis.averaged_run import AveragedRun
 from pyspice_runner.analysis.bursts import short_bursts
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.cli import run

@@ -23,7 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.analysis.averaged import FEWEST_PERIODS, AveragedRun, model_cautions, simulate_averaged
+from pyspice_runner.analysis.averaged import FEWEST_PERIODS, simulate_averaged
+from pyspice_runner.analysis.averaged_run import AveragedRun, model_cautions
 from pyspice_runner.analysis.steady import steady_states
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.model.refusal import quoted
