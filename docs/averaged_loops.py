@@ -275,8 +275,8 @@ def _bursts_row(name: str, row: Row) -> str:
 
 
 def _times_row(name: str, row: Row) -> str:
-    seconds = [row[f"{one}_cpu_s"] for one in ENGINES]
-    return f"| {name} | {' | '.join(f'{one:.2f}' if one < 1.0 else f'{one:.0f}' for one in seconds)} |"
+    seconds = (row[f"{one}_{of}_s"] for one in ENGINES for of in ("cpu", "wall"))
+    return f"| {name} | {' | '.join(f'{one:.2g}' if one < 10.0 else f'{one:.0f}' for one in seconds)} |"
 
 
 def tables() -> dict[str, str]:
@@ -286,7 +286,10 @@ def tables() -> dict[str, str]:
         "samples": "| loop | error RMS of the range: speed | position | amplitude | trusted |\n|---|---|---|---|---|",
         "margins": "| loop | designed | measured in the full motor |\n|---|---|---|",
         "bursts": f"| periods | {' | '.join(map(str, PERIODS))} |\n|---{'|---' * len(PERIODS)}|",
-        "times": "| sampling | C code | averaged, ngspice | full motor |\n|---|---|---|---|",
+        "times": (
+            "| sampling | C code: CPU | wall | averaged, ngspice: CPU | wall | full motor: CPU | wall |\n"
+            f"|---{'|---' * 2 * len(ENGINES)}|"
+        ),
     }
     rows = {"samples": _samples_row, "margins": _margins_row, "bursts": _bursts_row, "times": _times_row}
     found = {}

@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from runpy import run_path
 
 import pytest
+
+import pyspice_runner as pr
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SCRIPT = run_path(str(DOCS / "averaged_accuracy.py"))
@@ -96,3 +99,17 @@ def test_each_designed_loop_of_the_record_has_its_crossover_and_margin_in_the_fu
 def test_a_loop_of_the_page_is_what_is_measured(name: str) -> None:
     then, again = LOOPS["read"]()["samples"][name], LOOPS["compared"](name)
     assert again == pytest.approx(then, rel=0.05, abs=1e-3)  # two digits are printed
+
+
+def test_the_changes_to_come_of_the_page_are_what_is_measured() -> None:
+    """Two digits are printed; the settled speed is that after 1 s."""
+    page = (DOCS / "averaged.md").read_text(encoding="utf-8").splitlines()
+    rows = [line.split("|")[1:5] for line in page if re.match(r"\| \d+ ms \| [\d.]+ rad/s \|", line)]
+    settled = pr.simulate_averaged(LOOPS["MOTOR"], LOOPS["DRIVE"], 1.0).rotor_speed_rad_s[-1]
+    assert len(rows) == 3
+    for row in rows:
+        duration, speed, to_come, change = (float(cell.split()[0]) for cell in row)
+        run = pr.simulate_averaged(LOOPS["MOTOR"], LOOPS["DRIVE"], 1e-3 * duration)
+        assert run.rotor_speed_rad_s[-1] == pytest.approx(speed, abs=0.006)
+        assert 100.0 * run.to_come["rotor_speed_rad_s"] == pytest.approx(to_come, rel=0.05)
+        assert 100.0 * (settled / run.rotor_speed_rad_s[-1] - 1.0) == pytest.approx(change, rel=0.05)
