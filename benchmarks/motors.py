@@ -118,8 +118,7 @@ def curves() -> None:
 def settled() -> None:
     """Print the largest difference of the torque from settling to a tenth of its tolerance, at a quarter of the step.
 
-    Settling sees a change of contact at the end of its step, so that its error is of first order in the step: of
-    plate40 0.65, 0.31 and 0.11 % at 0.18, 0.1 and 0.05 µs. Steady states are extrapolated to a vanishing step.
+    Steady states are extrapolated to a vanishing step, runs that settle are not.
     """
     print("| motor | largest difference from settling, % of μF₀R | not settled | CPU of a point, s |")
     print("|---|---|---|---|")
