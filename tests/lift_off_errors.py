@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Stated errors of steady states that lift off: ``python -m tests.lift_off_errors --count 30``.
+
+The motors are those of :mod:`tests.random_lift_off` whose slowest disturbance fades within :data:`LONGEST` periods. The
+fixed-step integrator of ``tests/reference`` runs from rest until that has faded, at two steps: its error is of first
+order and late by varying amounts, so the finer run counts, with the distance of the two as its own error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from concurrent.futures import ThreadPoolExecutor
+from math import log
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import pyspice_runner as pr
+from tests.random_lift_off import case
+from tests.random_lift_off import read as lift_off
+from tests.random_runs import tones
+from tests.random_steady import LONGEST_CHECK
+from tests.reference.damped import integrate_damped
+
+RECORD = Path(__file__).with_suffix(".json")
+LONGEST, AVERAGED = 2000, 20  # periods of the drive
+STEPS = 6400, 12800  # of the integrator in a period
+FADED = 1e-5  # of the motion, what may be left of the slowest disturbance
+ELSEWHERE = 0.02  # of the friction force, beyond which the run from rest has gone to another motion
+
+
+def outcome(index: int) -> dict[str, Any] | None:
+    """Return torque, its stated error and the reference, in % of μF₀R; ``None`` if the motion fades too slowly."""
+    motor, drive, speed = case(index)
+    state = pr.steady_state(motor, drive, speed=speed, audit=False, timeout=LONGEST_CHECK)
+    if not state.stable:
+        return None
+    periods = int(log(FADED) / log(float(np.abs(state.floquet_multipliers).max(initial=0.5)))) + AVERAGED
+    if periods > LONGEST:
+        return None
+    contact, last = motor.contact, (periods - AVERAGED) * drive.period
+    percent = 100.0 / (contact.friction * contact.preload_n)
+    groups = [[(tone.amplitude_v, tone.frequency_hz, tone.phase_rad) for tone in group] for group in tones(drive)]
+
+    def mean(steps: int) -> float:
+        """Return the mean friction force by the integrator with so many steps in a period."""
+        run = integrate_damped(
+            motor.to_dict(), *groups, duration=periods * drive.period, output_step=drive.period,
+            step=drive.period / steps, speed=speed,
+        )  # fmt: skip
+        return percent * run.mean("friction_force", last)
+
+    with ThreadPoolExecutor(len(STEPS)) as pool:
+        coarse, fine = pool.map(mean, STEPS)
+    radius = motor.rotor.radius_m
+    return {
+        "index": index, "restitution": contact.restitution, "open": round(state.separated, 3),
+        "torque": percent * state.torque_n_m / radius, "stated": percent * state.torque_error_n_m / radius,
+        "reference": fine, "reference_error": abs(fine - coarse),
+    }  # fmt: skip
+
+
+def read() -> list[dict[str, Any]]:
+    """Return the record."""
+    found: list[dict[str, Any]] = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else []
+    return found
+
+
+def judged(record: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the cases whose run from rest ends in the same motion."""
+    return [one for one in record if abs(one["torque"] - one["reference"]) <= 100.0 * ELSEWHERE]
+
+
+def too_small(record: list[dict[str, Any]]) -> list[int]:
+    """Return the indices of the judged cases whose stated error is too small, beyond the error of the reference."""
+    return [
+        one["index"]
+        for one in judged(record)
+        if abs(one["torque"] - one["reference"]) > one["stated"] + one["reference_error"]
+    ]
+
+
+def told(record: list[dict[str, Any]]) -> str:
+    """Return the counts of a record in words."""
+    same = judged(record)
+    away = [abs(one["torque"] - one["reference"]) for one in same]
+    return (
+        f"{len(record)} cases, {len(same)} in the same motion as the reference; of these errors median "
+        f"{np.median(away):.4f} %, greatest {max(away):.4f} %, of the reference median "
+        f"{np.median([one['reference_error'] for one in same]):.4f} %; stated median "
+        f"{np.median([one['stated'] for one in same]):.4f} %; stated errors too small: {too_small(record)}"
+    )
+
+
+def main() -> None:
+    """Run cases until so many are in the record."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=30)
+    parser.add_argument("--seconds", type=float, default=1e9)
+    chosen = parser.parse_args()
+    record, begun = read(), time.monotonic()
+    counted = [one["index"] for one in lift_off() if one["counts"] and one["stable"]]
+    done = max((one["index"] for one in record), default=-1)
+    for index in (index for index in counted if index > done):
+        if len(record) >= chosen.count or time.monotonic() - begun > chosen.seconds:
+            break
+        found = outcome(index)
+        if found:
+            record.append(found)
+            RECORD.write_text(json.dumps(record, separators=(",", ":")) + "\n", encoding="utf-8")
+    print(told(record))
+
+
+if __name__ == "__main__":
+    main()
