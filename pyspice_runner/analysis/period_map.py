@@ -31,6 +31,7 @@ from pyspice_runner.run.kernel import run_bench, simulator
 from pyspice_runner.run.window import Array
 
 COPIES_PER_DECK = 30  # measured: beyond, the parse trees of the B-sources no longer fit the cache of a core
+_OF_A_SLIDER = 0.75  # parse trees of a further slider of a brush over those of a motor with one: 8 take 4 copies
 _FEWEST = 4  # copies in a deck over one period; fewer take less time than the start of ngspice
 # steps; the first uniform step begins after less than two and lets a slider that slips forget its start, and ngspice 46
 # shortens the last two
@@ -175,7 +176,8 @@ class PeriodMap:
             return []
         self._write(copies)
         workers = self.workers
-        decks = ceil(len(copies) / self.copies_per_deck)
+        sliders = max(copy.plant.law.sliders or 0 if copy.plant.law else 0 for copy in copies)
+        decks = ceil(len(copies) / max(1, int(self.copies_per_deck / (1.0 + _OF_A_SLIDER * sliders))))
         least = _FEWEST if whole else 1  # a long run is worth a deck of its own
         decks = max(ceil(decks / workers) * workers if decks > 1 else 1, min(workers, len(copies) // least))
         decks = min(decks, len(copies))

@@ -91,6 +91,7 @@ class _Group:
         self.library = contact_library(self.law, self.plant.motor.contact)
         self.function = library_function(self.library)
         self.stems = list(stems(self.plant.motor, self.law))
+        self.row = slice(5, 5 + self.law.sliders) if self.law.sliders else None  # place of the sliders among the inputs
         inner = [place for place, state in enumerate(self.plant.states) if state.kind in ("contact", "stem")]
         self.inner = np.array(inner, dtype=int)  # states of contact and stem
         self.units = np.array([self.plant.states[place].unit for place in inner])
@@ -134,15 +135,37 @@ class _Group:
         inputs = np.concatenate([pins, self.states[..., self.inner] / self.units, forces], axis=2)
         scales = np.abs(inputs).max(axis=(0, 1))
         steps = DIFFERENCE * np.where(scales > 0.0, scales, 1.0)
-        many = inputs[:, :, np.newaxis] + np.vstack([np.zeros_like(steps), np.diag(steps)])
-        outputs = self._outputs(many)
-        slopes = np.moveaxis((outputs[:, :, 1:] - outputs[:, :, :1]) / steps[:, np.newaxis], 2, 3)
+        changes = np.diag(steps)
+        if self.row:  # its sliders change together
+            steps[self.row] = steps[self.row].max()
+            changes[self.row.start, self.row] = steps[self.row]
+            changes = np.delete(changes, range(self.row.start + 1, self.row.stop), axis=0)
+        outputs = self._outputs(inputs[:, :, np.newaxis] + np.vstack([np.zeros_like(steps), changes]))
+        found = outputs[:, :, 1:] - outputs[:, :, :1]
+        if self.row:
+            found = self._separated(found, self.row, steps[self.row.start])
+        slopes = np.moveaxis(found / steps[:, np.newaxis], 2, 3)
         # the forces compress what is in series with the contact, on which they depend themselves
         own = np.linalg.solve(np.eye(2) - slopes[:, :, 2:4, -2:], slopes[:, :, 2:4, :-2])
         slopes = slopes[..., :-2] + slopes[..., -2:] @ own
         found = slopes[..., :5] @ self.tip[:, np.newaxis]
         found[..., self.inner] += slopes[..., 5:] / self.units
         return found
+
+    def _separated(self, found: Array, row: slice, step: float) -> Array:
+        """Divide the changes of the outputs between the sliders that change by a step in um together.
+
+        The rate of each follows from itself alone, and each has the share of the force that its held displacement has.
+        """
+        together, count = found[:, :, row.start], row.stop - row.start
+        rates = together[..., 4 : 4 + count]
+        held = step + self.discretisation.slider_time * rates / self.units[:count]  # um, of what charges the slider
+        total = held.sum(axis=-1, keepdims=True)
+        share = np.divide(held, total, out=np.zeros_like(held), where=np.abs(total) > 0.5 * step)
+        own = np.zeros((*rates.shape, together.shape[-1]))
+        own[..., :4] = share[..., np.newaxis] * together[..., np.newaxis, :4]
+        own[..., np.arange(count), 4 + np.arange(count)] = rates
+        return np.concatenate([found[:, :, : row.start], own, found[:, :, row.start + 1 :]], axis=2)
 
     def _outputs(self, inputs: Array) -> Array:
         """Return the outputs of :meth:`_contact` for x, y, vx, vy, shaft, states, friction, normal in the last axis."""

@@ -14,6 +14,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
@@ -44,6 +47,13 @@ class Signal:
 
     terms: Mapping[str, float]  # factor by vector
     offset: float = 0.0  # in the unit of the vector
+
+    def of(self, vectors: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return the sum."""
+        total = np.full(len(next(iter(vectors.values()))), self.offset)
+        for name, factor in self.terms.items():
+            total += factor * vectors[f"v({name})" if name.startswith("@") else name]
+        return total
 
 
 @dataclass(frozen=True)

@@ -146,6 +146,12 @@ def contact_library(law: Law, contact: Contact | None = None) -> Library:
 
 
 @cache
+def unplotted(library: Library) -> Library:
+    """Return the brush without what serves its pins ``slider`` and ``state`` alone, on which nothing else depends."""
+    return replace(library, subcircuit=re.sub(r"(?ms)^\* for plotting only.*(?=^\.ends)", "", library.subcircuit))
+
+
+@cache
 def _constant_friction(library: Library) -> Library:
     """Return the spring-slider without Stribeck's curve, whose exponential takes a sixth of the run time."""
     text = re.sub(r"(?m)^(Bfriction .*,1m\)\))\*.*$", r"\1", library.subcircuit)
@@ -266,10 +272,10 @@ def contact_values(
 
 def brush_library(sliders: int = SLIDERS) -> str:
     """Return the text of ``behavioral/piezomotor_brush.lib``, which has eight sliders, with another number of them."""
-    cells = []
+    cells, plotted = [], []
     for inner in range(sliders):
-        number, outer = inner + 1, inner + 1
-        x, m, w = f"V(x{inner})", f"V(m{inner})" if inner else "V(f2)", f"V(w{number})"
+        number = inner + 1
+        x, w, m = f"V(x{inner})", f"V(w{number})", f"V(m{inner})" if inner else "V(f2)"
         y, rest = f"V(y{number})", f"V(q{number})-V(y{number})"
         if inner:
             cells += [
@@ -287,13 +293,14 @@ def brush_library(sliders: int = SLIDERS) -> str:
             f"Bq{number} {f'q{inner}' if inner else 0} q{number} I={x}*V(slip)",
             f"Cq{number} q{number} 0 {{slider_time}}",
             f"Rq{number} q{number} 0 {{hold}}",
-            f"Bc{number} {'held' if inner else 0} {f'q{number}' if inner else 'c1'} I=abs({y})-abs({rest})",
+            f"Bc{number} held q{number} I=abs({y})-abs({rest})",
         ]
-        if outer < sliders:
-            cells += [f"Gw{number} 0 w{number} x{inner} x{outer} 1", f"Rw{number} w{number} 0 1"]
-        cells.append(f"Bslips{number} 0 state I={w if outer < sliders else x}*u({y}*({rest}))")
+        if number < sliders:
+            plotted += [f"Gw{number} 0 w{number} x{inner} x{number} 1", f"Rw{number} w{number} 0 1"]
+        plotted.append(f"Bslips{number} 0 state I={w if number < sliders else x}*u({y}*({rest}))")
     text = (data_path("behavioral") / f"{LIBRARIES['brush']}.lib").read_text(encoding="utf-8")
-    text = re.sub(r"(?ms)^Bl1 .*?(?=^Rc1 )", "\n".join(cells) + "\n", text, count=1)
+    text = re.sub(r"(?ms)^Bl1 .*?(?=^Rheld )", "\n".join(cells) + "\n", text, count=1)
+    text = re.sub(r"(?ms)^Gw1 .*?(?=^Bslider )", "\n".join(plotted) + "\n", text, count=1)
     text = text.replace("V(w1)", "V(x0)") if sliders == 1 else text
     text = text.replace(f"a row of {SLIDERS} ", f"a row of {sliders} ", 1)
     text = text.replace(f"the end of cell {SLIDERS}:", f"the end of cell {sliders}:", 1)

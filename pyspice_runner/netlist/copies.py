@@ -22,11 +22,12 @@ from pyspice_runner.model.drive import Drive, Load, Tone
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mount
 from pyspice_runner.netlist.benches import sine, transient_options
-from pyspice_runner.netlist.compiled import Signal, loading, module_of, module_signals, module_subcircuit
+from pyspice_runner.netlist.compiled import loading, module_of, module_signals, module_subcircuit
 from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.evaluated import plotted_nodes
 from pyspice_runner.netlist.library import PREFIX
 from pyspice_runner.netlist.motor import MotorSubCircuit, dielectric_branches, dielectric_matrix
-from pyspice_runner.netlist.sources import Bench
+from pyspice_runner.netlist.sources import Bench, Derived
 from pyspice_runner.netlist.state import (
     Discretisation,
     Kind,
@@ -124,19 +125,20 @@ class Plant:
         return len(self.states)
 
     def motor_texts(
-        self, discretisation: Discretisation, *, plates: bool = True, compiled: bool = False
+        self, discretisation: Discretisation, *, plates: bool = True, plotted: bool = False, compiled: bool = False
     ) -> dict[str, str]:
         """Return the subcircuit of the motor and those of its parts, by name.
 
-        ``plates`` tells whether the motor has its clamped capacitances, which a compiled module always has.
+        ``plates`` tells whether the motor has its clamped capacitances, and ``plotted`` whether a brush has the nodes
+        ``slider`` and ``state``; a compiled module always has both.
         """
         name = self.motor_name
         if compiled:
             assert self.law is not None
             return {name: module_subcircuit(self.motor, self.law, discretisation, name)}
         definition = MotorSubCircuit(
-            self.motor, law=self.law, discretisation=discretisation, startable=True, plates=plates, name=name,
-            prefix=PREFIX,
+            self.motor, law=self.law, discretisation=discretisation, startable=True, plates=plates, plotted=plotted,
+            name=name, prefix=PREFIX,
         )  # fmt: skip
         return definition.part_texts | {name: str(definition).strip()}
 
@@ -241,7 +243,7 @@ def copies_bench(
     texts = texts or motor_texts(copies, discretisation, plates=plates, compiled=compiled)
     sources: dict[tuple[Any, ...], int] = {}
     start: dict[str, float] = {}
-    signals: dict[str, Signal] = {}
+    signals: dict[str, Derived] = {}
     plants = list({copy.plant.motor_name: copy.plant for copy in copies}.values())
     modules = {module_of(plant.motor, plant.law): None for plant in plants if compiled and plant.law}
     subcircuits = {part: text for plant in plants for part, text in texts[plant.motor_name].items()}
@@ -271,6 +273,8 @@ def copies_bench(
         if compiled:
             start |= {shaft: float(copy.state[-1])} if plant.turns else {}
             signals |= module_signals(plant.motor, discretisation, instance)
+        else:
+            signals |= plotted_nodes(plant.motor, plant.law, instance)
         start |= {f"{instance}.{node}": value for node, value in inside.items()}
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name}")
     circuit.raw_spice += "\n".join(lines) + "\n"

@@ -27,10 +27,11 @@ from pyspice_runner.netlist.benches import (
 )
 from pyspice_runner.netlist.copies import Copy, Plant, content_name, copy_name
 from pyspice_runner.netlist.drivers import Driver, add_channels, control_amplitude
+from pyspice_runner.netlist.evaluated import plotted_nodes
 from pyspice_runner.netlist.library import definition_texts
 from pyspice_runner.netlist.networks import CABLE, NO_CAPACITOR, passed
 from pyspice_runner.netlist.source import GROUPS
-from pyspice_runner.netlist.sources import Bench
+from pyspice_runner.netlist.sources import Bench, Derived
 from pyspice_runner.netlist.state import Discretisation, State, motor_states
 
 Array = NDArray[np.float64]
@@ -223,7 +224,7 @@ class DrivenPlant(Plant):
         circuit.X("motor", self.motor_name, "a", "b", circuit.gnd, "shaft", **passed)
         parts = {name: _PLOTTED.sub("", text) for name, text in definition_texts(*self.driver.libraries()).items()}
         parts |= definition_texts(*(brake_parts(meters=True) if meters else ()))
-        return parts | self.motor_texts(discretisation) | {self.bench_name: str(circuit).strip()}
+        return parts | self.motor_texts(discretisation, plotted=meters) | {self.bench_name: str(circuit).strip()}
 
     def _add_controls(self, circuit: SubCircuit) -> None:
         """Add the sources of the controls, and the state of the delays; the supplies rose long ago."""
@@ -285,6 +286,7 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
     With ``meters`` each shaft has a dynamometer, and the motor the meters of :func:`.dynamometer_bench`.
     """
     lines, subcircuits, start = [], dict[str, str](), dict[str, float]()
+    signals: dict[str, Derived] = {}
     first = copies[0].plant
     assert isinstance(first, DrivenPlant)
     if not first.driver.uniform:
@@ -302,9 +304,10 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
         lines.append(f"{instance} mark {plant.bench_name} {words}")
         nodes = plant.start_nodes(motor, 0.0, discretisation, plates=False)
         start |= {f"{instance}.xmotor.{node}": float(value) for node, value in nodes.items()}
+        signals |= {} if meters else plotted_nodes(plant.motor, plant.law, f"{instance}.xmotor")
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name} behind a driver")
     circuit.raw_spice += "\n".join([*subcircuits.values(), *lines]) + "\n"
     options = {**first.driver.options(first.motor, first.law)}
     if not first.driver.uniform and len(copies) > 1:
         options["abstol"] = ABSTOL_OF_SEVERAL
-    return Bench(circuit, options, start)
+    return Bench(circuit, options, start, signals=signals)

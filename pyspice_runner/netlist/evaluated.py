@@ -60,6 +60,45 @@ class LibraryFunction:
                 found[name] = eval(code, _FUNCTIONS, found)
         return found
 
+    def of(self, nodes: Sequence[str], values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values with some nodes, from parameters and those nodes that are given."""
+        found, needed = dict(values), set(nodes)
+        program: list[tuple[str, CodeType]] = []
+        for name, code, _ in reversed(self._program):
+            if name in needed and name not in found:
+                needed.update(code.co_names)
+                program.append((name, code))
+        for name, code in reversed(program):
+            found[name] = eval(code, _FUNCTIONS, found)
+        return found
+
+
+@dataclass(frozen=True)
+class Plotted:
+    """A node of a brush that the circuit leaves out, because nothing depends on it (:func:`.contact.unplotted`)."""
+
+    node: str  # of the library
+    library: Library
+    constants: Mapping[str, float]  # its parameters
+    terms: Mapping[str, str]  # node of the library by vector: what the sliders are held by
+
+    def of(self, vectors: Mapping[str, Array]) -> Array:
+        """Return the vector of the node."""
+        known = {node: vectors[vector] for vector, node in self.terms.items()}
+        return np.asarray(library_function(self.library).of([self.node], {**self.constants, **known})[self.node])
+
+
+def plotted_nodes(motor: Motor, law: Law | None, instance: str) -> dict[str, Plotted]:
+    """Return what the circuit of a motor leaves out, by vectors of an instance."""
+    if law is None or law.sliders is None:
+        return {}
+    library = contact_library(law, motor.contact)
+    constants = {item.name: item.default for item in library.parameters}
+    constants |= contact_values(law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n)
+    inside = ("delta", "factor", *library_function(library).states)
+    terms = {f"v({instance}.xcontact.{node})": node for node in inside}
+    return {f"v({instance}.{node})": Plotted(node, library, constants, terms) for node in ("slider", "state")}
+
 
 @cache
 def library_function(library: Library) -> LibraryFunction:

@@ -32,6 +32,7 @@ from pyspice_runner.netlist.contact import (
     contact_library,
     contact_values,
     touching_law,
+    unplotted,
 )
 from pyspice_runner.netlist.library import (
     PREFIX,
@@ -147,8 +148,9 @@ class MotorSubCircuit(Assembly):
     where a run starts otherwise. ``thermal`` is the drift with the pin ``temperature`` (1 V = 1 K), and adds a pin
     ``heat`` (1 V = 1 W). With open pins nothing drifts. The last pin may be ``approach`` (1 V = 1 um), by which the
     tip, or the far end of the mount's springs, moves towards the rotor. ``plates`` are the clamped capacitances. With
-    ``check`` there is a node of that name (``piezomotor_check``). The names of the parts begin with ``prefix``, by
-    default the name; motors with the same law may share parts.
+    ``check`` there is a node of that name (``piezomotor_check``). If not ``plotted``, a brush has no nodes ``slider``
+    and ``state``. The names of the parts begin with ``prefix``, by default the name; motors with the same law may
+    share parts.
     """
 
     def __init__(
@@ -162,6 +164,7 @@ class MotorSubCircuit(Assembly):
         approach: bool = False,
         plates: bool = True,
         check: bool = False,
+        plotted: bool = True,
         name: str = "",
         prefix: str = "",
     ) -> None:
@@ -201,6 +204,7 @@ class MotorSubCircuit(Assembly):
             for stem, compliance in stems(motor, law).items():
                 moved |= self._add_stem(stem, compliance, moved)
             check_parameters(library.name, library.parameters, touching)
+            library = library if plotted or law is None or law.sliders is None else unplotted(library)
             expressions = _expressions(library, touching, flexibility)
             self._put("contact", library, [moved.get(pin, pin) for pin in PINS], {**touching, **expressions})
         else:
@@ -420,6 +424,7 @@ def add_motor(
     thermal: Thermal | None = None,
     approach: bool = False,
     check: bool = False,
+    plotted: bool = True,
     name: str = "",
     settings: Mapping[str, float | str] | None = None,
 ) -> None:
@@ -429,13 +434,14 @@ def add_motor(
     with ``uic`` begins with the motion ``start``, by default preloaded rest; the initial voltages of the plates and the
     cells of a brush are not set here. ``settings`` are parameters of the X line, such as ``{"preload": 8}``; a text
     such as ``"{preload}"`` is an expression. A run of the package is without the node ``check``: parameters, step and
-    drive are checked before it. A second, different motor in one circuit needs another name. Raise
+    drive are checked before it, and computes what only serves a plot of a brush after it, if not ``plotted``. A second,
+    different motor in one circuit needs another name. Raise
     ParameterError if the circuit already has a different motor of that name, or for a setting that the motor does not
     have or whose value is out of range.
     """
     definition = MotorSubCircuit(
         motor, law=law, discretisation=discretisation, startable=start is not None, thermal=thermal,
-        approach=approach, check=check, name=name,
+        approach=approach, check=check, plotted=plotted, name=name,
     )  # fmt: skip
     name = definition.name
     present = [str(subcircuit) for subcircuit in circuit.subcircuits if subcircuit.name == name]

@@ -27,6 +27,7 @@ from pyspice_runner.netlist.benches import (
 from pyspice_runner.netlist.compiled import Module, Signal, loading, module_of, module_signals, module_subcircuit
 from pyspice_runner.netlist.contact import PAPER_LAW, Law, contact_library, contact_values
 from pyspice_runner.netlist.drivers import Driver
+from pyspice_runner.netlist.evaluated import Plotted, plotted_nodes
 from pyspice_runner.netlist.library import definitions
 from pyspice_runner.netlist.motor import SUBCIRCUIT, add_motor, instantiate
 from pyspice_runner.netlist.own_law import PINS
@@ -35,6 +36,7 @@ from pyspice_runner.netlist.state import Discretisation, Motion, motor_states, p
 from pyspice_runner.netlist.trackers import Disturbance, Tracker, add_disturbance, tracked_source
 
 Excitation = Drive | Driver | Tracker  # the drives that an analysis accepts
+Derived = Signal | Plotted  # a vector that follows from others
 FREE = Load()  # a free shaft
 
 
@@ -47,7 +49,7 @@ class Bench:
     # initial voltages in V by node, in addition to those of its devices (``ic=``).
     start: Mapping[str, float] = field(default_factory=dict)
     modules: tuple[Module, ...] = ()  # Verilog-A modules that it loads, compiled
-    signals: Mapping[str, Signal] = field(default_factory=dict)  # vectors that are sums of others, by name
+    signals: Mapping[str, Derived] = field(default_factory=dict)  # vectors that follow from others, by name
 
 
 @dataclass(frozen=True)
@@ -133,9 +135,10 @@ def motor_bench(
     add_motor(
         circuit, motor, ("a", "b", circuit.gnd, "shaft", *nodes),
         law=law, discretisation=discretisation, start=start,
-        thermal=thermal, approach="approach" in nodes, check=check,
+        thermal=thermal, approach="approach" in nodes, check=check, plotted=False,
     )  # fmt: skip
-    return Bench(circuit, source.options(motor, law), _start(motor, source, law, start, discretisation))
+    first = _start(motor, source, law, start, discretisation)
+    return Bench(circuit, source.options(motor, law), first, signals=plotted_nodes(motor, law, "xmotor"))
 
 
 def dynamometer_bench(

@@ -18,8 +18,7 @@ from pyspice_runner.engine.openvaf import compile_module, find_osdi_ngspice
 from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import Interrupted, SimulationError
 from pyspice_runner.files import cache_folder
-from pyspice_runner.netlist.compiled import Signal
-from pyspice_runner.netlist.sources import Bench
+from pyspice_runner.netlist.sources import Bench, Derived
 
 Array = NDArray[np.float64]
 
@@ -30,8 +29,8 @@ class Outcome:
 
     result: Result  # the result of ngspice; its vectors are views of the raw file
     deck: str = field(repr=False)  # the netlist that was run
-    # the requested vectors that are sums of others, by name.
-    signals: Mapping[str, Signal] = field(default_factory=dict, repr=False)
+    # the requested vectors that follow from others, by name.
+    signals: Mapping[str, Derived] = field(default_factory=dict, repr=False)
 
     @property
     def deck_sha256(self) -> str:
@@ -63,19 +62,10 @@ class Outcome:
         return {name: float(values[0]) for name, values in self._signals(ends).items()}
 
     def _signals(self, vectors: dict[str, Array]) -> dict[str, Array]:
-        """Add the sums to vectors."""
+        """Add those that follow from others to vectors."""
         for name, signal in self.signals.items():
-            vectors[name] = signal_of(signal, vectors)
+            vectors[name] = signal.of(vectors)
         return vectors
-
-
-def signal_of(signal: Signal, vectors: Mapping[str, Array]) -> Array:
-    """Return a sum of vectors."""
-    first = next(iter(vectors.values()))
-    total = np.full(len(first), signal.offset)
-    for name, factor in signal.terms.items():
-        total += factor * vectors[f"v({name})" if name.startswith("@") else name]
-    return total
 
 
 def simulator(bench: Bench, vectors: Sequence[str], timeout: float | None = None) -> BatchSimulator:

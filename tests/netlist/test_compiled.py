@@ -15,7 +15,6 @@ from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.library import read_library
 from pyspice_runner.netlist.sources import DriveSource, motor_bench
 from pyspice_runner.netlist.state import Discretisation, state_vectors
-from pyspice_runner.run.kernel import signal_of
 
 MOTOR = pr.load_motor("andersen2002-unintended-mode")
 
@@ -88,11 +87,11 @@ def test_the_vectors_of_rest_are_those_of_the_subcircuits() -> None:
         rest |= {name: np.zeros(1) for name in signal.terms if not name.startswith("@")}
     preload = motor.contact.preload_n
     for number, mode in enumerate(motor.modes, start=1):
-        elastic = signal_of(signals[f"v(xmotor.xmode{number}.elastic)"], rest)
+        elastic = signals[f"v(xmotor.xmode{number}.elastic)"].of(rest)
         assert elastic[0] == pytest.approx(-mode.tip_y * preload)
     for axis in "xy":
         shapes = [getattr(mode, f"tip_{axis}") * mode.tip_y / mode.stiffness_n_per_m for mode in motor.modes]
-        assert signal_of(signals[f"v(xmotor.{axis})"], rest)[0] == pytest.approx(-1e6 * preload * sum(shapes))
+        assert signals[f"v(xmotor.{axis})"].of(rest)[0] == pytest.approx(-1e6 * preload * sum(shapes))
 
 
 def test_a_contact_without_a_compiled_form_is_named(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.netlist.state import Discretisation, plate_nodes
 from pyspice_runner.netlist.veriloga import module_values
-from pyspice_runner.run.kernel import modules_folder, signal_of
+from pyspice_runner.run.kernel import modules_folder
 from pyspice_runner.run.operating_point import OperatingPoint, Solver
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Waveforms
@@ -132,7 +132,7 @@ def _as_ngspice(found: Mapping[str, Any], setup: OperatingPoint) -> dict[str, An
     module = {f"v(xmotor.{name})": values for name, values in found.items()}
     module |= {f"v(@n.xmotor.n1[{variable}])": found[f"n1.{variable}"] for variable in _VARIABLES}
     signals = module_signals(setup.motor, setup.discretisation, "xmotor")
-    return samples | {name: signal_of(signal, module) for name, signal in signals.items()}
+    return samples | {name: signal.of(module) for name, signal in signals.items()}
 
 
 def _waveforms(
