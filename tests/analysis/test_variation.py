@@ -41,22 +41,24 @@ CASES = {
     "worn tip": (PAPER.updated({"contact.worn_flat_radius_m": 5e-5}), PAPERS_DRIVE, 1.0, Law()),
     "falling friction": (PAPER.updated({"contact.sliding_ratio": 0.7}), PAPERS_DRIVE, 1.0, Law()),
     "fixed distance": (PAPER.updated({"mount": None}), PAPERS_DRIVE, 2.0, Law()),
+    "brush of 32": (PAPER, PAPERS_DRIVE, 2.0, Law("brush", 32)),
+    "flagship, brush of 32": (FLAGSHIP, pr.default_drive(FLAGSHIP), 10.0, Law("brush", 32)),
 }  # fmt: skip
 
 
-def along_and_by_copies(plant: Plant) -> tuple[Point, Derivative, Derivative]:
+def along_and_by_copies(plant: Plant, perturbation: float = PERTURBATION) -> tuple[Point, Derivative, Derivative]:
     """Return a point, its derivative along the trace, and the central quotient by perturbed copies."""
     period_map = PeriodMap(plant.drive.period, STEPS)
     point = start_point(plant)
     balance([point])
-    moves = PERTURBATION * np.diag(point.scale)
+    moves = perturbation * np.diag(point.scale)
     states = [point.state, *(point.state + moves), *(point.state - moves)]
     traces = [trace for trace in period_map.traces([Copy(plant, state) for state in states]) if trace is not None]
     assert len(traces) == len(states)
     assert traces[0].course is not None
     (along,) = derivatives([traces[0].course], period_map.discretisation)
     up, down = traces[1 : plant.order + 1], traces[plant.order + 1 :]
-    width = 2.0 * PERTURBATION * point.scale
+    width = 2.0 * perturbation * point.scale
     start, end = (
         np.array([one.states[:, at] - other.states[:, at] for one, other in zip(up, down, strict=True)]).T / width
         for at in (0, -1)
@@ -77,6 +79,36 @@ def test_the_derivative_along_a_trace_is_that_of_perturbed_copies(name: str) -> 
     slopes = copies.forces * point.scale
     assert np.abs(along.forces * point.scale - slopes).max() < TOLERANCE * np.abs(slopes).max()
     assert np.abs((along.monodromy @ along.at_start - along.at_end) * across).max() < 1e-9  # rounding
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", ["brush of 32", "flagship, brush of 32"])
+def test_the_multipliers_of_32_sliders_are_those_of_a_row_that_slips(name: str) -> None:
+    """A row that slips as a whole within the period forgets its start: no slider has a multiplier of its own."""
+    motor, drive, speed, law = CASES[name]
+    few, many = (
+        np.sort(np.abs(pr.steady_state(motor, drive, speed=speed, contact=one).floquet_multipliers))[::-1]
+        for one in (Law("brush", 8), law)
+    )
+    moving = 2 * (len(motor.modes) + 1)  # of modes and carrier
+    assert len(many) == len(few) + 24
+    np.testing.assert_allclose(many[:moving], few[:moving], rtol=1e-3)  # partial slip differs with the width of a cell
+    assert max(many[moving], few[moving]) < 1e-9
+    _, _, coarse = along_and_by_copies(Plant(motor, drive, Load(speed), law))
+    _, _, fine = along_and_by_copies(Plant(motor, drive, Load(speed), law), PERTURBATION / 3.0)
+    assert np.abs(coarse.at_end - fine.at_end).max() < 1e-3 * np.abs(fine.at_end).max()
+
+
+@pytest.mark.soak
+def test_the_multipliers_of_32_sliders_that_stick_are_those_of_one_spring() -> None:
+    drive = pr.TwoPhaseDrive(voltage=0.5, frequency=51.7e3, phase_deg=90.0)
+    one, many = (
+        np.sort(np.abs(pr.steady_state(PAPER, drive, speed=0.0, contact=law).floquet_multipliers))[::-1]
+        for law in (Law(), Law("brush", 32))
+    )
+    moving = 2 * (len(PAPER.modes) + 1)
+    np.testing.assert_allclose(many[:moving], one[:moving], rtol=1e-4)  # a spring that is linear, and one that is not
+    assert many[moving] < 1e-9
 
 
 def test_a_motion_so_far_from_the_contact_that_its_derivative_overflows_is_not_a_steady_state(
