@@ -134,7 +134,8 @@ class Judged:
         if missing:
             found.append(
                 f"{missing} of {count} measured values were left out: the calibrated motor has no stable steady state "
-                "there, its contact sticks throughout, or its averaged motor does not run."
+                "there, its contact sticks throughout, it has no resonance near the measured one, or its averaged "
+                "motor does not run."
             )
         if self.freedom < 1:
             found.append(

@@ -267,15 +267,18 @@ class Predictor:
     def _peaks(
         self, setups: Mapping[tuple[int, int], OperatingPoint], near: Prediction | None, fine: bool
     ) -> dict[tuple[int, int], Peak]:
-        """Return the resonances by number of the motor and place of the measured one, each next to a known one."""
+        """Return the resonances by number of the motor and place of the measured one, each next to a known one.
+
+        With ``fine`` they are those that the fast model found in ``near``.
+        """
         points = self.points
         if points is None or RESONANCE not in points.quantities:
             return {}
         own = [place for place, quantity in enumerate(points.quantities) if quantity == RESONANCE]
-        asked = [(number, place) for number, _ in setups for place in own if (number, points.rows[place]) in setups]
-        asked = list(dict.fromkeys(asked))
         known = near.peaks if near else {}
         known = {place: peak for place, peak in known.items() if np.isfinite(peak.frequency_hz)}
+        numbers = dict.fromkeys(number for number, _ in setups)
+        asked = [(number, place) for number in numbers for place in own if place in known or not fine]
         starts = [known.get(place) or Peak(float(points.values[place])) for _, place in asked]
         distances = [
             near_hz(self.point(self.base, points.conditions[points.rows[place]]), float(points.values[place]))
@@ -292,13 +295,14 @@ class Predictor:
         found = peaks(
             [setups[number, points.rows[place]] for number, place in asked], starts, distances, solve, fresh=not known
         )
-        return dict(zip(asked, found, strict=True))
+        none = {(number, place): Peak(float("nan")) for number in numbers for place in own}
+        return none | dict(zip(asked, found, strict=True))
 
     def refine(self, x: Array, near: Prediction | None = None) -> Prediction:
         """Take the difference between ngspice at fine steps and the fast model here; return the former's values."""
         self.shift = None
         (fast,) = self.at([x], near)
-        (fine,) = self.at([x], self.reference or fast, fine=True)
+        (fine,) = self.at([x], replace(self.reference or fast, peaks=fast.peaks), fine=True)
         if self.balanced and self._far(fast, fine):
             self._balanced = False
             (fast,) = self.at([x], fine)
