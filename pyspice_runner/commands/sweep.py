@@ -129,6 +129,12 @@ def sweep(
     for path, text in common.pairs_of("--tolerance", tolerance):
         if path in axes:
             raise pr.ParameterError(f"{path} is given to --over and to --tolerance. Give it to one of them.")
+        name = path.removeprefix("drive.")
+        if isinstance(excitation, pr.Driver) and name != path and "." in name and excitation.left_out(name):
+            raise pr.ParameterError(
+                f"{path} has no tolerance: at {excitation.setting(name):g} {excitation.unit(name)}, an end of its "
+                "range, there is no such part in this driver. Leave it out."
+            )
         axes[path] = pr.Tolerance(common.percentage("--tolerance", path, text), distribution)
     settings: dict[str, Any] = {"speed": speed, "duration": duration, "load_torque": load_torque, "timeout": timeout}
     settings["engine"] = None if engine == "spice" else engine  # which is the default of the run

@@ -448,6 +448,18 @@ class Driver(Stated, Source):
         part, name = self._located(path)
         return next(parameter.unit for parameter in part.library.parameters if parameter.name == name)
 
+    def left_out(self, path: str) -> bool:
+        """Return whether the value of PART.PARAMETER is an end of its range, which stands for a part that is not there.
+
+        For a part of both groups it is that of either.
+        """
+        found = [self._located(one) for one in of_groups(path) or (path,)]
+        limits = [
+            (part.values[name], (parameter.least, parameter.greatest))
+            for part, name in found for parameter in part.library.parameters if parameter.name == name
+        ]  # fmt: skip
+        return any(value in ends for value, ends in limits)
+
     def parts(self, group: str) -> tuple[Part, ...]:
         """Return the chain of one group, from the stage to the pin; a cable if one of its parameters is set."""
         own = [self._part(_OWN, self._stage, f"stage_{group}", group)] if self._stage else []

@@ -63,6 +63,13 @@ TONES = ["--frequency-1", "20e3", "--frequency-2", "40e3"]
             ["sweep", "andersen2002", "--analysis", "operating-point", "--duration", "1e-3"],
             "--duration has no effect on --analysis operating-point",
         ),
+        (
+            [
+                *("sweep", "andersen2002", "--analysis", "driver-state", "--driver", "linear+inductor"),
+                *("--part", "inductor.inductance=1e-6", "--tolerance", "drive.inductor.inductance=5%"),
+            ],
+            "drive.inductor.inductance has no tolerance: at 1e-06 H",
+        ),
     ],
 )
 def test_an_option_without_effect_is_an_error(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
