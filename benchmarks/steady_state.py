@@ -42,12 +42,6 @@ def cost(counts: list[int]) -> None:
     motor = pr.load_motor("andersen2002-unintended-mode")
     drive = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0)
     pr.steady_state(motor, drive, speed=0.0)  # imports all modules
-    began, used = time.perf_counter(), cpu_seconds()
-    pr.speed_torque(motor, drive, speeds=[-5.0, 10.0, 25.0], mode="settle")
-    print(
-        f"settle: {(time.perf_counter() - began) / 3:.2f} s wall and {(cpu_seconds() - used) / 3:.2f} s CPU a point",
-        flush=True,
-    )
     print("points  wall/s  CPU/s  CPU a point/s  memory of the largest ngspice/MB")
     for count in counts:
         began, used = time.perf_counter(), cpu_seconds()
@@ -56,6 +50,12 @@ def cost(counts: list[int]) -> None:
         memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
         assert curve["settled"].all()
         print(f"{count:6d}  {wall:6.2f}  {cpu:5.2f}  {cpu / count:13.3f}  {memory:.0f}", flush=True)
+    began, used = time.perf_counter(), cpu_seconds()
+    pr.speed_torque(motor, drive, speeds=[-5.0, 10.0, 25.0], mode="settle")
+    print(
+        f"settle: {(time.perf_counter() - began) / 3:.2f} s wall and {(cpu_seconds() - used) / 3:.2f} s CPU a point",
+        flush=True,
+    )
 
 
 def errors() -> None:
