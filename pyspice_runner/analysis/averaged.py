@@ -141,7 +141,9 @@ def simulate_averaged(
         columns = compiled_columns(motor, running.record(inputs, duration, timeout=timeout, progress=report), course)
         seconds, stored = monotonic() - begun, columns.pop("stored_energy")
         amplitudes = running.mode_amplitudes()
-        write_deck = partial(deck_of, bench, vectors, timing)
+        write_deck: Callable[[], str | None] = no_deck
+        if runs_in_ngspice(settings):
+            write_deck = partial(deck_of, bench, vectors, timing)
     else:
         outcome = run_bench(bench(), vectors, timeout, "transient", timing, progress=report)
         columns, stored = spice_columns(motor, outcome, harmonics, course)
@@ -191,6 +193,15 @@ def averaged_engine(engine: Engine) -> Literal["spice", "compiled"]:
             raise
         return "spice"
     return "compiled"
+
+
+def runs_in_ngspice(settings: Mapping[str, Any]) -> bool:
+    """Return whether the averaged motor of ngspice can follow these courses: its preload is a number."""
+    return "preload" not in settings
+
+
+def no_deck() -> None:
+    """Return the netlist of a run that ngspice cannot run: none."""
 
 
 def deck_of(bench: Callable[[], Bench], vectors: Sequence[str], timing: Mapping[str, Any]) -> str:

@@ -65,7 +65,7 @@ class AveragedRun(Result):
         solver_seconds: wall time that the engine took.
         ngspice_version: version of ngspice; ``None`` of a run with the compiled motor.
         provenance: motor, drive and run settings, JSON-ready.
-        write_deck: returns the netlist of the run, for ngspice.
+        write_deck: returns the netlist of the run, for ngspice; ``None`` if ngspice cannot run it.
         audit: the power balance.
     """
 
@@ -74,7 +74,7 @@ class AveragedRun(Result):
     solver_seconds: float
     ngspice_version: str | None
     provenance: dict[str, Any] = field(repr=False)
-    write_deck: Callable[[], str] = field(repr=False)
+    write_deck: Callable[[], str | None] = field(repr=False)
     audit: Audit = field(default_factory=Audit)
 
     units = COLUMNS
@@ -88,8 +88,8 @@ class AveragedRun(Result):
         self.__dict__.update(self.curves)
 
     @cached_property
-    def deck(self) -> str:  # type: ignore[override]
-        """Netlist of the run, for ngspice."""
+    def deck(self) -> str | None:  # type: ignore[override]
+        """Netlist of the run, for ngspice; ``None`` with a course of the preload, which ngspice cannot follow."""
         return self.write_deck()
 
     @property

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import SkipValidation
 
-from pyspice_runner.analysis.averaged import averaged_engine, deck_of
+from pyspice_runner.analysis.averaged import averaged_engine, deck_of, no_deck, runs_in_ngspice
 from pyspice_runner.analysis.averaged_run import damping_factor, model_cautions
 from pyspice_runner.analysis.bursts import limit_cycle, presliding, short_bursts
 from pyspice_runner.analysis.courses import CourseLike, coupled_to, course_of, settings_of
@@ -115,14 +115,14 @@ class ControlledRun(Result):
         records: arrays by the names of :data:`RECORDS`, between the samples, by ideal sensors.
         logs: what firmware logs at each sample, by its own names.
         provenance: motor, drive and run settings, JSON-ready.
-        write_deck: returns the netlist of the run, for ngspice; the controller is not in it.
+        write_deck: returns the netlist of the run, without the controller; ``None`` if ngspice cannot run it.
     """
 
     samples: Mapping[str, Array] = field(repr=False)
     records: Mapping[str, Array] = field(repr=False)
     logs: Mapping[str, Array] = field(repr=False)
     provenance: dict[str, Any] = field(repr=False)
-    write_deck: Callable[[], str] = field(repr=False)
+    write_deck: Callable[[], str | None] = field(repr=False)
 
     units = SAMPLES
 
@@ -144,8 +144,8 @@ class ControlledRun(Result):
         return self.samples
 
     @cached_property
-    def deck(self) -> str:  # type: ignore[override]
-        """Netlist of the run, for ngspice, without the controller."""
+    def deck(self) -> str | None:  # type: ignore[override]
+        """Netlist of the run, for ngspice, without the controller; ``None`` if ngspice cannot run it."""
         return self.write_deck()
 
     @property
@@ -291,16 +291,18 @@ def simulate_controlled(
     vectors = [*SAMPLED, *(CHECKED if averaged else ()), *(["v(temperature)"] if thermal else [])]
     vectors += ["v(load_position)"] if coupled.coupling_stiffness_n_m_per_rad else []
     timing = transient_timing(uniform or drive.period, (count + 1) * sample_time, uniform or 0.5 * sample_time)
-    write_deck = partial(deck_of, bench, vectors, timing)
+    write_deck: Callable[[], str | None] = partial(deck_of, bench, vectors, timing)
     decide = Firmware(controller, drive, sample_time) if isinstance(controller, str | Path) else controller
     with ExitStack() as stack:
         if used == "compiled":
+            write_deck = write_deck if runs_in_ngspice(settings) else no_deck
             motion: Motion = Compiled(
                 motor, settings, thermal, coupled, steady=start == "steady", networks=front.networks
             )
         else:
-            write_deck = partial(str, write_deck())
-            motion = Spice(stack.enter_context(Session(write_deck(), vectors, timeout=timeout)))
+            deck = str(write_deck())
+            write_deck = partial(str, deck)
+            motion = Spice(stack.enter_context(Session(deck, vectors, timeout=timeout)))
         running = Loop(motion, decide, motor, settings | {"reference": reference}, Rounding(parts))
         samples, between = running.run(count, sample_time, records)
     samples["load_torque_n_m"] = np.interp(samples["time_s"], *np.transpose(settings["load_torque"]))

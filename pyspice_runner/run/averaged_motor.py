@@ -41,6 +41,7 @@ PLACES = (
 )  # fmt: skip
 _ROWS = 512  # between two looks at the clock
 SETTLING, SETTLED = ("speed", "torque", "tip_x_amplitude", "temperature"), 1e-6  # what settles; relative change
+LONG, PATIENCE = 1.0, 20.0  # s of motor time between two looks at the clock; s of wall time
 SHORT, DOUBLINGS = 5e-3, 25  # s, first interval between two looks; each is twice as long as the one before it
 _POINTER = ctypes.POINTER(ctypes.c_double)
 # functions of piezomotor_session.c: type of the result, types of the arguments behind the motor
@@ -182,17 +183,21 @@ class AveragedMotor:
     def settle(self) -> None:
         """Advance with constant inputs to the steady state; set the angle of the rotor to 0 there.
 
-        Raise SimulationError if there is none.
+        Raise SimulationError if there is none, or the motor has not settled after :data:`PATIENCE` of wall time.
         """
-        duration, before = SHORT, np.full(len(SETTLING), inf)
+        never = SimulationError("The averaged motor does not settle at these inputs: start at rest.")
+        duration, before, deadline = SHORT, np.full(len(SETTLING), inf), monotonic() + PATIENCE
         for _ in range(DOUBLINGS):
-            self.advance(0.0, duration)
+            for begun in np.arange(0.0, duration, LONG).tolist():
+                self.advance(0.0, min(LONG, duration - begun))
+                if monotonic() > deadline:
+                    raise never
             now = np.array([self.get(name) for name in SETTLING])
             if np.all(np.abs(now - before) <= SETTLED * np.abs(now)):
                 self._c.session_zero(self._memory)
                 return
             duration, before = 2.0 * duration, now
-        raise SimulationError("The averaged motor does not settle at these inputs: start at rest.")
+        raise never
 
     def record(
         self,

@@ -124,6 +124,25 @@ def test_a_run_starts_at_the_steady_state(motor: pr.Motor) -> None:
         )
 
 
+def test_a_load_that_rattles_does_not_settle(motor: pr.Motor, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An elastic shaft with play and no damping; it would be followed for days."""
+    monkeypatch.setattr("pyspice_runner.run.averaged_motor.PATIENCE", 0.2)
+    load = pr.ShaftLoad(
+        inertia_kg_m2=5e-6, coupling_stiffness_n_m_per_rad=50.0, backlash_rad=1e-3, gravity_n_m=1e-4
+    )  # fmt: skip
+    with pytest.raises(pr.SimulationError, match="does not settle"):
+        simulate_controlled(motor, DRIVE, lambda _: {}, 2e-3, sample_time=0.5e-3, start="steady", shaft=load)
+
+
+def test_a_run_that_ngspice_cannot_follow_is_saved_without_a_netlist(motor: pr.Motor, tmp_path: Path) -> None:
+    preload = motor.contact.preload_n
+    courses = {"preload": [(0.0, preload), (1e-3, 1.1 * preload)]}
+    run = simulate_controlled(motor, DRIVE, lambda _: {}, 2e-3, sample_time=0.5e-3, courses=courses)
+    for one in (run, pr.simulate_averaged(motor, DRIVE, 2e-3, courses=courses)):
+        assert one.deck is None
+        assert one.save(tmp_path / "run.csv").exists()
+
+
 def test_the_check_of_the_averaged_motor_is_in_the_result() -> None:
     """At 150 V the contact of beam40 opens; at 60 V it does not."""
     motor = pr.load_motor("beam40")
