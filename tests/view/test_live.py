@@ -78,7 +78,8 @@ def answered(page: Page, do: Callable[[], object], *, settled: bool = False) -> 
     page.evaluate("document.documentElement.dataset.busy = 'asked'; delete document.documentElement.dataset.picture")
     do()
     first = "" if settled else "html[data-picture], "
-    page.wait_for_selector(f"{first}html[data-busy=false]", state="attached", timeout=60_000)
+    limit = 180_000 if settled else 60_000  # ms; a picture settles in 20 s on an idle machine
+    page.wait_for_selector(f"{first}html[data-busy=false]", state="attached", timeout=limit)
     page.wait_for_timeout(50)  # what was answered is drawn in the next frame
     return data(page)
 
