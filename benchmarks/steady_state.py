@@ -70,13 +70,16 @@ def errors() -> None:
     ]
     print("| motor | drive, speeds in rad/s | coarse step, one copy | finer step, one copy | result | its estimate |")
     print("|---|---|---|---|---|---|")
-    for motor, drive, speeds in (
-        (paper, drives[0], np.linspace(-5.0, 12.0, 7)), (unintended, drives[1], np.linspace(-12.0, 30.0, 7)),
-        (paper, drives[2], np.linspace(-5.0, 12.0, 7)),
-        (flagship, pr.default_drive(flagship), np.linspace(-20.0, 60.0, 9)),
-    ):  # fmt: skip
+    slider, brush = "spring-slider", pr.Law("brush", 8)
+    hammers, lifts = (paper, drives[2], np.linspace(-5.0, 12.0, 7)), (flagship, None, np.linspace(-20.0, 60.0, 9))
+    for law, (motor, of_motor, speeds) in (
+        (slider, (paper, drives[0], np.linspace(-5.0, 12.0, 7))),
+        (slider, (unintended, drives[1], np.linspace(-12.0, 30.0, 7))),
+        *((law, subject) for law in (slider, brush) for subject in (hammers, lifts)),
+    ):
+        drive = of_motor or pr.default_drive(motor)
         scale = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
-        setups = [OperatingPoint.of(motor, drive, speed=speed) for speed in speeds.tolist()]
+        setups = [OperatingPoint.of(motor, drive, contact=law, speed=speed) for speed in speeds.tolist()]
         finer = [setup.with_step(setup.step / 2.0) for setup in setups]
         exact = steady_states([setup.with_step(setup.step / 8.0) for setup in setups])
         found = steady_states(setups)
@@ -88,7 +91,7 @@ def errors() -> None:
         cells = " | ".join(f"{100.0 * max(row) / scale:.3f}" for row in (*away, stated))
         least = 100.0 * max(state.torque_error_n_m for state in exact) / scale
         print(
-            f"| {motor.name} | {drive.label}, {speeds[0]:g} to {speeds[-1]:g} | {cells} |\n"
+            f"| {motor.name}, {law} | {drive.label}, {speeds[0]:g} to {speeds[-1]:g} | {cells} |\n"
             f"{small} of {len(speeds)} errors above their estimates; those at an eighth are at most {least:.4f}",
             flush=True,
         )

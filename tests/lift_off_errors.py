@@ -8,9 +8,7 @@ order and late by varying amounts, so the finer run counts, with the distance of
 
 from __future__ import annotations
 
-import argparse
-import json
-import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from math import log
 from pathlib import Path
@@ -19,10 +17,11 @@ from typing import Any
 import numpy as np
 
 import pyspice_runner as pr
+from tests.random_lift_off import RECORD as LIFT_OFF
 from tests.random_lift_off import case
-from tests.random_lift_off import read as lift_off
 from tests.random_runs import tones
 from tests.random_steady import LONGEST_CHECK
+from tests.records import Record, extended, read
 from tests.reference.damped import integrate_damped
 
 RECORD = Path(__file__).with_suffix(".json")
@@ -63,12 +62,6 @@ def outcome(index: int) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
-def read() -> list[dict[str, Any]]:
-    """Return the record."""
-    found: list[dict[str, Any]] = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else []
-    return found
-
-
 def judged(record: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return the cases whose run from rest ends in the same motion."""
     return [one for one in record if abs(one["torque"] - one["reference"]) <= 100.0 * ELSEWHERE]
@@ -96,22 +89,14 @@ def told(record: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Run cases until so many are in the record."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=30)
-    parser.add_argument("--seconds", type=float, default=1e9)
-    chosen = parser.parse_args()
-    record, begun = read(), time.monotonic()
-    counted = [one["index"] for one in lift_off() if one["counts"] and one["stable"]]
-    done = max((one["index"] for one in record), default=-1)
-    for index in (index for index in counted if index > done):
-        if len(record) >= chosen.count or time.monotonic() - begun > chosen.seconds:
-            break
-        found = outcome(index)
-        if found:
-            record.append(found)
-            RECORD.write_text(json.dumps(record, separators=(",", ":")) + "\n", encoding="utf-8")
-    print(told(record))
+    """Run cases until there are so many, or the time is over."""
+    counted = [one["index"] for one in read(LIFT_OFF) if one["counts"] and one["stable"]]
+
+    def following(record: Record) -> Iterator[dict[str, Any] | None]:
+        done = max((one["index"] for one in record), default=-1)
+        return (outcome(index) for index in counted if index > done)
+
+    print(told(extended(RECORD, __doc__, 30, following)))
 
 
 if __name__ == "__main__":

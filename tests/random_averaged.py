@@ -8,10 +8,8 @@ interrupted study can be resumed.
 
 from __future__ import annotations
 
-import argparse
-import json
-import time
 from collections.abc import Sequence
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +17,7 @@ import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.controlled import ControlledRun
+from tests.records import extended
 
 RECORD = Path(__file__).with_suffix(".json")
 SEED = 32
@@ -79,12 +78,6 @@ def _run_up(motor: pr.Motor, drive: pr.TwoPhaseDrive, *, averaged: bool) -> Cont
     return pr.simulate_controlled(motor, drive, lambda _: {}, RUN_UP, sample_time=SAMPLE, averaged=averaged)
 
 
-def read() -> list[dict[str, Any]]:
-    """Return the record."""
-    found: list[dict[str, Any]] = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else []
-    return found
-
-
 def sentences(record: Sequence[dict[str, Any]]) -> tuple[str, ...]:
     """Return the sentences of docs/averaged.md for a record."""
     steady = [one for one in record if one["steady_error"] is not None]
@@ -116,15 +109,7 @@ def sentences(record: Sequence[dict[str, Any]]) -> tuple[str, ...]:
 
 def main() -> None:
     """Run cases until there are so many, or the time is over."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=60)
-    parser.add_argument("--seconds", type=float, default=1e9)
-    chosen = parser.parse_args()
-    record, begun = read(), time.monotonic()
-    while len(record) < chosen.count and time.monotonic() - begun < chosen.seconds:
-        record.append(outcome(len(record)))
-        lines = ",\n".join(json.dumps(one, separators=(",", ":")) for one in record)
-        RECORD.write_text(f"[{lines}]\n", encoding="utf-8")
+    record = extended(RECORD, __doc__, 60, lambda record: map(outcome, count(len(record))))
     print(*sentences(record), sep="\n")
 
 

@@ -6,18 +6,17 @@
 
 from __future__ import annotations
 
-import argparse
-import json
 import random
-import time
 from collections import Counter
 from dataclasses import asdict, dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.design import Design
 from pyspice_runner.analysis.drive import DriveReport
+from tests.records import extended
 
 RECORD = Path(__file__).with_suffix(".json")
 MOTORS = ("bimodal40", "beam40", "andersen2002")
@@ -88,25 +87,16 @@ def outcome(spec: Specification) -> tuple[bool, str]:
     return True, found.reason
 
 
-def read() -> list[dict[str, Any]]:
-    """Return the record."""
-    found: list[dict[str, Any]] = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else []
-    return found
+def case(index: int) -> dict[str, Any]:
+    """Return the specification of a number and its outcome."""
+    spec = specification(index)
+    feasible, reason = outcome(spec)
+    return {"index": index, **asdict(spec), "feasible": feasible, "reason": reason}
 
 
 def main() -> None:
     """Run specifications until there are so many, or the time is over."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=100)
-    parser.add_argument("--seconds", type=float, default=1e9)
-    chosen = parser.parse_args()
-    record, begun = read(), time.monotonic()
-    while len(record) < chosen.count and time.monotonic() - begun < chosen.seconds:
-        spec = specification(len(record))
-        feasible, reason = outcome(spec)
-        record.append({"index": len(record), **asdict(spec), "feasible": feasible, "reason": reason})
-        lines = ",\n".join(json.dumps(one, separators=(",", ":"), ensure_ascii=False) for one in record)
-        RECORD.write_text(f"[{lines}]\n", encoding="utf-8")
+    record = extended(RECORD, __doc__, 100, lambda record: map(case, count(len(record))))
     print(len(record), Counter(one["feasible"] for one in record))
 
 

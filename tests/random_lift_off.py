@@ -10,10 +10,9 @@ motion.
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 from collections import Counter
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,7 @@ from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.copies import Copy, Plant
 from tests.motors import mode, motor
 from tests.random_steady import LONGEST_CHECK, STAYING, staying
+from tests.records import extended
 
 RECORD = Path(__file__).with_suffix(".json")
 SEED = 30
@@ -152,12 +152,6 @@ def _run_long(plant: Plant) -> dict[str, Any]:
     }
 
 
-def read() -> list[dict[str, Any]]:
-    """Return the record."""
-    found: list[dict[str, Any]] = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else []
-    return found
-
-
 def told(record: list[dict[str, Any]]) -> str:
     """Return the counts of a record in words."""
     counted = [one for one in record if one["counts"]]
@@ -175,16 +169,11 @@ def told(record: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Run cases until so many count."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=300)
-    parser.add_argument("--seconds", type=float, default=1e9)
-    chosen = parser.parse_args()
-    record = read()
-    begun = time.monotonic()
-    while sum(one["counts"] for one in record) < chosen.count and time.monotonic() - begun < chosen.seconds:
-        record.append(outcome(len(record)))
-        RECORD.write_text(json.dumps(record, separators=(",", ":")) + "\n", encoding="utf-8")
+    """Run cases until so many count, or the time is over."""
+    record = extended(
+        RECORD, __doc__, 300, lambda record: map(outcome, count(len(record))),
+        lambda record: sum(one["counts"] for one in record),
+    )  # fmt: skip
     print(told(record))
 
 

@@ -8,13 +8,12 @@ study can be resumed.
 
 from __future__ import annotations
 
-import argparse
-import json
 import re
-import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +31,7 @@ from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.copies import Copy
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.operating_point import OperatingPoint
+from tests.records import Record, extended
 from tests.soak import Case, case
 
 RECORD = Path(__file__).with_suffix(".json")
@@ -134,27 +134,13 @@ def staying(state: SteadyState, periods: int = STAYING) -> str:
     return "stays" if _close(state, friction * plant.motor.rotor.radius_m, force) else "leaves"
 
 
-def read() -> list[dict[str, Any]]:
-    """Return the record."""
-    found: list[dict[str, Any]] = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else []
-    return found
-
-
 def main() -> None:
     """Run cases until there are so many, or the time is over."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=200)
-    parser.add_argument("--seconds", type=float, default=1e9)
-    chosen = parser.parse_args()
-    record, begun = read(), time.monotonic()
-    index = record[-1]["index"] if record else -1
-    while len(record) < chosen.count and time.monotonic() - begun < chosen.seconds:
-        index += 1
-        found = outcome(index)
-        if found is not None:
-            record.append(found)
-            text = json.dumps(record, separators=(",", ":"), ensure_ascii=False)
-            RECORD.write_text(text + "\n", encoding="utf-8")
+
+    def following(record: Record) -> Iterator[dict[str, Any] | None]:
+        return map(outcome, count(record[-1]["index"] + 1 if record else 0))
+
+    record = extended(RECORD, __doc__, 200, following)
     print(len(record), Counter(one["method"] for one in record))
     print(Counter(one["verdict"] for one in record if one["method"] in FOUND))
 

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.random_drivers import outcome, read, specification
+from tests.random_drivers import RECORD, outcome, specification
+from tests.records import read
 
 
 def test_each_specification_of_the_record_ends_in_a_driver_that_works_or_in_a_reason() -> None:
-    record = read()
+    record = read(RECORD)
     assert [one["index"] for one in record] == list(range(len(record)))
     for one in record:
         assert asdict(specification(one["index"])).items() <= one.items()
@@ -25,4 +26,4 @@ def test_each_specification_of_the_record_ends_in_a_driver_that_works_or_in_a_re
 @pytest.mark.soak
 @pytest.mark.parametrize("index", range(0, 100, 10))
 def test_a_specification_of_the_record_comes_out_as_recorded(index: int) -> None:
-    assert outcome(specification(index))[0] == read()[index]["feasible"]
+    assert outcome(specification(index))[0] == read(RECORD)[index]["feasible"]

@@ -9,9 +9,10 @@ import pytest
 
 import pyspice_runner as pr
 from tests import lift_off_errors
-from tests.random_lift_off import case, outcome, read
+from tests.random_lift_off import RECORD, case, outcome
 from tests.random_runs import tones
 from tests.random_steady import AGREES
+from tests.records import read
 from tests.reference.damped import integrate_damped
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -51,7 +52,7 @@ def test_case_423_stays_where_the_reference_settles() -> None:
 
 
 def test_the_record_shows_newtons_method_in_nine_of_ten_and_none_that_leaves() -> None:
-    counted = [one for one in read() if one["counts"]]
+    counted = [one for one in read(RECORD) if one["counts"]]
     newton = [one for one in counted if one["method"] in ("newton", "damped") and one["stable"]]
     others = [one for one in counted if one not in newton and (one["stable"] or one.get("periodic"))]
     assert len(newton) >= 9 * len(others)
@@ -72,7 +73,7 @@ def test_the_torque_of_a_random_motor_that_lifts_off_is_that_of_the_reference() 
 
 
 def test_the_page_tells_how_many_stated_errors_of_the_record_are_too_small() -> None:
-    record = lift_off_errors.read()
+    record = read(lift_off_errors.RECORD)
     small = lift_off_errors.too_small(record)
     assert len(lift_off_errors.judged(record)) == len(record) >= 20
     page = (ROOT / "docs" / "steady_state.md").read_text(encoding="utf-8")

@@ -8,10 +8,11 @@ from collections import Counter
 import pytest
 
 from tests import random_steady
+from tests.records import read
 
 
 def test_no_steady_state_of_the_record_differs_from_settling_or_from_a_long_run() -> None:
-    record = random_steady.read()
+    record = read(random_steady.RECORD)
     found = [one for one in record if one["method"] in random_steady.FOUND]
     assert len(record) >= 200
     assert not [one for one in found if one["verdict"] in ("differs", "leaves")]
@@ -21,7 +22,7 @@ def test_no_steady_state_of_the_record_differs_from_settling_or_from_a_long_run(
 
 @pytest.mark.soak
 def test_cases_of_the_record_come_out_as_recorded() -> None:
-    agreeing = [one for one in random_steady.read() if one["verdict"] == "agrees"]
+    agreeing = [one for one in read(random_steady.RECORD) if one["verdict"] == "agrees"]
     for one in agreeing[:5]:
         again = random_steady.outcome(one["index"])
         assert again is not None

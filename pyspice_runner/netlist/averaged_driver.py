@@ -20,12 +20,8 @@ from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import DriveSource
 
 _LIBRARY = "driver_averaged"
-MOST_WINDING = (
-    0.05  # square of the drive frequency over the self-resonance of a coil: slope of its reactance within 10 %
-)
-MOST_CABLE = (
-    5.0  # ohm of a cable behind a filter or alone: a hundredth of a group's reactance, which it is left out for
-)
+MOST_WINDING = 0.05  # (drive frequency / self-resonance of a coil)²: the slope of its reactance is within 10 %
+MOST_CABLE = 5.0  # ohm of a cable that is left out, behind a filter or alone: a hundredth of a group's reactance
 _INDUCTOR = {"series_inductance": "inductance", "series_resistance": "resistance", "series_capacitance": "capacitance"}
 
 

@@ -268,7 +268,7 @@ class Driver(Stated, Source):
         return min((2.0 * pi * sqrt(one.inductance * one.capacitance) / RINGING_POINTS for one in rings), default=inf)
 
     def ringing(self, motor: Motor, group: str) -> Ringing | None:
-        """Return what rings behind the stage of a group; ``None`` without an inductance."""
+        """Return the inductance and capacitance behind the stage of a group; ``None`` without an inductance."""
         inductance, capacitance = self.leakage(group), float(getattr(motor.piezo, f"capacitance_{group}_f"))
         for part in self.parts(group):
             if part.label == self.network:

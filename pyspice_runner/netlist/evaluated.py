@@ -89,7 +89,7 @@ class Plotted:
 
 
 def plotted_nodes(motor: Motor, law: Law | None, instance: str) -> dict[str, Plotted]:
-    """Return what the circuit of a motor leaves out, by vectors of an instance."""
+    """Return the nodes of a brush that the circuit of a motor leaves out, by the names of their vectors."""
     if law is None or law.sliders is None:
         return {}
     library = contact_library(law, motor.contact)

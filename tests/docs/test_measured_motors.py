@@ -78,7 +78,7 @@ def by_sheet(name: str, *, friction: float | None = None) -> tuple[Motor, TwoPha
 
 
 def held_out(name: str) -> dict[str, float]:
-    """Return what a motor's sheet states beside frequency, force and speed, of the member of the class."""
+    """Return output, mass, preload and power of the motor that has the published frequency, force and speed."""
     motor, drive = by_sheet(name)
     speeds = MOTORS[name]["speed_m_s"] * NEAR_MOST
     output = pr.speed_torque(motor, drive, speeds=speeds).shaft_power_w.values
