@@ -55,6 +55,8 @@ def _values(result: Calibration, ax: Axes) -> None:
     ax.set_yticks(range(len(result.estimates)), [one.path for one in reversed(result.estimates)], fontsize=7)
     if all(one.start and min(one.interval_95) / one.start > 0.0 for one in result.estimates):
         ax.set_xscale("log")
+        for set_formatter in (ax.xaxis.set_major_formatter, ax.xaxis.set_minor_formatter):
+            set_formatter("{x:g}")
     dress(ax, "value over that at the start", "", "Values with 95 % intervals (ring: not decided by the data)")
 
 
