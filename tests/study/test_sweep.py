@@ -690,7 +690,9 @@ def test_a_failing_point_shows_in_the_exit_status(in_folder: Path, capsys: pytes
 
 
 def test_a_simulator_that_fails_everywhere_ends_with_3(in_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run([*COMMAND, "--over", "drive.voltage=10,20", "--timeout", "1e-3", *ALONE]) == 3
+    # 10 ms of the motor take ngspice a second; a run of a few ms can end before the timeout is looked at
+    long = ("--duration", "1e-2", "--timeout", "1e-3")
+    assert run([*AT_SPEED, "--over", "drive.voltage=10,20", *long, *ALONE]) == 3
     assert "2 of 2 points failed; the first: ngspice did not finish within 0.001 s" in capsys.readouterr().err
     assert in_folder.exists()
 
