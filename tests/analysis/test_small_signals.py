@@ -219,6 +219,7 @@ def test_where_effects_cancel_a_transfer_function_is_that_of_steady_states_withi
     assert found.to_xarray()["current_phase_a_deg_per_frequency_error"].attrs["units"] == "deg/Hz"
 
 
+@pytest.mark.soak
 def test_the_hot_admittance_of_a_motor_that_sticks_is_that_of_the_preloaded_stator() -> None:
     weak = DRIVE.model_copy(update={"voltage": 0.5})
     found = small_signals(MOTOR, weak, frequencies=[2300.0], speed=0.0)

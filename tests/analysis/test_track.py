@@ -409,6 +409,7 @@ def test_a_disturbance_after_the_end_is_an_error_not_a_success() -> None:
     assert "Give at least 0.008" in str(error.value)
 
 
+@pytest.mark.soak
 def test_a_speed_that_still_moves_after_the_disturbance_is_marked() -> None:
     heavy = motor().updated({"rotor.inertia_kg_m2": 1e-5})
     found = pr.track(heavy, tracker(), disturb="load", load_torque=1e-4, begin=1e-3, duration=2e-3, step=COARSE)
