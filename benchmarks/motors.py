@@ -29,6 +29,7 @@ from benchmarks.cluster import after_a_death
 from benchmarks.steady_state import at_equal_accuracy
 from pyspice_runner.run.operating_point import OperatingPoint
 from tests import random_lift_off
+from tests.records import read
 
 ROOT = Path(__file__).resolve().parent.parent
 REPEATS = 5
@@ -229,7 +230,7 @@ def scipy() -> None:
 
 def lift_off() -> None:
     """Print the counts of the record of random motors that lift off (``python -m tests.random_lift_off``)."""
-    print(random_lift_off.told(random_lift_off.read()))
+    print(random_lift_off.told(read(random_lift_off.RECORD)))
 
 
 def cluster() -> None:

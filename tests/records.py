@@ -19,6 +19,12 @@ def read(path: Path) -> Record:
     return found
 
 
+def write(path: Path, record: Record) -> None:
+    """Write a record, a case in a line."""
+    lines = ",\n".join(json.dumps(one, separators=(",", ":"), ensure_ascii=False) for one in record)
+    path.write_text(f"[{lines}]\n", encoding="utf-8")
+
+
 def extended(
     path: Path, description: str | None, count: int, cases: Callable[[Record], Iterable[dict[str, Any] | None]],
     counted: Callable[[Record], int] = len,
@@ -45,6 +51,5 @@ def extended(
             break
         if found is not None:
             record.append(found)
-            lines = ",\n".join(json.dumps(one, separators=(",", ":"), ensure_ascii=False) for one in record)
-            path.write_text(f"[{lines}]\n", encoding="utf-8")
+            write(path, record)
     return record
