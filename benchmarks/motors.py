@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Curves, maps, transients and small times of the motors that people use: the tables of ``docs/speed.md``.
 
-.venv/bin/python -m benchmarks.motors                  # all but the cluster, on an idle machine: some ten minutes
+.venv/bin/python -m benchmarks.motors                  # all but the last two, on an idle machine: some twenty minutes
 .venv/bin/python -m benchmarks.motors curves settled   # some of its parts
 .venv/bin/python -m benchmarks.motors cluster          # 10,000 points on four local workers, one of which is ended
+.venv/bin/python -m benchmarks.motors settling         # of docs/steady_state.md; of CPU time, some six minutes
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +37,7 @@ ROOT = Path(__file__).resolve().parent.parent
 REPEATS = 5
 BRUSH = pr.Law("brush", 8)
 SETTLED = 1e-4  # a tenth of the tolerance of settling
+PATIENCE = 400  # blocks: the carrier of the paper's second motor needs about a hundred
 EVERY = 5  # one of this number of speeds is left to settle
 
 
@@ -129,13 +132,31 @@ def settled() -> None:
         before = used()
         step = 0.25 * OperatingPoint.of(one.motor, one.drive, contact="spring-slider").step
         left = pr.speed_torque(
-            one.motor, one.drive, speeds=speeds, mode="settle", tolerance=SETTLED, patience=400, step=step
+            one.motor, one.drive, speeds=speeds, mode="settle", tolerance=SETTLED, patience=PATIENCE, step=step
         )
         kept = left.settled.values
         away = np.abs(steady.torque_n_m - left.torque_n_m).values[kept].max(initial=0.0) / one.friction_torque
         print(
             f"| {one.name} | {100.0 * away:.3f} | {np.count_nonzero(~kept)} of {len(kept)} | "
             f"{(used() - before) / len(speeds):.1f} |",
+            flush=True,
+        )
+
+
+def settling() -> None:
+    """Print CPU times of curves of the paper's motors by steady states and by settling, in one run, and their ratio."""
+    print("| motor | steady states, CPU | settling, CPU | ratio | largest difference, % of μF₀R |")
+    print("|---|---|---|---|---|")
+    for one in islice(subjects(), 4):
+        found, spent = [], []
+        for mode in ("steady", "settle"):
+            before = used()
+            found.append(pr.speed_torque(one.motor, one.drive, speeds=one.speeds, mode=mode, patience=PATIENCE))
+            spent.append(used() - before)
+        away = float(abs(found[0].torque_n_m - found[1].torque_n_m).max()) / one.friction_torque
+        assert found[1].settled.all()
+        print(
+            f"| {one.name} | {spent[0]:.2f} s | {spent[1]:.0f} s | {spent[1] / spent[0]:.0f} | {100.0 * away:.3f} |",
             flush=True,
         )
 
@@ -264,7 +285,7 @@ def small() -> None:
 
 
 USUAL = (curves, settled, maps, transients, small, scipy, laws, lift_off)
-PARTS = {part.__name__: part for part in (*USUAL, cluster)}
+PARTS = {part.__name__: part for part in (*USUAL, settling, cluster)}
 
 
 def main(names: Sequence[str] = tuple(part.__name__ for part in USUAL)) -> None:
