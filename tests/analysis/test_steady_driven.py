@@ -12,11 +12,15 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.analysis.driven import DrivenMap
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.cli import run
+from pyspice_runner.engine.processes import KeptProcesses
 from pyspice_runner.model.drive import Load, two_phases
 from pyspice_runner.netlist.contact import PAPER_LAW
-from pyspice_runner.netlist.driven import LEAD, DrivenPlant
+from pyspice_runner.netlist.copies import Copy
+from pyspice_runner.netlist.driven import LEAD, DrivenPlant, driven_bench
+from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.operating_point import OperatingPoint
 
 pytestmark = pytest.mark.xdist_group("steady states")
@@ -127,6 +131,21 @@ def test_behind_a_driver_a_steady_state_is_what_a_run_settles_to(kind: str, netw
     assert ours.torque_n_m == pytest.approx(settled["torque_n_m"], abs=off)
     for name in ("normal_force_n", "power_a_w", "power_b_w", "current_a_rms_a", "current_b_rms_a", "damping_loss_w"):
         assert getattr(ours, name) == pytest.approx(settled[name], rel=1e-2), name  # settled means to its tolerance
+
+
+def test_behind_a_coil_the_steps_of_many_copies_stay_uniform() -> None:
+    """The rounding of 100 V, 1.4e-14 V, must not be a current above abstol, or steps fall to 1e-18 s and stay there."""
+    amplifier = driver("linear", "inductor")
+    plant = DrivenPlant(HELD, pr.TwoPhaseDrive(**two_phases(amplifier)), Load(6.0, 0.0), PAPER_LAW, amplifier)
+    with KeptProcesses() as processes:
+        period_map = DrivenMap(amplifier.period, 160, None, uniform=True, processes=processes)
+        (begun,) = period_map.settled([Copy(plant, np.zeros(plant.order))], 10)
+    assert begun is not None
+    bench = driven_bench([Copy(plant, begun)] * 13, period_map.discretisation)
+    timing = transient_timing(period_map.step, period_map.duration)
+    steps = np.diff(run_bench(bench, ["v(xc0.a)"], None, "transient", timing).vectors()["time"])
+    # ngspice doubles its steps from a hundredth, with one more that ends at a whole number of the first
+    assert steps[12:-2] == pytest.approx(period_map.step, rel=1e-9)
 
 
 @pytest.mark.soak
