@@ -4,10 +4,9 @@
  *
  * A quantity is q(t) = q_0 + Re(sum of Q_h exp(j h theta)), d theta/dt = 2 pi frequency. The states are integrated by
  * TR-BDF2: the trapezoidal rule for a part of a step, then the second backward differentiation formula for the whole. A
- * step needs no step before it, so that inputs may jump between two steps. The step follows from the estimated error; it is
- * at least a period of the drive. This damps free oscillations that the averages do not describe, such as those of a mode
- * far from the drive. Newton's method solves both stages with one matrix, which is kept until the step or the motor's
- * Jacobian matrix has changed.
+ * step needs no step before it, so that inputs may jump between two steps. The step follows from the estimated error, down to
+ * a quarter of a period of the drive. Newton's method solves both stages with one matrix, which is kept until the step or
+ * the motor's Jacobian matrix has changed.
  *
  * SOURCE R. E. Bank et al., IEEE Trans. CAD 4 (1985) 436; M. E. Hosea, L. F. Shampine, Appl. Numer. Math. 20 (1996) 21
  */
@@ -27,6 +26,7 @@
 #define SOLVED 0.05           /* error of Newton's method, over that of a step */
 #define ITERATIONS 8          /* with one Jacobian matrix */
 #define SLOW 0.3              /* a change over the one before it, above which the Jacobian matrix is old */
+#define SHORTEST 0.25         /* of a period of the drive: the shortest step whose error counts */
 #define HALVINGS 12           /* of the shortest step, if its equations are not solved */
 #define MIDDLE 0.58578643762690495 /* 2 - sqrt(2): end of the trapezoidal part of a step */
 #define WEIGHT 0.29289321881345248 /* 1 - 1/sqrt(2): of the rate at the end of a stage, in both stages */
@@ -51,7 +51,7 @@ struct contact {
     phasor fx[ORDERS], fy[ORDERS]; /* N, force on the tip; [0] is the mean */
     double normal, friction;       /* N, means */
     double separated, slip;        /* shares of the period */
-    double slider;                 /* m, at the end of the period */
+    double shift, low, high;       /* m: from the slider at the begin to that at the end of the period, clip_slider() */
 };
 
 /* Sum the harmonics of a displacement at every phase. */
@@ -89,13 +89,20 @@ struct path {
    the present preload; without a mount another preload is another distance. */
 static double laid_preload(const struct motor *m) { return MOUNTED ? m->laid : m->value.preload; }
 
+/* The slider at the end of a period that begins with another one. At each phase it moves with the tip and is clipped at the
+   limits of stick; together these are one motion and one pair of limits. */
+static double clip_slider(const struct contact *c, double slider)
+{
+    return fmin(fmax(slider + c->shift, c->low), c->high);
+}
+
 /* One period of the contact; piezomotor_phase.h takes displacements in um. */
 static struct contact touch(const struct motor *m, const struct path *path)
 {
     const struct values *p = &m->value;
     double x[PHASES], y[PHASES], fx[PHASES], fy[PHASES];
     double deflection = 0.0, laid = laid_preload(m);
-    struct contact found = {0};
+    struct contact found = {.low = -INFINITY, .high = INFINITY};
 
     for (int i = 0; i < MODES; i++)
         deflection += p->mode[i].tip_y * p->mode[i].tip_y * laid / p->mode[i].stiffness;
@@ -126,6 +133,9 @@ static struct contact touch(const struct motor *m, const struct path *path)
         at.normal_before = at.normal;
         if (k < 0)
             continue;
+        found.shift += 1e-6 * at.motion;
+        found.low = 1e-6 * fmin(fmax(1e6 * found.low + at.motion, -at.bound), at.bound);
+        found.high = 1e-6 * fmin(fmax(1e6 * found.high + at.motion, -at.bound), at.bound);
         at.slider_before = at.slider;
         fx[n] = at.fx;
         fy[n] = at.fy;
@@ -134,7 +144,6 @@ static struct contact touch(const struct motor *m, const struct path *path)
         found.separated += at.open / PHASES;
         found.slip += at.slip / PHASES;
     }
-    found.slider = 1e-6 * at.slider;
     analyse(m, fx, found.fx);
     analyse(m, fy, found.fy);
     return found;
@@ -148,6 +157,17 @@ static double natural(const struct mode *mode) { return sqrt(mode->stiffness / m
 static phasor inertance(const struct mode *mode, double omega)
 {
     return (phasor){mode->damping, mode->mass * (omega + natural(mode))};
+}
+
+/* Factor of the rate of an amplitude that would go on as exp(-from * t). The averages do not describe an oscillation against
+   the drive that is fast, by half of the drive's frequency or more: it settles without one. A slow one stays, with the
+   fourth power of the ratio as the greatest change. */
+static phasor settling(phasor from, double frequency)
+{
+    double ratio = size(from) / (PI * frequency), damped = pow(ratio, 4.0);
+    phasor straight = scaled(pow(ratio, 3.0) / (PI * frequency), (phasor){from.re, -from.im}); /* from * straight is real */
+
+    return scaled(1.0 / (1.0 + damped), (phasor){1.0 + straight.re, straight.im});
 }
 
 struct flow {
@@ -306,8 +326,7 @@ static void charge(const struct motor *m, const double state[STATES], double fre
 }
 
 /* Find the rate, m/s, at which the tip moves on the carrier along the rotor from one period to the next, at the last phase, where
-   the slider is carried over: a contact that sticks throughout takes the slider along; otherwise slip sets it anew. The speed of the path has
-   that of the carrier. */
+   the slider is carried over. The speed of the path has that of the carrier. */
 static double creep(const struct motor *m, const double rate[STATES])
 {
     const phasor *last = m->wheel[PHASES - 1];
@@ -362,7 +381,8 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
             if (h == 1)
                 force = sum(force, scaled(gain, sum(scaled(mode->coupling_a, u_a), scaled(mode->coupling_b, u_b))));
             force = sum(force, scaled(-1.0, product(spring, amplitude)));
-            phasor rate = quotient(force, inertance(mode, omega));
+            phasor inert = inertance(mode, omega);
+            phasor rate = product(quotient(force, inert), settling(quotient(spring, inert), frequency));
             phasor velocity = sum(rate, scaled(omega, turned(amplitude)));
             f->rate[s] = rate.re;
             f->rate[s + 1] = rate.im;
@@ -393,10 +413,8 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
     f->rate[CARRIER_X_VELOCITY] = MOUNTED_X ? push_x / p->mount_x_mass : 0.0;
     turn(p, state, drive, f->rate);
     f->rate[BEARING] = (state[SPEED] - state[BEARING] * fabs(state[SPEED])) / p->bearing_presliding; /* Dahl */
-    f->rate[SLIDER] = frequency * (f->contact.slider - state[SLIDER]);
-    /* a share of stick as factor would step at each phase that begins to slip, which stops the solvers of model exchange */
-    if (f->contact.slip + f->contact.separated < 0.5 / PHASES)
-        f->rate[SLIDER] += creep(m, f->rate);
+    /* the tip takes the slider along; what slips in the period that follows sets it anew */
+    f->rate[SLIDER] = frequency * (clip_slider(&f->contact, state[SLIDER] + creep(m, f->rate) / frequency) - state[SLIDER]);
     f->rate[TEMPERATURE] = 0.0;
     if (p->heat_capacity > 0.0) {
         double cooling = (warm - p->ambient_temperature) / p->thermal_resistance;
@@ -739,7 +757,7 @@ static double attempt(struct motor *m, const double inputs[INPUT_COUNT], double 
     return measure(solver, error, state);
 }
 
-double motor_shortest_step(const struct motor *motor) { return 1.0 / motor->value.frequency; }
+double motor_shortest_step(const struct motor *motor) { return SHORTEST / motor->value.frequency; }
 
 void motor_begin(struct motor *motor)
 {

@@ -54,7 +54,7 @@ DEEPEST_M = 5e-4  # static penetration: half of the largest in piezomotor_averag
 _CONTACT = "piezomotor_averaged_contact"
 _PHASE = "piezomotor_averaged_phase"
 _OF_BENDING = ("stiffness", "tip_x", "tip_y")
-_OF_PHASE = ("slider", "normal", "friction", "fx", "fy", "open", "slip")  # outputs of a phase
+_OF_PHASE = ("slider", "normal", "friction", "fx", "fy", "open", "slip", "motion", "bound")  # outputs of a phase
 
 
 def check_resolution(phases: int, harmonics: int) -> None:
@@ -160,6 +160,8 @@ def averaged_phase(terms: Terms) -> Library:
     if not terms.series_x:
         text = text.replace(" series_x=0", "").replace("-{1e6*series_x}*V(friction)", "")
         text = text.replace("{1e6*series_x}*V(friction)+", "")
+        text = re.sub(r"(?m)^Bbound .*\n", "", text)
+        text = re.sub(r"\blimit\b", "bound", text)
         held = re.search(r"(?m)^Bslider slider 0 V=(.*)$", text)
         assert held is not None
         clipped = held[1]
@@ -173,13 +175,10 @@ def averaged_phase(terms: Terms) -> Library:
     return replace(library, subcircuit=text, parameters=parameters)
 
 
-def _carried(node: str, last: str, start: str, along: str = "0") -> tuple[str, ...]:
-    """Return the lines of a node with what another had at the end of the period, for the start of the next.
-
-    It follows the changes of the node ``along``.
-    """
+def _carried(node: str, last: str, start: str) -> tuple[str, ...]:
+    """Return the lines of a node with what another had at the end of the period, for the start of the next."""
     carry = f"B{node} 0 {node} I=1u*V(frequency)*(V({last})-V({node}))"
-    return carry, f"C{node} {node} {along} 1u ic={start}", f"R{node} {node} 0 1g"
+    return carry, f"C{node} {node} 0 1u ic={start}", f"R{node} {node} 0 1g"
 
 
 @cache
@@ -202,14 +201,13 @@ def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS, terms: Te
         f"Bturn turn 0 V={{1e6*radius/{phases}}}*V(shaft)/max(V(frequency),1)",
         f"Erate rate 0 frequency 0 {{0.5*{phases}}}",
         "Gtorque 0 shaft friction 0 {radius}",
-        *_carried("carry", f"slider{phases - 1}", "0"),
-        # a contact that sticks throughout takes the slider along where the tip moves from period to period; slip sets
-        # it anew. In between, the fourth power of the share of stick has smaller steps than 0 at the first slip, where
-        # ngspice does not converge; against the full motor it is nearly as accurate
+        *_carried("carry", f"taken{phases - 1}", "0"),
+        # the slider that is carried over is that which the tip takes along as it moves from period to period, unless it
+        # slips in the period that follows: taken0 to the last
         f"Bown own 0 V=V(x{phases - 1})-V(x_0)+V(x_own)",
         "Vmoves own moves 0",
         "Cmoves moves 0 1u",
-        "Bfollow 0 carry I=max(1-V(slip)-V(open),0)**4*I(Vmoves)",
+        "Btaken taken 0 V=V(carry)+1e6*I(Vmoves)/max(V(frequency),1)",
         *(_carried("carry_1", f"normal{phases - 1}", "{preload}") if series else []),
         *(_carried("carry_2", f"normal{phases - 2}", "{preload}") if series else []),
     ]
@@ -222,6 +220,8 @@ def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS, terms: Te
         nodes = f"x{number} y{number} x{before} y{before} x{after} y{after} {slider} {forces} turn rate"
         outputs = " ".join(f"{name}{number}" for name in _OF_PHASE)
         lines.append(f"Xphase{number} {nodes} {outputs} {_PHASE} {passed}")
+        taken, bound = f"taken{before if number else ''}", f"V(bound{number})"
+        lines.append(f"Btaken{number} taken{number} 0 V=max(-{bound},min({bound},V({taken})+V(motion{number})))")
         for axis in "xy":
             lines += [f"R{axis}{number} {axis}{number} 0 1", f"G{axis}{number}_0 0 {axis}{number} {axis}_0 0 1"]
         for name in ("normal", "friction", "open", "slip"):

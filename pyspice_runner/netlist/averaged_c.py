@@ -149,22 +149,26 @@ static double phase_{0}_by(struct phase *p, double value)
     return {1};
 }}
 
-/* The root of an equation whose right side falls as the value rises: false position, by the Illinois rule. */
+/* The root of an equation whose right side falls as the value rises: false position, with the weights of Anderson and
+   Bjoerck (BIT 13 (1973) 253) for an end that stays. */
 static double phase_{0}(struct phase *p)
 {{
     double low = 0.0, high = phase_{0}_by(p, 0.0), sign = high < 0.0 ? -1.0 : 1.0, most = sign * high;
-    double under = most, over = sign * (phase_{0}_by(p, high) - high);
+    double under = most, over = sign * (phase_{0}_by(p, high) - high), same = 0.0;
 
     for (int i = 0; i < 100 && over < -1e-13 * most; i++) {{
         double middle = (low * over - high * under) / (over - under);
         double excess = sign * (phase_{0}_by(p, middle) - middle);
+        double weight = same * excess > 0.0 ? 1.0 - excess / (excess < 0.0 ? over : under) : 1.0;
         if (fabs(excess) <= 1e-13 * most)
             return middle;
+        weight = weight > 0.0 ? weight : 0.5;
         if (excess < 0.0) {{
-            high = middle, over = excess, under *= 0.5;
+            high = middle, over = excess, under *= weight;
         }} else {{
-            low = middle, under = excess, over *= 0.5;
+            low = middle, under = excess, over *= weight;
         }}
+        same = excess;
     }}
     return high;
 }}

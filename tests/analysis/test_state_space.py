@@ -48,6 +48,17 @@ def test_a_small_step_of_the_voltage_moves_the_averaged_motor_as_the_system_says
     assert np.abs(moved[: len(mean)] - mean).max() < 0.05 * mean.max()
 
 
+@pytest.mark.parametrize("name", ["beam40", "andersen2002"])
+def test_no_oscillation_against_the_drive_is_faster_than_half_of_its_frequency(name: str) -> None:
+    """Those of modes at harmonics, of 0.7 to 3 times the frequency, would be free motions that no average describes."""
+    motor = pr.load_motor(name)
+    drive = pr.default_drive(motor).model_copy(update={"voltage": 69.0})
+    poles = np.linalg.eigvals(pr.state_space(motor, drive).a) / (2.0 * np.pi * drive.frequency)
+    fast = poles[np.abs(poles) > 0.5]
+    assert len(fast) > 5
+    assert np.all(np.abs(fast.imag) < -0.25 * fast.real)  # they settle within a period
+
+
 def test_other_programs_read_the_system_with_its_names(system: StateSpace, tmp_path: Path) -> None:
     known = system.to_control()
     assert known.input_labels == list(system.inputs) == ["amplitude", "phase", "frequency", "load_torque"]

@@ -32,9 +32,6 @@ pytestmark = pytest.mark.xdist_group("fmu")
 SAMPLE = 1e-3  # s
 # of a quantity, over its greatest magnitude; ngspice's own error is a few tenths of a per cent
 WITHIN = 0.01
-# Of the angle after the first periods. In C a contact that sticks takes its slider along as the amplitudes change, in
-# ngspice not: from 5 to 20 ms andersen2002 turns by 1.782 and 1.826 mrad under this load, the full motor by 1.764.
-ANGLE_WITHIN = 0.03
 
 
 class Unit:
@@ -210,8 +207,6 @@ def test_all_outputs_under_load_warmth_and_detuning_are_those_of_simulate_averag
     unit = Unit(pr.export_motor(motor, tmp_path / "motor.fmu", thermal=thermal))
     unit.set(load_torque=2e-4)
     for number in range(20):
-        if number == 5:  # in the first periods ngspice lets a mode far from the drive ring, which turns the shaft
-            (begun,) = unit.get("position")
         if number == 10:
             unit.set(frequency=1.001 * drive.frequency)
         unit.advance()
@@ -219,10 +214,8 @@ def test_all_outputs_under_load_warmth_and_detuning_are_those_of_simulate_averag
     expected = simulate_averaged(motor, drive, 0.02, load_torque=2e-4, thermal=thermal, courses=detuned, engine="spice")
     assert expected.temperature_k[-1] > 12.0
     for ours, column in COLUMNS.items():
-        values, since, within = getattr(expected, column), 0.0, WITHIN
-        if ours == "position":
-            values, since, within = values - np.interp(5e-3, expected.time_s, values), begun, ANGLE_WITHIN
-        assert unit.get(ours)[0] - since == pytest.approx(values[-1], abs=within * np.abs(values).max()), ours
+        values = getattr(expected, column)
+        assert unit.get(ours)[0] == pytest.approx(values[-1], abs=WITHIN * np.abs(values).max()), ours
     unit.fmu.freeInstance()
 
 
