@@ -32,7 +32,7 @@ class Pipe:
     """
 
     def __init__(self, timeout: float) -> None:
-        ngspice_version()
+        self.version = ngspice_version()
         self.timeout = timeout
         self.marks = 0
         self._buffer = b""

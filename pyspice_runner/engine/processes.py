@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 from typing import Self
 
-from pyspice_runner.engine.ngspice import Result, ngspice_version, run_deck, verified_run
+from pyspice_runner.engine.ngspice import Result, run_deck, verified_run
 from pyspice_runner.engine.pipe import Pipe
 from pyspice_runner.engine.silent import silent_fault
 from pyspice_runner.errors import SimulationError
@@ -65,7 +65,7 @@ class KeptProcesses:
                 pipe.close()
                 raise
             self._idle.append(pipe)
-        return Result(found, seconds, log, ngspice_version())
+        return Result(found, seconds, log, pipe.version)
 
 
 def _begun() -> Pipe:

@@ -28,6 +28,10 @@ _OPTIONS = frozenset(
     )
 )
 
+_READ = ".xvi"  # first letters of the statements that are checked
+_READ_OR_JOINED = _READ + "+;$/"  # and of continuations and comments; of an empty line, too
+_LINES = re.compile(rf"^[^\S\n]*[{_READ};$/].*$", re.M)  # those of them where no line is a continuation
+_CONTINUATION = re.compile(r"^[^\S\n]*\+", re.M)
 _COMMENT = re.compile(r";|\s\$\s|//")
 _EQUALS = re.compile(r"\s*=\s*")
 _SPACED = re.compile(r"\s=|=\s")
@@ -45,26 +49,39 @@ def _statements(deck: str) -> list[str]:
 
     They are in lower case; expressions in braces or quotes are replaced by 0.
     """
-    joined: list[str] = []
-    for raw in deck.lower().split("\n")[1:]:
-        line = raw
-        if ";" in raw or "$" in raw or "//" in raw:
-            line = _COMMENT.split(raw, maxsplit=1)[0]
-        line = line.strip()
-        if line.startswith("+") and joined:
-            joined[-1] += " " + line[1:]
-        elif line and not line.startswith("*"):
-            joined.append(line)
     statements, control = [], False
-    for line in joined:
+    for line in _joined(deck):
         if line.startswith(".control"):
             control = True
         elif line.startswith(".endc"):
             control = False
-        elif not control and line[0] in ".xvi":
+        elif not control:
             line = _without_expressions(line)
             statements.append(_EQUALS.sub("=", line).strip() if _SPACED.search(line) else line)
     return statements
+
+
+def _joined(deck: str) -> list[str]:
+    """Return these statements in lower case, without comments, with continuations joined."""
+    joined: list[str] = []
+    read = False  # whether the last statement is one of these
+    text = deck.lower().partition("\n")[2]
+    for raw in text.split("\n") if _CONTINUATION.search(text) else _LINES.findall(text):
+        line = raw.lstrip()
+        if line[:1] not in _READ_OR_JOINED:
+            read = read and line.startswith("*")
+            continue
+        if ";" in raw or "$" in raw or "//" in raw:
+            line = _COMMENT.split(raw, maxsplit=1)[0]
+        line = line.strip()
+        if line.startswith("+"):
+            if read:
+                joined[-1] += " " + line[1:]
+        elif line and not line.startswith("*"):
+            read = line[0] in _READ
+            if read:
+                joined.append(line)
+    return joined
 
 
 def _without_expressions(line: str) -> str:
