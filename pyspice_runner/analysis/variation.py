@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.recoil import carriers
-from pyspice_runner.netlist.contact import LIBRARIES, contact_library
+from pyspice_runner.netlist.contact import LIBRARIES, contact_library, unplotted
 from pyspice_runner.netlist.copies import Plant
 from pyspice_runner.netlist.evaluated import DIFFERENCE, library_function, parameter_columns
 from pyspice_runner.netlist.library import read_library
@@ -33,6 +33,7 @@ from pyspice_runner.netlist.motor import SLIDER_TIME
 from pyspice_runner.netlist.state import MICRO, Discretisation, static_sway, stems, written, written_recoils
 
 Array = NDArray[np.float64]
+FORCES = ("fx", "fy", "friction", "normal")  # of the contact, in N
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class _Group:
         self.plant = courses[0].plant
         assert self.plant.law is not None
         self.law = self.plant.law
-        self.library = contact_library(self.law, self.plant.motor.contact)
+        self.library = unplotted(contact_library(self.law, self.plant.motor.contact))
         self.function = library_function(self.library)
         self.stems = list(stems(self.plant.motor, self.law))
         self.row = slice(5, 5 + self.law.sliders) if self.law.sliders else None  # place of the sliders among the inputs
@@ -130,24 +131,26 @@ class _Group:
         sways = np.array([static_sway(one.motor, plant.law, self.discretisation) for one in self.plants])
         held[:, 0, 0] = -sways[self.which] / MICRO
         held[:, 0, 4] = 0.0 if plant.turns else [course.plant.load.speed or 0.0 for course in self.courses]
-        pins = np.einsum("rix,rnx->rni", self.tip, self.states) + held
-        forces = np.array([(course.friction, course.normal) for course in self.courses]).swapaxes(1, 2)
-        inputs = np.concatenate([pins, self.states[..., self.inner] / self.units, forces], axis=2)
-        scales = np.abs(inputs).max(axis=(0, 1))
+        pins = self.states @ self.tip.swapaxes(1, 2) + held
+        inputs = [pins, self.states[..., self.inner] / self.units]
+        if self.stems:  # the forces compress what is in series with the contact, on which they depend themselves
+            inputs.append(np.array([(course.friction, course.normal) for course in self.courses]).swapaxes(1, 2))
+        values = np.concatenate(inputs, axis=2)
+        scales = np.abs(values).max(axis=(0, 1))
         steps = DIFFERENCE * np.where(scales > 0.0, scales, 1.0)
         changes = np.diag(steps)
         if self.row:  # its sliders change together
             steps[self.row] = steps[self.row].max()
             changes[self.row.start, self.row] = steps[self.row]
             changes = np.delete(changes, range(self.row.start + 1, self.row.stop), axis=0)
-        outputs = self._outputs(inputs[:, :, np.newaxis] + np.vstack([np.zeros_like(steps), changes]))
+        outputs = self._outputs(values[:, :, np.newaxis] + np.vstack([np.zeros_like(steps), changes]))
         found = outputs[:, :, 1:] - outputs[:, :, :1]
         if self.row:
             found = self._separated(found, self.row, steps[self.row.start])
         slopes = np.moveaxis(found / steps[:, np.newaxis], 2, 3)
-        # the forces compress what is in series with the contact, on which they depend themselves
-        own = np.linalg.solve(np.eye(2) - slopes[:, :, 2:4, -2:], slopes[:, :, 2:4, :-2])
-        slopes = slopes[..., :-2] + slopes[..., -2:] @ own
+        if self.stems:
+            own = np.linalg.solve(np.eye(2) - slopes[:, :, 2:4, -2:], slopes[:, :, 2:4, :-2])
+            slopes = slopes[..., :-2] + slopes[..., -2:] @ own
         found = slopes[..., :5] @ self.tip[:, np.newaxis]
         found[..., self.inner] += slopes[..., 5:] / self.units
         return found
@@ -168,7 +171,7 @@ class _Group:
         return np.concatenate([found[:, :, : row.start], own, found[:, :, row.start + 1 :]], axis=2)
 
     def _outputs(self, inputs: Array) -> Array:
-        """Return the outputs of :meth:`_contact` for x, y, vx, vy, shaft, states, friction, normal in the last axis."""
+        """Return the outputs of :meth:`_contact` for x, y, vx, vy, shaft, states, and forces on stems."""
         motors = [plant.motor for plant in self.plants]
         law, step = self.law, self.discretisation
 
@@ -185,11 +188,11 @@ class _Group:
         ]
         columns = parameter_columns(law, motors, bent, step.slider_time)
         values: dict[str, Any] = {name: column(numbers) for name, numbers in columns.items()}
-        x, y, vx, vy, shaft, *states, friction, normal = np.moveaxis(inputs, -1, 0)
+        x, y, vx, vy, shaft, *states = np.moveaxis(inputs, -1, 0)
         pins = {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft}
         rates, at = [], len(self.function.states)
         for name in self.stems:
-            axis, force, preload = ("x", friction, 0.0) if name == "stem_x" else ("y", normal, values["preload"])
+            axis, force, preload = ("x", states[-2], 0.0) if name == "stem_x" else ("y", states[-1], values["preload"])
             stem = read_library("piezomotor_stem")
             given: dict[str, Any] = {item.name: item.default for item in stem.parameters}
             given |= {"preload": preload, SLIDER_TIME: step.slider_time}  # a law may have no slider
@@ -202,10 +205,10 @@ class _Group:
             at += len(lags)
         names = self.function.states
         values |= pins | dict(zip(names, states, strict=False))
-        values["delta"] = np.array([course.penetration_um for course in self.courses])[..., np.newaxis]
-        found = self.function(values)
-        parts = [found[name] for name in ("fx", "fy", "friction", "normal")]
-        rates = [found[f"rate_{name}"] for name in names] + rates
+        depth = np.array([course.penetration_um for course in self.courses])[..., np.newaxis]
+        found = self.function.of([*FORCES, *(f"rate_{name}" for name in names)], values, {"delta": depth})
+        parts = [found.pop(name) for name in FORCES]
+        rates = [*found.values(), *rates]
         rates = [unit * rate for unit, rate in zip(self.units, rates, strict=True)]
         return np.stack(np.broadcast_arrays(*parts, *rates), axis=-1)
 

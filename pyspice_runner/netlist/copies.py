@@ -246,6 +246,9 @@ def copies_bench(
     signals: dict[str, Derived] = {}
     plants = list({copy.plant.motor_name: copy.plant for copy in copies}.values())
     modules = {module_of(plant.motor, plant.law): None for plant in plants if compiled and plant.law}
+    for plant in () if compiled else plants:
+        own = [copy_name(number) for number, copy in enumerate(copies) if copy.plant.motor_name == plant.motor_name]
+        signals |= plotted_nodes(plant.motor, plant.law, *own)
     subcircuits = {part: text for plant in plants for part, text in texts[plant.motor_name].items()}
     lines = [*map(loading, modules), *subcircuits.values()]
     for number, copy in enumerate(copies):
@@ -273,8 +276,6 @@ def copies_bench(
         if compiled:
             start |= {shaft: float(copy.state[-1])} if plant.turns else {}
             signals |= module_signals(plant.motor, discretisation, instance)
-        else:
-            signals |= plotted_nodes(plant.motor, plant.law, instance)
         start |= {f"{instance}.{node}": value for node, value in inside.items()}
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name}")
     circuit.raw_spice += "\n".join(lines) + "\n"

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import ast
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import CodeType
@@ -36,7 +38,7 @@ _FUNCTIONS: dict[str, Any] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LibraryFunction:
     """The equations of a library.
 
@@ -60,17 +62,36 @@ class LibraryFunction:
                 found[name] = eval(code, _FUNCTIONS, found)
         return found
 
-    def of(self, nodes: Sequence[str], values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values with some nodes, from parameters and those nodes that are given."""
-        found, needed = dict(values), set(nodes)
-        program: list[tuple[str, CodeType]] = []
-        for name, code, _ in reversed(self._program):
-            if name in needed and name not in found:
-                needed.update(code.co_names)
-                program.append((name, code))
-        for name, code in reversed(program):
-            found[name] = eval(code, _FUNCTIONS, found)
-        return found
+    def of(self, nodes: Sequence[str], values: Mapping[str, Any], start: Mapping[str, Any] = {}) -> dict[str, Any]:
+        """Return some nodes, from parameters and those nodes that are given.
+
+        A node that depends on itself begins at its value in ``start``, or 0. What is no longer needed on the way is
+        forgotten, so that its memory serves again while it is in the cache.
+        """
+        found = {**start, **values}
+        for name, code, times, dead in _needed(self, tuple(nodes), frozenset(values)):
+            found.setdefault(name, 0.0)
+            for _ in range(times):
+                found[name] = eval(code, _FUNCTIONS, found)
+            for one in dead:
+                del found[one]
+        return {node: found[node] for node in nodes}
+
+
+@cache
+def _needed(
+    function: LibraryFunction, nodes: tuple[str, ...], given: frozenset[str]
+) -> list[tuple[str, CodeType, int, list[str]]]:
+    """Return the part of a program that some nodes need, each step with what no later one needs."""
+    program: list[tuple[str, CodeType, int, list[str]]] = []
+    needed, kept = set(nodes), set(nodes) | given
+    for name, code, times in reversed(function._program):
+        if name in needed - given:
+            needed.update(code.co_names)
+            dead = list({name, *code.co_names} - kept - _FUNCTIONS.keys())
+            kept.update(dead)
+            program.append((name, code, times, dead))
+    return program[::-1]
 
 
 @dataclass(frozen=True)
@@ -82,40 +103,94 @@ class Plotted:
     constants: Mapping[str, float]  # its parameters
     terms: Mapping[str, str]  # node of the library by vector: what the sliders are held by
 
-    def of(self, vectors: Mapping[str, Array]) -> Array:
-        """Return the vector of the node."""
-        known = {node: vectors[vector] for vector, node in self.terms.items()}
-        return np.asarray(library_function(self.library).of([self.node], {**self.constants, **known})[self.node])
+
+def plotted_vectors(signals: Mapping[str, Plotted], vectors: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the vectors of plotted nodes by name, those of contacts with equal parameters from one evaluation."""
+    alike: dict[tuple[Any, ...], dict[str, Plotted]] = {}
+    for name, one in signals.items():
+        alike.setdefault((one.library.name, *one.constants.items()), {})[name] = one
+    found: dict[str, Array] = {}
+    for group in alike.values():
+        first = next(iter(group.values()))
+        contacts = list(dict.fromkeys(tuple(one.terms) for one in group.values()))  # by what they are computed from
+        known = {
+            node: np.array([vectors[vector] for vector in of_node])
+            for node, of_node in zip(first.terms.values(), zip(*contacts, strict=True), strict=True)
+        }
+        nodes = list(dict.fromkeys(one.node for one in group.values()))
+        values = library_function(first.library).of(nodes, {**first.constants, **known})
+        found |= {name: values[one.node][contacts.index(tuple(one.terms))] for name, one in group.items()}
+    return found
 
 
-def plotted_nodes(motor: Motor, law: Law | None, instance: str) -> dict[str, Plotted]:
-    """Return the nodes of a brush that the circuit of a motor leaves out, by the names of their vectors."""
+def plotted_nodes(motor: Motor, law: Law | None, *instances: str) -> dict[str, Plotted]:
+    """Return the nodes of a brush that the circuits of a motor leave out, by the names of their vectors."""
     if law is None or law.sliders is None:
         return {}
     library = contact_library(law, motor.contact)
     constants = {item.name: item.default for item in library.parameters}
     constants |= contact_values(law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n)
     inside = ("delta", "factor", *library_function(library).states)
-    terms = {f"v({instance}.xcontact.{node})": node for node in inside}
-    return {f"v({instance}.{node})": Plotted(node, library, constants, terms) for node in ("slider", "state")}
+    found: dict[str, Plotted] = {}
+    for instance in instances:
+        terms = {f"v({instance}.xcontact.{node})": node for node in inside}
+        found |= {f"v({instance}.{node})": Plotted(node, library, constants, terms) for node in ("slider", "state")}
+    return found
 
 
 @cache
 def library_function(library: Library) -> LibraryFunction:
     """Return the equations of a library as a function."""
     known = equations(library)
-
-    def compiled(text: str) -> CodeType:
-        return compile(translated(text, "python", str), f"<{library.name}>", "eval")
-
-    program = [
-        (name, compiled(text), _REPETITIONS if f"V({name})" in text else 1) for name, text in known.ordered()
-    ]  # fmt: skip
+    texts = [(name, text, _REPETITIONS if f"V({name})" in text else 1) for name, text in known.ordered()]
     for node, capacitance in known.capacitances.items():
         flow = "+".join(known.currents.get(node, ["0"]))
         leak = f"-V({node})/{known.resistances[node]}" if node in known.resistances else ""
-        program.append((f"rate_{node}", compiled(f"({flow}{leak})/{capacitance}"), 1))
+        texts.append((f"rate_{node}", f"({flow}{leak})/{capacitance}", 1))
+    values = [_Shorter().visit(ast.parse(translated(text, "python", str), mode="eval").body) for _, text, _ in texts]
+    shared = _Shared(value for value, (*_, times) in zip(values, texts, strict=True) if times == 1)
+    program = []
+    for (name, _, times), value in zip(texts, values, strict=True):
+        found = shared.visit(value) if times == 1 else value
+        for node, expression, repeated in (*shared.taken(), (name, found, times)):
+            tree = ast.fix_missing_locations(ast.Expression(expression))
+            program.append((node, compile(tree, f"<{library.name}>", "eval"), repeated))
     return LibraryFunction(tuple(known.capacitances), tuple(program))
+
+
+class _Shorter(ast.NodeTransformer):
+    """Leaves out factors of 1 before a value, and writes the sum with a negative value as a difference."""
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        left, right = self.visit(node.left), self.visit(node.right)
+        if isinstance(node.op, ast.Mult) and isinstance(left, ast.Constant) and left.value == 1.0:
+            return right  # type: ignore[no-any-return]
+        if isinstance(node.op, ast.Add) and isinstance(right, ast.UnaryOp) and isinstance(right.op, ast.USub):
+            return ast.BinOp(left, ast.Sub(), right.operand)
+        return ast.BinOp(left, node.op, right)
+
+
+class _Shared(ast.NodeTransformer):
+    """Replaces what several expressions contain by a name, so that it is evaluated once."""
+
+    def __init__(self, expressions: Iterable[ast.expr]) -> None:
+        inside = (node for one in expressions for node in ast.walk(one) if isinstance(node, ast.BinOp | ast.Call))
+        self._counts = Counter(map(ast.unparse, inside))
+        self._names: dict[str, str] = {}
+        self._new: list[tuple[str, ast.expr, int]] = []
+
+    def taken(self) -> list[tuple[str, ast.expr, int]]:
+        """Return what has got a name since the last call, each after what it contains."""
+        self._new, found = [], self._new
+        return found
+
+    def visit(self, node: ast.AST) -> Any:
+        text = ast.unparse(node) if isinstance(node, ast.BinOp | ast.Call) else ""
+        if self._counts[text] > 1 and text not in self._names:
+            value = self.generic_visit(node)
+            self._names[text] = f"shared_{len(self._names)}"
+            self._new.append((self._names[text], value, 1))  # type: ignore[arg-type]
+        return ast.Name(self._names[text], ast.Load()) if text in self._names else self.generic_visit(node)
 
 
 def parameter_columns(

@@ -100,3 +100,17 @@ def test_the_contact_is_written_by_hand_in_spice_only(name: str) -> None:
     text = (data_path("behavioral") / name).read_text(encoding="utf-8")
     for word in ("power32", "grip", "held", "tanh"):
         assert word not in text, word
+
+
+def test_some_nodes_of_a_brush_follow_as_they_do_with_all_others() -> None:
+    library = contact_library(Law("brush", 8))
+    function = library_function(library)
+    values = {item.name: item.default for item in library.parameters}
+    values |= {"x": 0.1, "y": 0.3, "vx": 0.2, "vy": 0.1, "shaft": 5.0}
+    values |= {state: 0.1 * number for number, state in enumerate(function.states)}
+    every = function(values)
+    nodes = ("fx", "friction", "state", "rate_q3")
+    assert function.of(nodes, values) == {node: every[node] for node in nodes}
+    given = {"delta": every["delta"], "factor": every["factor"], **{one: values[one] for one in function.states}}
+    constants = {item.name: item.default for item in library.parameters}
+    assert function.of(("state",), constants | given) == {"state": every["state"]}
