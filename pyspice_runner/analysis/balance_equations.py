@@ -184,30 +184,49 @@ def real_parts(phasors: Complex) -> Array:
 
 
 @dataclass
-class TouchingContact:
-    """The contact at the phases of a period, and the derivatives of forces with respect to the unknowns."""
+class Forces:
+    """The forces of the contact at the phases of a period, N, shape (points, phases)."""
 
-    force_x: Array  # on the tip, N, shape (points, phases)
+    force_x: Array  # on the tip
     force_y: Array
     friction: Array
     normal: Array
-    pins: Array  # of the library: x, y, vx, vy, shaft, slider, shape (6, points, phases)
-    slid: Array  # relative motion from the phase before, µm
+
+    @property
+    def on_tip(self) -> Array:
+        """The forces on the tip along x and y, shape (points, phases, 2)."""
+        return np.stack([self.force_x, self.force_y], axis=2)
+
+
+@dataclass
+class TouchingContact(Forces):
+    """The contact at the phases of a period, and the derivatives of forces with respect to the unknowns."""
+
+    slider: Array  # µm
     slope_x: Array  # derivative of force_x, shape (points, phases, unknowns)
     slope_y: Array
     slope_friction: Array
 
 
-def touching_contact(stators: Stators, grid: Grid, unknowns: Array) -> TouchingContact:
-    """Evaluate the contact: the unknowns are coefficients of x, of y, and the surface speed of the rotor over ω."""
-    s, width, omega = stators, grid.shape.shape[1], grid.omega
+def moving_tip(stators: Stators, grid: Grid, unknowns: Array) -> tuple[Array, Array]:
+    """Return the :data:`PINS` of a library at the phases, and the relative motion from the phase before in µm.
+
+    The shapes are (6, points, phases) and (points, phases). The last of the pins, the slider, is 0.
+    """
+    width, omega = grid.shape.shape[1], grid.omega
     along, towards, surface = unknowns[:, :width], unknowns[:, width:-1], unknowns[:, -1:]
-    x, y = along @ grid.shape.T - s.sway, towards @ grid.shape.T
-    slid = (x - np.roll(x, 1, axis=1) - surface * grid.angles[1]) / MICRO
+    x, y = along @ grid.shape.T - stators.sway, towards @ grid.shape.T
     pins = np.zeros((len(PINS), *x.shape))
     pins[:2] = x / MICRO, y / MICRO
     pins[2:4] = omega * along @ grid.rate.T, omega * towards @ grid.rate.T
-    pins[4] = omega * surface / s.radius
+    pins[4] = omega * surface / stators.radius
+    return pins, (x - np.roll(x, 1, axis=1) - surface * grid.angles[1]) / MICRO
+
+
+def touching_contact(stators: Stators, grid: Grid, unknowns: Array) -> TouchingContact:
+    """Evaluate the contact: the unknowns are coefficients of x, of y, and the surface speed of the rotor over ω."""
+    s, width, omega = stators, grid.shape.shape[1], grid.omega
+    pins, slid = moving_tip(stators, grid, unknowns)
     constants = dict(zip(grid.parameters, s.contact.T[..., np.newaxis], strict=True))
     touching = grid.contact(constants | dict(zip(PINS, pins, strict=True)))
     depth = touching["delta"]
@@ -230,14 +249,14 @@ def touching_contact(stators: Stators, grid: Grid, unknowns: Array) -> TouchingC
         return np.asarray((values[1:] - values[0]) / steps)[..., np.newaxis]
 
     shape, rate = grid.shape / MICRO, omega * grid.rate
-    none = np.zeros((*x.shape, 1))
+    none = np.zeros((*slid.shape, 1))
 
     def by(slope: Array) -> Array:
         return np.concatenate([slope[0] * shape + slope[2] * rate, slope[1] * shape + slope[3] * rate, none], axis=2)
 
     # a slider that sticks has moved with the tip since it was at its limit, perhaps in the period before, or since the
     # tip touched
-    points, phases = x.shape
+    points, phases = slid.shape
     row, last = np.arange(points)[:, np.newaxis], since % phases
     d_slider = by(by_pins("limit"))[row, last]
     d_slider *= np.where(since >= -phases, np.sign(pins[5])[row, last], 0.0)[..., np.newaxis]
@@ -253,7 +272,20 @@ def touching_contact(stators: Stators, grid: Grid, unknowns: Array) -> TouchingC
     d_slider[..., -1:] += share * grid.angles[1] / MICRO
     slopes = [by(slope) + slope[4] * d_slider for slope in map(by_pins, ("fx", "fy", "friction"))]
     forces = [np.broadcast_to(found[name], many.shape[1:])[0] for name in ("fx", "fy", "friction", "normal")]
-    return TouchingContact(*[*forces, pins, slid, *slopes])
+    return TouchingContact(*[*forces, pins[5], *slopes])
+
+
+def missed(stators: Stators, grid: Grid, response: Response, unknowns: Array, found: Forces) -> Array:
+    """Return the residual of the equations in m with the forces of a contact that moves as the unknowns tell."""
+    s, phasors = stators, grid.phasors(found.on_tip, grid.orders)
+    driven = response.free + np.einsum("phxf,phf->phx", response.compliance, phasors)
+    residual = np.empty_like(unknowns)
+    residual[:, :-1] = unknowns[:, :-1] - real_parts(driven)
+    # the rotor: held, or in balance with bearing and load
+    unit, surface = (s.depth / s.grip)[:, 0], unknowns[:, -1]
+    balance = grid.omega * s.drag[:, 0] * surface + s.load[:, 0] - found.friction.mean(axis=1)
+    residual[:, -1] = np.where(s.turns[:, 0], unit * balance, surface - s.surface[:, 0])
+    return residual
 
 
 def clipped(slid: Array, limit: Array) -> tuple[Array, Array]:

@@ -9,9 +9,9 @@ response to the voltages and, for h = 0, to the preload,
     D_h = D^0_h + C_h F_h(D), \qquad C_h = P\,(K - (h\omega)^2 M + jh\omega B)^{-1} P^T .
 
 A compliance in series with the contact is a part of :math:`C_h`. The forces are those of the spring-slider's library at
-some phases of the period; the relative motion moves its slider, and its limit clips it. Newton's method, with the
-derivative of these equations, finds the harmonics. It begins at rest, and amplitudes follow
-their slow equations
+some phases of the period, in the end those of a brush (:mod:`.balance_row`); the relative motion moves its slider, and
+its limit clips it. Newton's method, with the derivative of these equations, finds the harmonics. It begins at rest, and
+amplitudes follow their slow equations
 
 .. math::
     (B + 2jh\omega M)\,\dot R_h = F - (K - (h\omega)^2 M + jh\omega B)\,R_h
@@ -28,34 +28,32 @@ between motors that are close to each other may be taken of it (:mod:`.balanced`
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.analysis.balance_equations import (
-    PINS,
     Array,
     Complex,
+    Forces,
     Grid,
     Places,
     Response,
     Stators,
-    TouchingContact,
-    clipped,
-    contact_parameters,
     linear,
+    missed,
     real_parts,
     response_of,
     stators_of,
     tone_phasor,
     touching_contact,
 )
+from pyspice_runner.analysis.balance_row import Row
 from pyspice_runner.model.recoil import carriers
-from pyspice_runner.netlist.contact import PAPER_LAW, contact_library
+from pyspice_runner.netlist.contact import PAPER_LAW, Law, contact_library
 from pyspice_runner.netlist.copies import Plant
-from pyspice_runner.netlist.evaluated import library_function
 from pyspice_runner.netlist.library import Library
 from pyspice_runner.netlist.state import MICRO
 
@@ -74,7 +72,7 @@ def harmonic_starts(plants: Sequence[Plant]) -> list[Array | None]:
 
     The drives have the same period. A free tip and laws without sliders have no such start.
     """
-    return [None if found is None else found.state for found in balanced(plants)]
+    return [None if found is None else found.state for found in balanced(plants, rows=True)]
 
 
 def start_from_above(plant: Plant) -> Array | None:
@@ -86,26 +84,28 @@ def start_from_above(plant: Plant) -> Array | None:
         return None
     points = _Points([plant], Grid(plant.drive.period, tones(plant), contact_library(PAPER_LAW, plant.motor.contact)))
     points.unknowns, points.found = _run_up(points.stators, points.grid, ABOVE)
-    (found,) = points.balances()
+    (found,) = points.balances(rows=True)
     return found.state if found else None
 
 
-def balanced(plants: Sequence[Plant], near: Sequence[Balance | None] = ()) -> list[Balance | None]:
+def balanced(
+    plants: Sequence[Plant], near: Sequence[Balance | None] = (), *, rows: bool = False
+) -> list[Balance | None]:
     """Return the balanced motions of operating points whose drives have the same period; ``None`` where there is none.
 
     A point starts from that of ``near``. Without one, the point with the middle speed of each curve runs up from rest,
-    and the others start from it. A brush of sliders is balanced as a single one.
+    and the others start from it. A brush of sliders is balanced as a single one, or with ``rows`` as it is.
     """
     found: list[Balance | None] = [None] * len(plants)
-    groups: dict[Library, list[int]] = {}
+    groups: dict[tuple[Library, Law], list[int]] = {}
     for place, plant in enumerate(plants):
         if plant.law and plant.law.sliding and tones(plant):
-            groups.setdefault(contact_library(PAPER_LAW, plant.motor.contact), []).append(place)
-    for library, places in groups.items():
+            groups.setdefault((contact_library(PAPER_LAW, plant.motor.contact), plant.law), []).append(place)
+    for (library, _), places in groups.items():
         some = [plants[place] for place in places]
         points = _Points(some, Grid(some[0].drive.period, max(map(tones, some)), library))
         points.solve([near[place] if near else None for place in places])
-        for place, balance in zip(places, points.balances(), strict=True):
+        for place, balance in zip(places, points.balances(rows=rows), strict=True):
             found[place] = balance
     return found
 
@@ -119,21 +119,14 @@ def tones(plant: Plant) -> int:
 def _residual(stators: Stators, grid: Grid, response: Response, unknowns: Array) -> tuple[Array, Array]:
     """Return the residual of the equations in m, and its derivative."""
     s, found = stators, touching_contact(stators, grid, unknowns)
-    forces = grid.phasors(np.stack([found.force_x, found.force_y], axis=2), grid.orders)
     slopes = np.stack([grid.phasors(each, grid.orders) for each in (found.slope_x, found.slope_y)], axis=2)
-    driven = response.free + np.einsum("phxf,phf->phx", response.compliance, forces)
     count = unknowns.shape[1]
-    missed, derivative = np.empty((len(unknowns), count)), np.empty((len(unknowns), count, count))
-    missed[:, :-1] = unknowns[:, :-1] - real_parts(driven)
+    derivative = np.empty((len(unknowns), count, count))
     derivative[:, :-1] = np.eye(count)[:-1] - real_parts(response.compliance @ slopes)
-    # the rotor: held, or in balance with bearing and load
-    unit = (s.depth / s.grip)[:, 0]
-    turns, surface = s.turns[:, 0], unknowns[:, -1]
-    balance = grid.omega * s.drag[:, 0] * surface + s.load[:, 0] - found.friction.mean(axis=1)
-    missed[:, -1] = np.where(turns, unit * balance, surface - s.surface[:, 0])
+    unit, turns = (s.depth / s.grip)[:, 0], s.turns[:, 0]
     derivative[:, -1] = -(turns * unit)[:, np.newaxis] * found.slope_friction.mean(axis=1)
     derivative[:, -1, -1] += np.where(turns, unit * grid.omega * s.drag[:, 0], 1.0)
-    return missed, derivative
+    return missed(stators, grid, response, unknowns, found), derivative
 
 
 def _newton(
@@ -172,11 +165,9 @@ def _newton(
     return unknowns, done, taken
 
 
-def _coordinates(stators: Stators, grid: Grid, response: Response, unknowns: Array) -> Complex:
+def _coordinates(stators: Stators, grid: Grid, response: Response, forces: Forces) -> Complex:
     """Return the phasors of the coordinates."""
-    found = touching_contact(stators, grid, unknowns)
-    forces = grid.phasors(np.stack([found.force_x, found.force_y], axis=2), grid.orders)
-    pushed = np.einsum("pxn,phx->phn", stators.tip, forces)
+    pushed = np.einsum("pxn,phx->phn", stators.tip, grid.phasors(forces.on_tip, grid.orders))
     return np.asarray(response.coordinates + np.einsum("phnm,phm->phn", response.gains, pushed))
 
 
@@ -210,7 +201,7 @@ def _run_up(stators: Stators, grid: Grid, begin: float = 0.0) -> tuple[Array, ND
         found, good, taken = _newton(some, grid, response, unknowns[active])
         moved = active[good]
         unknowns[moved] = found[good]
-        coordinates[moved] = _coordinates(some, grid, response, found)[good]
+        coordinates[moved] = _coordinates(some, grid, response, touching_contact(some, grid, found))[good]
         reached[active] = good & final
         step[active] *= np.where(good, np.where(taken <= QUICK, GROWTH, 1.0), 0.25)
         lost[active] = step[active] < SHORTEST_STEP * 2.0 * pi / grid.omega
@@ -269,19 +260,25 @@ class _Points:
             own = self.stators.of(some), self.grid, self.steady.of(some)
             self.unknowns[some], self.found[some], _ = _newton(*own, guess)
 
-    def balances(self) -> list[Balance | None]:
-        """Return the motions that were found."""
+    def balances(self, *, rows: bool = False) -> list[Balance | None]:
+        """Return the motions that were found; with ``rows`` those with the row of sliders of a brush."""
         found: list[Balance | None] = [None] * len(self.plants)
-        places = np.flatnonzero(self.found).tolist()
-        if not places:
+        places = np.flatnonzero(self.found)
+        if not len(places):
             return found
-        own, unknowns = self.stators.of(np.array(places)), self.unknowns[places]
+        own, unknowns, steady = self.stators.of(places), self.unknowns[places], self.steady.of(places)
         touching = touching_contact(own, self.grid, unknowns)
-        coordinates = _coordinates(own, self.grid, self.steady.of(np.array(places)), unknowns)
-        for number, place in enumerate(places):
+        forces, sliders = Forces(*(getattr(touching, one.name) for one in fields(Forces))), touching.slider[:, :1]
+        plants = [self.plants[place] for place in places.tolist()]
+        if rows and plants[0].law and plants[0].law.sliders:
+            inverse = np.asarray(np.linalg.inv(_residual(own, self.grid, steady, unknowns)[1]))
+            row = Row(plants, own, self.grid, steady)
+            unknowns, forces, sliders = row.balanced(unknowns, forces, inverse)
+        coordinates = _coordinates(own, self.grid, steady, forces)
+        for number, place in enumerate(places.tolist()):
             found[place] = Balance(
-                self.plants[place], self.grid, self.stators.of(np.array([place])), unknowns[number],
-                coordinates[number], float(touching.normal[number].mean()), float(touching.friction[number].mean()),
+                self.plants[place], self.grid, unknowns[number], coordinates[number],
+                Forces(*(getattr(forces, one.name)[number : number + 1] for one in fields(Forces))), sliders[number],
             )  # fmt: skip
         return found
 
@@ -292,11 +289,20 @@ class Balance:
 
     plant: Plant
     grid: Grid
-    stators: Stators  # of this point alone
     unknowns: Array  # coefficients of x, of y, and the surface speed of the rotor over ω
     coordinates: Complex  # phasors of modes and carriers, shape (harmonics, n), m
-    normal: float  # mean normal force, N
-    friction: float  # mean friction force on the rotor, N
+    forces: Forces  # of this point
+    sliders: Array  # at t = 0, µm
+
+    @property
+    def normal(self) -> float:
+        """Mean normal force in N."""
+        return float(self.forces.normal.mean())
+
+    @property
+    def friction(self) -> float:
+        """Mean friction force on the rotor in N."""
+        return float(self.forces.friction.mean())
 
     @property
     def speed(self) -> float:
@@ -319,22 +325,21 @@ class Balance:
     @property
     def state(self) -> Array:
         """The state at t = 0, with twice as many harmonics of the forces as were balanced."""
-        plant, grid, stators = self.plant, self.grid, self.stators
-        touching = touching_contact(stators, grid, self.unknowns[np.newaxis])
+        plant, grid = self.plant, self.grid
         orders = np.arange(2.0 * len(grid.orders) - 1.0)
         count = plant.modes + len(carriers(plant.mount))
         tip, impedance, _, forces = linear(plant, grid.omega, orders, count)
-        forces += grid.phasors(np.stack([touching.force_x[0], touching.force_y[0]], axis=1), orders) @ tip
+        forces += grid.phasors(self.forces.on_tip[0], orders) @ tip
         coordinates = np.linalg.solve(impedance, forces[..., np.newaxis])[..., 0]
         displacements = coordinates.sum(axis=0).real
         velocities = (1j * grid.omega * orders @ coordinates).real
         modes, state = plant.modes, np.zeros(plant.order)
         state[:modes], state[modes : 2 * modes] = displacements[:modes], velocities[:modes]
-        state[plant.where("contact")] = _sliders(plant, touching)
+        state[plant.where("contact")] = MICRO * self.sliders
         contact, stem = plant.motor.contact, []
         for series, force, rest in (
-            (contact.series_compliance_m_per_n, touching.normal[0], contact.preload_n),
-            (contact.tangential_series_compliance_m_per_n, touching.friction[0], 0.0),
+            (contact.series_compliance_m_per_n, self.forces.normal[0], contact.preload_n),
+            (contact.tangential_series_compliance_m_per_n, self.forces.friction[0], 0.0),
         ):
             if series:
                 rate = (force[1] - force[-1]) * grid.omega / (2.0 * grid.angles[1])
@@ -344,18 +349,3 @@ class Balance:
         if plant.turns:
             state[-1] = self.speed
         return state
-
-
-def _sliders(plant: Plant, touching: TouchingContact) -> Array:
-    """Return the slider, or those of a brush on the same motion, at t = 0, in m."""
-    law = plant.law
-    if law is None or law.sliders is None:
-        return MICRO * touching.pins[-1, :, 0]
-    constants = {name: values[0] for name, values in contact_parameters([plant], law).items()}
-    pins = dict(zip(PINS, touching.pins[:, 0], strict=True))
-    brush = library_function(contact_library(law, plant.motor.contact))
-    found = brush(constants | pins | dict.fromkeys(brush.states, 0.0))
-    limit = np.stack([found[f"y{1 + cell}"] for cell in range(law.sliders)]) * 2.0  # of a slider at 0
-    beyond = np.stack([found[f"x{cell}"] for cell in range(law.sliders)] + [0.0 * found["x0"]])
-    sliders, _ = clipped(-np.diff(beyond, axis=0) * touching.slid, limit)
-    return MICRO * sliders[:, 0]
