@@ -40,7 +40,10 @@ SPACING = 3  # of the points that are solved first
 LEAST_DAMPING = 1.0 / 64.0
 GROWTH, FREE_STEPS = 3.0, 3  # by which the first few steps may grow: they pass from one kind of contact to another
 CHORD = 0.7  # contraction of steps by which an old derivative may still be good enough
+LIKELY = 0.2  # of the tolerance, below which a step by an old derivative must be likely to end, to keep it
+NEAR_RATE = 0.1  # contraction by the derivative of the same orbit at other steps; 0.02 to 0.1 was measured
 NEAR = 0.1  # of the size of the motion, how far from the solution its derivative may have been measured
+NEAR_EXACT = 1e-3  # the same of a derivative along the trace, which costs less: it differs there by some 1e-3
 # of a slider's displacement at the start of a run, what must be left of it at the beginning of the period: as copies
 # tell it, and as the equations do. Some 1e-3 is left where the tip touches in the uneven steps between.
 FELT, LEFT = 0.1, 2e-4
@@ -244,8 +247,8 @@ class Point:
         self.state, self.step = trial, step
         self.damping = min(1.0, 2.0 * self.damping)
         self._judged(remaining)
-        if self.exact:
-            self.stale = True
+        if self.exact:  # a step is as dear as some derivatives, so that another one by the old derivative must do
+            self.stale |= remaining * after > LIKELY * self.tolerance * before
         elif not (self.stale or self.done):  # as many more steps would cost more than a new derivative
             self.stale = log(self.residual / self.tolerance) > self.plant.order * log(before / after)
         return True
@@ -258,9 +261,11 @@ class Point:
     @property
     def far(self) -> bool:
         """Whether the derivative was measured too far from the state to tell the multipliers."""
-        if self.measured_at is None or self.exact:
-            return self.measured_at is not self.state
-        return float(np.abs(((self.state - self.measured_at) / self.scale)[self.free]).max()) > NEAR
+        if self.measured_at is None:
+            return True
+        free = self.free
+        away = float(np.abs(((self.state - self.measured_at) / self.scale)[free]).max(initial=0.0))
+        return away > (NEAR_EXACT if self.exact else NEAR)
 
     def _update(self, step: Array, gap: Array) -> None:
         """Update the derivative from the last step and the gap before it (Broyden 1965)."""
@@ -390,11 +395,15 @@ def start_point(plant: Plant) -> Point:
 
 
 class Shooting:
-    """Newton's method for many operating points together, on one map. The points are changed in place."""
+    """Newton's method for many operating points together, on one map. The points are changed in place.
 
-    def __init__(self, points: Sequence[Point], period_map: PeriodMap) -> None:
+    With ``near`` the derivatives that points have are those of the same orbits at the same step.
+    """
+
+    def __init__(self, points: Sequence[Point], period_map: PeriodMap, *, near: bool = False) -> None:
         self.points = list(points)
         self.map = period_map
+        self.near = near
 
     def solve(self, points: Sequence[Point] | None = None) -> None:
         """Iterate until every point is solved or has failed. A point keeps its derivative while that is good.
@@ -437,7 +446,8 @@ class Shooting:
             if point.at_end is not None:
                 point.step = point.newton_step()
                 point.judge()
-        self._renew([point for point in mapped if point.exact and not point.done])
+        kept = [point for point in mapped if self.near and point.residual * NEAR_RATE < LIKELY * point.tolerance]
+        self._renew([point for point in mapped if point.exact and not (point.done or point in kept)])
 
     def _advance(self, points: list[Point]) -> None:
         """Try the next step of every point; evaluate the derivative anew where it is too old."""

@@ -492,15 +492,15 @@ def _between(points: Sequence[Point], period_map: PeriodMap, *, own: bool) -> li
     for number in range(1, OFFSETS):
         begun = number / OFFSETS * period_map.step
         moved = [several[0].moved(begun, period_map.step) if several else None for several in copies]
-        for several, copy in zip(copies, _corrected(moved, period_map), strict=True):
+        for several, copy in zip(copies, _corrected(moved, period_map, near=True), strict=True):
             several += [] if copy is None else [copy]
     return copies
 
 
-def _corrected(copies: Sequence[Point | None], period_map: PeriodMap) -> list[Point | None]:
-    """Solve copies on a map, first with the derivative that they have."""
+def _corrected(copies: Sequence[Point | None], period_map: PeriodMap, *, near: bool = False) -> list[Point | None]:
+    """Solve copies on a map, first with the derivative that they have; ``near`` is that of :class:`.Shooting`."""
     every = [copy for copy in copies if copy is not None]
-    shooting = Shooting(every, period_map)
+    shooting = Shooting(every, period_map, near=near)
     shooting.solve()
     lost = [copy for copy in every if not copy.done]
     for copy in lost:  # the derivative of the coarse step did not serve
