@@ -13,6 +13,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import chain, pairwise
 from math import ceil, pi, sqrt
 
 import numpy as np
@@ -37,6 +38,7 @@ from pyspice_runner.netlist.driven import (
 )
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.motor import require_linear
+from pyspice_runner.netlist.networks import CABLE
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.state import Discretisation
@@ -273,29 +275,54 @@ def check_driven(setup: OperatingPoint) -> None:
         raise ParameterError(
             f"The steady state of a free shaft on a bearing with dry friction is not found by shooting. {settle}"
         )
+    _check_ringing(source, settle)
     require_linear(setup.motor, "A steady state behind a driver")
 
 
+def _check_ringing(driver: Driver, settle: str) -> None:
+    """Raise a ParameterError for a bridge whose edges let a winding ring with the inductance of the cable after it.
+
+    At some ten megahertz the ring takes some thousand steps of ngspice; what they miss is 1e-3 of the states, and
+    Newton's method does not get nearer.
+    """
+    chains = [driver.parts(group) for group in GROUPS] if driver.switched else []
+    for before, last in chain.from_iterable(map(pairwise, chains)):
+        if last.label == CABLE and (winding := before.values.get("winding_capacitance")):
+            inductance = last.values["inductance"]
+            hertz = 1.0 / (2.0 * pi * sqrt(inductance * winding))
+            raise ParameterError(
+                f"{before.label}.winding_capacitance = {winding:g} F rings with cable.inductance = {inductance:g} H of "
+                f"group {last.group.upper()} at {1e-6 * hertz:.4g} MHz after each edge of the bridge, too fast for a "
+                f"steady state by shooting. Set winding_capacitance = 0, or leave the cable out. {settle}"
+            )
+
+
 def driven_answers(
-    setups: Sequence[OperatingPoint], starts: Sequence[Point | None], accuracy: float, processes: KeptProcesses
+    setups: Sequence[OperatingPoint],
+    starts: Sequence[Point | None],
+    near: Sequence[Point | None],
+    accuracy: float,
+    processes: KeptProcesses,
 ) -> tuple[list[Answer], tuple[DrivenMap, ...]]:
     """Solve operating points of motors behind drivers of the same frequency; return the answers and the maps.
 
     ``starts`` are solutions with ideal voltages at the pins, near those behind the driver, from which Newton's method
-    is tried alone. Without them the first point of each curve starts from a short transient, the others from that
-    point's solution, and where this fails after a longer transient.
+    is tried alone. Without them the first point of each curve starts from a short transient, from rest or
+    with the motor as in ``near``; the others from that point's solution, and where this fails after a longer transient.
 
     The step is that of the operating points, for a rough ``accuracy`` twice as long, and half of it to compare. Where
     uniform steps have a larger error of the torque, it is halved once more. Floquet multipliers are those of the
     longest step.
     """
     points: list[DrivenPoint] = []
-    for setup, start in zip(setups, starts, strict=True):
+    for setup, start, moving in zip(setups, starts, near, strict=True):
         driver = setup.source
         assert isinstance(driver, Driver)
         stage = TwoPhaseDrive(**two_phases(driver))
         plant = DrivenPlant(setup.motor, stage, setup.load, setup.law, driver)
         state = np.zeros(plant.order) if start is None else _behind_network(plant, start)
+        if start is None and moving is not None:
+            state[: plant.inner] = moving.moved(plant.begins * plant.period).state[: plant.inner]
         tolerance = max(TOLERANCE, SOLVED * accuracy)
         points.append(DrivenPoint(plant, state, _scale(plant), guessed=start is not None, tolerance=tolerance))
     first = setups[0]
@@ -415,12 +442,12 @@ def _search(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
 
 
 def _retry(points: Sequence[DrivenPoint], shooting: DrivenShooting, period_map: DrivenMap, decays: float) -> None:
-    """Solve points after a transient from rest of a number of decay times of the slowest mode."""
+    """Solve points after some decay times of the slowest mode from rest, or a short transient from where they are."""
     if not points:
         return
     times = [2.0 * mode.mass_kg / mode.damping_n_s_per_m for point in points for mode in point.plant.motor.modes]
     periods = max(FEWEST_PERIODS, ceil(decays * max(times) / period_map.period))
-    copies = [Copy(point.plant, np.zeros(point.plant.order)) for point in points]
+    copies = [Copy(point.plant, np.zeros(point.plant.order) if decays else point.state) for point in points]
     for point, end in zip(points, period_map.settled(copies, periods), strict=True):
         point.restart(point.state if end is None else end)
     shooting.solve(points)

@@ -27,7 +27,7 @@ from pyspice_runner.analysis.threads import in_threads
 from pyspice_runner.engine import Engine
 from pyspice_runner.engine.processes import KeptProcesses
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import Drive, too_fast
+from pyspice_runner.model.drive import Drive, TwoPhaseDrive, too_fast, two_phases
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
 from pyspice_runner.model.strength import exceeded
@@ -289,13 +289,28 @@ def steady_states(
             found |= zip(part.setups, states, strict=True)
         for places in behind.values():
             some, begun = [setups[place] for place in places], [starts[place] for place in places]
-            answers, maps = driven_answers(some, begun, accuracy or ACCURACY, processes)
+            answers, maps = driven_answers(some, begun, _free_shafts(some, begun), accuracy or ACCURACY, processes)
             for place, answer in zip(places, answers, strict=True):
                 state = _result(setups[place], answer.point, answer, maps)
                 if state.converged and waveforms:
                     state = replace(state, waveforms=_waveforms(setups[place], answer, state.provenance))
                 found[place] = state
     return [found[place] for place in range(len(setups))]
+
+
+def _free_shafts(setups: Sequence[OperatingPoint], starts: Sequence[Point | None]) -> list[Point | None]:
+    """Return for each free shaft without a start the solution with the stage's ideal voltages, else ``None``.
+
+    A short transient from rest leaves rotor and carrier far from where they stay.
+    """
+    free = [place for place, setup in enumerate(setups) if setup.load.speed is None and starts[place] is None]
+    ideal = []
+    for place in free:
+        driver = setups[place].source
+        assert isinstance(driver, Driver)
+        ideal.append(replace(setups[place], source=DriveSource(TwoPhaseDrive(**two_phases(driver)))))
+    found = {place: state.solution for place, state in zip(free, steady_states(ideal), strict=True) if state.stable}
+    return [found.get(place) for place in range(len(setups))]
 
 
 def check_accuracy(accuracy: float | None) -> None:

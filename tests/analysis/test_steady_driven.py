@@ -133,6 +133,18 @@ def test_behind_a_driver_a_steady_state_is_what_a_run_settles_to(kind: str, netw
         assert getattr(ours, name) == pytest.approx(settled[name], rel=1e-2), name  # settled means to its tolerance
 
 
+@pytest.mark.soak
+@pytest.mark.parametrize(("kind", "network"), [("linear", "inductor"), ("half-bridge", "llcc"), ("push-pull", "none")])
+def test_a_free_shaft_behind_a_driver_starts_near_its_speed(kind: str, network: str) -> None:
+    """From rest Newton's method fails, and the motor ran for four decay times, five times as long as the rest."""
+    free = pr.steady_state(HELD, driver(kind, network), load_torque=3e-3)
+    assert free.method == "newton"
+    assert free.stable
+    held = pr.steady_state(HELD, driver(kind, network), speed=free.speed_rad_s)
+    # 0.1 % of the friction torque, and 0.27 % that the ripple of the speed takes, with ideal voltages as well
+    assert held.load_torque_n_m == pytest.approx(3e-3, abs=4e-3 * friction_torque(HELD))
+
+
 def test_behind_a_coil_the_steps_of_many_copies_stay_uniform() -> None:
     """The rounding of 100 V, 1.4e-14 V, must not be a current above abstol, or steps fall to 1e-18 s and stay there."""
     amplifier = driver("linear", "inductor")
@@ -185,3 +197,7 @@ def test_drivers_without_a_steady_state_by_shooting_are_refused_with_what_to_do(
     half = driver("half-bridge")
     with pytest.raises(pr.ParameterError, match="contact = None is not valid behind a driver"):
         pr.steady_state(HELD, half, speed=6.0, contact=None)
+    wound = driver("half-bridge", "inductor", **{"inductor.winding_capacitance": 20e-12, "cable.inductance": 1e-6})
+    # 1/(2π √(1 µH · 20 pF))
+    with pytest.raises(pr.ParameterError, match=r"at 35\.59 MHz after .* Set winding_capacitance = 0"):
+        pr.steady_state(HELD, wound, speed=6.0)
