@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.period_map import PeriodMap
@@ -165,10 +166,12 @@ def told(record: list[dict[str, Any]]) -> str:
     others = [one for one in counted if one not in newton]
     stable = [one for one in others if one.get("periodic") or one["stable"]]
     starts = {name: sum(one[name] for one in counted) for name in ("balanced", "from_balance", "from_free")}
+    share = binomtest(len(newton), len(newton) + len(stable)).proportion_ci()
     wrong = [one["index"] for one in counted if one["verdict"] == "leaves"]
     return (
         f"{len(counted)} of {len(record)} motors lift off for 5 to 80 %: {len(newton)} found by Newton's method, "
         f"{len(stable)} others have a stable periodic motion, {len(others) - len(stable)} have none\n"
+        f"95 % interval of Newton's share: {100.0 * share.low:.1f} to {100.0 * share.high:.1f} %\n"
         f"methods: {dict(Counter(one['method'] for one in counted))}\nstarts alone: {starts}\n"
         f"verdicts: {dict(Counter(one['verdict'] for one in counted))}; leave: {wrong}"
     )
