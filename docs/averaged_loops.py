@@ -22,7 +22,7 @@ import numpy as np
 import pyspice_runner as pr
 from benchmarks.steady_state import cpu_seconds
 from pyspice_runner.analysis.control_loop import ControlLoop
-from pyspice_runner.analysis.controlled import ControlledRun
+from pyspice_runner.analysis.controlled_run import ControlledRun
 from pyspice_runner.analysis.loop_controllers import LoopController
 
 PAGE = Path(__file__).with_name("averaged.md")

@@ -9,28 +9,26 @@ one process runs throughout. Both keep the motor's state exactly.
 from __future__ import annotations
 
 import cmath
-import re
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
-from functools import cached_property, partial
+from dataclasses import dataclass
+from functools import partial
 from math import ceil, degrees, isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import SkipValidation
 
 from pyspice_runner.analysis.averaged import averaged_engine, deck_of, no_deck, runs_in_ngspice
-from pyspice_runner.analysis.averaged_run import damping_factor, model_cautions
-from pyspice_runner.analysis.bursts import limit_cycle, presliding, short_bursts
+from pyspice_runner.analysis.controlled_run import CONTROLLED, OF_AVERAGED, RECORDS, SAMPLES, ControlledRun
 from pyspice_runner.analysis.courses import CourseLike, coupled_to, course_of, settings_of
 from pyspice_runner.analysis.firmware import Firmware
 from pyspice_runner.analysis.motions import Compiled, Motion, Spice, State, first
 from pyspice_runner.engine import Engine
 from pyspice_runner.engine.session import Session
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.drive import FASTEST_DRIVE, SLOWEST_DRIVE, Load, TwoPhaseDrive, too_fast
+from pyspice_runner.model.drive import FASTEST_DRIVE, SLOWEST_DRIVE, Load, TwoPhaseDrive
 from pyspice_runner.model.electronics import IDEAL, Electronics, Rounding
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.refusal import checked
@@ -42,7 +40,6 @@ from pyspice_runner.netlist.contact import PAPER_LAW
 from pyspice_runner.netlist.controlled import CHECKED, COMMANDS, SAMPLED, CommandedSource, controlled_bench
 from pyspice_runner.netlist.drivers import Driver
 from pyspice_runner.netlist.sources import Bench
-from pyspice_runner.result import Result, contact_row
 from pyspice_runner.run.kernel import transient_timing
 from pyspice_runner.run.operating_point import OperatingPoint, Solver
 from pyspice_runner.run.window import Array
@@ -51,38 +48,6 @@ IDEAL_ROUNDING = Rounding(IDEAL)
 MOST_SAMPLES = 100_000
 MOST_VOLTAGE = 1e4  # V, as of a drive
 MOST_RECORDS = 1000  # between two samples
-SAMPLES: dict[str, tuple[str, str]] = {
-    "time_s": ("s", "time of the sample"),
-    "speed_rad_s": ("rad/s", "mean speed of the rotor since the last sample"),
-    "position_rad": ("rad", "angle of the rotor"),
-    "current_amplitude_a": ("A", "amplitude of the current into group A, mean since the last sample"),
-    "current_phase_deg": ("deg", "phase of that current ahead of the commanded voltage of group A"),
-    "temperature_k": ("K", "temperature of the stator above that at which its parameters hold"),
-    "reference": ("1", "value of the course reference, in the unit that the controller gives it"),
-    "current_b_amplitude_a": ("A", "amplitude of the current into group B, mean since the last sample"),
-    "current_b_phase_deg": ("deg", "phase of that current ahead of the commanded voltage of group A"),
-    "voltage_amplitude_v": ("V", "amplitude of the voltage of group A, mean since the last sample"),
-    "voltage_b_amplitude_v": ("V", "amplitude of the voltage of group B, mean since the last sample"),
-    "frequency_hz": ("Hz", "drive frequency from this sample on"),
-    "voltage_a_v": ("V", "amplitude of group A from this sample on"),
-    "voltage_b_v": ("V", "amplitude of group B from this sample on"),
-    "phase_deg": ("deg", "phase of group B ahead of group A from this sample on"),
-    "electrical_power_w": ("W", "real power into both groups, mean since the last sample"),
-    "heat_w": ("W", "losses of the stator in the averaged motor: dielectric and modal damping"),
-    "load_torque_n_m": ("N·m", "torque that the load draws"),
-    "load_position_rad": ("rad", "angle of what is coupled to the shaft"),
-    "check": ("1", "motion that the averaged motor leaves out, relative to static penetration and limit of stick"),
-    "separated": ("1", "share of the period in which the contact of the averaged motor is open"),
-    "tip_y_amplitude_m": ("m", "amplitude of the tip's fundamental in the averaged motor, towards the rotor"),
-}
-CHECKS = ("check", "separated", "tip_y_amplitude_m")
-OF_AVERAGED = ("heat_w", *CHECKS)
-
-
-RECORDS = (
-    "time_s", "speed_rad_s", "position_rad", "current_amplitude_a", "current_b_amplitude_a", "temperature_k",
-    "load_position_rad",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -103,101 +68,6 @@ class Sample:
 
 
 Controller = Callable[[Sample], Mapping[str, float]]
-
-
-@dataclass(frozen=True, repr=False)
-class ControlledRun(Result):
-    """Samples and commands of a controller.
-
-    Attributes:
-        samples: arrays by the names of :data:`SAMPLES`, one value a sample; of the full motor without
-            :data:`OF_AVERAGED`. They are what the sensors measure and the actuators set.
-        records: arrays by the names of :data:`RECORDS`, between the samples, by ideal sensors.
-        logs: what firmware logs at each sample, by its own names.
-        provenance: motor, drive and run settings, JSON-ready.
-        write_deck: returns the netlist of the run, without the controller; ``None`` if ngspice cannot run it.
-    """
-
-    samples: Mapping[str, Array] = field(repr=False)
-    records: Mapping[str, Array] = field(repr=False)
-    logs: Mapping[str, Array] = field(repr=False)
-    provenance: dict[str, Any] = field(repr=False)
-    write_deck: Callable[[], str | None] = field(repr=False)
-
-    units = SAMPLES
-
-    if TYPE_CHECKING:  # the samples are attributes
-
-        def __getattr__(self, name: str) -> Array: ...
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "samples", self._keyed(self.samples))
-        self.__dict__.update(self.samples)
-
-    @property
-    def linear(self) -> bool:
-        """Whether the motor has a slider."""
-        return "slider" in self.provenance["motor"]
-
-    def columns(self) -> Mapping[str, Array]:
-        """Return the samples over time."""
-        return self.samples
-
-    @cached_property
-    def deck(self) -> str | None:  # type: ignore[override]
-        """Netlist of the run, for ngspice, without the controller; ``None`` if ngspice cannot run it."""
-        return self.write_deck()
-
-    @property
-    def trusted(self) -> bool:
-        """Whether the averaged motor's own check passes at every sample, and the rotor keeps its limit of speed.
-
-        The full motor has no such check.
-        """
-        return not (self._model_cautions or self._too_fast)
-
-    @property
-    def _model_cautions(self) -> tuple[str, ...]:
-        if "check" not in self.samples:
-            return ()
-        seen, running = self.samples, self.provenance["run"]["start"] == "steady"
-        check, opened = (float(seen[name].max()) for name in ("check", "separated"))
-        factor = damping_factor(self.provenance["motor"], seen["frequency_hz"], seen["tip_y_amplitude_m"])
-        amplitude = np.maximum(np.abs(seen["voltage_a_v"]), np.abs(seen["voltage_b_v"]))
-        bursts = short_bursts(seen["time_s"], amplitude, float(seen["frequency_hz"].min()), running=running)
-        step = self.provenance["run"]["resolution"]["position_rad"]
-        angle = max(2.0 * presliding(self.provenance["motor"]), 1.5 * step)  # a step of the encoder is no motion
-        cycles = limit_cycle(seen["time_s"], seen["position_rad"], amplitude, angle)
-        return (*model_cautions(check, opened, factor), *bursts, *cycles)
-
-    @property
-    def _too_fast(self) -> tuple[str, ...]:
-        return too_fast(self.provenance["motor"], float(np.abs(self.samples["speed_rad_s"]).max()))
-
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Findings of the averaged motor's own check, and whether the rotor exceeds its limit of speed."""
-        return self._told((*self._model_cautions, *self._too_fast))
-
-    def summary(self) -> dict[str, str]:
-        """Return the last sample, and whether the averaged motor's own check passed."""
-        shown = {name: unit for name, (unit, _) in SAMPLES.items() if name in self.samples and unit != "1"}
-        ends = {unit: "_" + re.sub(r"\W", "_", unit.lower()) for unit in shown.values()}
-        found = {
-            name.removesuffix(ends[unit]).replace("_", " "): f"{self.samples[name][-1]:.4g} {unit}"
-            for name, unit in shown.items()
-        }
-        checked = {"check": "passed" if self.trusted else "not passed"} if "check" in self.samples else {}
-        return self._worded(found | checked | contact_row(self.provenance["run"]))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the last sample and the settings, JSON-ready."""
-        end = {name: float(values[-1]) for name, values in self.samples.items()}
-        checked = [name for name in CHECKS if name in self.samples]
-        greatest = {f"greatest_{name}": float(self.samples[name].max()) for name in checked}
-        return self._keyed(
-            {"end": end, **self._entries("trusted"), **greatest, **self.provenance, **self._entries("cautions")}
-        )
 
 
 @checked
@@ -233,7 +103,9 @@ def simulate_controlled(
             ``void step(double t, const double *in, double *out)``. ``in`` has the values of a
             :class:`Sample` behind the time, in its order. ``out`` takes amplitude of both groups (V), phase
             (deg) and frequency (Hz), and has the present values on entry. The library runs in this process: only load
-            code that you trust.
+            code that you trust. A controller with the attribute ``quantity``, ``"speed"``, ``"position"`` or
+            ``"phase"``, has its static error in the result; one with the attribute ``set_point``, a function of the
+            time in s, has this as its reference.
         duration: simulated time in s.
         sample_time: time in s between two samples; at least one period of the drive.
         averaged: whether the averaged motor runs, or the full one, cycle by cycle.
@@ -261,7 +133,8 @@ def simulate_controlled(
     load = Load(None, load_torque)
     load.check(motor)
     given = dict(courses or {})
-    reference = course_of("reference", given.pop("reference", 0.0), duration)
+    course = course_of("reference", given.pop("reference", 0.0), duration)
+    quantity, reference = _controlled(controller, course)
     settings = settings_of(motor, drive, load, given, duration, thermal)
     coupled, parts = coupled_to(shaft), electronics or IDEAL
     parts.check(sample_time, drive.frequency)
@@ -303,7 +176,7 @@ def simulate_controlled(
             deck = str(write_deck())
             write_deck = partial(str, deck)
             motion = Spice(stack.enter_context(Session(deck, vectors, timeout=timeout)))
-        running = Loop(motion, decide, motor, settings | {"reference": reference}, Rounding(parts))
+        running = Loop(motion, decide, motor, settings, Rounding(parts), reference)
         samples, between = running.run(count, sample_time, records)
     samples["load_torque_n_m"] = np.interp(samples["time_s"], *np.transpose(settings["load_torque"]))
     return ControlledRun(
@@ -318,7 +191,8 @@ def simulate_controlled(
                 "step_s": uniform, "start": start, "load_torque_n_m": load_torque,
                 "shaft": None if shaft is None else shaft.model_dump(),
                 "electronics": None if electronics is None else electronics.model_dump(),
-                "resolution": parts.resolution(sample_time, drive.frequency), "reference": [*map(list, reference)],
+                "resolution": parts.resolution(sample_time, drive.frequency), "reference": [*map(list, course)],
+                "quantity": quantity,
                 "courses": {name: [*map(list, course)] for name, course in settings.items() if len(course) > 1},
                 "thermal": None if thermal is None else thermal.model_dump(),
                 **PAPER_LAW.to_dict(),
@@ -326,6 +200,19 @@ def simulate_controlled(
         },
         write_deck=write_deck,
     )  # fmt: skip
+
+
+def _controlled(controller: object, course: Course) -> tuple[str | None, Callable[[float], float]]:
+    """Return what a controller controls, as far as it tells, and the set point over the time in s."""
+    quantity = getattr(controller, "quantity", None)
+    if quantity is not None and quantity not in CONTROLLED:
+        raise ParameterError(
+            f"The controller has quantity = {quantity!r}: it must be one of {', '.join(CONTROLLED)}. Leave it out for "
+            "another quantity."
+        )
+    set_point = getattr(controller, "set_point", None)
+    times, values = np.transpose(course)
+    return quantity, set_point or (lambda time: float(np.interp(time, times, values)))
 
 
 def _count(drive: TwoPhaseDrive, duration: float, sample_time: float) -> int:
@@ -352,6 +239,7 @@ class Loop:
     motor: Motor
     settings: Mapping[str, Course]
     rounding: Rounding
+    reference: Callable[[float], float]  # over the time in s
 
     def run(self, count: int, sample_time: float, records: int) -> tuple[dict[str, Array], dict[str, Array]]:
         """Run for a number of samples; return the controller's inputs and commands at each, and the records between.
@@ -379,7 +267,7 @@ class Loop:
                     ideal = vars(_sample(now, seen)) | {"load_position_rad": now.load_position}
                     between.append([ideal[name] for name in RECORDS])
                     seen = now
-            reference = float(np.interp(now.time, *np.transpose(self.settings["reference"])))
+            reference = self.reference(now.time)
             sample = _sample(now, last, self.rounding, measured, reference, linear=self.motor.slider is not None)
             power = (now.energy - last.energy) / (now.time - last.time)
             measured, last = sample.position_rad, now

@@ -39,7 +39,7 @@ class LoopController:
 
     def __init__(self, loop: DesignedLoop, set_point: Callable[[float], float]) -> None:
         run, drive = loop.provenance["run"], loop.provenance["drive"]
-        self._quantity, self._set_point, self._step = loop.quantity, set_point, run["sample_time_s"]
+        self.quantity, self.set_point, self._step = loop.quantity, set_point, run["sample_time_s"]
         self._proportional, self._other = loop.gains.values()
         self._speed = run["operating_point"]["speed"]
         self._voltage, self._frequency = drive["voltage"], drive["frequency"]
@@ -47,12 +47,12 @@ class LoopController:
 
     def __call__(self, sample: Sample) -> Mapping[str, float]:
         """Return the amplitudes, or of a phase the frequency, until the next sample."""
-        wanted = self._set_point(sample.time_s)
-        if self._quantity == "position":
+        wanted = self.set_point(sample.time_s)
+        if self.quantity == "position":
             damped = self._other * (sample.speed_rad_s - self._speed)
             output = self._proportional * (wanted - sample.position_rad) - damped
         else:
-            if self._quantity == "speed":
+            if self.quantity == "speed":
                 error = wanted - sample.speed_rad_s
             else:
                 error = (wanted - sample.current_phase_deg + 180.0) % 360.0 - 180.0
@@ -61,7 +61,7 @@ class LoopController:
         return self._commands(output)
 
     def _commands(self, output: float) -> dict[str, float]:
-        if self._quantity == "phase":
+        if self.quantity == "phase":
             return {"frequency": self._frequency + output}
         voltage = self._voltage + output
         return {"voltage_a": voltage, "voltage_b": self._ratio_b * voltage}
@@ -90,15 +90,15 @@ class TwoWayController:
         set_point: Callable[[float], float],
         dead_band: float = 0.0,
     ) -> None:
-        self._quantity, self._drive, self._set_point = quantity, drive, set_point
+        self.quantity, self._drive, self.set_point = quantity, drive, set_point
         self._proportional, self._other = gains.values()
         self._step, self._dead_band, self._span = sample_time, dead_band, highest - dead_band
         self._sum = 0.0
 
     def __call__(self, sample: Sample) -> Mapping[str, float]:
         """Return amplitudes and phase until the next sample."""
-        wanted = self._set_point(sample.time_s)
-        if self._quantity == "position":
+        wanted = self.set_point(sample.time_s)
+        if self.quantity == "position":
             output = self._proportional * (wanted - sample.position_rad) - self._other * sample.speed_rad_s
         else:
             error = wanted - sample.speed_rad_s

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pyspice_runner.analysis.averaged_run import AveragedRun
 from pyspice_runner.analysis.burst import BurstReport
 from pyspice_runner.analysis.control_loop import ControlLoop
-from pyspice_runner.analysis.controlled import ControlledRun
+from pyspice_runner.analysis.controlled_run import ControlledRun
 from pyspice_runner.analysis.drive import DriveReport
 from pyspice_runner.analysis.loop import LoopDesign, phase_shown_deg
 from pyspice_runner.analysis.steady import SteadyState

@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from pyspice_runner.analysis.averaged_run import AveragedRun
 from pyspice_runner.analysis.burst import BurstReport
 from pyspice_runner.analysis.control_loop import ControlLoop
-from pyspice_runner.analysis.controlled import ControlledRun
+from pyspice_runner.analysis.controlled_run import ControlledRun
 from pyspice_runner.analysis.drive import DriveReport
 from pyspice_runner.analysis.impact import Impact
 from pyspice_runner.analysis.small_signals import SmallSignals

@@ -14,6 +14,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner import simulate_controlled
 from pyspice_runner.analysis.controlled import Sample
+from pyspice_runner.analysis.controlled_run import ControlledRun
 
 DRIVE = pr.TwoPhaseDrive(voltage=150.0, frequency=54e3, phase_deg=90.0)
 
@@ -177,3 +178,30 @@ def test_a_second_of_a_speed_loop_at_4_khz_takes_less_than_a_second(motor: pr.Mo
     run = simulate_controlled(motor, DRIVE, speed_loop(), duration=1.0, sample_time=0.25e-3, engine="compiled")
     assert process_time() - begun < 1.0
     assert run.speed_rad_s[-1] == pytest.approx(2.0, rel=1e-3)
+
+
+def test_a_run_says_what_has_settled_and_the_static_error_of_what_is_controlled(motor: pr.Motor) -> None:
+    class Proportional:
+        quantity = "speed"
+
+        def __call__(self, sample: Sample) -> dict[str, float]:
+            return {"voltage": 150.0 + 10.0 * (sample.reference - sample.speed_rad_s)}
+
+    def run(duration: float, controller: object) -> ControlledRun:
+        return simulate_controlled(
+            motor, DRIVE, controller, duration, sample_time=0.5e-3, engine="compiled", courses={"reference": 2.0}
+        )  # type: ignore[call-overload, unused-ignore]
+
+    early, late, nameless = run(3e-3, Proportional()), run(0.3, Proportional()), run(0.3, Proportional().__call__)
+    assert (early.settled, late.settled) == (False, True)
+    assert early.summary()["settled"].startswith("no: speed")
+    assert late.to_dict()["static_error"] == late.static_error
+    # without an integral part the error is what the amplitude beyond 150 V takes
+    assert late.static_error == pytest.approx((late.voltage_a_v[-1] - 150.0) / 10.0, rel=1e-6)
+    assert abs(late.static_error) > 1e-3
+    assert "static error" in late.summary()
+    assert nameless.static_error is None
+    assert nameless.settled
+    Proportional.quantity = "torque"
+    with pytest.raises(pr.ParameterError, match="quantity = 'torque': it must be one of speed, position, phase"):
+        run(3e-3, Proportional())

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.controlled import ControlledRun
+from pyspice_runner.analysis.controlled_run import ControlledRun
 from pyspice_runner.engine.compiler import find_compiler
 from pyspice_runner.model.electronics import Rounding
 
