@@ -23,13 +23,35 @@ from pyspice_runner.analysis.maxima import NO_BLEEDER
 from pyspice_runner.netlist.library import number
 
 START = 1e-3  # s
-# IRF610, Vishay data sheet 91023. A square law with 0.8 S at 2 A has 1/(0.16 A/V² · 9 V) = 0.7 Ω at a gate of 12 V, and
-# 0.45 Ω are left of 1.5 Ω at 10 V and 2 A; 53 pF at 25 V are 300 pF at 0 V; 0.6 µC from 3.3 A are 180 ns.
-# The design counts 1.5 Ω.
-TYPICAL = {
-    r"^(\.model fet .*) ron=1\.5 (.*)$": r"\1 ron=1.15 \2",
-    r"^(\.model body d is=1n rs=0\.3 n=1\.5).*$": r"\1 cjo=300p vj=0.8 m=0.5 tt=180n",
+
+
+def transistor(switch: re.Match[str]) -> str:
+    """Return an IRF610 by Vishay's data sheet 91023 in place of a switch.
+
+    Gate at 12 V behind 22 Ω, square law with 0.8 S at 2 A, 0.45 of the 1.5 Ω in series, 140, 53 and 15 pF at 25 V,
+    0.6 µC from 3.3 A. What the sheet does not state, the gate-drain capacitance below 1 V, has the law of a VDMOS
+    (manual of ngspice), from 171 to 10 pF.
+    """
+    name, drain, source, on = switch.groups()
+    gate = f"v(x{name},{drain})"
+    charge = (
+        f"90.5p*{gate} + 161p*({gate} > 0 ? ln(cosh(0.5*max({gate}, 0))) "
+        f": ({gate}*atan(0.5*{gate}) - ln(1 + 0.25*{gate}*{gate}))/pi)"
+    )
+    return (
+        f"M{name} {drain} x{name} i{name} i{name} mos\nRm{name} i{name} {source} 0.45\n"
+        f"Ro{name} {drain} {source} 100meg\nEg{name} y{name} {source} {on} 0 12\nRg{name} y{name} z{name} 22\n"
+        f"Rn{name} z{name} x{name} 3\nCs{name} x{name} i{name} 125p\nCd{name} x{name} {drain} q='{charge}'"
+    )
+
+
+TRANSISTORS = {
+    r"^S(\w+) (\S+) (\S+) (\S+) 0 fet$": transistor,
+    r"^\.model fet .*$": ".model mos nmos level=1 kp=0.16 vto=3 is=1e-30",
+    r"^(\.model body d is=1n rs=0\.3 n=1\.5).*$": r"\1 cjo=216p vj=0.8 m=0.5 tt=180n",
+    r"@s(\w+)\[p\]": r"@m\1[p] @rm\1[p] @ro\1[p]",
 }
+EDGES = "10n"  # s, time step that resolves the edges: with 4 ns the losses change by 0.1 %
 STATES = ("stall", "operating point", "no load")
 DECKS = Path(__file__).parent / "hand_decks"
 DRIVES: dict[str, tuple[str, str, str, float | None, float]] = {
@@ -46,21 +68,21 @@ def measured(name: str, motor: pr.Motor, folder: Path, speed: float | None) -> d
     """Return the fundamentals of the vectors of a deck over its last whole periods, and as ``mean …`` their means.
 
     The shaft is held at a speed in rad/s; with ``None`` it starts from rest, the run ends after 1 ms, and the
-    transistors are those of :data:`TYPICAL`.
+    transistors are those of :data:`TRANSISTORS`.
     """
     pr.export_motor(motor, folder / "motor.lib")
     text = (DECKS / f"{name}.cir").read_text(encoding="utf-8")
-    changes = {r"^(Vshaft shaft 0) .*$": rf"\1 {speed!r}"}
+    changes: dict[str, Any] = {r"^(Vshaft shaft 0) .*$": rf"\1 {speed!r}"}
     if speed is None:
         changes = {
             r"^Vshaft .*\n": "",
             r"i\(Vshaft\)": "v(shaft)",
-            r"^(\.tran 50n) .*$": rf"\1 {START} {0.5 * START} 50n uic",
-            **(TYPICAL if "Sa1" in text else {}),
+            r"^\.tran 50n .*$": rf".tran {EDGES} {START} {0.5 * START} {EDGES} uic",
+            **(TRANSISTORS if "Sa1" in text else {}),
         }
     for pattern, line in changes.items():
         text, count = re.subn(pattern, line, text, flags=re.M)
-        assert count == 1
+        assert count
     saved = " ".join(re.findall(r"^\.save (.*)$", text, re.M)).lower().split()
     stated = re.search(r" frequency=(\S+)", text)
     assert stated
@@ -177,34 +199,42 @@ def test_a_deck_written_by_hand_has_the_voltages_currents_power_and_torque_of_th
         assert deck == pytest.approx(design, abs=bound), quantity
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("name", DRIVES)
-def test_the_motor_of_a_deck_starts_from_rest_as_that_of_the_design(name: str, tmp_path: Path) -> None:
-    """Speed after 1 ms within 3 %: the first switching edge of the design is another one; a period is 25 µs.
+def started(name: str, folder: Path) -> dict[str, tuple[float, float, float]]:
+    """Return what :func:`compared` does, of a start from rest.
 
-    The losses of the transistors without those of their gates are within 5 %: the switches have a constant resistance,
-    switch at once, and have a capacitance of their diodes only.
+    Speed in the second half of the first millisecond, and loss of all transistors without that of their gates. The
+    loss counts against itself, at least against 6 % of the supply power: where it is little, most of it is that of the
+    edges, for which the default step of a design is coarse.
     """
     motor = pr.load_motor(DRIVES[name][0])
     design = designed(name, motor)
     report = pr.drive_report(motor, design, duration=START, audit=False)
     assert report.design
     assert report.design.starts
-    found = measured(name, motor, tmp_path, None)
-    assert found["mean v(shaft)"].real == pytest.approx(report.mean_rotor_speed_rad_s, rel=0.03)
-    lost = [value.real for vector, value in found.items() if vector.startswith("mean @")]
-    ours = [
+    deck = measured(name, motor, folder, None)
+    lost = sum(value.real for vector, value in deck.items() if vector.startswith("mean @"))
+    ours = sum(
         loss for key, loss in report.losses_w.items()
         if key.startswith("bridge_") and key.rpartition(".")[2] in {"p", "n", "high", "low", "ph", "pl", "nh", "nl"}
-    ]  # fmt: skip
-    gates = sum(loss for key, loss in report.losses_w.items() if key.endswith(".gates"))  # in 22 Ω; 3 Ω are inside
-    assert sum(lost) == pytest.approx(sum(ours) - 3.0 / 22.0 * gates, rel=0.05)
+    )  # fmt: skip
+    ours -= 3.0 / 22.0 * sum(loss for key, loss in report.losses_w.items() if key.endswith(".gates"))  # 3 Ω are inside
+    speed = report.mean_rotor_speed_rad_s
+    found = {"speed": (deck["mean v(shaft)"].real, speed, 0.01 * speed)}
+    return found | ({"FET loss": (lost, ours, 0.01 * max(ours, 0.06 * report.supply_power_w))} if ours else {})
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", DRIVES)
+def test_the_motor_of_a_deck_starts_from_rest_as_that_of_the_design(name: str, tmp_path: Path) -> None:
+    """Speed within 3 %: the first switching edge of the design is another one; a period is 25 µs. Losses within 5 %."""
+    for quantity, (deck, design, bound) in started(name, tmp_path).items():
+        assert deck == pytest.approx(design, abs={"speed": 3.0, "FET loss": 5.0}[quantity] * bound), quantity
 
 
 if __name__ == "__main__":
     for deck in DRIVES:
-        for place in STATES:
+        for place in (*STATES, "from rest"):
             with TemporaryDirectory() as scratch:
-                rows = compared(deck, place, Path(scratch))
+                rows = compared(deck, place, Path(scratch)) if place in STATES else started(deck, Path(scratch))
             told = [f"{key} {design:.4g} {(one - design) / bound:+.2f} %" for key, (one, design, bound) in rows.items()]
             print(f"{deck}, {place}: {'; '.join(told)}", flush=True)
