@@ -21,7 +21,7 @@ import numpy as np
 from pydantic import ValidationError
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.dynamometer import Dynamometer
+from pyspice_runner.analysis.dynamometer import STUCK, Dynamometer
 from pyspice_runner.analysis.period_map import PeriodMap
 from pyspice_runner.analysis.shooting import Shooting
 from pyspice_runner.analysis.speed_torque import operating_point
@@ -90,7 +90,8 @@ def _verdict(subject: Case, state: SteadyState, point: dict[str, Any]) -> str:
     if state.audit.findings:
         return "fails the audit"
     setup = OperatingPoint(subject.motor, DriveSource(subject.drive), law=Law(point["contact"]))
-    if POINT * Dynamometer(setup).duration / setup.step < QUICK:
+    history = STUCK in state.cautions  # torque and normal force depend on it
+    if not history and POINT * Dynamometer(setup).duration / setup.step < QUICK:
         try:
             settled = operating_point(subject.motor, subject.drive, mode="settle", **point)
         except (pr.ParameterError, pr.SimulationError):

@@ -442,11 +442,12 @@ class Shooting:
         for point, felt in new:
             point.differentiate([(point.trace, next(found) if one else point.trace) for one in felt])
         mapped = [point for point in points if not point.failed]
+        kept = []
         for point in mapped:
             if point.at_end is not None:
                 point.step = point.newton_step()
                 point.judge()
-        kept = [point for point in mapped if self.near and point.residual * NEAR_RATE < LIKELY * point.tolerance]
+                kept += [point] if self.near and point.residual * NEAR_RATE < LIKELY * point.tolerance else []
         self._renew([point for point in mapped if point.exact and not (point.done or point in kept)])
 
     def _advance(self, points: list[Point]) -> None:

@@ -124,6 +124,18 @@ def test_a_motion_so_far_from_the_contact_that_its_derivative_overflows_is_not_a
     assert not point.done
 
 
+def test_a_point_that_starts_again_takes_a_derivative_whatever_its_last_residual_was() -> None:
+    motor = pr.load_motor("andersen2002").updated({"mount": None})
+    point = start_point(Plant(motor, PAPERS_DRIVE, Load(2.0), Law("spring-slider")))
+    period_map = PeriodMap(PAPERS_DRIVE.period, STEPS)
+    Shooting([point], period_map).solve()
+    point.restart(point.state + 1e-3 * point.scale)
+    assert point.at_end is None
+    assert point.residual <= point.tolerance
+    Shooting([point], period_map, near=True).solve()
+    assert point.done
+
+
 def test_a_mode_that_softens_and_a_law_of_the_users_own_are_differentiated_by_copies() -> None:
     soft = PAPER.updated({"modes.0.softening_per_m2": 1e7})
     assert not differentiable(Plant(soft, PAPERS_DRIVE, Load(1.0), Law()))
