@@ -83,7 +83,7 @@ def contact(sheet: Sheet) -> None:
         phase, 14.6, 18.9, 0.1, 8.3, CONTACT,
         west={"slider_before": 7.2, "normal_before": 6.75, "normal_earlier": 6.3, "fx fy": 5.7, "x y": 4.0,
               "x_before y_before": 3.4, "x_after y_after": 2.8, "turn": 1.6, "rate": 1.0},
-        east={"slider": 7.2, "normal": 6.3, "friction": 5.7, "open slip": 1.0},
+        east={"slider": 7.2, "normal": 6.3, "friction": 5.7, "motion bound": 1.6, "open slip": 1.0},
     )  # fmt: skip
     sheet.note("contact, phase n", (16.75, 7.85), fontweight="bold")
     sheet.flow((18.9, 7.2), (19.9, 7.2), (19.9, 9.4), (14.0, 9.4), (14.0, 7.2), (14.6, 7.2))
