@@ -45,11 +45,13 @@ def transistor(switch: re.Match[str]) -> str:
     )
 
 
+SWITCH, LOSS = r"^S(\w+) (\S+) (\S+) (\S+) 0 fet$", r"@s(\w+)\[p\]"
+OF_EACH = (SWITCH, LOSS)  # these patterns stand once for each switch
 TRANSISTORS = {
-    r"^S(\w+) (\S+) (\S+) (\S+) 0 fet$": transistor,
+    SWITCH: transistor,
     r"^\.model fet .*$": ".model mos nmos level=1 kp=0.16 vto=3 is=1e-30",
     r"^(\.model body d is=1n rs=0\.3 n=1\.5).*$": r"\1 cjo=216p vj=0.8 m=0.5 tt=180n",
-    r"@s(\w+)\[p\]": r"@m\1[p] @rm\1[p] @ro\1[p]",
+    LOSS: r"@m\1[p] @rm\1[p] @ro\1[p]",
 }
 EDGES = "10n"  # s, time step that resolves the edges: with 4 ns the losses change by 0.1 %
 STATES = ("stall", "operating point", "no load")
@@ -80,9 +82,10 @@ def measured(name: str, motor: pr.Motor, folder: Path, speed: float | None) -> d
             r"^\.tran 50n .*$": rf".tran {EDGES} {START} {0.5 * START} {EDGES} uic",
             **(TRANSISTORS if "Sa1" in text else {}),
         }
+    switches = len(re.findall(r"^S", text, re.M))
     for pattern, line in changes.items():
         text, count = re.subn(pattern, line, text, flags=re.M)
-        assert count
+        assert count == (switches if pattern in OF_EACH else 1)
     saved = " ".join(re.findall(r"^\.save (.*)$", text, re.M)).lower().split()
     stated = re.search(r" frequency=(\S+)", text)
     assert stated
@@ -200,11 +203,10 @@ def test_a_deck_written_by_hand_has_the_voltages_currents_power_and_torque_of_th
 
 
 def started(name: str, folder: Path) -> dict[str, tuple[float, float, float]]:
-    """Return what :func:`compared` does, of a start from rest.
+    """Return the values of :func:`compared` for a start from rest.
 
-    Speed in the second half of the first millisecond, and loss of all transistors without that of their gates. The
-    loss counts against itself, at least against 6 % of the supply power: where it is little, most of it is that of the
-    edges, for which the default step of a design is coarse.
+    They are the mean speed in the second half of the first millisecond, and the loss of all transistors without the
+    loss of their gates.
     """
     motor = pr.load_motor(DRIVES[name][0])
     design = designed(name, motor)
@@ -220,11 +222,18 @@ def started(name: str, folder: Path) -> dict[str, tuple[float, float, float]]:
     ours -= 3.0 / 22.0 * sum(loss for key, loss in report.losses_w.items() if key.endswith(".gates"))  # 3 Ω are inside
     speed = report.mean_rotor_speed_rad_s
     found = {"speed": (deck["mean v(shaft)"].real, speed, 0.01 * speed)}
-    return found | ({"FET loss": (lost, ours, 0.01 * max(ours, 0.06 * report.supply_power_w))} if ours else {})
+    return found | ({"FET loss": (lost, ours, 0.01 * ours)} if ours else {})
+
+
+COARSE = pytest.mark.xfail(
+    reason="6 mW of 199 mW, most of it in edges: 6.6 % off at the default step, 1.7 % at half of it", strict=True
+)
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=COARSE if name == "beam40_full_bridge_llcc" else ()) for name in DRIVES]
+)
 def test_the_motor_of_a_deck_starts_from_rest_as_that_of_the_design(name: str, tmp_path: Path) -> None:
     """Speed within 3 %: the first switching edge of the design is another one; a period is 25 µs. Losses within 5 %."""
     for quantity, (deck, design, bound) in started(name, tmp_path).items():

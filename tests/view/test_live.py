@@ -149,6 +149,7 @@ def test_speed_and_limits_are_those_of_the_steady_state(desktop: tuple[Page, lis
     # the stress without a limit that hides it; over one period, of a speed settled to 0.2 %
     tight = "({...motorOf(current()), rated: {...motorOf(current()).rated, strength: 0, most: -300}})"
     said = " ".join(page.evaluate(f"exceeded({tight}, page.results[page.slot].full)"))
+    assert "the losses heat the stator by" in said
     stress, rise = (float(re.findall(pattern, said)[0]) for pattern in (r"to (\S+) MPa", r"by (\S+) K"))
     assert stress == pytest.approx(1e-6 * steady.ceramic_stress_pa, rel=0.02)
     assert rise == pytest.approx(steady.temperature_rise_k, rel=0.02)
