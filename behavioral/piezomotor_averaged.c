@@ -51,7 +51,7 @@ struct contact {
     phasor fx[ORDERS], fy[ORDERS]; /* N, force on the tip; [0] is the mean */
     double normal, friction;       /* N, means */
     double separated, slip;        /* shares of the period */
-    double shift, low, high;       /* m: from the slider at the begin to that at the end of the period, clip_slider() */
+    double shift, low, high;       /* um: motion and limits of the slider over the period, for clip_slider() */
 };
 
 /* Sum the harmonics of a displacement at every phase. */
@@ -89,11 +89,11 @@ struct path {
    the present preload; without a mount another preload is another distance. */
 static double laid_preload(const struct motor *m) { return MOUNTED ? m->laid : m->value.preload; }
 
-/* The slider at the end of a period that begins with another one. At each phase it moves with the tip and is clipped at the
-   limits of stick; together these are one motion and one pair of limits. */
+/* The slider in m at the end of a period, from that at its beginning. At each phase it moves with the tip and is clipped at
+   the limits of stick; all phases together are one motion and one pair of limits. */
 static double clip_slider(const struct contact *c, double slider)
 {
-    return fmin(fmax(slider + c->shift, c->low), c->high);
+    return 1e-6 * fmin(fmax(1e6 * slider + c->shift, c->low), c->high);
 }
 
 /* One period of the contact; piezomotor_phase.h takes displacements in um. */
@@ -133,9 +133,9 @@ static struct contact touch(const struct motor *m, const struct path *path)
         at.normal_before = at.normal;
         if (k < 0)
             continue;
-        found.shift += 1e-6 * at.motion;
-        found.low = 1e-6 * fmin(fmax(1e6 * found.low + at.motion, -at.bound), at.bound);
-        found.high = 1e-6 * fmin(fmax(1e6 * found.high + at.motion, -at.bound), at.bound);
+        found.shift += at.motion;
+        found.low = fmin(fmax(found.low + at.motion, -at.bound), at.bound);
+        found.high = fmin(fmax(found.high + at.motion, -at.bound), at.bound);
         at.slider_before = at.slider;
         fx[n] = at.fx;
         fy[n] = at.fy;
@@ -159,9 +159,9 @@ static phasor inertance(const struct mode *mode, double omega)
     return (phasor){mode->damping, mode->mass * (omega + natural(mode))};
 }
 
-/* Factor of the rate of an amplitude that would go on as exp(-from * t). The averages do not describe an oscillation against
-   the drive that is fast, by half of the drive's frequency or more: it settles without one. A slow one stays, with the
-   fourth power of the ratio as the greatest change. */
+/* Factor of the rate of an amplitude whose free motion is exp(-from * t). The averages do not describe an oscillation at half
+   of the drive's frequency or more: with the factor the amplitude settles without oscillation. A slow motion changes at most
+   by the fourth power of the ratio. */
 static phasor settling(phasor from, double frequency)
 {
     double ratio = size(from) / (PI * frequency), damped = pow(ratio, 4.0);

@@ -110,7 +110,7 @@ def outcome(index: int) -> dict[str, Any]:
 
 
 def _verdict(state: SteadyState) -> str | None:
-    """Return what is known of a steady state before it is run; ``None`` where a long run has to show it."""
+    """Return the verdict on a steady state without a long run; ``None`` if a long run is needed."""
     if not state.converged:
         return ""
     return None if state.stable else "said to be unstable"

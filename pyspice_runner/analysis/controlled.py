@@ -103,9 +103,9 @@ def simulate_controlled(
             ``void step(double t, const double *in, double *out)``. ``in`` has the values of a
             :class:`Sample` behind the time, in its order. ``out`` takes amplitude of both groups (V), phase
             (deg) and frequency (Hz), and has the present values on entry. The library runs in this process: only load
-            code that you trust. A controller with the attribute ``quantity``, ``"speed"``, ``"position"`` or
-            ``"phase"``, has its static error in the result; one with the attribute ``set_point``, a function of the
-            time in s, has this as its reference.
+            code that you trust. If a controller has the attribute ``quantity``, one of ``"speed"``, ``"position"`` and
+            ``"phase"``, the result states its static error. An attribute ``set_point``, a function of the time in s, is
+            the reference.
         duration: simulated time in s.
         sample_time: time in s between two samples; at least one period of the drive.
         averaged: whether the averaged motor runs, or the full one, cycle by cycle.
@@ -203,7 +203,7 @@ def simulate_controlled(
 
 
 def _controlled(controller: object, course: Course) -> tuple[str | None, Callable[[float], float]]:
-    """Return what a controller controls, as far as it tells, and the set point over the time in s."""
+    """Return the controlled quantity, ``None`` if it is not known, and the set point over the time in s."""
     quantity = getattr(controller, "quantity", None)
     if quantity is not None and quantity not in CONTROLLED:
         raise ParameterError(
@@ -212,7 +212,11 @@ def _controlled(controller: object, course: Course) -> tuple[str | None, Callabl
         )
     set_point = getattr(controller, "set_point", None)
     times, values = np.transpose(course)
-    return quantity, set_point or (lambda time: float(np.interp(time, times, values)))
+    if not callable(set_point):
+        return quantity, lambda time: float(np.interp(time, times, values))
+    if np.any(values):
+        raise ParameterError("The controller has a set_point of its own, and reference has a course. Leave one out.")
+    return quantity, lambda time: float(set_point(time))
 
 
 def _count(drive: TwoPhaseDrive, duration: float, sample_time: float) -> int:

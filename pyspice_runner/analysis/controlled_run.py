@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a run with a sampled controller has: samples, their check, what has settled, and the static error."""
+"""The result of a run with a sampled controller: samples, their check, settling, and the static error."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ CHECKS = ("check", "separated", "tip_y_amplitude_m")
 OF_AVERAGED = ("heat_w", *CHECKS)
 # sample of each quantity that a controller may control, by the attribute ``quantity`` of the controller
 CONTROLLED = {"speed": "speed_rad_s", "position": "position_rad", "phase": "current_phase_deg"}
-SMALL = 0.02  # of its greatest value, added to a quantity to which its change is taken
+SMALL = 0.02  # share of the greatest value, added to the mean that a change is relative to
 
 RECORDS = (
     "time_s", "speed_rad_s", "position_rad", "current_amplitude_a", "current_b_amplitude_a", "temperature_k",
@@ -131,17 +131,17 @@ class ControlledRun(Result):
 
     @property
     def _watched(self) -> dict[str, str]:
-        """The samples that must settle, by their words: a loop of the position moves the rest, too."""
+        """Samples that must settle, by their words in the table: controlled quantity, power, temperature."""
         quantity = self.provenance["run"]["quantity"] or "speed"
         heats = {"temperature": "temperature_k"} if self.samples["temperature_k"].any() else {}
         return {quantity: CONTROLLED[quantity], "electrical power": "electrical_power_w"} | heats
 
     @cached_property
     def to_come(self) -> dict[str, float | None]:
-        """By how much means of up to 20 samples would still change if the run went on, relative; by extrapolation.
+        """Relative further change of means of up to 20 samples if the run went on; by extrapolation.
 
-        Controlled quantity, or speed; electrical power; temperature of a stator that heats up. Each is taken relative
-        to its mean plus a fiftieth of its greatest value. ``None``: too short to tell.
+        Given for the controlled quantity, or the speed; the electrical power; and the temperature of a stator that
+        heats up. Each is relative to its mean plus a fiftieth of its greatest value. ``None``: the run is too short.
         """
         found = {}
         for name in self._watched.values():
@@ -171,7 +171,7 @@ class ControlledRun(Result):
     def static_error(self) -> float | None:
         """Set point less controlled quantity, mean of the last quarter of the samples, in the unit of the quantity.
 
-        ``None`` for a controller that does not tell by its attribute ``quantity`` what it controls.
+        ``None`` for a controller without the attribute ``quantity``.
         """
         quantity = self.provenance["run"]["quantity"]
         if quantity is None:

@@ -108,8 +108,8 @@ def speed_torque(
         step: longest time step in s; by default that of ``simulate``.
         tolerance: change from block to block that still counts as settled: of the normal force relative to itself, of
             the torque relative to itself plus a fiftieth of the friction torque that the normal force allows; the
-            energy stored in the modes may change by four times as much. What is left of the start is at most 0.6 of it,
-            or about twice of it where the carrier vibrates on the contact for longer than a block.
+            energy stored in the modes may change by four times as much. What is left of the start is at most 0.6 of
+            the tolerance, or about twice the tolerance where the carrier vibrates on the contact longer than a block.
         patience: number of blocks after which a point counts as not settled.
         executor: executor that runs the points; by default one thread per core, each with its own ngspice process.
         progress: called with the number of finished points and of all points.

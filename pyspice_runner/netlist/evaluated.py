@@ -180,7 +180,7 @@ class _Shared(ast.NodeTransformer):
         self._new: list[tuple[str, ast.expr, int]] = []
 
     def taken(self) -> list[tuple[str, ast.expr, int]]:
-        """Return what has got a name since the last call, each after what it contains."""
+        """Return the expressions named since the last call; each follows those that it contains."""
         self._new, found = [], self._new
         return found
 
