@@ -91,7 +91,7 @@ def _information(candidate: Predictor, x: Array) -> Array:
     else:
         half = len(values) // 2
         errors = SPECTRUM_ERROR * np.tile(np.hypot(values[:half], values[half:]), 2)
-    slope = candidate.jacobian(x, here) / np.where(errors > 0.0, errors, np.inf)[:, None]
+    slope = candidate.jacobian(x, here, central=True) / np.where(errors > 0.0, errors, np.inf)[:, None]
     return np.asarray(slope.T @ slope)
 
 

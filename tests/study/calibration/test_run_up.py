@@ -15,8 +15,10 @@ import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.study.calibration.misfit import misfits
+from pyspice_runner.study.calibration.prediction import Predictor
 from pyspice_runner.study.calibration.record import Record
-from pyspice_runner.study.calibration.run_up import RUN_UP_ERROR, RunUp, settled_run_up
+from pyspice_runner.study.calibration.run_up import RUN_UP_ERROR, RunUp, run_ups, settled_run_up
+from pyspice_runner.study.calibration.unknowns import unknowns_of
 
 SET = "andersen2002-unintended-mode"
 TRUTH = {"rotor.inertia_kg_m2": 1.3e-6, "rotor.bearing_damping_n_m_s": 1.5e-4}
@@ -78,6 +80,31 @@ def test_a_full_motor_that_is_faster_than_the_averaged_one_is_predicted() -> Non
     assert fine < 2.5e-3 < fast
 
 
+@pytest.mark.parametrize("name", [SET, "bimodal40"])
+def test_derivatives_of_a_run_up_do_not_follow_the_steps_of_its_integration(name: str) -> None:
+    """Within 3 % of those by ten and twenty percent, extrapolated: the steps change a run-up by 3e-5 of its speed."""
+    motor = pr.load_motor(name)
+    base = OperatingPoint.of(motor, pr.default_drive(motor), audit=False)
+    table = {
+        "time_s": np.linspace(0.2e-3, 10e-3, 200),
+        "speed_rad_s": np.ones(200),
+        "load_torque_n_m": np.full(200, 1e-3),
+    }
+    predictor = Predictor(
+        base, unknowns_of(motor, base.drive, list(TRUTH)), None, run_ups=run_ups([table], linear=False)
+    )
+    x = np.zeros(len(TRUTH))
+    slope = predictor.jacobian(x, predictor.at([x])[0], central=True)
+    for place, own in enumerate(slope.T):
+        wide, wider = (
+            np.subtract(*(one.values for one in predictor.at([size * np.eye(2)[place], -size * np.eye(2)[place]])))
+            / (2.0 * size)
+            for size in (0.1, 0.2)
+        )
+        true = (4.0 * wide - wider) / 3.0
+        assert np.linalg.norm(own - true) <= 0.03 * np.linalg.norm(true)
+
+
 @pytest.mark.soak
 def test_a_run_up_tells_a_wrong_bearing() -> None:
     table = measured(pr.simulate_averaged(*truth(), duration=10e-3, load_torque=1e-3), noise=1)
@@ -98,8 +125,8 @@ def test_a_run_up_of_the_full_motor_gives_back_inertia_and_bearing() -> None:
 @pytest.mark.parametrize(
     ("name", "values", "load", "duration", "stated"),
     [
-        (SET, (1.3e-6, 1.5e-4), 1e-3, 10e-3, ((0.01, 0.40), (-1.0, 1.0))),
-        ("bimodal40", (6.5e-6, 1e-4), 2e-3, 20e-3, ((0.12, 0.28), (-3.7, 4.0))),
+        (SET, (1.3e-6, 1.5e-4), 1e-3, 10e-3, ((0.24, 0.40), (-1.1, 1.0))),
+        ("bimodal40", (6.5e-6, 1e-4), 2e-3, 20e-3, ((0.12, 0.28), (-3.7, 4.5))),
     ],
 )
 def test_the_page_states_how_well_a_run_up_of_the_full_motor_gives_inertia_and_bearing(
