@@ -141,9 +141,10 @@ class Point:
     def carried(self) -> NDArray[np.bool_]:
         """Whether each state at the beginning of the period acts on it: no slider that slips or touches nothing does.
 
-        The first step of the period takes it to its limit.
+        The first step of the period takes it to its limit. The lags of the stem forget their start in two steps.
         """
         carried = np.ones(self.plant.order, dtype=bool)
+        carried[self.plant.where("stem")] = False
         if self.trace is not None and self.plant.law is not None and self.plant.law.sliding:
             ends = self.trace.contact_state[[0, -1]]
             carried[self.plant.where("contact")] = bool(np.any(np.abs(ends - 1.0) < GROSS))
