@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import asin, pi, sin, sqrt
+from math import pi, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from pyspice_runner.netlist.benches import (
     connect_brake,
 )
 from pyspice_runner.netlist.copies import Copy, Plant, content_name, copy_name
-from pyspice_runner.netlist.drivers import Driver, add_channels, control_amplitude
+from pyspice_runner.netlist.drivers import DELAY, Delay, Driver, add_breakpoints, add_channels, control_amplitude
 from pyspice_runner.netlist.evaluated import plotted_nodes
 from pyspice_runner.netlist.library import definition_texts
 from pyspice_runner.netlist.networks import CABLE, NO_CAPACITOR, passed
@@ -37,14 +37,12 @@ from pyspice_runner.netlist.state import Discretisation, State, motor_states
 Array = NDArray[np.float64]
 LEAD = 0.05  # of a period, from the start of a run to that of the period: charges of the transistors settle in it
 ABSTOL_OF_SEVERAL = "1e-5"  # A, of copies whose transistors start without charge: with 1 µA ngspice often fails there
-COMPARATOR_V = 1e-3  # control at which the comparators of bridges are at their limits
 _CANDIDATES = 256  # phases at which a run may start
 _STORE = re.compile(r"^([LC]\w*) (\S+) (\S+) (?:\{[^}]*\}|\S+) ic=\{(start_\w+)\}$", re.M)
 _PLOTTED = re.compile(r"^B(loss|feed|store)_\w+ .*\n", re.M)  # of a part, powers and energies to plot
 _SECONDARY = "start_secondary"  # parameter of a transformer: the current into its secondary
 PRIMARY = ("start_primary", "start_p", "start_n")  # those of the currents into its primary
 _COILS = (_SECONDARY, "start_current", "start_series_current")  # parameters of coils between a stage and a pin
-_DELAY = "start_delay"  # first part of parameters of a bridge: the control charges a capacitance to 1 V of its sign
 
 
 @dataclass(frozen=True)
@@ -122,7 +120,7 @@ class DrivenPlant(Plant):
                     # a capacitance of 1 F stands for a short circuit
                     short = start == "start_voltage" and part.values.get("capacitance") == NO_CAPACITOR
                     no_winding = start == "start_winding" and part.values["winding_capacitance"] == 0.0
-                    follows = start.startswith(_DELAY) or (part.instance, start) in self._in_series
+                    follows = start.startswith(DELAY) or (part.instance, start) in self._in_series
                     if short or no_winding or follows:
                         continue
                     ends = [str(pins.get(node, f"x{instance}.{node}")) for node in (first, second)]
@@ -178,32 +176,15 @@ class DrivenPlant(Plant):
         edges = []
         for group in GROUPS:
             half = 0.5 * self.driver.dead_time(group) * self.driver.frequency  # of the dead time, in periods
-            for sign, level in self._delays(group).values() or ((1.0, 0.0),):
-                edges += [edge + half for edge in self._edges(group, sign, level)]
+            for delay in self.driver.delays(group).values() or (Delay(1.0, 0.0),):
+                edges += [edge + half for edge in delay.edges(self.driver.ahead(group))]
         distances = np.abs((phases[:, np.newaxis] - edges + 0.5) % 1.0 - 0.5).min(axis=1)
         return float(phases[distances.argmax()] - 0.5 * LEAD)
 
-    def _delays(self, group: str) -> dict[str, tuple[float, float]]:
-        """Return sign and level of the control at which each delay of a bridge switches, by its parameter."""
-        if not self.driver.switched:
-            return {}
-        stage, *_ = self.driver.parts(group)
-        names = [name for parameter in stage.library.parameters if (name := parameter.name).startswith(_DELAY)]
-        return {name: (-1.0 if name.endswith("_n") else 1.0, stage.values.get("level", 0.0)) for name in names}
-
-    def _ahead(self, group: str) -> float:
-        """Return by what part of a period a group is ahead of group A."""
-        return self.driver.phase_deg / 360.0 if group == "b" else 0.0
-
-    def _edges(self, group: str, sign: float, level: float) -> tuple[float, float]:
-        """Return the phases of group A's control, in periods, at which that of a group passes a level up and down."""
-        rise = 0.5 * (sign < 0.0) + asin(level) / (2.0 * pi)
-        return rise - self._ahead(group), rise - self._ahead(group) + 0.5 - asin(level) / pi
-
     def _switched(self, group: str) -> dict[str, bool]:
         """Return whether each delay of a bridge is at 1 V as a run starts, by its parameter."""
-        control = sin(2.0 * pi * (self.begins + self._ahead(group)))
-        return {name: sign * control > level for name, (sign, level) in self._delays(group).items()}
+        control = sin(2.0 * pi * (self.begins + self.driver.ahead(group)))
+        return {name: delay.sign * control > delay.level for name, delay in self.driver.delays(group).items()}
 
     def bench_texts(self, discretisation: Discretisation, *, meters: bool) -> dict[str, str]:
         """Return the subcircuit of motor, driver and shaft and those of its parts, by name.
@@ -229,27 +210,13 @@ class DrivenPlant(Plant):
     def _add_controls(self, circuit: SubCircuit) -> None:
         """Add the sources of the controls, and the state of the delays; the supplies rose long ago."""
         for group in GROUPS:
-            begins = self.begins + self._ahead(group)
+            begins = self.begins + self.driver.ahead(group)
             amplitude, turned = control_amplitude(self.driver, group), 360.0 * (begins % 1.0)
             control = f"SIN(0 {amplitude!r} {self.driver.frequency!r} 0 0 {turned!r})"
             circuit.V(f"control_{group}", f"control_{group}", circuit.gnd, control)
             for name, above in self._switched(group).items():
                 circuit[f"Xstage_{group}"].parameters[name] = 1.0 if above else -1.0
-                self._add_breakpoints(circuit, group, name)
-
-    def _add_breakpoints(self, circuit: SubCircuit, group: str, delay: str) -> None:
-        """Add a pulse whose corners are those of a bridge's comparator: they make ngspice compute points there.
-
-        Otherwise the time of an edge depends on the steps around it.
-        """
-        sign, level = self._delays(group)[delay]
-        period = self.driver.period
-        rise, fall = (edge * period for edge in self._edges(group, sign, level))
-        half = COMPARATOR_V * period / (2.0 * pi * sqrt(1.0 - level**2))
-        begins = (rise - half - self.begins * period) % period
-        pulse = f"PULSE(0 1 {begins!r} {2.0 * half!r} {2.0 * half!r} {fall - rise - 2.0 * half!r} {period!r})"
-        name = f"edges_{group}{delay.removeprefix(_DELAY)}"
-        circuit.V(name, name, circuit.gnd, pulse)
+            add_breakpoints(circuit, self.driver, group, self.begins)
 
     def _add_shaft(self, circuit: SubCircuit, discretisation: Discretisation, *, meters: bool) -> None:
         """Add what holds or loads the shaft, and the meters, if any."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 from cmath import rect
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, pi, radians, sqrt
+from math import asin, inf, pi, radians, sqrt
 from typing import Any, Literal, NamedTuple, Self, get_args
 
 from pydantic import Field, PrivateAttr
@@ -74,6 +74,25 @@ RINGING_POINTS = 25  # steps in a period of a network's own ringing: the trapezo
 
 
 _SERIES = {"inductor": ("inductance", "resistance"), "llcc": ("series_inductance", "series_resistance")}  # of networks
+
+
+DELAY = "start_delay"  # first part of parameters of a bridge: the control charges a capacitance to 1 V of its sign
+COMPARATOR_V = 1e-3  # control at which the comparators of bridges are at their limits
+
+
+class Delay(NamedTuple):
+    """A delay of a bridge: the sign of the control and the level that its comparator compares."""
+
+    sign: float
+    level: float
+
+    def edges(self, ahead: float) -> tuple[float, float]:
+        """Return the phases of group A's control at which the control, ``ahead`` of it, passes the level up and down.
+
+        All are in periods.
+        """
+        rise = 0.5 * (self.sign < 0.0) + asin(self.level) / (2.0 * pi) - ahead
+        return rise, rise + 0.5 - asin(self.level) / pi
 
 
 class Ringing(NamedTuple):
@@ -317,6 +336,18 @@ class Driver(Stated, Source):
     def dead_time(self, group: str) -> float:
         """Return the dead time in s of a bridge; 0 without one."""
         return next((part.values["dead_time"] for part in self.parts(group) if part.label == "bridge"), 0.0)
+
+    def delays(self, group: str) -> dict[str, Delay]:
+        """Return the delays of the bridge of a group, by the parameters of their state at the start; else none."""
+        if not self.switched:
+            return {}
+        stage, *_ = self.parts(group)
+        names = [name for parameter in stage.library.parameters if (name := parameter.name).startswith(DELAY)]
+        return {name: Delay(-1.0 if name.endswith("_n") else 1.0, stage.values.get("level", 0.0)) for name in names}
+
+    def ahead(self, group: str) -> float:
+        """Return by what part of a period a group is ahead of group A."""
+        return self.phase_deg / 360.0 if group == "b" else 0.0
 
     @property
     def transformer_label(self) -> str:
@@ -593,7 +624,32 @@ def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, sou
             circuit, "source", "driver_source", nodes,
             frequency=driver.frequency, phase_deg=driver.phase_deg, **amplitudes,
         )  # fmt: skip
+        for group in GROUPS:
+            add_breakpoints(circuit, driver, group)
     add_channels(circuit, driver, pins)
+
+
+def add_breakpoints(circuit: Netlist, driver: Driver, group: str, begins: float = 0.0) -> None:
+    """Add pulses whose corners are those of a bridge's comparators: they make ngspice compute points there.
+
+    Otherwise the time of an edge depends on the steps around it, and the step to the edge of a gate is as long as those
+    between the edges: it counts the power of the gates up to 14 % too low and the loss of transistors up to 11 % too
+    high.
+
+    Args:
+        circuit: the circuit with the control source.
+        driver: the driver.
+        group: ``"a"`` or ``"b"``.
+        begins: phase of group A's control at which the run starts, in periods.
+    """
+    period = driver.period
+    for name, delay in driver.delays(group).items():
+        rise, fall = (edge * period for edge in delay.edges(driver.ahead(group)))
+        half = COMPARATOR_V * period / (2.0 * pi * sqrt(1.0 - delay.level**2))
+        first = (rise - half - begins * period) % period
+        pulse = f"PULSE(0 1 {first!r} {2.0 * half!r} {2.0 * half!r} {fall - rise - 2.0 * half!r} {period!r})"
+        node = f"edges_{group}{name.removeprefix(DELAY)}"
+        circuit.V(node, node, circuit.gnd, pulse)
 
 
 def add_channels(circuit: Netlist, driver: Driver, pins: Mapping[str, str], *, risen: bool = False) -> None:

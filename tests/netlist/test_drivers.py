@@ -10,6 +10,7 @@ from math import e, pi, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 
 import pyspice_runner as pr
@@ -17,6 +18,7 @@ from pyspice_runner.analysis.drive import DriveReport
 from pyspice_runner.netlist.drivers import control_amplitude
 from pyspice_runner.netlist.library import definitions, library_names, read_library
 from pyspice_runner.netlist.mosfets import MOSFETS, ratings, suited
+from pyspice_runner.run.operating_point import OperatingPoint
 from tests.netlist.batch import measured
 from tests.netlist.test_decks import measured as deck_measured
 from tests.selection import mostly
@@ -189,6 +191,22 @@ Rload out 0 100
 
 
 # --- the driver as a description -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS[1:])
+def test_a_run_has_points_where_the_comparators_of_a_bridge_switch(kind: str) -> None:
+    """They are within 1 mV of zero, or of the level of a full bridge, whose legs have controls of opposite sign."""
+    level = 0.5 if kind == "full-bridge" else 0.0
+    settings = {"bridge.level": level} if level else {}
+    bridge = driver(kind, phase_deg=62.0, settings=settings)
+    run = OperatingPoint.of(pr.load_motor("andersen2002"), bridge, contact=None).run(5.0 * bridge.period, ["v(a)"])
+    time = run.vectors()["time"]
+    for ahead, sign, side in product((0.0, 62.0), (1.0, -1.0) if level else (1.0,), (-1e-3, 1e-3)):
+        angle = np.arcsin(sign * (level + side))
+        for phase in (angle, pi - angle):
+            edges = ((phase / (2.0 * pi) - ahead / 360.0) % 1.0 + np.arange(1.0, 4.0)) * bridge.period
+            # 1 % of the 6 ns in which a comparator switches; the corners are where the sine would be straight
+            assert np.abs(time[:, np.newaxis] - edges).min(axis=0) == pytest.approx(0.0, abs=0.06e-9)
 
 
 def test_a_bleeder_discharges_a_pin_that_a_series_capacitor_isolates(tmp_path: Path) -> None:
