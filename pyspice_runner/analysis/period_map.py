@@ -30,8 +30,8 @@ from pyspice_runner.netlist.state import Discretisation
 from pyspice_runner.run.kernel import run_bench, simulator
 from pyspice_runner.run.window import Array
 
-COPIES_PER_DECK = 30  # measured: beyond, the parse trees of the B-sources no longer fit the cache of a core
-_OF_A_SLIDER = 0.75  # parse trees of a further slider of a brush over those of a motor with one: 8 take 4 copies
+COPIES_PER_DECK = 8  # measured: beyond, the parse trees of the B-sources no longer fit the cache of a core
+_SLIDERS_PER_DECK = 100  # the same of a brush: 3 copies with 32 sliders
 _FEWEST = 4  # copies in a deck over one period; fewer take less time than the start of ngspice
 # steps; the first uniform step begins after less than two and lets a slider that slips forget its start, and ngspice 46
 # shortens the last two
@@ -176,8 +176,8 @@ class PeriodMap:
             return []
         self._write(copies)
         workers = self.workers
-        sliders = max(copy.plant.law.sliders or 0 if copy.plant.law else 0 for copy in copies)
-        decks = ceil(len(copies) / max(1, int(self.copies_per_deck / (1.0 + _OF_A_SLIDER * sliders))))
+        sliders = max(copy.plant.law.sliders or 1 if copy.plant.law else 1 for copy in copies)
+        decks = ceil(len(copies) / max(1, min(self.copies_per_deck, _SLIDERS_PER_DECK // sliders)))
         least = _FEWEST if whole else 1  # a long run is worth a deck of its own
         decks = max(ceil(decks / workers) * workers if decks > 1 else 1, min(workers, len(copies) // least))
         decks = min(decks, len(copies))
