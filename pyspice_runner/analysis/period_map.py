@@ -24,6 +24,7 @@ from pyspice_runner.analysis.threads import in_threads
 from pyspice_runner.analysis.variation import Course, differentiable
 from pyspice_runner.engine.processes import KeptProcesses
 from pyspice_runner.errors import SimulationError
+from pyspice_runner.netlist.contact import MOST_SLIDERS, reached
 from pyspice_runner.netlist.copies import Copy, Plant, copies_bench, copy_name, motor_texts
 from pyspice_runner.netlist.sources import Bench
 from pyspice_runner.netlist.state import Discretisation
@@ -58,6 +59,7 @@ class Trace:
     # voltages and currents of the pins behind a driver, by vectors as v(a) and i(vpin_a).
     pins: Mapping[str, Array] = field(default_factory=dict)
     course: Course | None = field(default=None, repr=False)  # the whole run, if its derivative follows from it
+    reach: int | None = None  # number of sliders of a brush that touch something in the run, if it is known
 
     def later(self, begun: float) -> Array:
         """Return the states a period after a time in s, by linear interpolation."""
@@ -137,9 +139,32 @@ class PeriodMap:
         Raises:
             SimulationError: if ngspice is missing or cannot be run.
         """
-        found = self._evaluated(copies, after * self.period + self.duration, whole=True)
-        # the derivative is that of a run from its start
-        return [trace and replace(trace, course=None) for trace in found] if after else found
+        if after:  # the derivative is that of a run from its start
+            found = self._evaluated(copies, after * self.period + self.duration, whole=True)
+            return [trace and replace(trace, course=None) for trace in found]
+        return self._within_reach(copies)
+
+    def _within_reach(self, copies: Sequence[Copy]) -> list[Trace | None]:
+        """Return the traces over a period; leave out the sliders of a brush that touch nothing, if these are known."""
+        sliders = max((copy.reach or MOST_SLIDERS for copy in copies), default=MOST_SLIDERS)
+        law = copies[0].plant.law if copies else None  # the same in all
+        if self.compiled or law is None or sliders >= (law.sliders or 0):
+            return [trace and _reaching(copy, trace) for copy, trace in self._whole(copies)]
+        inner = [copy.with_sliders(sliders) for copy in copies]
+        found: list[Trace | None] = []
+        for copy, (own, trace) in zip(copies, self._whole(inner), strict=True):
+            if trace is not None:
+                states = copy.plant.widened(trace.states, own.plant, 0)
+                trace = _reaching(copy, replace(trace, states=states))
+            found.append(trace)
+        beyond = [place for place, trace in enumerate(found) if trace is None or (trace.reach or 0) > sliders]
+        again = self._within_reach([replace(copies[place], reach=None) for place in beyond])
+        for place, trace in zip(beyond, again, strict=True):
+            found[place] = trace
+        return found
+
+    def _whole(self, copies: Sequence[Copy]) -> list[tuple[Copy, Trace | None]]:
+        return list(zip(copies, self._evaluated(copies, self.duration, whole=True), strict=True))
 
     def settled(self, copies: Sequence[Copy], periods: int) -> list[Array | None]:
         """Return the states after a number of periods from the start of the run."""
@@ -259,6 +284,14 @@ class PeriodMap:
         if first + self.steps >= len(time) or not uniform[first : first + self.steps].all():
             return None
         return slice(first, first + self.steps + 1)
+
+
+def _reaching(copy: Copy, trace: Trace) -> Trace:
+    """Return the trace of a copy with the number of sliders of a brush that touch something in the whole run."""
+    law, contact = copy.plant.law, copy.plant.motor.contact
+    if law is None or law.sliders is None or trace.course is None:
+        return trace
+    return replace(trace, reach=reached(law, contact, 1e-6 * float(trace.course.penetration_um.max())))
 
 
 class _Uneven(Exception):

@@ -80,6 +80,7 @@ class Point:
     method: str = ""  # ``newton``, ``damped``, ``neighbour`` or ``settled``; empty while there is no solution
     iterations: int = 0  # Newton steps taken
     residual: float = float("inf")
+    reach: int | None = None  # number of sliders of a brush that touched something in the last run, if it is known
     seen: tuple[Trace | None, NDArray[np.bool_]] | None = field(default=None, repr=False)  # ``felt`` of that trace
 
     @property
@@ -207,15 +208,20 @@ class Point:
             state[self.plant.slider] = held + (slider - held) * step / (time[1] - time[0])
         return replace(self, state=state, begun=begun, trace=None, step=None)
 
+    def copy(self, state: Array) -> Copy:
+        """Return a copy for the map that starts at a state."""
+        return Copy(self.plant, state, self.begun, reach=self.reach)
+
     def guess(self, other: Point) -> None:
         """Start from the state and the derivative of another point."""
         self.restart(other.state)
         self.at_start, self.at_end, self.force_slope = other.at_start, other.at_end, other.force_slope
-        self.guessed = True
+        self.guessed, self.reach = True, other.reach
 
     def restart(self, state: Array) -> None:
         """Restart from a state, without a derivative."""
         self.state, self.trace, self.at_start, self.at_end, self.measured_end = state.copy(), None, None, None, None
+        self.reach = None
 
     def judge(self) -> None:
         """Mark the point as solved if the next step is small enough."""
@@ -294,11 +300,13 @@ class Point:
 
     def linearise(self, derivative: Derivative) -> None:
         """Take the derivatives of the equations along the trace; then the next step."""
-        across = self.scale / self.scale[:, np.newaxis]
-        self.at_start, self.at_end = derivative.at_start * across, derivative.at_end * across
-        self.monodromy = derivative.monodromy * across
+        assert self.trace is not None
+        assert self.trace.course is not None
+        inner, across = self.trace.course.plant, self.scale / self.scale[:, np.newaxis]
+        both = (derivative.at_start, derivative.at_end, derivative.monodromy)
+        self.at_start, self.at_end, self.monodromy = (self.plant.widened(one, inner, 0, 1) * across for one in both)
         self.measured_end, self.measured_at = self.at_end, self.state
-        self.force_slope = derivative.forces * self.scale
+        self.force_slope = self.plant.widened(derivative.forces, inner, 1) * self.scale
         self.stale = False
         self.step = self.newton_step()
         self.judge()
@@ -433,11 +441,12 @@ class Shooting:
     def _evaluate(self, points: Sequence[Point]) -> None:
         """Evaluate the points where they start, with the derivative of those that have none."""
         new = [(point, point.felt) for point in points if point.at_end is None and not differentiable(point.plant)]
-        copies = [Copy(point.plant, point.state, point.begun) for point in points]
+        copies = [point.copy(point.state) for point in points]
         copies += [copy for point, _ in new for copy in _perturbed(point)]
         traces = self.map.traces(copies)
         for point, trace in zip(points, traces, strict=False):
             point.trace = trace
+            point.reach = trace.reach if trace else None
             point.failed = trace is None
         found = iter(traces[len(points) :])
         for point, felt in new:
@@ -454,12 +463,11 @@ class Shooting:
     def _advance(self, points: list[Point]) -> None:
         """Try the next step of every point; evaluate the derivative anew where it is too old."""
         trials = [point.state + point.damping * point.step * point.scale for point in points if point.step is not None]
-        traces = self.map.traces(
-            [Copy(point.plant, trial, point.begun) for point, trial in zip(points, trials, strict=True)]
-        )
+        traces = self.map.traces([point.copy(trial) for point, trial in zip(points, trials, strict=True)])
         accepted = []
         for point, trial, trace in zip(points, trials, traces, strict=True):
             point.iterations += 1
+            point.reach = trace.reach if trace else None
             if point.accepts(trial, trace):
                 accepted.append(point)
             else:

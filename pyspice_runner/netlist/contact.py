@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from functools import cache
-from math import sqrt
+from math import ceil, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -105,9 +105,44 @@ class Law:
         edge = sliders / sqrt(REACH) if self.name == "brush" else 1.0
         return np.clip(edge - np.arange(sliders), 0.0, 1.0)
 
+    @property
+    def covered(self) -> float:
+        """Part of the default span that the sliders of a brush cover."""
+        return 1.0
+
     def to_dict(self) -> dict[str, object]:
         """Return the law as in the results, JSON-ready."""
         return {"contact": self.name, **({"sliders": self.sliders} if self.sliders else {})}
+
+
+@dataclass(frozen=True)
+class InnerSliders(Law):
+    """The inner sliders of a brush, for a motion in which those beyond touch nothing.
+
+    Attributes:
+        whole: number of sliders of the brush.
+    """
+
+    whole: int = SLIDERS
+
+    @property
+    def covered(self) -> float:
+        """Part of the default span that the sliders cover: it goes with the square of the contact's width."""
+        return ((self.sliders or 0) / self.whole) ** 2
+
+
+def reached(law: Law, contact: Contact, depth: float) -> int:
+    """Return the number of sliders of a brush that touch something at a penetration in m or less."""
+    assert law.sliders is not None
+    flat = contact_law.flat_length(contact)
+    deep = REACH * (contact.preload_n / contact.normal_stiffness_n_per_m15) ** (2.0 / 3.0)
+    edge = law.sliders * sqrt(_width(max(depth, 0.0), flat) / _width(deep, flat))
+    return min(max(ceil(edge), 1), law.sliders)
+
+
+def _width(depth: float, flat: float) -> float:
+    """Return half of the contact's width squared, over the radius of a new tip, in m."""
+    return 0.5 * (sqrt(flat**2 + 4.0 * depth**2) + flat)
 
 
 ContactLaw = Law | str | Path  # as an analysis accepts it: a law, its name, or the path of a user's own
@@ -141,8 +176,13 @@ def contact_library(law: Law, contact: Contact | None = None) -> Library:
     if law.name == "spring-slider" and (contact is None or contact.sliding_ratio == 1.0):
         return _constant_friction(read_library(name))
     if law.sliders not in (None, SLIDERS):
-        return parse_library(name, brush_library(law.sliders))
+        return _brush(law.sliders)
     return read_library(name)
+
+
+@cache
+def _brush(sliders: int) -> Library:
+    return parse_library(LIBRARIES["brush"], brush_library(sliders))
 
 
 @cache
@@ -266,7 +306,7 @@ def contact_values(
     if "span" in declared:
         flat = contact_law.flat_length(contact)
         deep = REACH * (preload / contact.normal_stiffness_n_per_m15) ** (2.0 / 3.0) if span is None else span
-        values["span"] = 0.5e6 * (sqrt(flat**2 + 4.0 * deep**2) + flat)
+        values["span"] = 1e6 * law.covered * _width(deep, flat)
     return values
 
 

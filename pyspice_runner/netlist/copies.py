@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import pi
 from typing import Any
@@ -23,7 +23,7 @@ from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mount
 from pyspice_runner.netlist.benches import sine, transient_options
 from pyspice_runner.netlist.compiled import loading, module_of, module_signals, module_subcircuit
-from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.contact import InnerSliders, Law
 from pyspice_runner.netlist.evaluated import plotted_nodes
 from pyspice_runner.netlist.library import PREFIX
 from pyspice_runner.netlist.motor import MotorSubCircuit, dielectric_branches, dielectric_matrix
@@ -93,6 +93,26 @@ class Plant:
     def where(self, kind: Kind) -> slice:
         """Return the place of the states of a part of the motor."""
         return self._places.get(kind, slice(0, 0))
+
+    @cached_property
+    def _inner(self) -> dict[int, Plant]:
+        return {}
+
+    def with_sliders(self, sliders: int) -> Plant:
+        """Return the plant with the inner ones of the sliders of a brush, for a motion that touches no other."""
+        assert self.law is not None
+        assert self.law.sliders is not None
+        if sliders == self.law.sliders:
+            return self
+        law = InnerSliders(self.law.name, sliders, self.law.sliders)
+        return self._inner.setdefault(sliders, replace(self, law=law))
+
+    def widened(self, values: Array, inner: Plant, *axes: int) -> Array:
+        """Return values of the states of :meth:`with_sliders` along some axes with zeros for the sliders left out."""
+        left_out = [inner.where("contact").stop] * (self.order - inner.order)
+        for axis in axes if left_out else ():
+            values = np.insert(values, left_out, 0.0, axis)
+        return values
 
     @property
     def modes(self) -> int:
@@ -204,6 +224,13 @@ class Copy:
     state: Array  # at the start
     begun: float = 0.0  # time in s since the drive's phase was that of t = 0
     probes: tuple[Probe, ...] = ()  # small sines in addition to drive and load
+    reach: int | None = None  # number of sliders of a brush that probably touch something; ``None`` if it is not known
+
+    def with_sliders(self, sliders: int) -> Copy:
+        """Return the copy with the inner sliders of a brush alone."""
+        first = self.plant.where("contact").start
+        beyond = range(first + sliders, self.plant.where("contact").stop)
+        return replace(self, plant=self.plant.with_sliders(sliders), state=np.delete(self.state, beyond))
 
 
 def content_name(prefix: str, *values: object) -> str:

@@ -205,7 +205,7 @@ class MotorSubCircuit(Assembly):
                 moved |= self._add_stem(stem, compliance, moved)
             check_parameters(library.name, library.parameters, touching)
             library = library if plotted or law is None or law.sliders is None else unplotted(library)
-            expressions = _expressions(library, touching, flexibility)
+            expressions = _expressions(library, touching, flexibility, law.covered if law else 1.0)
             self._put("contact", library, [moved.get(pin, pin) for pin in PINS], {**touching, **expressions})
         else:
             self.R("free_fx", "fx", self.gnd, 1)
@@ -333,15 +333,20 @@ class MotorSubCircuit(Assembly):
         return MOUNTED
 
 
-def _expressions(law: Library, values: Mapping[str, float], flexibility: float) -> dict[str, str]:
-    """Return a law's parameters that depend on the X line, as expressions; ``flexibility`` of the stator in m/N."""
+def _expressions(law: Library, values: Mapping[str, float], flexibility: float, covered: float) -> dict[str, str]:
+    """Return a law's parameters that depend on the X line, as expressions; ``flexibility`` of the stator in m/N.
+
+    ``covered`` is that of :class:`.Law`.
+    """
     outer = {inner: name for name, inner in _OF_CONTACT.items()}
     written = {name: f"{{{outer.get(name, name)}}}" for name in _settable_names(law)}
     written["deflection"] = f"{{{rounded(1e6 * flexibility)!r}*preload}}"
     if "span" in values:
+        part = f"{covered!r}*" if covered < 1.0 else ""
         deep = f"{1e6 * REACH!r}*(preload/normal_stiffness)**(2/3)"
         # of a worn tip as far as its contact reaches, see :func:`.contact_values`
-        written["span"] = f"{{0.5*(sqrt(flat**2+4*({deep})**2)+flat)}}" if "flat" in values else f"{{{deep}}}"
+        deepest = f"0.5*(sqrt(flat**2+4*({deep})**2)+flat)" if "flat" in values else deep
+        written["span"] = f"{{{part}{deepest}}}"
     return written
 
 

@@ -86,3 +86,29 @@ def test_a_period_after_others_continues_their_run() -> None:
         free = np.exp(-rate * at) * (r * np.cos(angle * at) + (v + rate * r) / angle * np.sin(angle * at))
         # ngspice's relative tolerance is 1e-4; the steps of the two runs lie differently
         assert np.abs(late.states[place] - free).max() < 1e-3 * np.abs(free).max()
+
+
+@pytest.mark.parametrize("flat", [0.0, 2e-5])
+@pytest.mark.parametrize("guess", ["exact", "too few"])
+def test_sliders_that_touch_nothing_are_left_out_of_the_circuit(flat: float, guess: str) -> None:
+    """They carry no force, so that the period is the same; all are in the circuit if the contact reaches further."""
+    motor = pr.load_motor("andersen2002").updated({"mount": None, "contact.worn_flat_radius_m": flat})
+    plant = Plant(motor, pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3, phase_deg=90.0), Load(3.0), Law("brush", 8))
+    point = start_point(plant)
+    (whole,) = PeriodMap(plant.period, 64).traces([point.copy(point.state)])
+    assert whole is not None
+    assert whole.reach is not None
+    assert 1 < whole.reach < 8
+    assert not whole.states[plant.where("contact")][whole.reach :].any()
+    assert whole.states[plant.where("contact")][whole.reach - 1].any()
+    point.reach = whole.reach if guess == "exact" else 1
+    (part,) = PeriodMap(plant.period, 64).traces([point.copy(point.state)])
+    assert part is not None
+    assert part.reach == whole.reach
+    assert part.course is not None
+    assert part.course.plant.order == plant.order - (8 - whole.reach if guess == "exact" else 0)
+    # ngspice iterates to 1e-6
+    assert (np.abs(part.states - whole.states).max(axis=1) <= 1e-6 * point.scale).all()
+    for name in ("normal", "friction", "contact_state", "slider_um", "penetration_um"):
+        one, other = getattr(part, name), getattr(whole, name)
+        assert one == pytest.approx(other, abs=1e-5 * np.abs(other).max())
