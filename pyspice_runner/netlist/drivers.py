@@ -70,7 +70,9 @@ _NETWORKS = {
 # is nothing against the nanocoulombs of a gate. docs/convergence.md has measurements.
 SWITCHED_POINTS = 250  # steps in a period of the fastest motion, at least; ngspice takes more at the edges
 SWITCHED_OPTIONS = {"reltol": "1e-4", "vntol": "1e-5", "abstol": "1e-6", "chgtol": "1e-12", "method": "trap"}
-RINGING_POINTS = 25  # steps in a period of a network's own ringing: the trapezoidal rule makes it 0.5 % longer
+# steps in a period of what rings with leakage or coils: its phase depends on the steps that ngspice chooses after an
+# edge. docs/steady_state.md has what that does to Newton's method
+RINGING_POINTS = 50
 
 
 _SERIES = {"inductor": ("inductance", "resistance"), "llcc": ("series_inductance", "series_resistance")}  # of networks
