@@ -158,14 +158,31 @@ class Point:
         Sliders that stick keep their distances from the innermost one. On a shaft that is held still, all together also
         keep any torque.
         """
-        law, sliders = self.plant.law, self.plant.where("contact")
-        if law is None or not law.sliding or self.trace is None:
-            return 0
-        if np.any(np.abs(self.trace.contact_state - 1.0) > GROSS):
+        sliders = self.plant.where("contact")
+        if self.trace is None or not self.stuck:
             return 0
         apart = (self.trace.states[sliders] - self.trace.states[sliders.start]) / self.scale[sliders, np.newaxis]
         together = (np.ptp(apart, axis=1) < TOLERANCE) & self.free[sliders]
         return int(np.count_nonzero(together)) - int(self.plant.load.speed != 0.0)
+
+    @property
+    def stuck(self) -> bool:
+        """Whether a contact with sliders sticks for the whole period."""
+        law, trace = self.plant.law, self.trace
+        if law is None or not law.sliding or trace is None:
+            return False
+        return not np.any(np.abs(trace.contact_state - 1.0) > GROSS)
+
+    @property
+    def dragged(self) -> float:
+        """Distance by which a shaft that is held at a speed drags a slider in a period, scaled; 0 unless it is stuck.
+
+        Such a motion repeats itself only if the tip comes back to its place, and then the slider does not.
+        """
+        if not (self.plant.load.speed and self.stuck):
+            return 0.0
+        dragged = self.plant.load.speed * self.plant.motor.rotor.radius_m * self.plant.period
+        return abs(dragged) / float(self.scale[self.plant.where("contact")].max())
 
     @property
     def lasting(self) -> float:
@@ -180,7 +197,7 @@ class Point:
         motor = self.plant.motor
         step = np.where(self.free, step, 0.0)
         left = np.where(self.carried, self.gap + (self.at_end - self.at_start) @ step, 0.0)
-        size = float(np.sqrt(np.mean(np.maximum(np.abs(step), np.abs(left)) ** 2)))
+        size = max(float(np.sqrt(np.mean(np.maximum(np.abs(step), np.abs(left)) ** 2))), self.dragged)
         if self.plant.law is None:
             return size
         force = max(motor.contact.preload_n, abs(float(self.trace.forces[0])) if self.trace else 0.0)
