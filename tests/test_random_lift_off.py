@@ -59,7 +59,7 @@ def test_the_record_shows_newtons_method_in_nine_of_ten_and_none_that_leaves() -
     page = (ROOT / "docs" / "steady_state.md").read_text(encoding="utf-8")
     assert f"Of {len(counted)}:" in page
     assert not [one["index"] for one in counted if one["verdict"] == "leaves"]
-    assert f"| found by Newton's method from harmonic balance, stable | {len(newton)} |" in page
+    assert f"| found by Newton's method, stable | {len(newton)} |" in page
     assert f"though a long run is periodic | {len(others)} |" in page
 
 
