@@ -40,9 +40,9 @@ from pyspice_runner.study.calibration.resonance import Peak, near_hz, peaks
 from pyspice_runner.study.calibration.run_up import RunUp
 from pyspice_runner.study.calibration.unknowns import THERMAL, Unknown
 
-# of a coordinate, for the derivative: by ngspice the torque changes by more than it varies from event to event of a
-# step (2e-3 of mu F0 R), and its curvature stays small; so does a run-up, whose steps follow from an estimated error
-# (1e-4 of a state): 1 % of the derivative of `andersen2002-unintended-mode` by the bearing. Harmonic balance is smooth
+# of a coordinate, for the derivative. The torque by ngspice varies from event to event of a step (2e-3 of mu F0 R), and
+# a run-up with the steps that an estimated error selects (3e-5 of the speed): the coarse difference changes both more,
+# and their curvature stays small. Harmonic balance is smooth
 COARSE_DIFFERENCE, DIFFERENCE = 0.05, 0.002
 ACCURACY = 2e-3  # of the friction torque, where the coarse step is compared with finer ones
 FAR = 0.2  # of the span of a quantity: another motion, or one that the harmonics do not describe
