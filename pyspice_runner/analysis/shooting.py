@@ -320,8 +320,8 @@ class Point:
         assert self.trace is not None
         assert self.trace.course is not None
         inner, across = self.trace.course.plant, self.scale / self.scale[:, np.newaxis]
-        both = (derivative.at_start, derivative.at_end, derivative.monodromy)
-        self.at_start, self.at_end, self.monodromy = (self.plant.widened(one, inner, 0, 1) * across for one in both)
+        every = (derivative.at_start, derivative.at_end, derivative.monodromy)
+        self.at_start, self.at_end, self.monodromy = (self.plant.widened(one, inner, 0, 1) * across for one in every)
         self.measured_end, self.measured_at = self.at_end, self.state
         self.force_slope = self.plant.widened(derivative.forces, inner, 1) * self.scale
         self.stale = False
