@@ -411,7 +411,7 @@ _FILTERS = {
 
 
 def _driver(motor: Motor, driver: Driver, what: str) -> str:
-    bench = motor_bench(motor, driver, title=f"{motor.name}: {what.split('.')[0]}", check=True)
+    bench = motor_bench(motor, driver, title=f"{motor.name}: {what.split('.')[0]}", check=True, plotted=True)
     supplies = [(f"v({rail}_{g})", f"i(vv{rail[1]}_{g})") for g in GROUPS for rail in ("vp", "vn")]
     parts = [part for group in GROUPS for part in driver.parts(group)]
     losses = [f"v(x{part.instance}.loss_{name})" for part in parts for name, _ in part.library.losses]

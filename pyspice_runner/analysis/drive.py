@@ -7,6 +7,7 @@ Supply = losses in the driver + input of the motor; every report states the resi
 from __future__ import annotations
 
 from cmath import phase
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from math import degrees, isfinite
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.analysis.design import OPERATING, Design
+from pyspice_runner.analysis.early_run import EarlyRun
 from pyspice_runner.analysis.events import driver_events, event_cautions
 from pyspice_runner.analysis.maxima import PartLoad, load_vectors, maxima
 from pyspice_runner.analysis.switching import TurnOn, edge_waveforms, switching_vectors, turn_ons
@@ -29,6 +31,7 @@ from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
+from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE, Array
 from pyspice_runner.run.window import Window, change_to_come
@@ -37,6 +40,7 @@ from pyspice_runner.units import engineering
 _DURATION = 3e-3  # s, of a run by default
 _SHORTEST = 1e-3  # s, of the run of a design: power-up, and the start of its motor
 _LONGEST = 6e-3  # s, of the run of a design by default; a rotor that takes longer is followed on by steady states
+Task = tuple[OperatingPoint, float]  # a run from power-up, and its duration in s
 _MEANS = {
     "motor_power_w": "power of the motor", "mean_torque_n_m": "mean torque",
     "mean_rotor_speed_rad_s": "mean rotor speed",
@@ -308,6 +312,7 @@ def drive_report(
     timeout: float | None = None,
     audit: bool = True,
     events: bool = False,
+    early: EarlyRun[Task, Outcome] | None = None,
 ) -> DriveReport:
     """Run a driver and its motor from power-up and report on both.
 
@@ -323,6 +328,7 @@ def drive_report(
         audit: whether findings of the physical audit are an error; if not, ``audit`` of the report has them.
         events: whether further runs find what a load step, a stop and a frequency sweep do to pins and parts. The parts
             of a design then bear the largest of all.
+        early: where :func:`begin_early` has begun this run.
 
     Raises:
         ParameterError: for an invalid value.
@@ -336,9 +342,8 @@ def drive_report(
     if duration is None:
         duration = _DURATION if design is None else _start_time(motor, design, load_torque)
     _check_duration(setup, duration)
-    vectors = [*_saved(driver, contact=setup.law is not None), *modal_vectors(motor), *load_vectors(driver)]
-    vectors += switching_vectors(driver)
-    outcome = setup.run(duration, list(dict.fromkeys(vectors)))
+    task = setup, duration
+    outcome = (early.outcome(task) if early else None) or run_task(task)
     samples = outcome.vectors()
     window = Window(samples["time"], driver.period, uniform=driver.uniform)
     measured = _Measurement(window, samples, driver)
@@ -383,7 +388,7 @@ def drive_report(
     )
     runs = [report.maxima]
     if events:
-        found = driver_events(setup, list(dict.fromkeys(vectors)))
+        found = driver_events(setup, _vectors(setup))
         report = replace(report, events=found, event_faults=event_cautions(setup, found))
         runs += found.values()
     peaks = {group: float(report.maxima[f"voltage_{group}_v"]) for group in GROUPS}
@@ -401,6 +406,36 @@ def drive_report(
     if audit:
         audited.withhold("report")
     return replace(report, audit=audited)
+
+
+def begin_early(
+    early: EarlyRun[Task, Outcome], motor: Motor, driver: Driver, duration: float | None = None, **settings: Any
+) -> None:
+    """Begin the run of a driver whose design is still being checked, if it has switching edges.
+
+    The time of another run follows from the design. The arguments are those of :func:`drive_report`.
+
+    Raises:
+        ParameterError: for an invalid value.
+    """
+    if driver.switched:
+        task = OperatingPoint.of(motor, driver, **settings), duration or _SHORTEST
+        _check_duration(*task)
+        early.begin(task)
+
+
+def run_task(task: Task, progress: Callable[[float], object] | None = None) -> Outcome:
+    """Run an operating point for a time in s; the arguments are those of :class:`.EarlyRun`."""
+    setup, duration = task
+    return setup.run(duration, _vectors(setup), progress=progress)
+
+
+def _vectors(setup: OperatingPoint) -> list[str]:
+    """Return the vectors of a run from which a report is made."""
+    driver = setup.source
+    assert isinstance(driver, Driver)
+    names = [*_saved(driver, contact=setup.law is not None), *modal_vectors(setup.motor), *load_vectors(driver)]
+    return list(dict.fromkeys([*names, *switching_vectors(driver)]))
 
 
 def _driver_of(design: Design) -> Driver:

@@ -13,7 +13,7 @@ states over the range.
 from __future__ import annotations
 
 from cmath import phase, rect
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import degrees, pi, radians, sqrt
 from typing import Any
@@ -96,6 +96,7 @@ def propose_matching(
     rail: float | None = None,
     contact: ContactLaw = "spring-slider",
     timeout: float | None = None,
+    on_driver: Callable[[Driver], object] | None = None,
 ) -> Design:
     """Design a driver whose pins keep their voltages from stall to no load, and check it in steady states.
 
@@ -112,6 +113,7 @@ def propose_matching(
             as the voltage requires.
         contact: law of the contact.
         timeout: wall time in s after which a run is ended.
+        on_driver: called with each driver before its steady states are solved.
 
     Raises:
         ParameterError: for an invalid value.
@@ -135,7 +137,7 @@ def propose_matching(
     begun = Design(None, wanted, load_torque_n_m=load_torque)
     if told := _lost(states, wanted, "with the wanted voltages at the pins"):
         return replace(begun, reason=told)
-    search = _Search(ideal, drive, template, rail, load_torque, states, choose)
+    search = _Search(ideal, drive, template, rail, load_torque, states, choose, on_driver)
     begun = replace(begun, unmatched=search.points, reason=search.unreachable())
     if begun.reason:
         return begun
@@ -203,8 +205,9 @@ class _Search:
         load_torque: float,
         states: Mapping[str, SteadyState],
         choose: bool,
+        on_driver: Callable[[Driver], object] | None,
     ) -> None:
-        self.choose = choose  # the MOSFET
+        self.choose, self.on_driver = choose, on_driver  # whether the MOSFET is chosen, too
         self.ideal, self.driver, self.rail, self.states = ideal, driver, rail, states
         self.load_torque = load_torque
         self.points = tuple(range_point(name, state, None) for name, state in states.items())
@@ -362,6 +365,8 @@ class _Search:
     def verified(self, begun: Design, share: float) -> Design:
         """Return the design for a share, with its steady states over the range and whether they are within limits."""
         driver = self.built(share)
+        if self.on_driver:
+            self.on_driver(driver)
         behind = [
             replace(self.ideal, source=driver.equivalent(), load=Load(speed=point.speed_rad_s)) for point in self.points
         ]

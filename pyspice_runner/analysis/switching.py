@@ -18,7 +18,7 @@ from pyspice_runner.netlist.mosfets import MOSFETS, ratings
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.run.window import Array, Window
 
-ON = 0.8  # V, of the ramp of a leg at which a gate is at half its voltage, in the libraries of the bridges
+ON, OFF = 0.8, 0.6  # V, of the ramp of a leg at which a gate rises and falls through half its voltage, in the libraries
 ZERO = (
     0.05  # of the rails, voltage left below which a transistor turns on without voltage: less than 0.3 % of the energy
 )
@@ -115,7 +115,7 @@ def edge_waveforms(driver: Driver, samples: Mapping[str, Array]) -> dict[str, Ar
 def _edges(samples: Mapping[str, Array], switch: _Switch) -> list[tuple[float, float]]:
     """Return the times at which the other transistor turns off and this one turns on, for every edge."""
     time, ramp = samples["time"], samples[switch.ramp] * (1.0 if switch.rising else -1.0)
-    offs, ons = (_crossings(time, ramp, level) for level in (-ON, ON))
+    offs, ons = (_crossings(time, ramp, level) for level in (-OFF, ON))
     places = np.searchsorted(offs, ons) - 1
     return [(float(offs[place]), float(on)) for place, on in zip(places, ons, strict=True) if place >= 0]
 

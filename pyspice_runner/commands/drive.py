@@ -11,6 +11,8 @@ import typer
 from rich.table import Table
 
 import pyspice_runner as pr
+from pyspice_runner.analysis.drive import begin_early, run_task
+from pyspice_runner.analysis.early_run import EarlyRun
 from pyspice_runner.commands import common, options
 from pyspice_runner.commands.driving import recommended_phases
 from pyspice_runner.commands.options import Options
@@ -152,34 +154,33 @@ def drive(
     fault: pr.SimulationError | None = None
     for number, words in enumerate([driver] if against is None else [driver, against]):
         chosen: pr.Driver | Design
-        if rail is not None or (match and matchable(words, of_parts)):
-            with common.busy("ngspice finds steady states from stall to no load"):
-                chosen = design_of(
-                    loaded, words, tone, of_parts, mosfet, strict=number == 0, rail=rail, speed=speed,
-                    load_torque=load_torque, **run.settings,
-                )  # fmt: skip
-            if chosen.driver is None:
-                if against is not None:
-                    raise pr.ParameterError(f"{words}: {chosen.reason}")
-                refused = {"motor": loaded.to_dict(), "design": chosen.to_dict(), "maxima": {}}
-                targets.write(refused, f"{loaded.name}: {chosen.reason}\n", partial(_save, refused), _no_plot)
-                return
-        else:
-            chosen = driver_of(words, tone, of_parts, mosfet, strict=number == 0)
-        try:
-            with common.busy(f"ngspice runs the {words}"):
-                reports.append(
-                    pr.drive_report(
-                        loaded, chosen, duration=duration,
-                        speed=speed if rail is None else None, load_torque=load_torque, audit=audit, events=events,
-                        **run.settings,
-                    )
-                )  # fmt: skip
-            common.caution(reports[-1])
-        except pr.SimulationError as error:
-            if not reports:
-                raise
-            fault = pr.SimulationError(f"Only the {driver} is finished; the {words} failed. {error}")
+        how: dict[str, Any] = {
+            "duration": duration, "speed": speed if rail is None else None, "load_torque": load_torque, "audit": audit,
+            **run.settings,
+        }  # fmt: skip
+        with EarlyRun(run_task) as early:
+            if rail is not None or (match and matchable(words, of_parts)):
+                with common.busy("ngspice finds steady states from stall to no load"):
+                    chosen = design_of(
+                        loaded, words, tone, of_parts, mosfet, strict=number == 0, rail=rail, speed=speed,
+                        load_torque=load_torque, on_driver=partial(begin_early, early, loaded, **how), **run.settings,
+                    )  # fmt: skip
+                if chosen.driver is None:
+                    if against is not None:
+                        raise pr.ParameterError(f"{words}: {chosen.reason}")
+                    refused = {"motor": loaded.to_dict(), "design": chosen.to_dict(), "maxima": {}}
+                    targets.write(refused, f"{loaded.name}: {chosen.reason}\n", partial(_save, refused), _no_plot)
+                    return
+            else:
+                chosen = driver_of(words, tone, of_parts, mosfet, strict=number == 0)
+            try:
+                with common.busy(f"ngspice runs the {words}"):
+                    reports.append(pr.drive_report(loaded, chosen, events=events, early=early, **how))
+                common.caution(reports[-1])
+            except pr.SimulationError as error:
+                if not reports:
+                    raise
+                fault = pr.SimulationError(f"Only the {driver} is finished; the {words} failed. {error}")
     document: dict[str, Any] = (
         reports[0].to_dict() if against is None else {"drivers": [report.to_dict() for report in reports]}
     )

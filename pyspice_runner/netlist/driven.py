@@ -30,16 +30,17 @@ from pyspice_runner.netlist.drivers import DELAY, Delay, Driver, add_breakpoints
 from pyspice_runner.netlist.evaluated import plotted_nodes
 from pyspice_runner.netlist.library import definition_texts
 from pyspice_runner.netlist.networks import CABLE, NO_CAPACITOR, passed
+from pyspice_runner.netlist.powers import LINE
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.netlist.sources import Bench, Derived
 from pyspice_runner.netlist.state import Discretisation, State, motor_states
 
 Array = NDArray[np.float64]
 LEAD = 0.05  # of a period, from the start of a run to that of the period: charges of the transistors settle in it
-ABSTOL_OF_SEVERAL = "1e-5"  # A, of copies whose transistors start without charge: with 1 µA ngspice often fails there
+# of copies whose transistors start without charge: with a smaller abstol (A) ngspice often fails there
+ABSTOL, ABSTOL_OF_SEVERAL, CHARGES = "1e-6", "1e-5", {"chgtol": "1e-12", "trtol": "7"}
 _CANDIDATES = 256  # phases at which a run may start
 _STORE = re.compile(r"^([LC]\w*) (\S+) (\S+) (?:\{[^}]*\}|\S+) ic=\{(start_\w+)\}$", re.M)
-_PLOTTED = re.compile(r"^B(loss|feed|store)_\w+ .*\n", re.M)  # of a part, powers and energies to plot
 _SECONDARY = "start_secondary"  # parameter of a transformer: the current into its secondary
 PRIMARY = ("start_primary", "start_p", "start_n")  # those of the currents into its primary
 _COILS = (_SECONDARY, "start_current", "start_series_current")  # parameters of coils between a stage and a pin
@@ -203,7 +204,7 @@ class DrivenPlant(Plant):
         self._add_shaft(circuit, discretisation, meters=meters)
         passed = {name: f"{{{name}}}" for name in starts}
         circuit.X("motor", self.motor_name, "a", "b", circuit.gnd, "shaft", **passed)
-        parts = {name: _PLOTTED.sub("", text) for name, text in definition_texts(*self.driver.libraries()).items()}
+        parts = {name: LINE.sub("", text) for name, text in definition_texts(*self.driver.libraries()).items()}
         parts |= definition_texts(*(brake_parts(meters=True) if meters else ()))
         return parts | self.motor_texts(discretisation, plotted=meters) | {self.bench_name: str(circuit).strip()}
 
@@ -275,6 +276,6 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name} behind a driver")
     circuit.raw_spice += "\n".join([*subcircuits.values(), *lines]) + "\n"
     options = {**first.driver.options(first.motor, first.law)}
-    if not first.driver.uniform and len(copies) > 1:
-        options["abstol"] = ABSTOL_OF_SEVERAL
+    if not first.driver.uniform:
+        options |= CHARGES | {"abstol": ABSTOL_OF_SEVERAL if len(copies) > 1 else ABSTOL}
     return Bench(circuit, options, start, signals=signals)

@@ -30,6 +30,7 @@ from pyspice_runner.netlist.mosfets import MOSFETS, ratings
 from pyspice_runner.netlist.motor import instantiate
 from pyspice_runner.netlist.networks import CABLE
 from pyspice_runner.netlist.own_device import DRIVEN, MOSFET, is_reference, read_driver, read_mosfet
+from pyspice_runner.netlist.powers import Power, powers_of
 from pyspice_runner.netlist.source import GROUPS, Pins, Source
 
 DriverKind = Literal["ideal", "linear", "half-bridge", "full-bridge", "push-pull"]
@@ -41,6 +42,7 @@ IRF610 = "IRF610"  # the MOSFET of a bridge by default
 START = "start_"  # of the names of parameters for the state at the start, which are no settings
 HEADROOM = 3.0  # V between an amplifier's output and its rails, if it does not state another one
 LARGEST_DEAD_TIME = 0.2  # of a period; with a quarter the transistors do not conduct at all
+LARGEST_GATE_EDGE = 0.125  # of the dead time; a longer edge would begin before the comparator switches
 _OWN = "driver"  # label of the user's own stage
 
 
@@ -65,11 +67,14 @@ _NETWORKS = {
     "llcc": _Slot("llcc", "driver_llcc", "network"),
 }
 
-# At switching edges ngspice chooses the steps. With its default tolerances they fall to a picosecond and less, where
-# round-off is larger than abstol, and the run ends with "Timestep too small". An error of 1e-16 C (reltol times chgtol)
-# is nothing against the nanocoulombs of a gate. docs/convergence.md has measurements.
+# At switching edges ngspice chooses the steps. With its default tolerances they fall to a picosecond and less where the
+# reverse current of a body diode breaks off, and the run ends with "Timestep too small". An error of 3e-15 C (reltol
+# times chgtol) is nothing against the nanocoulombs of a gate. 0.3 µA (trtol times abstol) in a capacitance are 30 µW at
+# 100 V; with 7 µA some losses were 8 % off. docs/convergence.md has measurements.
 SWITCHED_POINTS = 250  # steps in a period of the fastest motion, at least; ngspice takes more at the edges
-SWITCHED_OPTIONS = {"reltol": "1e-4", "vntol": "1e-5", "abstol": "1e-6", "chgtol": "1e-12", "method": "trap"}
+SWITCHED_OPTIONS = {
+    "reltol": "1e-4", "vntol": "1e-5", "abstol": "1e-7", "chgtol": "3e-11", "trtol": "3", "method": "trap"
+}  # fmt: skip
 # steps in a period of what rings with leakage or coils: its phase depends on the steps that ngspice chooses after an
 # edge. docs/steady_state.md has what that does to Newton's method
 RINGING_POINTS = 50
@@ -219,13 +224,19 @@ class Driver(Stated, Source):
                     f"high; its transistors {self.mosfet}{twice} take {most:g} V, so lower the voltage or choose "
                     f"another one of {', '.join(MOSFETS)}."
                 )
-        dead_time = self.dead_time("a")
         longest = LARGEST_DEAD_TIME / self.frequency
-        if dead_time > longest:
-            raise ParameterError(
-                f"Driver: bridge.dead_time = {dead_time:g} s is not valid at {self.frequency:g} Hz: it must be at "
-                f"most a fifth of a period, {longest:.3g} s."
-            )
+        for group in GROUPS:
+            dead_time, edge = (self.setting(f"bridge_{group}.{name}") for name in ("dead_time", "gate_edge"))
+            if dead_time > longest:
+                raise ParameterError(
+                    f"Driver: bridge_{group}.dead_time = {dead_time:g} s is not valid at {self.frequency:g} Hz: it "
+                    f"must be at most a fifth of a period, {longest:.3g} s."
+                )
+            if edge > LARGEST_GATE_EDGE * dead_time:
+                raise ParameterError(
+                    f"Driver: bridge_{group}.gate_edge = {edge:g} s is not valid with a dead time of {dead_time:g} s: "
+                    f"it must be at most an eighth of that, {LARGEST_GATE_EDGE * dead_time:.3g} s."
+                )
 
     @property
     def name(self) -> str:
@@ -517,6 +528,16 @@ class Driver(Stated, Source):
         """
         add_driver(circuit, self, dict(zip(GROUPS, pins, strict=True)))
 
+    @property
+    def powers(self) -> dict[str, Power]:
+        """Powers and energies of the parts that the package has, by the vectors of their nodes."""
+        chains = [one for group in GROUPS for one in _chain(self, group) if one[0].label != _OWN]
+        return {
+            name: power
+            for part, nodes in chains
+            for name, power in powers_of(part.library, f"x{part.instance}".lower(), nodes, part.values)
+        }
+
     def initial_voltages(self) -> tuple[float, float]:
         """Return the voltages of the pins at t = 0: an ideal source must not have a step at a capacitance."""
         if self.kind == "ideal" and self.network == "none":
@@ -675,28 +696,40 @@ def control_amplitude(driver: Driver, group: str) -> float:
 
 
 def _add_channel(circuit: Netlist, driver: Driver, group: str, pin: str, *, risen: bool) -> None:
-    """Add stage, transformer and network of one group; the pins of the libraries name the nodes."""
-    ground, output = circuit.gnd, f"out_{group}"
-    back = f"return_{group}" if driver.kind == "full-bridge" else ground
+    """Add stage, transformer and network of one group."""
 
-    def add(part: Part, line: str, after: str) -> None:
-        nodes = {
-            "in": line, "out": after, "com": ground, "out_p": after, "out_n": back,
-            "p1": line, "p2": back, "s1": after, "s2": ground, **{rail: f"{rail}_{group}" for rail in RAILS},
-        }  # fmt: skip
-        instantiate(circuit, part.instance, part.library, [nodes[pin] for pin in part.library.pin_names], **part.values)
+    def add(part: Part, nodes: Mapping[str, str]) -> None:
+        instantiate(circuit, part.instance, part.library, list(nodes.values()), **part.values)
 
-    parts, control, line = list(driver.parts(group)), f"control_{group}", f"line_{group}"
+    chain, output, line = _chain(driver, group), f"control_{group}", f"line_{group}"
     if driver.kind != "ideal":
-        first, *parts = parts
+        (first, nodes), *chain = chain
         for rail, volts in zip(RAILS, driver.rails(group), strict=True):
             ramp = f"DC {volts!r}" if risen else f"PWL(0 0 {driver.supply_rise_s!r} {volts!r})"
-            if rail in first.library.pin_names:
-                circuit.V(f"{rail}_{group}", f"{rail}_{group}", ground, ramp if volts else "DC 0")
-        add(first, control, output)
-    circuit.V(f"out_{group}", control if driver.kind == "ideal" else output, line, "DC 0")
-    for part in parts:
-        after = f"{part.label}_{group}"
-        add(part, line, after)
-        line = after
+            if rail in nodes:
+                circuit.V(f"{rail}_{group}", nodes[rail], circuit.gnd, ramp if volts else "DC 0")
+        add(first, nodes)
+        output = f"out_{group}"
+    circuit.V(f"out_{group}", output, line, "DC 0")
+    for part, nodes in chain:
+        add(part, nodes)
+        line = f"{part.label}_{group}"
     circuit.V(f"pin_{group}", line, pin, "DC 0")
+
+
+def _chain(driver: Driver, group: str) -> list[tuple[Part, dict[str, str]]]:
+    """Return the parts of a channel from the stage on, each with the node of each pin."""
+    back = f"return_{group}" if driver.kind == "full-bridge" else "0"
+    line, found = f"line_{group}", list[tuple[Part, dict[str, str]]]()
+    for part in driver.parts(group):
+        if driver.kind != "ideal" and not found:
+            before, after = f"control_{group}", f"out_{group}"
+        else:
+            before, line = line, f"{part.label}_{group}"
+            after = line
+        nodes = {
+            "in": before, "out": after, "com": "0", "out_p": after, "out_n": back,
+            "p1": before, "p2": back, "s1": after, "s2": "0", **{rail: f"{rail}_{group}" for rail in RAILS},
+        }  # fmt: skip
+        found.append((part, {name: nodes[name] for name in part.library.pin_names}))
+    return found

@@ -13,6 +13,7 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.contact import Law
 from pyspice_runner.netlist.drivers import Driver, add_driver, control_amplitude
+from pyspice_runner.netlist.powers import Power
 from pyspice_runner.netlist.source import GROUPS, Pins, Source
 
 _EDGE = 1e-6  # s, in which a load steps and a control stops
@@ -57,6 +58,11 @@ class EventfulDriver(Source):
     def ringing_step(self, motor: Motor) -> float:
         """Return the longest default step in s by what rings in the driver."""
         return self.driver.ringing_step(motor)
+
+    @property
+    def powers(self) -> Mapping[str, Power]:
+        """Powers and energies inside the driver."""
+        return self.driver.powers
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
         """Return ngspice's options for a run with the driver."""

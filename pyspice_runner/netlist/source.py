@@ -14,6 +14,7 @@ from pyspice_runner.model.drive import Drive, check_together
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS, transient_options
 from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.powers import Power
 
 GROUPS = ("a", "b")
 Pins = tuple[str, str]  # nodes of groups A and B
@@ -77,6 +78,11 @@ class Source(ABC):
     def vectors(self) -> tuple[str, ...]:
         """Vectors that a run records in addition to those of the motor."""
         return ()
+
+    @property
+    def powers(self) -> Mapping[str, Power]:
+        """Powers and energies inside the source that a run need not compute, by the vectors of their nodes."""
+        return {}
 
     def check(self, motor: Motor) -> None:  # noqa: B027
         """Raise a ParameterError if the source does not suit the motor."""

@@ -31,12 +31,13 @@ from pyspice_runner.netlist.evaluated import Plotted, plotted_nodes
 from pyspice_runner.netlist.library import definitions
 from pyspice_runner.netlist.motor import SUBCIRCUIT, add_motor, instantiate
 from pyspice_runner.netlist.own_law import PINS
+from pyspice_runner.netlist.powers import Power
 from pyspice_runner.netlist.source import GROUPS, Pins, Source, UniformSource
 from pyspice_runner.netlist.state import Discretisation, Motion, motor_states, plate_nodes, start_nodes
 from pyspice_runner.netlist.trackers import Disturbance, Tracker, add_disturbance, tracked_source
 
 Excitation = Drive | Driver | Tracker  # the drives that an analysis accepts
-Derived = Signal | Plotted  # a vector that follows from others
+Derived = Signal | Plotted | Power  # a vector that follows from others
 FREE = Load()  # a free shaft
 
 
@@ -97,6 +98,7 @@ def motor_bench(
     compiled: bool = False,
     check: bool = False,
     approach: str = "",
+    plotted: bool = False,
 ) -> Bench:
     """Return the bench of a motor with source and load; the motor is ``Xmotor`` on the nodes a, b, 0, shaft.
 
@@ -104,12 +106,16 @@ def motor_bench(
     tip. With ``thermal`` the losses heat the motor through ``Xcooling`` on the nodes heat and temperature. ``start`` is
     by default preloaded rest, with the plates at the first voltages of the source, which has been on for ``begun``
     seconds. A compiled module (:mod:`.compiled`) has no drift and no disturbance. With ``check`` the motor has the node
-    ``check``. ``approach`` is the value of a source by which the stator moves towards the rotor, um. Raise
+    ``check``. ``approach`` is the value of a source by which the stator moves towards the rotor, um. If ``plotted``,
+    a driver has the nodes of its powers and energies; otherwise they follow from recorded vectors. Raise
     ParameterError for a source that does not suit the motor.
     """
     source.check(motor)
     circuit = Circuit(title or f"{motor.name}: transient")
     source.add(circuit, motor, GROUPS, begun=begun)
+    powers = {} if plotted else dict(source.powers)
+    for line in {power.line for power in powers.values()}:
+        circuit.raw_spice = circuit.raw_spice.replace(line, "")
     nodes = add_disturbance(circuit, motor, disturbance) if disturbance else ()
     if approach:
         circuit.V("approach", "approach", circuit.gnd, approach)
@@ -125,8 +131,8 @@ def motor_bench(
         circuit.raw_spice += f"{loading(module)}\n{text}\nXmotor a b 0 shaft {SUBCIRCUIT}\n"
         first = _start(motor, source, law, start, discretisation, compiled=True)
         first |= {} if start is None else {"shaft": start.speed_rad_s}
-        signals = module_signals(motor, discretisation, "xmotor")
-        return Bench(circuit, source.options(motor, law), first, (module,), signals)
+        derived: dict[str, Derived] = {**module_signals(motor, discretisation, "xmotor"), **powers}
+        return Bench(circuit, source.options(motor, law), first, (module,), derived)
     if thermal is not None:
         add_cooling(circuit, thermal)
         nodes = ("temperature", "heat", *nodes)
@@ -138,7 +144,7 @@ def motor_bench(
         thermal=thermal, approach="approach" in nodes, check=check, plotted=False,
     )  # fmt: skip
     first = _start(motor, source, law, start, discretisation)
-    return Bench(circuit, source.options(motor, law), first, signals=plotted_nodes(motor, law, "xmotor"))
+    return Bench(circuit, source.options(motor, law), first, signals={**plotted_nodes(motor, law, "xmotor"), **powers})
 
 
 def dynamometer_bench(

@@ -18,7 +18,6 @@ from pyspice_runner.engine.openvaf import compile_module, find_osdi_ngspice
 from pyspice_runner.engine.pyspice import BatchSimulator
 from pyspice_runner.errors import Interrupted, SimulationError
 from pyspice_runner.files import cache_folder
-from pyspice_runner.netlist.compiled import Signal
 from pyspice_runner.netlist.evaluated import Plotted, plotted_vectors
 from pyspice_runner.netlist.sources import Bench, Derived
 
@@ -66,10 +65,11 @@ class Outcome:
     def _signals(self, vectors: dict[str, Array]) -> dict[str, Array]:
         """Add those that follow from others to vectors."""
         plotted = {name: signal for name, signal in self.signals.items() if isinstance(signal, Plotted)}
-        sums = {name: signal for name, signal in self.signals.items() if isinstance(signal, Signal)}
-        for name, signal in sums.items():
-            vectors[name] = signal.of(vectors)
-        return vectors | plotted_vectors(plotted, vectors)
+        found = vectors | plotted_vectors(plotted, vectors)
+        for name, signal in self.signals.items():
+            if not isinstance(signal, Plotted):
+                found[name] = signal.of(vectors)
+        return found
 
 
 def simulator(bench: Bench, vectors: Sequence[str], timeout: float | None = None) -> BatchSimulator:

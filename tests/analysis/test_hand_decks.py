@@ -22,7 +22,8 @@ from pyspice_runner.analysis.design import Design
 from pyspice_runner.analysis.maxima import NO_BLEEDER
 from pyspice_runner.netlist.library import number
 
-START = 1e-3  # s
+START, STEADY = 1e-3, 3e-3  # s, of a run from rest, and of one in which the networks settle: they decay in 0.5 ms
+LAST = 0.5e-3  # s of such a run, over which the means are taken
 
 
 def transistor(switch: re.Match[str]) -> str:
@@ -68,25 +69,21 @@ DRIVES: dict[str, tuple[str, str, str, float | None, float]] = {
 
 
 def measured(
-    name: str, motor: pr.Motor, folder: Path, speed: float | None, *, sharp: bool = False
+    name: str, motor: pr.Motor, folder: Path, speed: float | None, duration: float = START
 ) -> dict[str, complex]:
     """Return the fundamentals of the vectors of a deck over its last whole periods, and as ``mean …`` their means.
 
-    The shaft is held at a speed in rad/s; with ``None`` it starts from rest, the run ends after 1 ms, and the
-    transistors are those of :data:`TRANSISTORS`. With ``sharp`` the edges of the gates take 5 ns, not the times of the
-    package, at the same dead time.
+    The shaft is held at a speed in rad/s. With ``None`` it starts from rest, and the transistors are those of
+    :data:`TRANSISTORS`.
     """
     pr.export_motor(motor, folder / "motor.lib")
     text = (DECKS / f"{name}.cir").read_text(encoding="utf-8")
-    if sharp:
-        assert text.count("34n 4n") == 4
-        text = text.replace("34n 4n", "5n 5n").replace("0.5*period-219n", "0.5*period-205n")
     changes: dict[str, Any] = {r"^(Vshaft shaft 0) .*$": rf"\1 {speed!r}"}
     if speed is None:
         changes = {
             r"^Vshaft .*\n": "",
             r"i\(Vshaft\)": "v(shaft)",
-            r"^\.tran 50n .*$": rf".tran {EDGES} {START} {0.5 * START} {EDGES} uic",
+            r"^\.tran 50n .*$": rf".tran {EDGES} {duration} {duration - LAST} {EDGES} uic",
             **(TRANSISTORS if "Sa1" in text else {}),
         }
     switches = len(re.findall(r"^S", text, re.M))
@@ -209,18 +206,17 @@ def test_a_deck_written_by_hand_has_the_voltages_currents_power_and_torque_of_th
         assert deck == pytest.approx(design, abs=bound), quantity
 
 
-def started(name: str, folder: Path, *, sharp: bool = False) -> dict[str, tuple[float, float, float]]:
+def started(name: str, folder: Path, duration: float = START) -> dict[str, tuple[float, float, float]]:
     """Return the values of :func:`compared` for a start from rest.
 
-    They are the mean speed in the second half of the first millisecond, and the loss of all transistors without the
-    loss of their gates.
+    They are the mean speed in the last half millisecond, and the loss of all transistors without that of their gates.
     """
     motor = pr.load_motor(DRIVES[name][0])
     design = designed(name, motor)
-    report = pr.drive_report(motor, design, duration=START, audit=False)
+    report = pr.drive_report(motor, design, duration=duration, audit=False)
     assert report.design
     assert report.design.starts
-    deck = measured(name, motor, folder, None, sharp=sharp)
+    deck = measured(name, motor, folder, None, duration)
     lost = sum(value.real for vector, value in deck.items() if vector.startswith("mean @"))
     ours = sum(
         loss for key, loss in report.losses_w.items()
@@ -235,35 +231,30 @@ def started(name: str, folder: Path, *, sharp: bool = False) -> dict[str, tuple[
 @pytest.mark.soak
 @pytest.mark.parametrize("name", DRIVES)
 def test_the_motor_of_a_deck_starts_from_rest_as_that_of_the_design(name: str, tmp_path: Path) -> None:
-    """Speed within 3 %: the first switching edge of the design is another one; a period is 25 µs. Losses within 5 %."""
-    for quantity, (deck, design, bound) in started(name, tmp_path).items():
-        assert deck == pytest.approx(design, abs={"speed": 3.0, "FET loss": 5.0}[quantity] * bound), quantity
-
-
-HARD = pytest.mark.xfail(
-    reason="group A turns on with 10 to 12 V left, so that the edges of the gates decide: 7.4 % off", strict=True
-)
+    """Within 3 %: the first switching edge of the design is another one; a period is 25 µs."""
+    deck, design, bound = started(name, tmp_path)["speed"]
+    assert deck == pytest.approx(design, abs=3.0 * bound)
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=HARD if name == "beam40_half_bridge_inductor" else ())
-        for name, (_, stage, *_) in DRIVES.items()
-        if stage != "linear"
-    ],
-)
-def test_losses_of_transistors_do_not_need_the_gates_of_the_package(name: str, tmp_path: Path) -> None:
-    """Within 5 % with edges of 5 ns, which an independent gate driver could have."""
-    lost, ours, bound = started(name, tmp_path, sharp=True)["FET loss"]
-    assert lost == pytest.approx(ours, abs=5.0 * bound)
+@pytest.mark.parametrize("duration", [START, STEADY])
+@pytest.mark.parametrize("name", [name for name, (_, stage, *_) in DRIVES.items() if stage != "linear"])
+def test_the_transistors_of_a_deck_lose_as_much_as_those_of_the_design(
+    name: str, duration: float, tmp_path: Path
+) -> None:
+    """Within 5 %: two models of a transistor, and at ``beam40`` behind half bridges 2 % more voltage left at turn-on.
+
+    In short steps (10 ns, a tenth of the tolerances) the design differs as much, by 4.0 % there.
+    """
+    deck, design, bound = started(name, tmp_path, duration)["FET loss"]
+    assert deck == pytest.approx(design, abs=5.0 * bound)
 
 
 if __name__ == "__main__":
     for deck in DRIVES:
-        for place in (*STATES, "from rest"):
+        for place in (*STATES, START, STEADY):
             with TemporaryDirectory() as scratch:
-                rows = compared(deck, place, Path(scratch)) if place in STATES else started(deck, Path(scratch))
+                folder = Path(scratch)
+                rows = compared(deck, place, folder) if isinstance(place, str) else started(deck, folder, place)
             told = [f"{key} {design:.4g} {(one - design) / bound:+.2f} %" for key, (one, design, bound) in rows.items()]
             print(f"{deck}, {place}: {'; '.join(told)}", flush=True)

@@ -169,28 +169,36 @@ M1 d g 0 {part.lower()}
     assert 0.35 * sheet.gate_nc < (found["charged_s"] - 2e-6) * 1e6 < sheet.gate_nc  # nC: typical values are a half
 
 
-@pytest.mark.parametrize("dead_time", [40e-9, 200e-9, 2e-6])
-def test_dead_time_lies_between_the_gates(dead_time: float, tmp_path: Path) -> None:
-    """Both drives at half their voltage: the one falls, the other rises dead_time later."""
+@pytest.mark.parametrize(
+    ("dead_time", "edge"), [(40e-9, 5e-9), (200e-9, 5e-9), (200e-9, 25e-9), (2e-6, 5e-9), (2e-6, 1e-7)]
+)
+def test_dead_time_and_edges_of_the_gates_are_those_of_the_settings(
+    dead_time: float, edge: float, tmp_path: Path
+) -> None:
+    """From half voltage of the one gate driver to half voltage of the other; edges from 10 to 90 %, within 6 %.
+
+    The ramp is an exponential, whose slope changes by up to a quarter over an edge of an eighth of the dead time, and
+    steps of 0.2 ns are a part of an edge.
+    """
     library = read_library("driver_half_bridge")
     found = measured(
         f"""dead time
 {definitions(library)}
 Vin in 0 PULSE(1 -1 20u 1n 1n 20u 40u)
 Vp vp 0 PWL(0 0 1u 40)
-Xbridge in 0 out vp 0 driver_half_bridge dead_time={dead_time!r}
+Xbridge in 0 out vp 0 driver_half_bridge dead_time={dead_time!r} gate_edge={edge!r}
+Bhigh rail 0 V=V(xbridge.drive_high,out)
 Rload out 0 100
-.tran 1n 30u 0 5n uic
-.measure tran between_s TRIG v(xbridge.ramp) VAL=0.8 FALL=1 TARG v(xbridge.drive_low) VAL=6 RISE=2
+.tran 1n 25u 19u 0.2n uic
+.measure tran between_s TRIG v(rail) VAL=6 FALL=1 TARG v(xbridge.drive_low) VAL=6 RISE=1
+.measure tran fall_s TRIG v(rail) VAL=10.8 FALL=1 TARG v(rail) VAL=1.2 FALL=1
+.measure tran rise_s TRIG v(xbridge.drive_low) VAL=1.2 RISE=1 TARG v(xbridge.drive_low) VAL=10.8 RISE=1
 .end
-""".replace("RISE=2", "RISE=1"),
+""",
         tmp_path,
     )
-    # steps of 5 ns, and the gates' own slopes
-    assert found["between_s"] == pytest.approx(dead_time, abs=5e-9)
-
-
-# --- the driver as a description -----------------------------------------------------------------------------
+    assert found["between_s"] == pytest.approx(dead_time, abs=0.1 * edge + 1e-9)  # the control falls in 1 ns
+    assert (found["fall_s"], found["rise_s"]) == pytest.approx((edge, edge), rel=0.06)
 
 
 @pytest.mark.parametrize("kind", KINDS[1:])
@@ -259,6 +267,12 @@ def test_settings_reach_one_group_or_both() -> None:
         ("half-bridge", {"settings": {"bridge.dead_time": 1e-9}}, "dead_time = 1e-09 s is not valid"),
         ("half-bridge", {"voltage": 120.0}, "188.5 V between the rails of the half-bridge of group A are too high"),
         ("half-bridge", {"frequency": 4e5, "settings": {"bridge.dead_time": 6e-7}}, "at most a fifth of a period"),
+        (
+            "push-pull",
+            {"frequency": 4e5, "settings": {"bridge_b.dead_time": 6e-7}},
+            "bridge_b.dead_time = 6e-07 s",
+        ),
+        ("half-bridge", {"settings": {"bridge.gate_edge": 3e-8}}, "at most an eighth of that, 2.5e-08 s"),
     ],
 )
 def test_errors_name_the_value_and_what_is_allowed(kind: str, changes: dict[str, Any], sentence: str) -> None:
@@ -343,7 +357,7 @@ def powered_up(kind: str, network: str, changes: dict[str, float]) -> DriveRepor
     try:
         chosen = driver(kind, network=network).updated(changes)
     except pr.ParameterError as error:
-        if not re.search("between the rails|dead_time", str(error)):
+        if not re.search("between the rails|dead_time|gate_edge", str(error)):
             raise
         return None
     motor = pr.load_motor("andersen2002")
