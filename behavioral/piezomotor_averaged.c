@@ -112,6 +112,8 @@ static struct contact touch(const struct motor *m, const struct path *path)
         .series_x = p->series_compliance_x,
         .slider_before = 1e6 * path->slider, .turn = 1e6 * p->radius * path->speed / (PHASES * path->frequency),
         .rate = 0.5 * PHASES * path->frequency,
+        /* where the compression in series remembers the force for many periods, it keeps that of rest */
+        .normal_before = laid, .normal_earlier = laid,
     };
     phase_parameters(&at);
 

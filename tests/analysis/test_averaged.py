@@ -368,6 +368,20 @@ def test_a_compliance_in_series_has_the_torque_of_the_full_motor(
         assert run.torque_n_m[-1] == pytest.approx(full.torque_n_m, abs=0.02 * limit)
 
 
+def test_a_compression_that_remembers_the_force_for_many_periods_begins_at_that_of_rest() -> None:
+    """With a soft part in series and much damping the factor of the force decays slowly, here over 100 periods.
+
+    It began at a force of 0, so that the motor had no torque.
+    """
+    motor = pr.load_motor(UNINTENDED).updated({SERIES: 5e-6, "contact.restitution": 0.15, "mount": None})
+    drive = pr.TwoPhaseDrive(voltage=20.0, frequency=48e3, phase_deg=180.0)
+    run, full = simulate_averaged(motor, drive, 0.03, speed=2.0), pr.steady_state(motor, drive, speed=2.0)
+    limit = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    assert run.trusted
+    assert run.torque_n_m[-1] == pytest.approx(full.torque_n_m, abs=0.02 * limit)
+    assert run.normal_force_n[-1] == pytest.approx(motor.contact.preload_n, rel=1e-3)
+
+
 def test_a_plate_whose_contact_opens_is_not_trusted() -> None:
     plate = pr.load_motor(PLATE)
     assert not simulate_averaged(plate, pr.default_drive(plate), 5e-3, speed=0.0).trusted
