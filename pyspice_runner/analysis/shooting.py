@@ -48,6 +48,7 @@ NEAR_EXACT = 1e-3  # the same of a derivative along the trace, which costs less:
 # tell it, and as the equations do. Some 1e-3 is left where the tip touches in the uneven steps between.
 FELT, LEFT = 0.1, 2e-4
 GROSS = 0.999  # of the contact's state, from stick to where all sliders slip, or to separation
+BEYOND = 3.0  # limits of stick under the preload, to which a slider is moved that its shaft drags
 SLOWEST = 50.0  # s, time constant beyond which a disturbance stays; a slider that sticks leaks in 1000 s
 SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs before Newton's method begins anew
 
@@ -103,10 +104,15 @@ class Point:
         # slip, however little it does in a period.
         slow = self.plant.turns & (right[:, -1] ** 2 > 0.5) | bool(self.plant.load.speed)
         kept = sizes > np.where(slow, 1e-10 * sizes[0], self.lasting)
-        kept &= np.arange(len(sizes)) < len(sizes) - self.sticks
+        dragged = self.dragged > self.tolerance
+        kept &= np.arange(len(sizes)) < len(sizes) - self.sticks - dragged
         assert self.trace is not None
         step = np.asarray((self.trace.later(self.begun) - self.state) / self.scale)
         step[free] = right.T @ np.where(kept, -(left.T @ self.gap[free]) / np.where(kept, sizes, 1.0), 0.0)
+        if dragged:  # in the end the sliders slip; the first step takes them back to their limit
+            sliders = self.plant.where("contact")
+            ahead = -1.0 if (self.plant.load.speed or 0.0) > 0.0 else 1.0  # of the tip, relative to the shaft
+            step[sliders] = BEYOND * ahead - self.state[sliders] / self.scale[sliders]
         return step
 
     @property

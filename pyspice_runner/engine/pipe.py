@@ -38,6 +38,7 @@ class Pipe:
         self._buffer = b""
         self.folder = new_folder()
         # ngspice 46 -p ends with a segmentation fault if its session has no controlling terminal: the shell opens one
+        self._terminal: int | None
         self._terminal, terminal = os.openpty()
         try:
             self._process = start(
@@ -55,10 +56,11 @@ class Pipe:
         self.close()
 
     def close(self) -> None:
-        """End ngspice and delete its files."""
+        """End ngspice and delete its files. A second call closes nothing, since the descriptor may be another's."""
         end(self._process)
-        with contextlib.suppress(OSError):
+        if self._terminal is not None:
             os.close(self._terminal)
+            self._terminal = None
         for stream in (self._process.stdin, self._process.stdout):
             with contextlib.suppress(OSError):
                 if stream is not None:

@@ -329,6 +329,18 @@ def test_a_shaft_that_turns_slowly_has_no_steady_state_that_sticks() -> None:
     assert not found.converged or found.slip > 0.0
 
 
+@pytest.mark.parametrize("speed", [1e-3, -1e-3])
+def test_sliders_that_a_slow_shaft_drags_begin_at_their_limits(speed: float) -> None:
+    """From where the row of sliders sticks it is not found: the shaft turns by 20 nrad in a period.
+
+    ``simulate`` over 60 ms, 28 s of ngspice, gives 0.8294 and 0.8296 of the friction torque, and 0.8269 after 20 ms.
+    """
+    motor = pr.load_motor("andersen2002")
+    found = pr.steady_state(motor, pr.default_drive(motor).updated({"voltage": 1.0}), speed=speed, contact="brush")
+    friction = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    assert found.torque_n_m / friction == pytest.approx(-0.8295 if speed > 0.0 else 0.8295, abs=5e-4)
+
+
 @pytest.mark.soak
 @pytest.mark.parametrize(
     ("name", "voltage", "speed"),

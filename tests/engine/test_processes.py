@@ -17,6 +17,7 @@ import pytest
 
 from pyspice_runner.engine import processes
 from pyspice_runner.engine.ngspice import run_deck
+from pyspice_runner.engine.pipe import Pipe
 from pyspice_runner.engine.processes import KeptProcesses
 from pyspice_runner.errors import SimulationError
 
@@ -82,6 +83,7 @@ def test_an_ngspice_without_a_dialogue_runs_each_deck_in_a_process_of_its_own(
 def test_processes_end_with_the_one_that_keeps_them(tmp_path: Path) -> None:
     script = f"""
 import sys, time
+from pyspice_runner.engine.pipe import Pipe
 from pyspice_runner.engine.processes import KeptProcesses
 with KeptProcesses() as kept:
     kept.run({DECK.format("1k")!r}, ["v(out)"], 1e-3)
@@ -102,3 +104,12 @@ with KeptProcesses() as kept:
             return
         time.sleep(0.05)
     pytest.fail("ngspice is still there")
+
+
+def test_a_process_that_is_closed_twice_leaves_the_descriptors_of_others_open() -> None:
+    pipe = Pipe(5.0)
+    pipe.close()
+    others = [os.open(os.devnull, os.O_RDONLY) for _ in range(8)]  # the lowest free numbers, with that of the terminal
+    pipe.close()
+    for one in others:
+        os.close(one)  # an OSError if it is closed
