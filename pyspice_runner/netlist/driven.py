@@ -37,8 +37,9 @@ from pyspice_runner.netlist.state import Discretisation, State, motor_states
 
 Array = NDArray[np.float64]
 LEAD = 0.05  # of a period, from the start of a run to that of the period: charges of the transistors settle in it
-# of copies whose transistors start without charge: with a smaller abstol (A) ngspice often fails there
-ABSTOL, ABSTOL_OF_SEVERAL, CHARGES = "1e-6", "1e-5", {"chgtol": "1e-12", "trtol": "7"}
+# Copies start without the charge of their transistors. There ngspice often fails with a smaller abstol (A), and of one
+# copy with a larger trtol
+ABSTOL, OF_SEVERAL = "1e-6", {"abstol": "1e-5", "chgtol": "1e-12", "trtol": "7"}
 _CANDIDATES = 256  # phases at which a run may start
 _STORE = re.compile(r"^([LC]\w*) (\S+) (\S+) (?:\{[^}]*\}|\S+) ic=\{(start_\w+)\}$", re.M)
 _SECONDARY = "start_secondary"  # parameter of a transformer: the current into its secondary
@@ -277,5 +278,5 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
     circuit.raw_spice += "\n".join([*subcircuits.values(), *lines]) + "\n"
     options = {**first.driver.options(first.motor, first.law)}
     if not first.driver.uniform:
-        options |= CHARGES | {"abstol": ABSTOL_OF_SEVERAL if len(copies) > 1 else ABSTOL}
+        options |= OF_SEVERAL if len(copies) > 1 else {"abstol": ABSTOL}
     return Bench(circuit, options, start, signals=signals)
