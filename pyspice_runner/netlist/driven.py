@@ -37,9 +37,8 @@ from pyspice_runner.netlist.state import Discretisation, State, motor_states
 
 Array = NDArray[np.float64]
 LEAD = 0.05  # of a period, from the start of a run to that of the period: charges of the transistors settle in it
-# Copies start without the charge of their transistors. There ngspice often fails with a smaller abstol (A), and of one
-# copy with a larger trtol
-ABSTOL, OF_SEVERAL = "1e-6", {"abstol": "1e-5", "chgtol": "1e-12", "trtol": "7"}
+# of copies whose transistors start without charge: with a smaller abstol (A) or trtol ngspice often fails there
+OF_ONE, OF_SEVERAL = ({"abstol": abstol, "chgtol": "1e-12", "trtol": "7"} for abstol in ("3e-6", "1e-5"))
 _CANDIDATES = 256  # phases at which a run may start
 _STORE = re.compile(r"^([LC]\w*) (\S+) (\S+) (?:\{[^}]*\}|\S+) ic=\{(start_\w+)\}$", re.M)
 _SECONDARY = "start_secondary"  # parameter of a transformer: the current into its secondary
@@ -278,5 +277,5 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
     circuit.raw_spice += "\n".join([*subcircuits.values(), *lines]) + "\n"
     options = {**first.driver.options(first.motor, first.law)}
     if not first.driver.uniform:
-        options |= OF_SEVERAL if len(copies) > 1 else {"abstol": ABSTOL}
+        options |= OF_SEVERAL if len(copies) > 1 else OF_ONE
     return Bench(circuit, options, start, signals=signals)
