@@ -419,13 +419,13 @@ def begin_early(
         ParameterError: for an invalid value.
     """
     if driver.switched:
-        task = OperatingPoint.of(motor, driver, **settings), duration or _SHORTEST
+        task = OperatingPoint.of(motor, driver, **settings), _SHORTEST if duration is None else duration
         _check_duration(*task)
         early.begin(task)
 
 
 def run_task(task: Task, progress: Callable[[float], object] | None = None) -> Outcome:
-    """Run an operating point for a time in s; the arguments are those of :class:`.EarlyRun`."""
+    """Run an operating point for a time in s; ``progress`` is called several times a second."""
     setup, duration = task
     return setup.run(duration, _vectors(setup), progress=progress)
 

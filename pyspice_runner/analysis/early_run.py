@@ -23,7 +23,7 @@ class EarlyRun(Generic[Given, Found]):
     """
 
     def __init__(self, run: Callable[[Given, Callable[[float], None]], Found]) -> None:
-        """Take what runs a subject; it calls its second argument several times a second, to be ended there."""
+        """Take the function that runs a subject. Its second argument is a progress callback, which may end the run."""
         self._run = run
         self._pool = ThreadPoolExecutor(1)
         self._subject: Given | None = None

@@ -45,7 +45,7 @@ def test_an_error_of_the_run_comes_with_its_outcome() -> None:
             early.outcome("wrong")
 
 
-def test_a_run_that_nobody_needs_ends() -> None:
+def test_a_run_whose_outcome_is_not_needed_ends() -> None:
     began = time.monotonic()
     with EarlyRun(slow) as early:
         early.begin("first")
