@@ -174,28 +174,15 @@ def maps() -> None:
     for over in ("drive.phase_deg", "contact.preload_n"):
         wall, spent = timed(partial(flagship_map, 20, over), 1)
         print(f"map of bimodal40 over frequency and {over}, 400 points: {wall:.1f} s, {spent:.1f} s of CPU", flush=True)
-    for what, task in (("map", lambda: flagship_map(10, "drive.phase_deg")), ("sweep", flagship_sweep)):
-        two, _ = timed(task, 3)
-        every = os.sched_getaffinity(0)
-        try:
-            os.sched_setaffinity(0, set(sorted(every)[:1]))
-            one, _ = timed(task, 3)
-        finally:
-            os.sched_setaffinity(0, every)
-        print(
-            f"{what} of 100 points: {one:.1f} s on 1 core, {two:.1f} s on {len(every)}: {one / two:.2f} times as fast",
-            flush=True,
-        )
-
-
-def flagship_sweep() -> object:
-    """Return a sweep of runs of 1 ms over the flagship's frequency, with a worker for each core."""
-    motor = pr.load_motor("bimodal40")
-    with tempfile.TemporaryDirectory() as store:
-        return pr.sweep(
-            motor, pr.default_drive(motor), over={"drive.frequency": np.linspace(40.4e3, 41.4e3, 100)}, duration=1e-3,
-            step=1.8e-7, store=store, workers=len(os.sched_getaffinity(0)),
-        )  # fmt: skip
+    one_map = partial(flagship_map, 10, "drive.phase_deg")
+    two, _ = timed(one_map, 3)
+    every = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, set(sorted(every)[:1]))
+        one, _ = timed(one_map, 3)
+    finally:
+        os.sched_setaffinity(0, every)
+    print(f"map of 100 points: {one:.1f} s on 1 core, {two:.1f} s on {len(every)}: {one / two:.2f} times as fast")
 
 
 def transients() -> None:
