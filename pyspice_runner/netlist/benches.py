@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees, pi
+from sys import float_info
 
 from PySpice.Spice.Netlist import Circuit, Netlist
 
@@ -17,7 +18,7 @@ from pyspice_runner.model.thermal import Thermal
 from pyspice_runner.netlist.contact import PAPER_LAW, Law
 from pyspice_runner.netlist.library import Library, read_library
 from pyspice_runner.netlist.motor import add_motor, contact_nodes, dielectric_branches, instantiate
-from pyspice_runner.netlist.state import plate_nodes
+from pyspice_runner.netlist.state import Discretisation, plate_nodes, stems
 
 # Newton's iteration ends at a relative change of 10⁻⁶, so that its error is far below that of the time step. Nodes have
 # V, N, µm, m/s and rad/s of order one; a nanovolt and a nanoampere are negligible. The step is uniform: trtol switches
@@ -48,6 +49,21 @@ def transient_options(motor: Motor, law: Law | None = PAPER_LAW) -> dict[str, st
         for name, least in (("vntol", min(volts)), ("abstol", amperes))
         if _SMALL * least < float(TRANSIENT_OPTIONS[name])
     }
+
+
+def not_below_rounding(
+    options: Mapping[str, str], motors: Iterable[Motor], law: Law | None, discretisation: Discretisation | None
+) -> dict[str, str]:
+    """Return ngspice's options with a ``vntol`` that is not below the rounding error of a tip's velocity, 1 V = 1 m/s.
+
+    A compliance in series is compressed by the difference of two forces, whose rate is a difference over half a step.
+    With a compliance of 1e-5 m/N and steps of a picosecond it is 1e-6 m/s, below which no iteration comes.
+    """
+    if discretisation is None:
+        return dict(options)
+    compressed = (motor.contact.preload_n * stems(motor, law).get("stem", 0.0) for motor in motors)
+    least = 16.0 * max(compressed) * float_info.epsilon / discretisation.slider_time
+    return {**options, **({"vntol": f"{least:.3g}"} if least > float(options["vntol"]) else {})}
 
 
 @dataclass(frozen=True)

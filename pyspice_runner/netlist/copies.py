@@ -21,7 +21,7 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.model.drive import Drive, Load, Tone
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mount
-from pyspice_runner.netlist.benches import sine, transient_options
+from pyspice_runner.netlist.benches import not_below_rounding, sine, transient_options
 from pyspice_runner.netlist.compiled import loading, module_of, module_signals, module_subcircuit
 from pyspice_runner.netlist.contact import InnerSliders, Law
 from pyspice_runner.netlist.evaluated import plotted_nodes
@@ -33,6 +33,8 @@ from pyspice_runner.netlist.state import (
     Kind,
     State,
     carrier,
+    first_guess,
+    motion_of,
     motor_states,
     plate_nodes,
     start_nodes,
@@ -179,6 +181,8 @@ class Plant:
     ) -> dict[str, float]:
         """Return the initial voltages by node inside the motor: of plates and of states without a parameter."""
         nodes = start_nodes(self.states, state.tolist(), discretisation, compiled=compiled)
+        if not compiled:
+            nodes |= first_guess(self.motor, self.law, motion_of(self.states, state.tolist()).stem_m)
         for group in "ab" if plates else "":
             tones = self.tones(group, probes)
             for node, branch in zip(plate_nodes(group), dielectric_branches(self.motor, group), strict=True):
@@ -198,6 +202,11 @@ class Plant:
     def units(self, discretisation: Discretisation) -> Array:
         """Return the SI value of 1 V or 1 A of each of these vectors."""
         return np.array([state.scale(discretisation) for state in self.states])
+
+
+# trtol of ngspice's control of the truncation error. At the usual 1e9 it shortens steps where the lags of a stem with a
+# compliance of 1e-4 m/N come to rest, and the steps of a period are not uniform.
+UNIFORM = "1e18"
 
 
 def phasor_at(tone: Tone, gain: complex, time: float | Array) -> tuple[float | Array, float | Array]:
@@ -308,6 +317,8 @@ def copies_bench(
     circuit.raw_spice += "\n".join(lines) + "\n"
     tolerances = [transient_options(plant.motor, first.law) for plant in plants]
     options = tolerances[0] | {name: min((own[name] for own in tolerances), key=float) for name in ("vntol", "abstol")}
+    options = not_below_rounding(options, (plant.motor for plant in plants), first.law, discretisation)
+    options["trtol"] = UNIFORM
     return Bench(circuit, options, start, tuple(modules), signals)
 
 

@@ -23,6 +23,7 @@ from pyspice_runner.netlist.benches import (
     add_set_speed,
     brake_parts,
     connect_brake,
+    not_below_rounding,
 )
 from pyspice_runner.netlist.compiled import Module, Signal, loading, module_of, module_signals, module_subcircuit
 from pyspice_runner.netlist.contact import PAPER_LAW, Law, contact_library, contact_values
@@ -33,7 +34,7 @@ from pyspice_runner.netlist.motor import SUBCIRCUIT, add_motor, instantiate
 from pyspice_runner.netlist.own_law import PINS
 from pyspice_runner.netlist.powers import Power
 from pyspice_runner.netlist.source import GROUPS, Pins, Source, UniformSource
-from pyspice_runner.netlist.state import Discretisation, Motion, motor_states, plate_nodes, start_nodes
+from pyspice_runner.netlist.state import Discretisation, Motion, first_guess, motor_states, plate_nodes, start_nodes
 from pyspice_runner.netlist.trackers import Disturbance, Tracker, add_disturbance, tracked_source
 
 Excitation = Drive | Driver | Tracker  # the drives that an analysis accepts
@@ -124,6 +125,7 @@ def motor_bench(
         circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
     elif load.torque:
         circuit.I("load", "shaft", circuit.gnd, f"DC {float(load.torque)!r}")
+    options = not_below_rounding(source.options(motor, law), [motor], law, discretisation)
     if compiled:
         assert law is not None
         module = module_of(motor, law)
@@ -132,7 +134,7 @@ def motor_bench(
         first = _start(motor, source, law, start, discretisation, compiled=True)
         first |= {} if start is None else {"shaft": start.speed_rad_s}
         derived: dict[str, Derived] = {**module_signals(motor, discretisation, "xmotor"), **powers}
-        return Bench(circuit, source.options(motor, law), first, (module,), derived)
+        return Bench(circuit, options, first, (module,), derived)
     if thermal is not None:
         add_cooling(circuit, thermal)
         nodes = ("temperature", "heat", *nodes)
@@ -144,7 +146,7 @@ def motor_bench(
         thermal=thermal, approach="approach" in nodes, check=check, plotted=False,
     )  # fmt: skip
     first = _start(motor, source, law, start, discretisation)
-    return Bench(circuit, source.options(motor, law), first, signals={**plotted_nodes(motor, law, "xmotor"), **powers})
+    return Bench(circuit, options, first, signals={**plotted_nodes(motor, law, "xmotor"), **powers})
 
 
 def dynamometer_bench(
@@ -181,7 +183,8 @@ def dynamometer_bench(
     connect_brake(circuit, load_torque, grips=speed is not None)
     if meters:
         add_meters(circuit, motor, {"lag": discretisation.slider_time} if discretisation else {})
-    return Bench(circuit, source.options(motor, law), _start(motor, source, law, start, discretisation))
+    options = not_below_rounding(source.options(motor, law), [motor], law, discretisation)
+    return Bench(circuit, options, _start(motor, source, law, start, discretisation))
 
 
 def contact_bench(
@@ -220,12 +223,12 @@ def _start(
     *,
     compiled: bool = False,
 ) -> dict[str, float]:
-    """Return the initial voltages inside the motor, by node; without a motion those of the plates only."""
+    """Return the initial voltages inside the motor, by node; without a motion not those of its states."""
+    nodes = {} if compiled else first_guess(motor, law, start.stem_m if start else 0.0)
     if start is not None:
         states = motor_states(motor, law)
-        nodes = start_nodes(states, [state.of(start) for state in states], discretisation, compiled=compiled)
-        return {f"xmotor.{node}": voltage for node, voltage in nodes.items()}
-    plates = zip(GROUPS, source.initial_voltages(), strict=True)
-    return {
-        f"xmotor.{node}": voltage for group, voltage in plates if abs(voltage) > 1e-12 for node in plate_nodes(group)
-    }
+        nodes |= start_nodes(states, [state.of(start) for state in states], discretisation, compiled=compiled)
+    else:
+        plates = zip(GROUPS, source.initial_voltages(), strict=True)
+        nodes |= {node: voltage for group, voltage in plates if abs(voltage) > 1e-12 for node in plate_nodes(group)}
+    return {f"xmotor.{node}": voltage for node, voltage in nodes.items()}

@@ -16,7 +16,7 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.motor import Motor
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.recoil import carriers, recoils
-from pyspice_runner.netlist.contact import Law
+from pyspice_runner.netlist.contact import LIBRARIES, Law
 
 PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
 MICRO = 1e-6
@@ -85,6 +85,23 @@ def stems(motor: Motor, law: Law | None) -> dict[str, float]:
     if law and law.name == "coulomb":
         found.pop("stem_x")
     return {name: compliance for name, compliance in found.items() if law and compliance}
+
+
+def first_guess(motor: Motor, law: Law | None, stem_m: float) -> dict[str, float]:
+    """Return the voltages inside a motor from which ngspice's first iteration starts, by node.
+
+    From 0 it diverges where damping works on the rate of a soft compliance in series. Elsewhere it needs none.
+
+    Args:
+        motor: the motor.
+        law: law of its contact.
+        stem_m: compression of the compliance in series at the start, less that at rest, m.
+    """
+    contact, compliance = motor.contact, stems(motor, law).get("stem")
+    if law is None or law.name not in LIBRARIES or not compliance or contact.restitution == 1.0:
+        return {}
+    force = max(contact.preload_n + stem_m / compliance, 0.0)
+    return {"xcontact.delta": contact_law.penetration(contact, force) / MICRO, "xcontact.factor": 1.0}
 
 
 def carrier(motor: Motor, law: Law | None) -> Mount | None:

@@ -23,7 +23,10 @@ from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Load
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.operating_point import OperatingPoint
+from tests.random_steady import staying
 from tests.runs import simulated
+
+SOFT_COMPLIANCES = Path(__file__).parents[1] / "data" / "soft_compliances.json"
 
 pytestmark = pytest.mark.xdist_group("steady states")  # they are shared
 
@@ -362,3 +365,15 @@ def test_the_estimated_error_of_the_torque_holds_where_the_contact_opens(
     state, fine = (pr.steady_state(motor, drive, speed=speed, step=step) for step in (None, 2.5e-8))
     assert state.separated > 0.1
     assert abs(state.torque_n_m - fine.torque_n_m) < state.torque_error_n_m + fine.torque_error_n_m
+
+
+@pytest.mark.parametrize("one", json.loads(SOFT_COMPLIANCES.read_text(encoding="utf-8")), ids=lambda one: one["case"])
+def test_a_motor_with_a_soft_compliance_in_series_has_a_steady_state(one: dict[str, Any], tmp_path: Path) -> None:
+    """Random motors of which ngspice ended a run, or shortened its steps: the first iteration from no force (214),
+    tolerances below rounding (180, 159), and the control of the truncation error where the lags come to rest (92)."""
+    file = tmp_path / "motor.toml"
+    file.write_text(one["motor"], encoding="utf-8")
+    motor, drive = pr.load_motor(file), getattr(pr, one["kind"])(**one["drive"])
+    found = pr.steady_state(motor, drive, contact=one["contact"], speed=one["speed"], audit=False)
+    assert found.method == "newton"
+    assert staying(found, periods=4) == "stays"
