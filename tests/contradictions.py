@@ -226,7 +226,8 @@ def _drive(one: Case) -> Answer:
     return Answer(
         {"torque_n_m": report.mean_torque_n_m, "power_w": report.motor_power_w},
         {
-            "torque_n_m": abs(coming.get("mean_torque_n_m") or 0.0) * abs(report.mean_torque_n_m),
+            "torque_n_m": (report.mean_torque_error_n_m or 0.0)
+            + abs(coming.get("mean_torque_n_m") or 0.0) * abs(report.mean_torque_n_m),
             "power_w": abs(coming.get("motor_power_w") or 0.0) * abs(report.motor_power_w),
         },
         {"power_w": sum(port.apparent_power_va for port in report.groups.values())},

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from cmath import phase
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from math import degrees, isfinite
@@ -29,6 +30,7 @@ from pyspice_runner.netlist.contact import ContactLaw
 from pyspice_runner.netlist.drivers import RAILS, Driver, Part
 from pyspice_runner.netlist.source import GROUPS
 from pyspice_runner.result import Audit, Result, contact_row
+from pyspice_runner.run.accuracy import JUDGED, CoarserRuns
 from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
 from pyspice_runner.run.kernel import Outcome
@@ -101,6 +103,7 @@ class DriveReport(Result):
         motor_power_w: mean power into both groups.
         shaft_power_w: mean power of the contact on the rotor.
         mean_torque_n_m: mean torque of the contact on the rotor.
+        mean_torque_error_n_m: its estimated error by the step; ``None`` of a run with edges, or with a given step.
         mean_rotor_speed_rad_s: mean speed.
         to_come: expected further relative change of each mean in a longer run; ``None`` where the run is too short.
         settling: relative change of the motor's power from the first to the second half of the window.
@@ -147,6 +150,7 @@ class DriveReport(Result):
     ceramic: dict[str, Any] = field(default_factory=dict)
     events: dict[str, dict[str, Any]] = field(default_factory=dict)
     event_faults: list[str] = field(default_factory=list)
+    mean_torque_error_n_m: float | None = None
 
     @property
     def linear(self) -> bool:
@@ -211,6 +215,11 @@ class DriveReport(Result):
         return self._told((*self.audit.findings, *told, *self.ceramic.get("cautions", ())))
 
     @property
+    def _by_step(self) -> str:
+        error = self.mean_torque_error_n_m
+        return "" if error is None else f" ± {engineering(error, 'N·m')} by the step"
+
+    @property
     def overloads(self) -> list[str]:
         """Limits of coils and capacitors that the run exceeds; a design has them in its reason."""
         if self.design:
@@ -222,8 +231,9 @@ class DriveReport(Result):
         names = (
             "motor", "driver", "run", "groups", "outputs", "power_factor", "supply_power_w", "gate_power_w",
             "supply_current_mean_a", "supply_current_peak_a", "losses_w", "stored_power_w", "motor_power_w",
-            "shaft_power_w", "mean_torque_n_m", "mean_rotor_speed_rad_s", "driver_efficiency", "efficiency",
-            "balance_residual", "settling", "settled", "to_come", "maxima", "events", "switching", "design",
+            "shaft_power_w", "mean_torque_n_m", "mean_torque_error_n_m", "mean_rotor_speed_rad_s", "driver_efficiency",
+            "efficiency", "balance_residual", "settling", "settled", "to_come", "maxima", "events", "switching",
+            "design",
         )  # fmt: skip
         return self._keyed({
             **self._entries(*names),
@@ -248,7 +258,7 @@ class DriveReport(Result):
             "power factor": f"{self.power_factor:.3f}",
             "shaft power": engineering(self.shaft_power_w, "W"),
             "mean rotor speed": engineering(self.mean_rotor_speed_rad_s, "rad/s"),
-            "mean torque": engineering(self.mean_torque_n_m, "N·m"),
+            "mean torque": engineering(self.mean_torque_n_m, "N·m") + self._by_step,
             "settling": f"{100.0 * self.settling:.2g} % change of the power over the window",
         }
         for part, losses in groupby(self.losses_w.items(), key=lambda loss: loss[0].partition(".")[0]):
@@ -343,8 +353,12 @@ def drive_report(
         duration = _DURATION if design is None else _start_time(motor, design, load_torque)
     _check_duration(setup, duration)
     task = setup, duration
-    outcome = (early.outcome(task) if early else None) or run_task(task)
-    samples = outcome.vectors()
+    recording, judged = setup.recording(), _judged(setup)
+    coarser = CoarserRuns(setup, judged, duration) if judged and step is None else None
+    with coarser or nullcontext():
+        outcome = (early.outcome(task) if early else None) or run_task(task)
+        samples = outcome.vectors()
+        errors = coarser.errors(recording.columns(samples, judged)) if coarser else None
     window = Window(samples["time"], driver.period, uniform=driver.uniform)
     measured = _Measurement(window, samples, driver)
     ports = {place: {group: measured.port(place, group) for group in GROUPS} for place in ("out", "pin")}
@@ -373,6 +387,7 @@ def drive_report(
         motor_power_w=sum(port.real_power_w for port in ports["pin"].values()),
         shaft_power_w=window.mean(torque * samples["v(shaft)"]),
         mean_torque_n_m=window.mean(torque),
+        mean_torque_error_n_m=errors.torque_n_m if errors else None,
         mean_rotor_speed_rad_s=window.mean(samples["v(shaft)"]),
         settling=window.settling(power),
         to_come=_to_come(setup, samples, {"motor_power_w": power, "mean_torque_n_m": torque}),
@@ -435,7 +450,13 @@ def _vectors(setup: OperatingPoint) -> list[str]:
     driver = setup.source
     assert isinstance(driver, Driver)
     names = [*_saved(driver, contact=setup.law is not None), *modal_vectors(setup.motor), *load_vectors(driver)]
+    names += setup.recording().vectors(_judged(setup))
     return list(dict.fromkeys([*names, *switching_vectors(driver)]))
+
+
+def _judged(setup: OperatingPoint) -> tuple[str, ...]:
+    """Return the columns by which the error of the step is estimated; without a contact there is no torque."""
+    return (*JUDGED, "normal_force_n") if setup.law and setup.source.uniform else ()
 
 
 def _driver_of(design: Design) -> Driver:

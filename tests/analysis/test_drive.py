@@ -101,6 +101,19 @@ def test_ideal_sources_are_those_of_simulate() -> None:
     assert found.efficiency == pytest.approx(found.shaft_power_w / found.motor_power_w)
 
 
+@pytest.mark.parametrize("kind", ["ideal", "linear"])
+def test_the_error_of_the_torque_by_the_step_is_stated_and_holds(kind: str) -> None:
+    settings: dict[str, Any] = {"speed": 3.0, "duration": 5e-4}
+    found = report(driver(kind), **settings)
+    fine = report(driver(kind), **settings, step=found.run["step_s"] / 8.0)
+    assert found.mean_torque_error_n_m is not None
+    assert abs(found.mean_torque_n_m - fine.mean_torque_n_m) < found.mean_torque_error_n_m
+    assert found.to_dict()["mean_torque_error_n_m"] == found.mean_torque_error_n_m
+    assert "by the step" in found.summary()["mean torque"]
+    assert fine.mean_torque_error_n_m is None  # of a given step
+
+
+
 def test_linear_amplifier_in_class_b_draws_two_over_pi_of_its_peak_current() -> None:
     found = report(driver(supply_v=60.0, settings={"amplifier.quiescent": 1e-6}))
     peaks = sum(found.outputs[group].harmonics[0].current_a for group in ("a", "b"))
