@@ -112,7 +112,15 @@ class Point:
         if dragged:  # in the end the sliders slip; the first step takes them back to their limit
             sliders = self.plant.where("contact")
             ahead = -1.0 if (self.plant.load.speed or 0.0) > 0.0 else 1.0  # of the tip, relative to the shaft
-            step[sliders] = BEYOND * ahead - self.state[sliders] / self.scale[sliders]
+            slipping = self.state / self.scale
+            slipping[sliders] = BEYOND * ahead
+            along = [place for place, state in enumerate(self.plant.states) if state.part == "stem_x"]
+            if along:  # the friction compresses what is in series along the rotor, and its rate is 0
+                contact = self.plant.motor.contact
+                compressed = contact.tangential_series_compliance_m_per_n * contact.friction * contact.preload_n
+                slipping[along] = ahead * compressed / self.scale[along[0]], 0.0
+            places = [*range(sliders.start, sliders.stop), *along]
+            step[places] = (slipping - self.state / self.scale)[places]
         return step
 
     @property
