@@ -113,7 +113,6 @@ def test_the_error_of_the_torque_by_the_step_is_stated_and_holds(kind: str) -> N
     assert fine.mean_torque_error_n_m is None  # of a given step
 
 
-
 def test_linear_amplifier_in_class_b_draws_two_over_pi_of_its_peak_current() -> None:
     found = report(driver(supply_v=60.0, settings={"amplifier.quiescent": 1e-6}))
     peaks = sum(found.outputs[group].harmonics[0].current_a for group in ("a", "b"))

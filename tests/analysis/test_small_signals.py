@@ -76,7 +76,9 @@ def side_bands(of: str, at: float, sign: float) -> tuple[Probe, ...]:
     return tuple(probes)
 
 
-def modulated(of: str, numbers: Sequence[int], rest: int, window: int) -> dict[tuple[str, int], complex]:
+def modulated(
+    of: str, numbers: Sequence[int], rest: int, window: int, finer: int = 2
+) -> dict[tuple[str, int], complex]:
     """Return the transfer functions that a transient with finite modulation shows, at several frequencies at once.
 
     Two copies have modulations of opposite sign, so that the curvature drops out. The carrier vibrates on the contact
@@ -87,10 +89,11 @@ def modulated(of: str, numbers: Sequence[int], rest: int, window: int) -> dict[t
         numbers: periods of the drive in one of the modulation.
         rest: periods before the window.
         window: its periods, a multiple of all numbers.
+        finer: number of its steps in one of the steady state.
     """
     state, period = signals(FAST).state, 1.0 / DRIVE.frequency
     assert state.solution is not None
-    step = PeriodMap(period, 2 * round(period / state.step_s))
+    step = PeriodMap(period, finer * round(period / state.step_s))
     frequencies = {number: DRIVE.frequency / number for number in numbers}
     copies = [
         Copy(
@@ -176,6 +179,16 @@ def test_a_modulated_transient_shows_the_transfer_functions() -> None:
 @pytest.mark.parametrize("of", INPUTS)
 def test_modulated_transients_show_all_transfer_functions(of: str) -> None:
     compare(of, PERIODS, rest=300, window=600)
+
+
+@pytest.mark.soak
+def test_short_steps_of_a_transient_show_the_extrapolated_transfer_functions() -> None:
+    """At 1 kHz; 0.02 % was measured, and 0.3 % for the derivative at the finest step of the steady state."""
+    numbers = (46,)
+    shown = signals(numbers)
+    place = int(np.argmin(np.abs(shown.modulation_hz - DRIVE.frequency / numbers[0])))
+    for (output, _), value in modulated("amplitude", numbers, rest=300, window=598, finer=8).items():
+        assert shown.transfer(output, "amplitude")[place] == pytest.approx(value, rel=1e-3), output
 
 
 @pytest.mark.soak
