@@ -23,13 +23,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.parameters import Mode, Mount
 from pyspice_runner.model.recoil import carriers
 from pyspice_runner.netlist.contact import LIBRARIES, contact_library, unplotted
 from pyspice_runner.netlist.copies import Plant
 from pyspice_runner.netlist.evaluated import DIFFERENCE, library_function, parameter_columns
 from pyspice_runner.netlist.library import read_library
-from pyspice_runner.netlist.motor import SLIDER_TIME
+from pyspice_runner.netlist.motor import SLIDER_TIME, rounded
 from pyspice_runner.netlist.state import MICRO, Discretisation, static_sway, stems, written, written_recoils
 
 Array = NDArray[np.float64]
@@ -126,17 +127,39 @@ class _Group:
         The outputs are fx, fy, friction, normal force in N, and the rates of the inner states in SI units, shape (runs,
         points, outputs, order).
         """
-        plant = self.plant
+        plant, own = self.plant, len(self.function.states)
         held = np.zeros((len(self.courses), 1, 5))
         sways = np.array([static_sway(one.motor, plant.law, self.discretisation) for one in self.plants])
         held[:, 0, 0] = -sways[self.which] / MICRO
         held[:, 0, 4] = 0.0 if plant.turns else [course.plant.load.speed or 0.0 for course in self.courses]
         pins = self.states @ self.tip.swapaxes(1, 2) + held
-        inputs = [pins, self.states[..., self.inner] / self.units]
-        if self.stems:  # the forces compress what is in series with the contact, on which they depend themselves
-            inputs.append(np.array([(course.friction, course.normal) for course in self.courses]).swapaxes(1, 2))
-        values = np.concatenate(inputs, axis=2)
+        inner = self.states[..., self.inner] / self.units
+        forces = np.array([(course.friction, course.normal) for course in self.courses]).swapaxes(1, 2)
+        moved = self._through_stems(np.concatenate([pins, inner[..., own:], forces], axis=2))
+        slopes = self._slopes(np.concatenate([moved[..., :5], inner[..., :own]], axis=2))
+        # what is in series with the contact is linear, and its forces depend on how far they compress it
+        lags = inner.shape[2] - own
+        unit = np.eye(5 + lags + 2)
+        linear = np.swapaxes(self._through_stems(unit) - self._through_stems(np.zeros_like(unit)), 1, 2)[:, np.newaxis]
+        at_pins = np.zeros((*linear.shape[:3], 5 + own + lags))
+        at_pins[..., :5], at_pins[..., 5 + own :] = linear[..., :5], linear[..., 5 : 5 + lags]
+        by_force = linear[..., 5 + lags :]
+        direct = slopes[..., 2:4, :5] @ at_pins[..., :5, :]
+        direct[..., 5 : 5 + own] += slopes[..., 2:4, 5:]
+        back = slopes[..., 2:4, :5] @ by_force[..., :5, :]
+        total = at_pins + by_force @ np.linalg.solve(np.eye(2) - back, direct)
+        outputs = slopes[..., :5] @ total[..., :5, :]  # strong damping makes total small, and amplifies errors before
+        outputs[..., 5 : 5 + own] += slopes[..., 5:]
+        every = np.concatenate([outputs, self.units[own:, np.newaxis] * total[..., 5:, :]], axis=2)
+        found = every[..., :5] @ self.tip[:, np.newaxis]
+        found[..., self.inner] += every[..., 5:] / self.units
+        return found
+
+    def _slopes(self, values: Array) -> Array:
+        """Return the derivatives of the outputs of :meth:`_outputs`, shape (runs, points, outputs, inputs)."""
         scales = np.abs(values).max(axis=(0, 1))
+        damping = max(contact_law.normal_damping(plant.motor.contact) for plant in self.plants)
+        scales[3] = min(scales[3], 1.0 / damping) if damping else scales[3]  # vy, which damping multiplies
         steps = DIFFERENCE * np.where(scales > 0.0, scales, 1.0)
         changes = np.diag(steps)
         if self.row:  # its sliders change together
@@ -147,13 +170,7 @@ class _Group:
         found = outputs[:, :, 1:] - outputs[:, :, :1]
         if self.row:
             found = self._separated(found, self.row, steps[self.row.start])
-        slopes = np.moveaxis(found / steps[:, np.newaxis], 2, 3)
-        if self.stems:
-            own = np.linalg.solve(np.eye(2) - slopes[:, :, 2:4, -2:], slopes[:, :, 2:4, :-2])
-            slopes = slopes[..., :-2] + slopes[..., -2:] @ own
-        found = slopes[..., :5] @ self.tip[:, np.newaxis]
-        found[..., self.inner] += slopes[..., 5:] / self.units
-        return found
+        return np.asarray(np.moveaxis(found / steps[:, np.newaxis], 2, 3))
 
     def _separated(self, found: Array, row: slice, step: float) -> Array:
         """Divide the changes of the outputs between the sliders that change by a step in um together.
@@ -170,14 +187,45 @@ class _Group:
         own[..., np.arange(count), 4 + np.arange(count)] = rates
         return np.concatenate([found[:, :, : row.start], own, found[:, :, row.start + 1 :]], axis=2)
 
+    def _column(self, values: Sequence[float] | Array) -> Array:
+        return np.asarray(values)[self.which, np.newaxis, np.newaxis]
+
+    def _through_stems(self, inputs: Array) -> Array:
+        """Return x, y, vx, vy, shaft as the contact has them, and the rates of the lags of what is in series with it.
+
+        The inputs are x, y, vx, vy, shaft as the base of the tip has them, the lags, friction and normal force.
+        """
+        motors, step = [plant.motor for plant in self.plants], self.discretisation
+        x, y, vx, vy, shaft, *lags, friction, normal = np.moveaxis(np.broadcast_to(inputs, self._runs(inputs)), -1, 0)
+        pins, rates = {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft}, []
+        stem = read_library("piezomotor_stem")
+        function, at = library_function(stem), 0
+        for name in self.stems:
+            axis, force = ("x", friction) if name == "stem_x" else ("y", normal)
+            # rounded as in the netlist: the rate is a small difference of two forces, over half a step
+            preload = [rounded(motor.contact.preload_n) if axis == "y" else 0.0 for motor in motors]
+            compliance = [rounded(stems(motor, self.law)[name]) for motor in motors]
+            given: dict[str, Any] = {item.name: item.default for item in stem.parameters}
+            given |= {SLIDER_TIME: rounded(step.slider_time)}  # a law may have no slider
+            given |= {"preload": self._column(preload)[:, 0], "compliance": self._column(compliance)[:, 0]}
+            given |= {"y": pins[axis], "vy": pins[f"v{axis}"], "normal": force}
+            moved = function(given | dict(zip(function.states, lags[at : at + len(function.states)], strict=True)))
+            pins |= {"vx": moved["stem_vy"]} if axis == "x" else {"y": moved["stem_y"], "vy": moved["stem_vy"]}
+            rates += [moved[f"rate_{lag}"] for lag in function.states]
+            at += len(function.states)
+        return np.stack(np.broadcast_arrays(*pins.values(), *rates), axis=-1)
+
+    def _runs(self, inputs: Array) -> tuple[int, ...]:
+        """Return the shape of inputs that are the same in all runs with an axis for the runs."""
+        return inputs.shape if inputs.ndim > 2 else (len(self.courses), *inputs.shape)
+
     def _outputs(self, inputs: Array) -> Array:
-        """Return the outputs of :meth:`_contact` for x, y, vx, vy, shaft, states, and forces on stems."""
+        """Return forces on the tip, friction, normal force and rates of the contact's states, in SI units.
+
+        The inputs are x, y, vx, vy, shaft and the contact's states.
+        """
         motors = [plant.motor for plant in self.plants]
         law, step = self.law, self.discretisation
-
-        def column(values: Sequence[float] | Array) -> Array:
-            return np.asarray(values)[self.which, np.newaxis, np.newaxis]
-
         bent = [
             motor.contact.preload_n
             * (
@@ -187,29 +235,14 @@ class _Group:
             for motor in motors
         ]
         columns = parameter_columns(law, motors, bent, step.slider_time)
-        values: dict[str, Any] = {name: column(numbers) for name, numbers in columns.items()}
+        values: dict[str, Any] = {name: self._column(numbers) for name, numbers in columns.items()}
         x, y, vx, vy, shaft, *states = np.moveaxis(inputs, -1, 0)
-        pins = {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft}
-        rates, at = [], len(self.function.states)
-        for name in self.stems:
-            axis, force, preload = ("x", states[-2], 0.0) if name == "stem_x" else ("y", states[-1], values["preload"])
-            stem = read_library("piezomotor_stem")
-            given: dict[str, Any] = {item.name: item.default for item in stem.parameters}
-            given |= {"preload": preload, SLIDER_TIME: step.slider_time}  # a law may have no slider
-            given["compliance"] = column([stems(motor, law)[name] for motor in motors])
-            lags = library_function(stem).states
-            given |= {"y": pins[axis], "vy": pins[f"v{axis}"], "normal": force}
-            moved = library_function(stem)(given | dict(zip(lags, states[at : at + len(lags)], strict=True)))
-            pins |= {"vx": moved["stem_vy"]} if axis == "x" else {"y": moved["stem_y"], "vy": moved["stem_vy"]}
-            rates += [moved[f"rate_{lag}"] for lag in lags]
-            at += len(lags)
         names = self.function.states
-        values |= pins | dict(zip(names, states, strict=False))
+        values |= {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft} | dict(zip(names, states, strict=True))
         depth = np.array([course.penetration_um for course in self.courses])[..., np.newaxis]
         found = self.function.of([*FORCES, *(f"rate_{name}" for name in names)], values, {"delta": depth})
         parts = [found.pop(name) for name in FORCES]
-        rates = [*found.values(), *rates]
-        rates = [unit * rate for unit, rate in zip(self.units, rates, strict=True)]
+        rates = [unit * rate for unit, rate in zip(self.units, found.values(), strict=False)]
         return np.stack(np.broadcast_arrays(*parts, *rates), axis=-1)
 
     def _structure(self) -> tuple[Array, Array]:
