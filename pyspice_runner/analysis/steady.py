@@ -428,7 +428,7 @@ def solve_part(
 def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accuracy: float) -> dict[int, Answer]:
     """Refine solved points at finer steps until their error is small enough, and extrapolate; append the maps.
 
-    A point that fails at a finer step is no longer solved.
+    A point that fails at a finer step keeps the answer of the step before; without one it is no longer solved.
     """
     answers: dict[int, Answer] = {}
     pending = [place for place, point in enumerate(points) if point.done]
@@ -450,7 +450,7 @@ def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accurac
         still = []
         for place in pending:
             if not (place in averages and place in before):
-                points[place].done = False
+                points[place].done = place in answers
                 continue
             (fine, spread), (rough, _) = averages[place], before[place]
             ratio = maps[-1].steps / maps[-2].steps

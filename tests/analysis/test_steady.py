@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from math import log
@@ -15,12 +16,14 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.analysis.dynamometer import STUCK, UNITS, Dynamometer, off_beat
+from pyspice_runner.analysis.period_map import PeriodMap, Trace
 from pyspice_runner.analysis.shooting import FELT
 from pyspice_runner.analysis.speed_torque import operating_point
 from pyspice_runner.analysis.steady import SteadyState, steady_states
 from pyspice_runner.cli import run
 from pyspice_runner.model import contact as contact_law
 from pyspice_runner.model.drive import Load
+from pyspice_runner.netlist.copies import Copy
 from pyspice_runner.netlist.sources import DriveSource
 from pyspice_runner.run.operating_point import OperatingPoint
 from tests.random_steady import staying
@@ -386,3 +389,17 @@ def test_a_motor_with_a_soft_compliance_in_series_has_a_steady_state(one: dict[s
     found = pr.steady_state(motor, drive, contact=one["contact"], speed=one["speed"], audit=False)
     assert found.method == "newton"
     assert staying(found, periods=4) == "stays"
+
+
+def test_a_finer_step_that_fails_leaves_the_answer_of_the_step_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    motor = pr.load_motor("andersen2002-unintended-mode").updated({"mount": None})
+    drive = pr.default_drive(motor)
+    usual, traces = pr.steady_state(motor, drive, speed=1.0), PeriodMap.traces
+
+    def failing(self: PeriodMap, copies: Sequence[Copy], after: int = 0) -> list[Trace | None]:
+        return [None] * len(copies) if self.step < 0.9 * usual.step_s else traces(self, copies, after)
+
+    monkeypatch.setattr(PeriodMap, "traces", failing)
+    found = pr.steady_state(motor, drive, speed=1.0, accuracy=1e-6)  # which the usual step does not reach
+    assert found.converged
+    assert (found.torque_n_m, found.torque_error_n_m) == (usual.torque_n_m, usual.torque_error_n_m)
