@@ -67,14 +67,14 @@ def differentiable(plant: Plant) -> bool:
 
 
 def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> list[Derivative]:
-    """Return the derivatives of runs whose plants are differentiable and that have the same points in time."""
+    """Return the derivatives of runs whose plants are differentiable."""
     found: list[Derivative | None] = [None] * len(courses)
     groups: dict[tuple[Any, ...], list[int]] = {}
     for place, course in enumerate(courses):
         plant = course.plant
         library = contact_library(plant.law, plant.motor.contact) if plant.law else None
         kinds = tuple((state.kind, state.part) for state in plant.states)
-        groups.setdefault((library, kinds), []).append(place)
+        groups.setdefault((library, kinds, course.first, course.time.tobytes()), []).append(place)
     for places in groups.values():
         group = _Group([courses[place] for place in places], discretisation)
         for place, derivative in zip(places, group.derivatives(), strict=True):
@@ -83,7 +83,7 @@ def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> li
 
 
 class _Group:
-    """Runs of similar plants. Arrays have the run as their first axis, the point in time as the second."""
+    """Runs of similar plants with the same points in time, which are the second axis of arrays; the first is the run."""
 
     def __init__(self, courses: Sequence[Course], discretisation: Discretisation) -> None:
         self.courses, self.discretisation = courses, discretisation

@@ -223,7 +223,7 @@ def _solved(setups: Mapping[Index, OperatingPoint], accuracy: float, progress: P
             starts = [_start([found[other] for other in beside[index]]) for index in part.setups]
             return solve_part(part, accuracy, starts, processes)
 
-        for number, states in as_ready(solved, needs, cores()):
+        for number, states in as_ready(solved, needs, cores() + 2):
             found |= zip(parts[number].setups, states, strict=True)
             progress(len(found), len(setups))
     return found

@@ -182,7 +182,8 @@ class Plant:
         """Return the initial voltages by node inside the motor: of plates and of states without a parameter."""
         nodes = start_nodes(self.states, state.tolist(), discretisation, compiled=compiled)
         if not compiled:
-            nodes |= first_guess(self.motor, self.law, motion_of(self.states, state.tolist()).stem_m)
+            stem_m = motion_of(self.states, state.tolist()).stem_m
+            nodes |= first_guess(self.motor, self.law, stem_m, discretisation)
         for group in "ab" if plates else "":
             tones = self.tones(group, probes)
             for node, branch in zip(plate_nodes(group), dielectric_branches(self.motor, group), strict=True):

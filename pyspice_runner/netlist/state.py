@@ -20,6 +20,7 @@ from pyspice_runner.netlist.contact import LIBRARIES, Law
 
 PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
 MICRO = 1e-6
+_STRONG = 100.0  # factor of the force by damping, if all of the preload came within half a step
 Kind = Literal["mode", "contact", "stem", "mount", "rotor", "bearing", "group"]
 
 
@@ -87,18 +88,25 @@ def stems(motor: Motor, law: Law | None) -> dict[str, float]:
     return {name: compliance for name, compliance in found.items() if law and compliance}
 
 
-def first_guess(motor: Motor, law: Law | None, stem_m: float) -> dict[str, float]:
+def first_guess(
+    motor: Motor, law: Law | None, stem_m: float, discretisation: Discretisation | None
+) -> dict[str, float]:
     """Return the voltages inside a motor from which ngspice's first iteration starts, by node.
 
-    From 0 it diverges where damping works on the rate of a soft compliance in series. Elsewhere it needs none.
+    From no force it diverges where damping on the rate of a soft compliance in series then multiplies the force by a
+    hundred and more. Elsewhere it needs none.
 
     Args:
         motor: the motor.
         law: law of its contact.
         stem_m: compression of the compliance in series at the start, less that at rest, m.
+        discretisation: of the run.
     """
     contact, compliance = motor.contact, stems(motor, law).get("stem")
-    if law is None or law.name not in LIBRARIES or not compliance or contact.restitution == 1.0:
+    if law is None or law.name not in LIBRARIES or not compliance or discretisation is None:
+        return {}
+    rate = compliance * contact.preload_n / discretisation.slider_time
+    if contact_law.normal_damping(contact) * rate < _STRONG:
         return {}
     force = max(contact.preload_n + stem_m / compliance, 0.0)
     return {"xcontact.delta": contact_law.penetration(contact, force) / MICRO, "xcontact.factor": 1.0}

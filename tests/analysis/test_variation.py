@@ -114,6 +114,23 @@ def test_the_multipliers_of_32_sliders_that_stick_are_those_of_one_spring() -> N
     assert many[moving] < 1e-9
 
 
+def test_runs_with_other_points_in_time_are_differentiated_apart() -> None:
+    """As after a step that ngspice shortens in one deck and not in another."""
+    plant = Plant(PAPER, PAPERS_DRIVE, Load(2.0), Law())
+    period_map = PeriodMap(PAPERS_DRIVE.period, STEPS)
+    (trace,) = period_map.traces([Copy(plant, start_point(plant).state)])
+    assert trace is not None
+    course = trace.course
+    assert course is not None
+    later = replace(
+        course, time=course.time[1:], states=course.states[:, 1:], normal=course.normal[1:], first=course.first - 1,
+        friction=course.friction[1:], penetration_um=course.penetration_um[1:],
+    )  # fmt: skip
+    alone = [derivatives([one], period_map.discretisation)[0] for one in (course, later)]
+    for one, other in zip(alone, derivatives([course, later], period_map.discretisation), strict=True):
+        np.testing.assert_array_equal(one.at_end, other.at_end)
+
+
 def test_a_motion_so_far_from_the_contact_that_its_derivative_overflows_is_not_a_steady_state(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
