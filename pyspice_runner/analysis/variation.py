@@ -83,7 +83,7 @@ def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> li
 
 
 class _Group:
-    """Runs of similar plants with the same points in time, which are the second axis of arrays; the first is the run."""
+    """Runs of similar plants with the same points in time. The axes of arrays are runs, points, and others."""
 
     def __init__(self, courses: Sequence[Course], discretisation: Discretisation) -> None:
         self.courses, self.discretisation = courses, discretisation
