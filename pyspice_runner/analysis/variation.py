@@ -148,7 +148,7 @@ class _Group:
         direct[..., 5 : 5 + own] += slopes[..., 2:4, 5:]
         back = slopes[..., 2:4, :5] @ by_force[..., :5, :]
         total = at_pins + by_force @ np.linalg.solve(np.eye(2) - back, direct)
-        outputs = slopes[..., :5] @ total[..., :5, :]  # strong damping makes total small, and amplifies errors before
+        outputs = slopes[..., :5] @ total[..., :5, :]  # a sum of products with the slopes would amplify their errors
         outputs[..., 5 : 5 + own] += slopes[..., 5:]
         every = np.concatenate([outputs, self.units[own:, np.newaxis] * total[..., 5:, :]], axis=2)
         found = every[..., :5] @ self.tip[:, np.newaxis]

@@ -26,7 +26,7 @@ from pyspice_runner.netlist.state import Discretisation, plate_nodes, stems
 TRANSIENT_OPTIONS = {"reltol": "1e-6", "vntol": "1e-9", "abstol": "1e-9", "trtol": "1e9", "method": "trap"}
 FEWEST_POINTS_PER_PERIOD = 16  # of the fastest motion; fewer points do not resolve it
 UNIFORM_POINTS = 128  # steps in a period of the fastest motion, see Source.points_per_period
-_SUMS = 16.0  # rounding errors of a force by those of its terms and of ngspice's solver; 8 sufficed in random motors
+_SUMS = 16.0  # margin above the rounding error of one force; random motors needed up to 8
 _SMALL = 1e-5  # tolerance over the smallest of a motor's forces and displacements, if a nanovolt is larger
 # ngspice ends a sweep within reltol of a frequency step. With a much smaller reltol, round-off may drop the last point.
 AC_OPTIONS = {"reltol": "1e-6", "vntol": "1e-12", "abstol": "1e-12"}

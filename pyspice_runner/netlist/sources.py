@@ -223,7 +223,7 @@ def _start(
     *,
     compiled: bool = False,
 ) -> dict[str, float]:
-    """Return the initial voltages inside the motor, by node; without a motion not those of its states."""
+    """Return the initial voltages inside the motor, by node; those of its states only for a given motion."""
     nodes = {} if compiled else first_guess(motor, law, start.stem_m if start else 0.0, discretisation)
     if start is not None:
         states = motor_states(motor, law)

@@ -93,8 +93,8 @@ def first_guess(
 ) -> dict[str, float]:
     """Return the voltages inside a motor from which ngspice's first iteration starts, by node.
 
-    From no force it diverges where damping on the rate of a soft compliance in series then multiplies the force by a
-    hundred and more. Elsewhere it needs none.
+    Without a guess the iteration starts at zero force. It then diverges where damping, by the rate of a soft compliance
+    in series, multiplies the force by a hundred or more. Other motors need no guess, and the result is empty.
 
     Args:
         motor: the motor.
